@@ -4,9 +4,7 @@
 
 #include <pthread.h>
 
-#include <cstddef>
-
-#include <gtest/gtest.h>
+#include "tests/test.hpp"
 
 namespace bolo {
 

@@ -1,12 +1,7 @@
 // A folder of its own for a test, removed afterwards.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <filesystem>
-#include <string>
-#include <system_error>
+#include "tests/test.hpp"
 
 namespace bolo {
 

@@ -1,5 +1,5 @@
 // The camera's GenICam description, made from one table: what a FLIR A655sc offers, in its words, and the registers
-// (register_map.hpp) that hold it.
+// (camera_features.hpp) that hold it.
 #include <initializer_list>
 #include <string>
 #include <utility>

@@ -9,7 +9,7 @@
 #include "drivers/fakecam/fault_script.hpp"
 #include "drivers/fakecam/frames.hpp"
 #include "drivers/fakecam/stats.hpp"
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 
 namespace bolo::fakecam {

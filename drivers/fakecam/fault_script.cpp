@@ -5,9 +5,7 @@
 #include <limits>
 
 #include "src/core/clock.hpp"
-#include "src/core/nearest.hpp"
-#include "src/core/parse_text.hpp"
-#include "src/core/shortest.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::fakecam {
 namespace {

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "drivers/fakecam/fault_script.hpp"
-#include "drivers/fakecam/frame_ring.hpp"
+#include "drivers/fakecam/frames.hpp"
 #include "drivers/fakecam/gige_vision.hpp"
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 
 namespace bolo::fakecam {
 

@@ -7,7 +7,7 @@
 #include <span>
 
 #include "src/core/byte_order.hpp"
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 
 namespace bolo::fakecam {
 

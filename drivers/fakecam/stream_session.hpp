@@ -11,7 +11,6 @@
 #include <thread>
 
 #include "drivers/fakecam/faults.hpp"
-#include "drivers/fakecam/frame_ring.hpp"
 #include "drivers/fakecam/frames.hpp"
 #include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/stats.hpp"

@@ -7,7 +7,7 @@
 
 #include "drivers/genicam/genicam_source.hpp"
 #include "src/core/byte_order.hpp"
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 
 namespace bolo::genicam {
 

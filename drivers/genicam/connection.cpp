@@ -5,13 +5,18 @@
 #include <utility>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include "drivers/genicam/description.hpp"
-#include "drivers/genicam/description_file.hpp"
-#include "drivers/genicam/discovery.hpp"
+#include "drivers/genicam/division_trap.hpp"
+#include "drivers/genicam/gobject.hpp"
+#include "drivers/genicam/network.hpp"
 #include "drivers/genicam/nodes.hpp"
 
 namespace bolo::genicam {
 namespace {
+
+std::string safe(const char* text) { return text != nullptr ? text : ""; }
 
 constexpr std::uint64_t kPrivilegeRegister = 0x0A00;  // GigE Vision: control channel privilege
 constexpr std::uint32_t kControlled = 0x3;            // exclusive access, or control access
@@ -172,7 +177,26 @@ bool has_serial(const Connection& connection, const std::string& serial) {
 
 }  // namespace
 
+std::vector<FoundCamera> find_cameras() {
+  if (!check_descriptors()) return {};
+  arv_update_device_list();
+  std::vector<FoundCamera> found;
+  const unsigned count = arv_get_n_devices();
+  found.reserve(count);
+  for (unsigned i = 0; i < count; ++i) {
+    found.push_back({safe(arv_get_device_id(i)), safe(arv_get_device_address(i)), safe(arv_get_device_model(i)),
+                     safe(arv_get_device_serial_nbr(i))});
+  }
+  return found;
+}
+
+std::string aravis_version() {
+  return fmt::format("{}.{}.{}", arv_get_major_version(), arv_get_minor_version(), arv_get_micro_version());
+}
+
 Result<Connection> connect(const CameraOptions& options, bool search) {
+  RETURN_IF_ERROR(check_descriptors());
+  survive_division_of_smallest();
   auto connection = open_with_byte_order([&] { return open(options, search); });
   if (!connection || options.serial.empty() || has_serial(*connection, options.serial)) return connection;
   const std::string other = serial_of(*connection);

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "src/core/clock.hpp"
-#include "src/core/duration_text.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -275,16 +275,15 @@ void ConnectionManager::report_transport() {
   status_->resent_packets.set(stats.resent_packets);
 }
 
-// Reports once that the camera's clock has another period than its settings.
+// Reports that the camera's clock has another period than its settings, or than before.
 void ConnectionManager::check_period() {
   const double measured_s = status_->measured_period_s.value();
-  const double assumed_s = info_.format.frame_period_s;
-  if (period_reported_ || measured_s <= 0.0 || std::abs(measured_s / assumed_s - 1.0) < pipeline::kSamePeriod) return;
-  period_reported_ = true;
+  const double before_s = period_news_.until_now(measured_s, info_.format.frame_period_s);
+  if (before_s == 0.0) return;
   report(true,
          fmt::format("by the camera's clock {0:.5g} frames come a second, not {1:.5g}, and they are solved so from "
                      "now on; set source.true_rate_hz = {0:.5g}, or find out why",
-                     1.0 / measured_s, 1.0 / assumed_s));
+                     1.0 / measured_s, 1.0 / before_s));
 }
 
 // Once a connection: checks that its values can be temperatures. Every 10 s: reads the temperature of the camera.

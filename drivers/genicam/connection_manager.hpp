@@ -17,11 +17,10 @@
 #include <vector>
 
 #include "drivers/genicam/frame_receiver.hpp"
-#include "drivers/genicam/scene_watch.hpp"
 #include "drivers/genicam/session.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/notices.hpp"
-#include "src/pipeline/source_status.hpp"
+#include "src/pipeline/source.hpp"
 #include "src/rt/counters.hpp"
 
 namespace bolo::genicam {
@@ -125,7 +124,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   std::int64_t nuc_until_ns_ = 0;
   int ticks_without_control_ = 0;
   int judged_median_ = -1;
-  bool period_reported_ = false;
+  pipeline::PeriodNews period_news_;
   NucSchedule schedule_;
   std::int64_t next_temperature_ns_ = 0;
   std::string ptp_status_;  // as last reported

@@ -6,6 +6,7 @@
 #include <net/if.h>
 #include <netinet/in.h>
 #include <poll.h>
+#include <sys/eventfd.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 
@@ -196,6 +197,24 @@ bool filter_stream(int socket, const std::string& camera_address, std::uint16_t 
        BPF_JUMP(BPF_JMP | BPF_JGT | BPF_K, 3, 1, 0), BPF_STMT(BPF_RET | BPF_K, kWhole), BPF_STMT(BPF_RET | BPF_K, 0)}};
   const sock_fprog filter{static_cast<unsigned short>(steps.size()), steps.data()};
   return setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter) == 0;
+}
+
+Status check_descriptors() {
+  constexpr std::size_t kForADevice = 16;
+  std::size_t wanted = kForADevice;
+  ifaddrs* list = nullptr;
+  if (getifaddrs(&list) == 0) {  // one a network, to look for cameras in it
+    for (const ifaddrs* i = list; i != nullptr; i = i->ifa_next) ++wanted;
+    freeifaddrs(list);
+  }
+  std::vector<UniqueFd> tried;
+  while (tried.size() < wanted) {
+    tried.emplace_back(eventfd(0, EFD_CLOEXEC));
+    if (tried.back()) continue;
+    return failed(std::string("no file descriptors are left to ask cameras with (") + std::strerror(errno) +
+                  "): raise LimitNOFILE (ulimit -n), " + std::to_string(wanted) + " must be free");
+  }
+  return {};
 }
 
 int largest_socket_buffer() {

@@ -177,14 +177,17 @@ void Session::on_control_lost(ArvDevice*, void* flag) {
 // --- making the stream ---
 
 Result<std::size_t> Session::payload_bytes() {
-  constexpr std::int64_t kMost = 64 << 20;
+  constexpr std::int64_t kAlwaysTaken = 4 << 20;
+  constexpr std::int64_t kMostImages = 4;  // that a frame is as large as, with padding and chunks
+  const auto pixels = static_cast<std::int64_t>(negotiated_.info.format.geometry.pixels());
+  const std::int64_t most = std::max(kAlwaysTaken, kMostImages * 2 * pixels);  // of 16 bits
   Nodes nodes(connection_.device.get());
   const std::int64_t bytes = nodes.integer("PayloadSize");
   if (!nodes.ok()) return at(connection_.name, nodes.status().error());
   if (bytes <= 0) return failed(connection_.name + " says that its frames are empty (PayloadSize 0)");
-  if (bytes > kMost) {
+  if (bytes > most) {
     return failed(fmt::format("{} says that its frames have {} bytes (PayloadSize): {} at most are taken",
-                              connection_.name, bytes, kMost));
+                              connection_.name, bytes, most));
   }
   return static_cast<std::size_t>(bytes);
 }

@@ -36,6 +36,7 @@ constexpr double kSameRate = 0.01;         // relative; closer than this is the 
 constexpr double kNearestRate = 0.1;       // Rate12Hz is 12.5 Hz
 constexpr int kLargestPacket = 9000;       // jumbo frames; larger ones bring nothing
 constexpr int kPacketOfAnyLink = 1500;
+constexpr std::int64_t kMostPixels = 32 << 20;  // beyond any thermal camera
 
 const IrFormatEntry* entry_of(IrFormat format) {
   const auto* at =
@@ -110,6 +111,23 @@ void configure_size(Nodes& nodes, const char* name, int wanted, Status& refused)
   if (nodes.ok() && got != wanted) {
     refused = bad_input(fmt::format("the camera does not take {} = {}: it stays at {}", name, wanted, got));
   }
+}
+
+// The image as the camera has it, without metadata rows. Memory is taken for many of them, so that what it says is not
+// believed without end.
+Result<Geometry> read_geometry(Nodes& nodes, const std::string& camera, int metadata_rows) {
+  const std::int64_t width = nodes.integer("Width");
+  const std::int64_t height = nodes.integer("Height") - metadata_rows;
+  if (!nodes.ok()) return at(camera, nodes.status().error());
+  if (width <= 0 || height <= 0) {
+    return bad_input(
+        fmt::format("{}: no image rows are left of its height after {} metadata rows", camera, metadata_rows));
+  }
+  if (width > kMostPixels || height > kMostPixels / width) {
+    return bad_input(fmt::format("{} says that its frames are {}x{}: {} pixels at most are taken", camera, width,
+                                 height, kMostPixels));
+  }
+  return Geometry{static_cast<int>(width), static_cast<int>(height)};
 }
 
 Status configure_pixel_format(Nodes& nodes) {
@@ -249,18 +267,13 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
   configure_size(nodes, "Width", options.width, size);
   configure_size(nodes, "Height", options.height == 0 ? 0 : options.height + options.metadata_rows, size);
   if (!size) return at(connection.name, std::move(size.error()));
-  format.geometry.width = static_cast<int>(nodes.integer("Width"));
-  format.geometry.height = static_cast<int>(nodes.integer("Height")) - options.metadata_rows;
+  ASSIGN_OR_RETURN(format.geometry, read_geometry(nodes, connection.name, options.metadata_rows));
 
   if (options.ptp) enable_ptp(nodes, warnings);
   const double rate_hz = configure_rate(nodes, options.rate_hz, warnings);
   if (nodes.has("AcquisitionMode")) nodes.choose("AcquisitionMode", "Continuous", 0);
   if (!nodes.ok()) return at(connection.name, nodes.status().error());
 
-  if (format.geometry.width <= 0 || format.geometry.height <= 0) {
-    return bad_input(fmt::format("{}: no image rows are left of its height after {} metadata rows", connection.name,
-                                 options.metadata_rows));
-  }
   if (!(rate_hz > 0.0)) return bad_input(connection.name + " does not say its frame rate: set the rate");
   format.frame_period_s = 1.0 / (options.true_rate_hz > 0.0 ? options.true_rate_hz : rate_hz);
   return result;

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "src/capture/capture.hpp"
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/pipeline/source.hpp"
 
 namespace bolo::replay {

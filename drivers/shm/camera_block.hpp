@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "bolo/shm_layout.h"
-#include "src/pipeline/source_status.hpp"
+#include "src/pipeline/source.hpp"
 
 namespace bolo::shm {
 

@@ -11,7 +11,7 @@
 
 #include "drivers/shm/shm_reader.hpp"
 #include "src/core/result.hpp"
-#include "src/model/pixel_maps.hpp"
+#include "src/model/camera_profile.hpp"
 
 namespace bolo::shm {
 

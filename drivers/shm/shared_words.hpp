@@ -4,6 +4,7 @@
 // is read-only.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -146,14 +147,27 @@ inline bool has_motion(const SlotLayout& layout, const bolo_shm_slot& head) noex
   return layout.motion_blocks != 0 && head.motion_blocks == layout.motion_blocks;
 }
 
+// What the slot says of frame `number`. Its times are kept to what differences can be taken of, whatever a foreign
+// writer says: 73 years of a clock, 146 of UTC. Thread: any reader.
+inline void copy_head(const std::byte* slot, std::uint64_t number, bolo_shm_slot& head) noexcept {
+  constexpr std::int64_t kMost = std::int64_t{1} << 61U;
+  head.sequence = 2 * number + 2;
+  copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
+  for (std::int64_t* const ns : {&head.camera_ns, &head.receive_ns, &head.publish_ns, &head.host_ns}) {
+    *ns = std::clamp(*ns, -kMost, kMost);
+  }
+  for (std::int64_t* const ns : {&head.utc_ns, &head.utc_uncertainty_ns}) {
+    *ns = std::clamp<std::int64_t>(*ns, 0, 2 * kMost - 1);
+  }
+}
+
 // Copies frame `number` out of its slot: R1 to R3. nullptr leaves a plane out, as for `blocks`; of a frame without
 // motion nothing is copied to it. False when the slot holds, or came to
 // hold, another frame; what was copied is then worthless. Thread: any reader.
 inline bool read_slot(const std::byte* slot, const SlotLayout& layout, std::uint64_t number, bolo_shm_slot& head,
                       void* raw, void* deblurred, void* blocks = nullptr, bolo_shm_motion* whole = nullptr) noexcept {
   if (!holds(slot, number)) return false;
-  head.sequence = 2 * number + 2;
-  copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
+  copy_head(slot, number, head);
   if (raw != nullptr) copy_out(raw, slot + layout.raw_offset, layout.plane_bytes);
   if (deblurred != nullptr) copy_out(deblurred, slot + layout.deblurred_offset, layout.plane_bytes);
   if (has_motion(layout, head)) {
@@ -169,8 +183,7 @@ inline bool read_slot(const std::byte* slot, const SlotLayout& layout, std::uint
 inline bool read_samples(const std::byte* slot, const SlotLayout& layout, std::uint64_t number, bolo_shm_slot& head,
                          std::span<const std::uint32_t> pixels, std::uint16_t* out) noexcept {
   if (!holds(slot, number)) return false;
-  head.sequence = 2 * number + 2;
-  copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
+  copy_head(slot, number, head);
   const auto* words = reinterpret_cast<const std::uint64_t*>(slot + layout.raw_offset);
   constexpr std::size_t kSamples = kWord / sizeof(std::uint16_t);
   for (std::size_t i = 0; i < pixels.size(); ++i) {

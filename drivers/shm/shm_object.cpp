@@ -10,20 +10,108 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cerrno>
 #include <charconv>
+#include <csignal>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <mutex>
 #include <optional>
 #include <string_view>
 #include <utility>
 
 #include "bolo/shm_layout.h"
 #include "drivers/shm/shared_words.hpp"
-#include "src/core/printable.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::shm {
+namespace {
+
+struct Range {
+  std::atomic<std::byte*> data{nullptr};  // stored last, cleared first
+  std::atomic<std::size_t> bytes{0};
+  std::atomic<int> protection{0};
+};
+
+constexpr std::size_t kMost = 64;
+std::array<Range, kMost> ranges;
+
+std::mutex changes;  // of ranges and of what follows
+std::size_t mappings = 0;
+struct sigaction before {};  // read by the handler: set before it is there
+
+bool lies_in(const Range& range, const void* address) noexcept {
+  const std::byte* const data = range.data.load(std::memory_order_acquire);  // partner: GuardedMapping
+  const auto from = reinterpret_cast<std::uintptr_t>(data);
+  const auto at = reinterpret_cast<std::uintptr_t>(address);
+  return data != nullptr && at >= from && at - from < range.bytes.load(std::memory_order_relaxed);
+}
+
+// Only what is allowed in a signal's handler.
+bool put_zeros(const Range& range) noexcept {
+  void* const data = range.data.load(std::memory_order_relaxed);
+  const std::size_t bytes = range.bytes.load(std::memory_order_relaxed);
+  const int protection = range.protection.load(std::memory_order_relaxed);
+  return mmap(data, bytes, protection, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) != MAP_FAILED;
+}
+
+void hand_on(int signal, siginfo_t* info, void* context) {
+  if ((before.sa_flags & SA_SIGINFO) != 0) return before.sa_sigaction(signal, info, context);
+  if (before.sa_handler != SIG_DFL && before.sa_handler != SIG_IGN) return before.sa_handler(signal);
+  ::signal(signal, SIG_DFL);
+  raise(signal);  // waits until the handler has returned
+}
+
+void on_bus_error(int signal, siginfo_t* info, void* context) {
+  const int error = errno;
+  for (const Range& range : ranges) {
+    if (info->si_code > 0 && lies_in(range, info->si_addr) && put_zeros(range)) {
+      errno = error;
+      return;
+    }
+  }
+  hand_on(signal, info, context);
+}
+
+void catch_bus_errors() noexcept {
+  struct sigaction ours {};
+  ours.sa_sigaction = on_bus_error;
+  ours.sa_flags = SA_SIGINFO | SA_RESTART | SA_ONSTACK;
+  sigaction(SIGBUS, nullptr, &before);
+  sigaction(SIGBUS, &ours, nullptr);
+}
+
+// The library may be unloaded. Whoever came after us keeps the signal.
+void let_go() noexcept {
+  struct sigaction now {};
+  if (sigaction(SIGBUS, nullptr, &now) == 0 && now.sa_sigaction == on_bus_error) sigaction(SIGBUS, &before, nullptr);
+}
+
+}  // namespace
+
+GuardedMapping::GuardedMapping(void* data, std::size_t bytes, int protection) noexcept
+    : data_(static_cast<std::byte*>(data)), bytes_(bytes), place_(0) {
+  const std::lock_guard lock(changes);
+  if (mappings++ == 0) catch_bus_errors();
+  while (place_ < kMost && ranges[place_].data.load(std::memory_order_relaxed) != nullptr) ++place_;
+  if (place_ == kMost) return;
+  ranges[place_].bytes.store(bytes, std::memory_order_relaxed);
+  ranges[place_].protection.store(protection, std::memory_order_relaxed);
+  ranges[place_].data.store(data_, std::memory_order_release);  // partner: lies_in()
+}
+
+// Its place goes first: the addresses may be another's the moment after.
+GuardedMapping::~GuardedMapping() {
+  const std::lock_guard lock(changes);
+  if (place_ < kMost) ranges[place_].data.store(nullptr, std::memory_order_relaxed);
+  munmap(data_, bytes_);
+  if (--mappings == 0) let_go();
+}
+
 namespace {
 
 constexpr std::string_view kPrefix = "bolo.";
@@ -54,6 +142,12 @@ std::optional<uid_t> uid_of(const std::string& user) {
   struct passwd* found = nullptr;
   getpwnam_r(user.c_str(), &entry, buffer.data(), buffer.size(), &found);
   return found != nullptr ? std::optional<uid_t>(found->pw_uid) : std::nullopt;
+}
+
+// Whether the open file still has a name.
+bool is_linked(const UniqueFd& fd) {
+  struct stat status {};
+  return fd && fstat(fd.get(), &status) == 0 && status.st_nlink > 0;
 }
 
 // An object's header; nothing when there is none yet, or it can't be read.
@@ -108,8 +202,7 @@ Result<UniqueFd> try_lock(const std::string& lock, const std::string& object) {
   if (!fd || fstat(fd.get(), &status) != 0) return in_the_way(lock, object, errno);
   if (status.st_uid != geteuid()) return in_the_way(lock, object, EACCES);
   const bool locked = flock(fd.get(), LOCK_EX | LOCK_NB) == 0;
-  const bool linked = fstat(fd.get(), &status) == 0 && status.st_nlink > 0;
-  if (!linked) return UniqueFd();
+  if (!is_linked(fd)) return UniqueFd();
   if (locked) return fd;
   const auto told = told_by(object);
   if (!told || !heartbeat_stale(told->heartbeat_ns)) return living(object, told);
@@ -208,20 +301,39 @@ std::string user_words(uid_t user) {
 }
 
 Result<OwnedObject> OwnedObject::create(const std::string& name, std::size_t bytes) {
-  ASSIGN_OR_RETURN(const std::string path, object_path(name));
-  ASSIGN_OR_RETURN(UniqueFd lock, lock_name("/" + std::string(kLockPrefix) + name, path));
   OwnedObject object;
-  object.path_ = path;
+  ASSIGN_OR_RETURN(object.path_, object_path(name));
   object.lock_path_ = "/" + std::string(kLockPrefix) + name;
-  object.lock_ = std::move(lock);
-  ASSIGN_OR_RETURN(object.object_, make_object(path));
-  const int fd = object.object_.get();
-  RETURN_IF_ERROR(reserve(fd, path, bytes));
-  void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd, 0);
-  if (memory == MAP_FAILED) return failed("cannot map shared memory " + path + ": " + errno_text(errno));
-  object.data_ = static_cast<std::byte*>(memory);
-  object.bytes_ = bytes;
+  ASSIGN_OR_RETURN(object.lock_, lock_name(object.lock_path_, object.path_));
+  RETURN_IF_ERROR(object.make(bytes));
   return object;
+}
+
+Result<OwnedObject> OwnedObject::create_again() {
+  OwnedObject object;
+  object.path_ = path_;
+  object.lock_path_ = lock_path_;
+  if (is_linked(lock_)) object.lock_ = std::move(lock_);
+  if (!object.lock_) {
+    ASSIGN_OR_RETURN(object.lock_, lock_name(lock_path_, path_));
+  }
+  RETURN_IF_ERROR(object.make(memory_->bytes()));
+  return object;
+}
+
+Status OwnedObject::make(std::size_t bytes) {
+  ASSIGN_OR_RETURN(object_, make_object(path_));
+  RETURN_IF_ERROR(reserve(object_.get(), path_, bytes));
+  void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, object_.get(), 0);
+  if (memory == MAP_FAILED) return failed("cannot map shared memory " + path_ + ": " + errno_text(errno));
+  memory_ = std::make_unique<GuardedMapping>(memory, bytes, PROT_READ | PROT_WRITE);
+  return {};
+}
+
+bool OwnedObject::is_there() const noexcept {
+  struct stat status {};
+  return is_linked(lock_) && fstat(object_.get(), &status) == 0 && status.st_nlink > 0 &&
+         status.st_size >= static_cast<off_t>(memory_->bytes());
 }
 
 OwnedObject::OwnedObject(OwnedObject&& other) noexcept { *this = std::move(other); }
@@ -231,17 +343,14 @@ OwnedObject& OwnedObject::operator=(OwnedObject&& other) noexcept {
   std::swap(lock_path_, other.lock_path_);
   std::swap(object_, other.object_);
   std::swap(lock_, other.lock_);
-  std::swap(data_, other.data_);
-  std::swap(bytes_, other.bytes_);
+  std::swap(memory_, other.memory_);
   return *this;
 }
 
 // A successor that thought this writer dead has the names by now: then they are not ours to unlink.
 OwnedObject::~OwnedObject() {
-  if (data_ != nullptr) munmap(data_, bytes_);
   const auto unlink_ours = [](const UniqueFd& fd, const std::string& path) {
-    struct stat status {};
-    if (fd && fstat(fd.get(), &status) == 0 && status.st_nlink > 0) shm_unlink(path.c_str());
+    if (is_linked(fd)) shm_unlink(path.c_str());
   };
   unlink_ours(object_, path_);
   unlink_ours(lock_, lock_path_);

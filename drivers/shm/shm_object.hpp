@@ -4,6 +4,7 @@
 #include <sys/types.h>
 
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,30 @@
 #include "src/core/unique_fd.hpp"
 
 namespace bolo::shm {
+
+// Mapped memory whose owner makes it shorter, or whose file system has no page left for it, ends whoever reads
+// or writes there (SIGBUS), and no check before is in time. A guarded mapping turns into zeros of the process's own
+// instead: to a reader of shared memory that is a writer which has ended, and a writer finds that its object was cut.
+// Signals elsewhere go where they went before the first of these. Of more mappings than a process should have, the last
+// are not guarded. Thread: any.
+class GuardedMapping {
+ public:
+  // Comes to own `data`: of mmap(), with this protection.
+  GuardedMapping(void* data, std::size_t bytes, int protection) noexcept;
+  ~GuardedMapping();
+  GuardedMapping(const GuardedMapping&) = delete;
+  GuardedMapping& operator=(const GuardedMapping&) = delete;
+
+  std::byte* data() const noexcept { return data_; }
+  std::size_t bytes() const noexcept { return bytes_; }
+
+ private:
+  std::byte* data_;
+  std::size_t bytes_;
+  std::size_t place_;
+};
+
+// --- The POSIX shared memory object behind a name: who may create it, and when an old one is in the way.
 
 // "/bolo.NAME" for a name of 1 to 200 letters, digits, '-', '_', '.'; bad input otherwise. Thread: any.
 Result<std::string> object_path(const std::string& name);
@@ -36,23 +61,31 @@ class OwnedObject {
   // before publish_to(). Thread: setup.
   static Result<OwnedObject> create(const std::string& name, std::size_t bytes);
 
+  // Another like this one where is_there() no longer holds, under the same lock if that is there; this one stays
+  // mapped, without a name. Errors: create()'s. Thread: any, one at a time.
+  Result<OwnedObject> create_again();
+
   OwnedObject() = default;
   OwnedObject(OwnedObject&& other) noexcept;
   OwnedObject& operator=(OwnedObject&& other) noexcept;
   ~OwnedObject();
 
-  std::byte* data() const noexcept { return data_; }
+  std::byte* data() const noexcept { return memory_ ? memory_->data() : nullptr; }
+  // False once a name was taken away, as what cleans up /dev/shm does, or the object was cut: what is written goes
+  // nowhere then. Thread: any.
+  bool is_there() const noexcept;
 
   // Lets readers in: permission bits and, unless empty, the owner group. Thread: setup.
   Status publish_to(unsigned mode, const std::string& group);
 
  private:
+  Status make(std::size_t bytes);
+
   std::string path_;
   std::string lock_path_;
   UniqueFd object_;
   UniqueFd lock_;
-  std::byte* data_ = nullptr;
-  std::size_t bytes_ = 0;
+  std::unique_ptr<GuardedMapping> memory_;
 };
 
 }  // namespace bolo::shm

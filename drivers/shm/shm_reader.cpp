@@ -28,30 +28,29 @@ namespace {
 
 constexpr std::uint32_t kMaxSide = 1U << 15;
 constexpr std::uint32_t kMaxSlots = 1U << 20;
+constexpr double kMinPeriod_s = 1e-6;
 constexpr double kMaxPeriod_s = 3600.0;
 constexpr double kShortestSleepNs = 1e6;
 constexpr double kLongestSleepNs = 1e8;  // how late a stopped heartbeat may be noticed
 constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 
-// Unmaps in the destructor. Read-only: nothing that a reader does reaches the writer.
+// Read-only: nothing that a reader does reaches the writer.
 class Mapping {
  public:
-  Mapping(std::string name, const std::byte* data, const struct stat& object)
-      : name_(std::move(name)), data_(data), bytes_(static_cast<std::size_t>(object.st_size)), inode_(object.st_ino) {}
-  ~Mapping() { munmap(const_cast<std::byte*>(data_), bytes_); }
-  Mapping(const Mapping&) = delete;
-  Mapping& operator=(const Mapping&) = delete;
+  Mapping(std::string name, void* data, const struct stat& object)
+      : name_(std::move(name)),
+        memory_(data, static_cast<std::size_t>(object.st_size), PROT_READ),
+        inode_(object.st_ino) {}
 
   const std::string& name() const noexcept { return name_; }
   ino_t inode() const noexcept { return inode_; }  // stays this object's while it is mapped
-  const std::byte* data() const noexcept { return data_; }
-  std::size_t bytes() const noexcept { return bytes_; }
-  const bolo_shm_header& header() const noexcept { return *reinterpret_cast<const bolo_shm_header*>(data_); }
+  const std::byte* data() const noexcept { return memory_.data(); }
+  std::size_t bytes() const noexcept { return memory_.bytes(); }
+  const bolo_shm_header& header() const noexcept { return *reinterpret_cast<const bolo_shm_header*>(data()); }
 
  private:
   std::string name_;
-  const std::byte* data_;
-  std::size_t bytes_;
+  GuardedMapping memory_;
   ino_t inode_;
 };
 
@@ -101,7 +100,7 @@ Opened<std::shared_ptr<const Mapping>> map_object(const std::string& name) {
   const auto bytes = static_cast<std::size_t>(status.st_size);
   void* memory = MAP_FAILED;
   if (bytes >= sizeof(bolo_shm_header)) memory = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, fd.get(), 0);
-  if (memory != MAP_FAILED) return std::make_shared<Mapping>(name, static_cast<const std::byte*>(memory), status);
+  if (memory != MAP_FAILED) return std::make_shared<Mapping>(name, memory, status);
   return refuse(Refusal::kNotReady, "shared memory '" + name + "' has no header yet; try again, or restart its daemon");
 }
 
@@ -123,7 +122,7 @@ const char* first_fault(const bolo_shm_header& h, std::size_t bytes) {
   if (h.unit != BOLO_UNIT_KELVIN && h.unit != BOLO_UNIT_COUNT) return "unknown unit";
   if (!std::isfinite(h.scale) || !std::isfinite(h.offset)) return "impossible scale";
   if (!std::isfinite(h.row_delay_s)) return "impossible row delay";
-  if (!(h.frame_period_s > 0.0 && h.frame_period_s <= kMaxPeriod_s)) return "impossible frame period";
+  if (!(h.frame_period_s >= kMinPeriod_s && h.frame_period_s <= kMaxPeriod_s)) return "impossible frame period";
   const std::uint64_t plane = round_up(std::size_t{2} * h.width * h.height, kWord);  // below 2^32
   const auto aligned = [](std::uint64_t offset) { return offset % kWord == 0; };
   const auto plane_fits = [&](std::uint64_t offset) {

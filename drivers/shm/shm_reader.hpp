@@ -12,7 +12,6 @@
 #include "bolo/shm_layout.h"
 #include "drivers/shm/shared_words.hpp"
 #include "src/core/frame.hpp"
-#include "src/core/plane.hpp"
 #include "src/core/result.hpp"
 
 namespace bolo::shm {

@@ -1,23 +1,36 @@
 #include "drivers/shm/shm_sink.hpp"
 
+#include <linux/futex.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <bit>
+#include <climits>
 #include <cstddef>
 #include <cstring>
+#include <mutex>
 #include <optional>
+#include <system_error>
+#include <utility>
 
 #include "bolo/shm_layout.h"
 #include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_object.hpp"
-#include "drivers/shm/waker.hpp"
 #include "src/core/clock.hpp"
-#include "src/core/utc_clock.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::shm {
 namespace {
+
+constexpr int kAtOnce = 4;
+
+// Wakes at most `most` waiters; returns their number.
+long wake_waiting(const std::uint32_t& word, int most) noexcept {
+  return syscall(SYS_futex, &word, FUTEX_WAKE, most, nullptr, nullptr, 0);
+}
 
 static_assert(std::endian::native == std::endian::little, "the layout is little-endian");
 static_assert(rt::LatencyHistogram::kBuckets == BOLO_SHM_LATENCY_BUCKETS);
@@ -50,6 +63,7 @@ constexpr int kReadingMargin = 16;   // frames that a reader of a whole window h
 constexpr std::size_t kSettingsOffset = sizeof(bolo_shm_header);
 constexpr std::size_t kCameraOffset = kSettingsOffset + sizeof(bolo_shm_settings);
 constexpr std::size_t kSlotsOffset = round_up(kCameraOffset + sizeof(bolo_shm_camera), rt::kCacheLine);
+constexpr std::int64_t kLookPeriodNs = 1'000'000'000;  // at the name
 constexpr unsigned kModeBits = 0777;
 constexpr unsigned kOwnerBits = 0600;    // what the writer itself needs
 constexpr unsigned kOthersWrite = 0022;  // readers must not be able to disturb the writer or each other
@@ -160,6 +174,44 @@ void change_wake(bolo_shm_header& header) noexcept {
 
 }  // namespace
 
+Waker::Waker(std::uint32_t& word) : word_(word) {
+  try {
+    thread_ = std::thread([this] { run(); });
+  } catch (const std::system_error&) {
+    // No thread to be had: wake() wakes them all itself.
+  }
+}
+
+Waker::~Waker() {
+  if (thread_.joinable()) end();
+  wake_waiting(word_, INT_MAX);
+}
+
+void Waker::end() noexcept {
+  ends_.store(true, std::memory_order_relaxed);    // told by the count below
+  asked_.fetch_add(1, std::memory_order_release);  // partner: run()'s load
+  asked_.notify_one();
+  thread_.join();
+}
+
+void Waker::wake() noexcept {
+  const int at_once = thread_.joinable() ? kAtOnce : INT_MAX;
+  if (wake_waiting(word_, at_once) < at_once) return;
+  asked_.fetch_add(1, std::memory_order_release);  // partner: run()'s load
+  asked_.notify_one();
+}
+
+void Waker::run() noexcept {
+  (void)rt::apply_to_this_thread({"bolo-wake", 0});
+  std::uint32_t done = 0;
+  while (true) {
+    asked_.wait(done, std::memory_order_acquire);
+    done = asked_.load(std::memory_order_acquire);  // partner: wake(), end()
+    if (ends_.load(std::memory_order_relaxed)) return;
+    wake_waiting(word_, INT_MAX);
+  }
+}
+
 Status check_mode(const ShmOptions& options) {
   if ((options.mode & ~kModeBits) != 0 || (options.mode & kOwnerBits) != kOwnerBits) {
     return bad_input("shm.mode must be permission bits with 0600 among them, at most 0777");
@@ -170,24 +222,86 @@ Status check_mode(const ShmOptions& options) {
   return {};
 }
 
-struct ShmSink::Impl {
-  ShmOptions options;
+// The object that readers see, and how far it is filled.
+struct ShmSink::Ring {
   OwnedObject object;
   std::optional<Waker> waker;  // of the object's futex word
-  SlotLayout layout;
-  std::uint64_t slot_count = 0;
   std::uint64_t published = 0;
 
   bolo_shm_header& header() const noexcept { return *reinterpret_cast<bolo_shm_header*>(object.data()); }
-  void store(const pipeline::PipelineStats& stats) const noexcept {
-    store_stats(header(), stats);
-    if (stats.source == nullptr) return;
-    store_words(object.data() + kCameraOffset, pipeline::kCameraCounters, *stats.source);
-  }
-  std::byte* slot(std::uint64_t number) const noexcept {
-    return object.data() + kSlotsOffset + number % slot_count * layout.stride;
+  ~Ring() {
+    store_release(header().state, static_cast<std::uint32_t>(BOLO_SHM_CLOSED));  // partner: ShmReader's load of state
+    change_wake(header());
+    waker.reset();  // its last act is to wake them all
   }
 };
+
+struct ShmSink::Impl {
+  ShmOptions options;
+  pipeline::SinkFormat format;
+  SlotLayout layout;
+  std::uint64_t slot_count = 0;
+  std::unique_ptr<Ring> ring;  // the pipeline thread's, once open
+  std::atomic<Ring*> fresh{
+      nullptr};        // owned: in its place from the next frame on; `ring` stands still while it is null
+  std::mutex looking;  // close() waits for a look at the name; frames do not
+  std::int64_t next_look_ns = 0;
+  pipeline::Notices notices;
+
+  Result<std::unique_ptr<Ring>> fill(OwnedObject object) const;
+  void look_after_name();
+  void take_fresh() noexcept;
+  void store(const pipeline::PipelineStats& stats) const noexcept {
+    store_stats(ring->header(), stats);
+    if (stats.source == nullptr) return;
+    store_words(ring->object.data() + kCameraOffset, pipeline::kCameraCounters, *stats.source);
+  }
+  std::byte* slot(std::uint64_t number) const noexcept {
+    return ring->object.data() + kSlotsOffset + number % slot_count * layout.stride;
+  }
+};
+
+// Makes an empty ring of the zeroed object, and lets readers in.
+Result<std::unique_ptr<ShmSink::Ring>> ShmSink::Impl::fill(OwnedObject object) const {
+  describe(*reinterpret_cast<bolo_shm_header*>(object.data()), format, static_cast<int>(slot_count), layout);
+  describe(*reinterpret_cast<bolo_shm_settings*>(object.data() + kSettingsOffset), format);
+  auto& camera = *reinterpret_cast<bolo_shm_camera*>(object.data() + kCameraOffset);
+  camera.bytes = sizeof(camera);
+  put_text(camera.control_socket, options.control_socket);
+  if (Status status = object.publish_to(options.mode, options.group); !status) return tl::unexpected(status.error());
+  auto made = std::make_unique<Ring>();
+  made->object = std::move(object);
+  bolo_shm_header& header = made->header();
+  made->waker.emplace(header.wake);
+  store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_RUNNING));
+  store_release(header.magic, static_cast<std::uint64_t>(BOLO_SHM_MAGIC));  // partner: ShmReader::open
+  return made;
+}
+
+void ShmSink::Impl::look_after_name() {
+  const std::lock_guard lock(looking);
+  // partner: the store in take_fresh()
+  if (fresh.load(std::memory_order_acquire) != nullptr || ring == nullptr || monotonic_ns() < next_look_ns) return;
+  next_look_ns = monotonic_ns() + kLookPeriodNs;
+  if (ring->object.is_there()) return;
+  const std::string what = "shared memory /bolo." + options.name + " was taken away or cut off";
+  auto object = ring->object.create_again();
+  auto made = object ? fill(std::move(*object)) : tl::unexpected<Error>(object.error());
+  if (made) {
+    fresh.store(made->release(), std::memory_order_release);  // partner: the load in take_fresh()
+    notices.forget_last();
+    notices.report(true, what + "; it is there again");
+  } else {
+    notices.report(true, what + ": " + made.error().message + "; it is tried again all the time");
+  }
+}
+
+void ShmSink::Impl::take_fresh() noexcept {
+  Ring* const made = fresh.load(std::memory_order_acquire);  // partner: the store in look_after_name()
+  if (made == nullptr) return;
+  ring.reset(made);
+  fresh.store(nullptr, std::memory_order_release);  // partner: the load in look_after_name()
+}
 
 std::uint64_t bytes_needed(const ShmOptions& options, const deblur::Settings& settings, Geometry frame) {
   const int slots = choose_slots(options.slots, settings).value_or(settings.window + settings.lookahead);
@@ -205,25 +319,17 @@ Status ShmSink::open(const pipeline::SinkFormat& format) {
   ASSIGN_OR_RETURN(const int slots, choose_slots(self.options.slots, format.deblur));
   self.slot_count = static_cast<std::uint64_t>(slots);
   self.layout = layout_of(format.source.format.geometry, format.motion);
-  self.published = 0;
+  self.format = format;
   ASSIGN_OR_RETURN(OwnedObject object,
                    OwnedObject::create(self.options.name, kSlotsOffset + self.slot_count * self.layout.stride));
-  describe(*reinterpret_cast<bolo_shm_header*>(object.data()), format, slots, self.layout);
-  describe(*reinterpret_cast<bolo_shm_settings*>(object.data() + kSettingsOffset), format);
-  auto& camera = *reinterpret_cast<bolo_shm_camera*>(object.data() + kCameraOffset);
-  camera.bytes = sizeof(camera);
-  put_text(camera.control_socket, self.options.control_socket);
-  if (Status status = object.publish_to(self.options.mode, self.options.group); !status) return status;
-  self.object = std::move(object);
-  bolo_shm_header& header = self.header();
-  self.waker.emplace(header.wake);
-  store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_RUNNING));
-  store_release(header.magic, static_cast<std::uint64_t>(BOLO_SHM_MAGIC));  // partner: ShmReader::open
+  ASSIGN_OR_RETURN(self.ring, self.fill(std::move(object)));
   return {};
 }
 
 void ShmSink::publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& stats) noexcept {
   Impl& self = *impl_;
+  self.take_fresh();
+  Ring& ring = *self.ring;
   bolo_shm_slot head{};
   head.frame_id = frame.meta.frame_id;
   head.camera_ns = frame.meta.camera_ns;
@@ -241,23 +347,65 @@ void ShmSink::publish(const pipeline::PublishedFrame& frame, const pipeline::Pip
     head.motion_blocks = static_cast<std::uint32_t>(self.layout.motion_blocks);
     motion = {&whole, frame.motion->blocks.data()};
   }
-  write_slot(self.slot(self.published), self.layout, self.published, head, frame.raw, frame.deblurred, motion);
-  bolo_shm_header& header = self.header();
-  store_release(header.published, ++self.published);  // W4; partner: ShmReader's load of published
+  write_slot(self.slot(ring.published), self.layout, ring.published, head, frame.raw, frame.deblurred, motion);
+  store_release(ring.header().published, ++ring.published);  // W4; partner: ShmReader's load of published
   self.store(stats);
-  change_wake(header);
-  self.waker->wake();
+  change_wake(ring.header());
+  ring.waker->wake();
 }
 
-void ShmSink::idle(const pipeline::PipelineStats& stats) noexcept { impl_->store(stats); }
+void ShmSink::idle(const pipeline::PipelineStats& stats) noexcept {
+  impl_->take_fresh();
+  impl_->store(stats);
+}
 
 void ShmSink::close() noexcept {
-  if (impl_->object.data() == nullptr) return;
-  bolo_shm_header& header = impl_->header();
-  store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_CLOSED));  // partner: ShmReader's load of state
-  change_wake(header);
-  impl_->waker.reset();  // its last act is to wake them all
-  impl_->object = OwnedObject();
+  const std::lock_guard lock(impl_->looking);
+  impl_->take_fresh();
+  impl_->ring.reset();
+}
+
+std::vector<pipeline::Notice> ShmSink::take_notices() {
+  impl_->look_after_name();
+  return impl_->notices.take();
+}
+
+void ShmSection::declare(model::KeyTable& keys) {
+  keys.section("shm", "frames for other programs: shared memory /bolo.NAME");
+  keys.boolean("enable", enabled_, "Publish into shared memory.");
+  keys.integer("slots", options_.slots, {0, 65536, "frames"},
+               "Frames in the ring, at least window + lookahead; 0: 64, or more when the window needs more.");
+  keys.octal("mode", options_.mode, {0600, 0777, ""},
+             "Permission bits; readers need to read only: 0o640 for the group's members, 0o644 for everybody.");
+  keys.text("group", options_.group,
+            "Owner group, of which the daemon's user must be a member; empty: the daemon's own.");
+}
+
+Status ShmSection::check(const model::KeyTable& keys, const pipeline::SinkContext& context,
+                         std::span<const std::shared_ptr<SinkSection>> /*before*/) const {
+  if (const Status mode = check_mode(options_); enabled_ && !mode) {
+    return bad_input(keys.where("shm.mode") + mode.error().message);
+  }
+  const int needed = context.deblur.window + context.deblur.lookahead;
+  if (options_.slots == 0 || options_.slots >= needed) return {};
+  return bad_input(keys.where("shm.slots") + "shm.slots = " + std::to_string(options_.slots) +
+                   " is less than window + lookahead = " + std::to_string(needed) + "; give that or more, or 0");
+}
+
+std::string ShmSection::describe(const pipeline::SinkContext& context) const {
+  return enabled_ ? "shared memory /bolo." + context.name : "";
+}
+
+std::uint64_t ShmSection::shared_bytes(const pipeline::SinkContext& context) const {
+  return enabled_ ? bytes_needed(options_, context.deblur, context.frame) : 0;
+}
+
+std::unique_ptr<pipeline::FrameSink> ShmSection::make(const pipeline::SinkContext& context) const {
+  if (!enabled_) return nullptr;
+  ShmOptions options = options_;
+  options.name = context.name;
+  options.control_socket = context.control_socket;
+  return std::make_unique<ShmSink>(std::move(options));
 }
 
 }  // namespace bolo::shm

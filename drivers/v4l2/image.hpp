@@ -8,8 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "src/core/geometry.hpp"
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 
 namespace bolo::v4l2 {

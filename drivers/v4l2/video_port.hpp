@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "drivers/v4l2/image.hpp"
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 #include "src/core/unique_fd.hpp"
 

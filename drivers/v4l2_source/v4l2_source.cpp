@@ -14,8 +14,8 @@
 
 #include "drivers/v4l2_source/video_device.hpp"
 #include "src/core/clock.hpp"
-#include "src/core/duration_text.hpp"
-#include "src/pipeline/arrivals.hpp"
+#include "src/core/text.hpp"
+#include "src/pipeline/frame_id_tracker.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::v4l2_source {
@@ -30,8 +30,12 @@ constexpr std::int64_t kFirstFrameNs = 3'000'000'000;  // cameras on USB take se
 constexpr auto kPauseBetweenAttempts = std::chrono::milliseconds(200);
 constexpr std::int64_t kOldestStampNs = 1'000'000'000;  // an older one is no time of this frame
 
+// A program that writes to a loopback device chooses them: kept to what differences can be taken of.
 std::int64_t stamp_ns(const v4l2_buffer& buffer) {
-  return std::int64_t{buffer.timestamp.tv_sec} * 1'000'000'000 + std::int64_t{buffer.timestamp.tv_usec} * 1000;
+  constexpr std::int64_t kMostS = std::int64_t{1} << 32U;
+  constexpr std::int64_t kMostUs = 999'999;
+  return std::clamp<std::int64_t>(buffer.timestamp.tv_sec, 0, kMostS) * 1'000'000'000 +
+         std::clamp<std::int64_t>(buffer.timestamp.tv_usec, 0, kMostUs) * 1000;
 }
 
 bool is_monotonic(const v4l2_buffer& buffer) {
@@ -72,7 +76,7 @@ struct V4l2Source::Impl {
   std::uint32_t sequence = 0;
   std::int64_t stamp = 0;
   bool any = false;  // since the device was opened
-  bool period_reported = false;
+  pipeline::PeriodNews period_news;
   std::atomic<bool> stop_requested{false};
   std::thread thread;
 };
@@ -247,15 +251,13 @@ void V4l2Source::Impl::reopen() {
   status.reopened.add();
 }
 
-// Reports once that frames come at another rate than the driver says.
+// Reports that frames come at another rate than the driver says, or than before.
 void V4l2Source::Impl::check_period() {
   const double measured_s = status.measured_period_s.value();
-  const double assumed_s = info.format.frame_period_s;
-  if (period_reported || measured_s <= 0.0 || std::abs(measured_s / assumed_s - 1.0) < pipeline::kSamePeriod) return;
-  period_reported = true;
-  notices.report(true, fmt::format("{:.5g} frames come a second, not {:.5g} as the driver says, and they are solved so "
-                                   "from now on",
-                                   1.0 / measured_s, 1.0 / assumed_s));
+  const double before_s = period_news.until_now(measured_s, info.format.frame_period_s);
+  if (before_s == 0.0) return;
+  notices.report(true, fmt::format("{:.5g} frames come a second, not {:.5g}, and they are solved so from now on",
+                                   1.0 / measured_s, 1.0 / before_s));
 }
 
 V4l2Source::V4l2Source(V4l2SourceOptions options, VideoSystem& system)

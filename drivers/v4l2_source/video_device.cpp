@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "src/core/printable.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::v4l2_source {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "drivers/v4l2_source/v4l2_source.hpp"
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 
 namespace bolo::v4l2_source {

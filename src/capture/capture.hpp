@@ -11,8 +11,8 @@
 #include <variant>
 #include <vector>
 
+#include "src/core/frame.hpp"
 #include "src/core/output_file.hpp"
-#include "src/core/plane.hpp"
 #include "src/core/result.hpp"
 #include "src/core/scene_motion.hpp"
 

@@ -101,7 +101,9 @@ struct CaptureWriter::Impl {
   Status make_room(std::uint64_t bytes);
   Status write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks);
   Status write_attribute(const Attribute& attribute);
+  Status check_file() const;
   Status commit();
+  Status store();
   bool state_uncertainty();
   Status close_file();
   void discard();
@@ -204,7 +206,18 @@ Status CaptureWriter::Impl::write_attribute(const Attribute& attribute) {
   return broken("root attribute '" + attribute.name + "' cannot be written");
 }
 
+// What is said now is worth more than at the end: all that comes would be lost.
+Status CaptureWriter::Impl::check_file() const {
+  if (driven->file->is_ours()) return {};
+  return failed(part_name.string() + ": was removed, renamed or cut off by another program");
+}
+
 Status CaptureWriter::Impl::commit() {
+  RETURN_IF_ERROR(check_file());
+  return store();
+}
+
+Status CaptureWriter::Impl::store() {
   const hsize_t begin = written - pending_t.size();
   const hsize_t count = pending_t.size();
   if (count > 0) {
@@ -255,7 +268,9 @@ Status CaptureWriter::Impl::close_file() {
 }
 
 void CaptureWriter::Impl::discard() {
+  const bool ours = !driven || driven->file->is_ours();
   if (driven) static_cast<void>(close_file());
+  if (!ours) return;
   std::error_code ignored;
   std::filesystem::remove(part_name, ignored);
   remove_records(part_name);
@@ -273,8 +288,9 @@ CaptureWriter::~CaptureWriter() {
     return;
   }
   impl_->driven->ending = true;
-  static_cast<void>(impl_->commit());
-  if (impl_->close_file() && impl_->driven->file->finish()) remove_records(impl_->part_name);
+  static_cast<void>(impl_->store());
+  const bool ours = impl_->driven->file->is_ours();
+  if (impl_->close_file() && impl_->driven->file->finish() && ours) remove_records(impl_->part_name);
 }
 
 Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, const CaptureInfo& info,
@@ -399,6 +415,7 @@ Status CaptureWriter::close() {
     if (Status good = complete(); !good) return good;
   }
   if (!w.driven) return w.closed();
+  RETURN_IF_ERROR(w.check_file());
   if (!w.driven->file->finish()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));
   Status published = publish(w.part_name, {w.final_name, w.options.replace});
   if (published) remove_records(w.part_name);

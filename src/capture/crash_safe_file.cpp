@@ -283,6 +283,16 @@ bool CrashSafeFile::end_disk() {
   return error == 0;
 }
 
+// A file system that cannot be asked just now (NFS) proves nothing.
+bool CrashSafeFile::is_ours() const {
+  struct stat opened {};
+  struct stat named {};
+  if (::fstat(file_.get(), &opened) != 0) return true;
+  if (::stat(name_.c_str(), &named) != 0) return errno != ENOENT && errno != ENOTDIR;
+  return opened.st_dev == named.st_dev && opened.st_ino == named.st_ino &&
+         static_cast<std::uint64_t>(opened.st_size) >= length_;
+}
+
 // Truncating to the size that the file has frees what was reserved beyond.
 bool CrashSafeFile::finish() {
   if (disk_.valid() && !end_disk()) return false;

@@ -70,6 +70,8 @@ class CrashSafeFile {
   // is given back.
   bool finish();
 
+  // False once another program removed the file, gave its name to another, or cut it off.
+  bool is_ours() const;
   std::uint64_t size() const noexcept { return size_; }
   int descriptor() const noexcept { return file_.get(); }
 

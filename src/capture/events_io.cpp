@@ -9,6 +9,7 @@ namespace {
 
 const std::string kPath = "/events";
 constexpr hsize_t kChunk = 16;
+constexpr std::size_t kLongestStoredKind = std::size_t{1} << 16;
 
 struct FixedRow {
   double t_s;
@@ -98,6 +99,7 @@ Result<std::vector<Event>> read_events(hid_t file) {
   if (!member_inside(type.get(), "t") || !member_inside(type.get(), "kind")) {
     return bad_input(kPath + ": a member lies outside its row; the file is damaged");
   }
+  if (H5Tget_size(kind.get()) > kLongestStoredKind) return bad_input(kPath + ": its kinds are longer than 64 KiB");
   const h5::Dims dims = h5::shape(dataset.get());
   if (dims.size() != 1) return bad_input(kPath + " has the shape " + h5::text(dims) + "; expected one dimension");
 

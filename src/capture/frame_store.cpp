@@ -111,7 +111,13 @@ Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOr
     return bad_input(path + " is chunked by " + h5::text(chunk) + ", not by the frame of " + h5::text(dims) +
                      "; the unfinished file is damaged");
   }
-  const std::size_t cache = chunks_of_a_frame(dims, chunk, frame_major ? 0 : 2, H5Tget_size(type.get()));
+  const std::size_t frame_axis = frame_major ? 0 : 2;
+  const std::size_t cache = chunks_of_a_frame(dims, chunk, frame_axis, H5Tget_size(type.get()));
+  if (!chunk.empty() && is_filtered(dataset.get()) && chunk[frame_axis] > 1 && cache > kMostCache) {
+    return bad_input(path +
+                     " is compressed in pieces of more than 128 MiB, each of which would be unpacked for every " +
+                     "frame in it; rewrite the file with smaller ones: h5repack -l CHUNK=...");
+  }
   store.block_frames_ =
       std::clamp(block_bytes / plane_bytes(store.geometry_, store.type_), std::size_t{1}, store.frames_);
   store.checks_chunk_ = frame_major && chunk == store.one_frame_ && !is_filtered(dataset.get());

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "src/capture/h5.hpp"
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 
 namespace bolo::capture {
 

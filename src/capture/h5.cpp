@@ -39,18 +39,22 @@ Result<Handle> open_attribute(const Owner& owner, const std::string& name) {
   return attribute;
 }
 
+tl::unexpected<Error> too_long(const std::string& where) { return bad_input(where + " is longer than 1 MiB"); }
+
 Result<std::string> read_string(hid_t attribute, hid_t type, const std::string& where) {
   if (H5Tis_variable_str(type) > 0) {
     char* characters = nullptr;
     if (H5Aread(attribute, type, static_cast<void*>(&characters)) < 0) {
       return bad_input(where + " cannot be read" + because());
     }
-    std::string value = characters == nullptr ? "" : characters;
+    std::string value;
+    if (characters != nullptr) value.assign(characters, strnlen(characters, kLongestString + 1));
     H5free_memory(characters);
+    if (value.size() > kLongestString) return too_long(where);
     return value;
   }
   const std::size_t size = H5Tget_size(type);
-  if (size > kLongestString) return bad_input(where + " is longer than 1 MiB");
+  if (size > kLongestString) return too_long(where);
   std::vector<char> characters(size);
   if (H5Aread(attribute, type, characters.data()) < 0) return bad_input(where + " cannot be read" + because());
   return fixed_string(characters.data(), size, type);

@@ -14,8 +14,9 @@ constexpr int kMostPixelsASide = 1 << 15;
 constexpr double kLongestTau_s = 1.0;
 
 bool good_tau(double v) { return v > 0.0 && v < kLongestTau_s; }
-bool good_gain(double v) { return std::isfinite(v) && v > 0.0; }
-bool good_offset(double v) { return std::isfinite(v); }
+// False for no numbers, and where frames would become none.
+bool good_gain(double v) { return v > 0.0 && v <= 1e6; }
+bool good_offset(double v) { return std::abs(v) <= 1e9; }
 bool good_flag(double v) { return v == 0.0 || v == 1.0; }
 
 // Valid values of a dataset. `good` is false for NaN.
@@ -25,8 +26,8 @@ struct Rule {
   const char* wanted;
 };
 constexpr Rule kTau{"/tau_s", good_tau, "above 0 and below 1 s"};
-constexpr Rule kGain{"/gain", good_gain, "a number above 0"};
-constexpr Rule kOffset{"/offset_k", good_offset, "a number"};
+constexpr Rule kGain{"/gain", good_gain, "above 0 and at most 1e6"};
+constexpr Rule kOffset{"/offset_k", good_offset, "a number from -1e9 to 1e9"};
 constexpr Rule kDead{"/dead", good_flag, "0 or 1"};
 
 template <typename T>
@@ -178,6 +179,24 @@ Result<model::PixelMaps> read_profile_maps(const model::CameraProfile& profile) 
   }
   maps.row_delay_s = profile.row_delay_s;
   return maps;
+}
+
+std::filesystem::path maps_beside(const std::filesystem::path& profile) {
+  std::filesystem::path maps = profile;
+  maps.replace_filename(profile.stem().string() + "-maps.h5");
+  return maps;
+}
+
+Status write_profile_files(const OutputFile& file, const std::filesystem::path& maps_file,
+                           model::CameraProfile& profile, const model::PixelMaps& maps, const model::Origins& origins) {
+  if (!maps.tau_s.empty() || !maps.gain.empty() || !maps.offset.empty() || !maps.dead.empty()) {
+    if (Status written = write_pixel_maps({maps_file, file.replace}, maps); !written) return written;
+    std::error_code ignored;
+    const auto relative =
+        std::filesystem::proximate(maps_file, std::filesystem::absolute(file.path).parent_path(), ignored);
+    profile.maps = relative.empty() ? maps_file : relative;
+  }
+  return write_file(file, model::document_profile(profile, origins));
 }
 
 }  // namespace bolo::capture

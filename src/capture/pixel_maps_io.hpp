@@ -9,7 +9,6 @@
 #include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "src/model/camera_profile.hpp"
-#include "src/model/pixel_maps.hpp"
 
 namespace bolo::capture {
 
@@ -22,5 +21,17 @@ Status write_pixel_maps(const OutputFile& file, const model::PixelMaps& maps);
 
 // The maps file of a profile, when it names one, and its row delay. Thread: any one at a time.
 Result<model::PixelMaps> read_profile_maps(const model::CameraProfile& profile);
+
+// --- A camera's profile with its maps, written as two files that belong together.
+
+// Where a profile's maps go by themselves: PROFILE-maps.h5, a name that no recording of the camera has. Thread: any.
+std::filesystem::path maps_beside(const std::filesystem::path& profile);
+
+// Writes `maps`, when there are any of single pixels, to `maps_file`, and then the profile, which names them from its
+// own folder; without new ones it keeps those it had. Maps first, so that a profile never names a file that is not
+// there. Both replace what `file` may. Sets profile.maps. Thread: setup.
+Status write_profile_files(const OutputFile& file, const std::filesystem::path& maps_file,
+                           model::CameraProfile& profile, const model::PixelMaps& maps,
+                           const model::Origins& origins = {});
 
 }  // namespace bolo::capture

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <string>
 
 namespace bolo {
 
@@ -18,5 +19,64 @@ inline constexpr double kMsPerNs = 1e-6;
 
 // To the nearest nanosecond. Thread: any.
 inline std::int64_t to_ns(double seconds) noexcept { return std::llround(seconds * kNsPerSecond); }
+
+// --- UTC of times on CLOCK_MONOTONIC, and how far it can be trusted.
+
+// The error of a clock that nothing disciplines has no bound. The kernel's word for that is its largest, 16 s.
+inline constexpr std::int64_t kUnboundedClockErrorNs = 16'000'000'000;
+
+// The kernel's state of CLOCK_REALTIME (adjtimex), set by whatever disciplines it: an NTP client, phc2sys, a receiver.
+struct ClockState {
+  bool synchronised = false;
+  std::int64_t error_ns = kUnboundedClockErrorNs;  // of UTC, at most, as that one claims; without it unbounded
+};
+
+// One system call, which a sandbox may refuse: not synchronised then. Thread: any.
+ClockState read_clock_state() noexcept;
+
+// CLOCK_REALTIME, ns since 1970. Thread: any.
+std::int64_t realtime_ns() noexcept;
+
+// "2026-11-23T19:31:02.123Z": ISO 8601, cut to the millisecond. Thread: any.
+std::string utc_text(std::int64_t utc_ns);
+
+// A change of UTC against CLOCK_MONOTONIC by more than this is a step: somebody has set the clock. Smaller ones are the
+// error of looking. (What slews the clock moves both alike.)
+inline constexpr std::int64_t kClockStepNs = 1'000'000;
+
+// The clocks that UtcClock reads; others in tests.
+struct HostClocks {
+  std::int64_t (*monotonic)() noexcept = monotonic_ns;
+  std::int64_t (*realtime)() noexcept = realtime_ns;
+  ClockState (*state)() noexcept = read_clock_state;
+};
+
+// The offset from CLOCK_MONOTONIC to UTC. It changes only when the clock is set, so two frames' UTC differ exactly as
+// their monotonic times do, but across a step. Thread: one at a time. No allocation.
+class UtcClock {
+ public:
+  explicit UtcClock(HostClocks clocks = {}) noexcept : clocks_(clocks) {}
+
+  // Reads the clock once, and once a second with care and with its state. now_ns: CLOCK_MONOTONIC, just read. True
+  // when the clock has stepped since the last call.
+  bool update(std::int64_t now_ns) noexcept;
+
+  std::int64_t at(std::int64_t monotonic) const noexcept { return monotonic + offset_ns_; }
+  const ClockState& state() const noexcept { return state_; }
+
+ private:
+  struct Look {
+    std::int64_t offset_ns = 0;  // UTC - CLOCK_MONOTONIC
+    std::int64_t error_ns = 0;
+  };
+  Look look() const noexcept;
+
+  HostClocks clocks_;
+  ClockState state_;
+  bool started_ = false;
+  std::int64_t looked_ns_ = 0;
+  std::int64_t offset_ns_ = 0;
+  std::int64_t error_ns_ = 0;
+};
 
 }  // namespace bolo

@@ -1,9 +1,50 @@
-// Metadata of a frame in the pipeline.
+// Frames: their size and the meaning of their values, their metadata, and their planes.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace bolo {
+
+// --- The size of a frame and the meaning of its values.
+
+// Planes are stored row-major without padding: pixel (x, y) is element y * width + x.
+struct Geometry {
+  int width = 0;
+  int height = 0;
+
+  constexpr std::size_t pixels() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
+  constexpr bool operator==(const Geometry&) const = default;
+};
+
+// A rectangle of pixels: columns [x, x + width), rows [y, y + height).
+struct Region {
+  int x = 0;
+  int y = 0;
+  int width = 0;
+  int height = 0;
+
+  constexpr bool operator==(const Region&) const = default;
+  constexpr bool inside(Geometry g) const {
+    return x >= 0 && y >= 0 && width > 0 && height > 0 && x <= g.width - width && y <= g.height - height;
+  }
+};
+
+enum class Unit {
+  kKelvin,  // temperature: kelvin = scale * value + offset
+  kCount,   // uncalibrated camera counts: scale and offset carry no meaning
+};
+
+// Conversion of stored values to temperatures.
+struct LinearScale {
+  Unit unit = Unit::kKelvin;
+  double scale = 0.01;  // K a count; 10 mK is the A655sc's TemperatureLinear10mK
+  double offset = 0.0;  // K
+
+  // kelvin from a stored value; for kCount the value itself. Thread: any.
+  constexpr double to_physical(double value) const { return unit == Unit::kKelvin ? scale * value + offset : value; }
+  constexpr bool operator==(const LinearScale&) const = default;
+};
 
 // State of a frame, set by whoever learns it. The values are part of the shared-memory layout (shm_layout.h).
 enum FrameFlag : std::uint32_t {
@@ -32,5 +73,37 @@ struct FrameMeta {
 inline std::int64_t host_time_ns(const FrameMeta& meta) noexcept {
   return meta.host_ns != 0 ? meta.host_ns : meta.receive_ns;
 }
+
+// --- A run of a frame's pixels.
+
+// Pixels [begin, end) of a frame, row-major.
+struct PixelRange {
+  std::size_t begin = 0;
+  std::size_t end = 0;
+};
+
+// --- A frame's values without their storage: what kernels read and sinks copy.
+
+enum class PixelType {
+  kUint16,   // cameras and shared memory
+  kFloat32,  // captures converted to kelvin, and offline results
+};
+
+// Bytes of one value. Thread: any.
+constexpr std::size_t bytes_of(PixelType type) { return type == PixelType::kUint16 ? 2 : 4; }
+
+// Bytes of one whole plane. Thread: any.
+constexpr std::size_t plane_bytes(Geometry g, PixelType type) { return g.pixels() * bytes_of(type); }
+
+// Format of a stream's frames; fixed from open to close.
+struct StreamFormat {
+  Geometry geometry;
+  PixelType type = PixelType::kUint16;
+  LinearScale scale;
+  double frame_period_s = 0.005;
+  int row_step = 1;  // sensor rows that one stored row stands for
+
+  constexpr bool operator==(const StreamFormat&) const = default;
+};
 
 }  // namespace bolo

@@ -33,6 +33,15 @@ bool is_one_of(const std::set<FileId>& files, const fs::path& file) {
   return id && files.contains(*id);
 }
 
+// What has the name is a file, or a link that can only stand for one. A link itself would be replaced: one to a folder
+// or a device, or to whatever a process has open (/dev/stdout is one), is not the user's to lose.
+bool is_file(const fs::path& there) {
+  std::error_code error;
+  const fs::file_status status = fs::status(there, error);
+  if (fs::exists(status) && !fs::is_regular_file(status)) return false;
+  return !fs::read_symlink(there, error).native().starts_with("/proc/");
+}
+
 // Bad input where another name would help, else a failure.
 tl::unexpected<Error> not_written(const fs::path& file, int error) {
   const std::string line = file.string() + ": cannot be written: " + std::strerror(error);
@@ -79,13 +88,12 @@ Status told(int error, const fs::path& written, const OutputFile& output) {
 }  // namespace
 
 Status check_output(const OutputFile& output) {
+  const std::string name = output.path.string();
+  if (!output.path.has_filename()) return bad_input("'" + name + "': is no name of a file; give one");
   std::error_code error;
   const fs::file_status there = fs::symlink_status(output.path, error);
-  const std::string name = output.path.string();
   if (!fs::status_known(there) || !fs::exists(there)) return {};
-  if (!fs::is_regular_file(there) && !fs::is_symlink(there)) {
-    return bad_input(name + ": is not a file; nothing can be written there");
-  }
+  if (!is_file(output.path)) return bad_input(name + ": is not a file; nothing can be written there");
   if (output.replace == Replace::kExisting) return {};
   return bad_input(name + " is there already; choose another name, or --overwrite it");
 }

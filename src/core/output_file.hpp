@@ -29,8 +29,8 @@ struct OutputFile {
   Replace replace = Replace::kNothing;
 };
 
-// Nothing stands in the way of `output`: no folder or device has its name, and no file that is not to be replaced.
-// Errors: kBadInput. Thread: any.
+// Nothing stands in the way of `output`: it is a name, no folder or device has it, nor a link to one, and no file that
+// is not to be replaced. Errors: kBadInput. Thread: any.
 Status check_output(const OutputFile& output);
 
 // For a verb, before any work: each output may be written, is none of the inputs (by inode, so through links too) and

@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 
 namespace bolo {
 

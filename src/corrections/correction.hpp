@@ -7,12 +7,10 @@
 #include <cstdint>
 #include <memory>
 
-#include "src/core/pixel_range.hpp"
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 #include "src/deblur/settings.hpp"
-#include "src/model/pixel_maps.hpp"
-#include "src/model/undo.hpp"
+#include "src/model/camera_profile.hpp"
 
 namespace bolo::corrections {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "src/corrections/correction.hpp"
-#include "src/model/band_radiance.hpp"
+#include "src/model/bolometer.hpp"
 
 namespace bolo::corrections {
 namespace {

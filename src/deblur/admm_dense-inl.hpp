@@ -1,4 +1,4 @@
-// ADMM with full matrices, for bins longer than a frame (dense_plan.hpp). Letters as in admm-inl.hpp;
+// ADMM with full matrices, for bins longer than a frame (admm_plan.hpp). Letters as in admm-inl.hpp;
 // d = z - u. Included once for every instruction set.
 #if defined(BOLO_DEBLUR_ADMM_DENSE_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_ADMM_DENSE_INL

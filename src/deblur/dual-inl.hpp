@@ -157,21 +157,25 @@ HWY_NOINLINE void sweep_near(const DualPlan& plan, const Published& bins, Dual<k
   sweep_near_levels<kBins, kBins, first_tree<kBins>()>(plan, bins, m);
 }
 
-// Before sweep `next`, or, where it is 0, after the last: what no sweep sets, the lost samples of pairs.
+// Before sweep `next`, counted from 0, or, where `next` is kLast, after the last: what no sweep sets, the lost samples
+// of pairs. Before the first sweep these are right as they are. What sweep_near() does not reach has settled before it.
 template <int kBins>
 HWY_NOINLINE void balance(const DualRun& run, int next, Dual<kBins>& m) {
   const DualPlan& plan = run.plan;
+  const auto reached = [&](std::size_t k) HWY_ATTR { return next < plan.sweeps || run.near(plan.move[k]); };
   std::size_t pairs = 0;
-  for (; pairs < plan.moves && plan.gap[plan.move[pairs].first].pair; ++pairs) solve_pair(run, plan.move[pairs], m);
-  // Of three, every two wait for the third.
-  const int rounds = next == 0 ? 0 : plan.moves - pairs > 1 ? kMostRounds : 1;
+  for (; pairs < plan.moves && plan.gap[plan.move[pairs].first].pair; ++pairs) {
+    if (next > 0 && reached(pairs)) solve_pair(run, plan.move[pairs], m);
+  }
+  const int rounds = next == kLast ? 0 : plan.rounds;
   for (int round = 0; round < rounds; ++round) {
     for (std::size_t k = pairs; k < plan.moves; ++k) {
+      if (!reached(k)) continue;
       const LostMove& lost = plan.move[k];
       if (lost.first == lost.second) {
-        solve_lost<false>(run, lost, next == 1, m);
+        solve_lost<false>(run, lost, next, m);
       } else {
-        solve_lost<true>(run, lost, next == 1, m);
+        solve_lost<true>(run, lost, next, m);
       }
     }
   }
@@ -193,22 +197,23 @@ HWY_INLINE void finish_dual(const DualRun& run, std::size_t first, const Dual<kB
 // Calls finish(first pixel, memory) for each part of the run, its dual near the optimum.
 template <int kBins, typename Finish>
 HWY_INLINE void for_each_dual(const DualRun& run, const Finish& finish) {
-  Dual<kBins> m;
+  Dual<kBins> m{};
   if (run.pixels.lambda == nullptr) {
     for (std::size_t v = 0; v < Dual<kBins>::kPixels; v += kLanes) set_bounds(run.plan, v, all(run.plan.lambda), m);
   }
   for (std::size_t first = run.pixels.begin; first < run.pixels.end; first += Dual<kBins>::kPixels) {
     load_block(run, first, m);
-    sweep<kBins, true>(run.plan, m);
-    for (int k = 1; k < run.plan.sweeps; ++k) {
-      balance(run, k, m);
-      sweep<kBins, false>(run.plan, m);
+    for (int k = 0; k < run.plan.sweeps + run.plan.near_sweeps; ++k) {
+      if (k >= run.plan.first_balance) balance(run, k, m);
+      if (k == 0) {
+        sweep<kBins, true>(run.plan, m);
+      } else if (k < run.plan.sweeps) {
+        sweep<kBins, false>(run.plan, m);
+      } else {
+        sweep_near(run.plan, run.pixels.published, m);
+      }
     }
-    for (int k = 0; k < run.plan.near_sweeps; ++k) {
-      balance(run, run.plan.sweeps + k, m);
-      sweep_near(run.plan, run.pixels.published, m);
-    }
-    balance(run, 0, m);
+    balance(run, kLast, m);
     finish(first, m);
   }
 }

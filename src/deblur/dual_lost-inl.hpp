@@ -11,33 +11,64 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
+inline constexpr int kLast = 1000;     // after the last sweep
 inline constexpr int kMostSteps = 20;  // along a line of lost samples' values
-inline constexpr int kMostRounds = 3;  // lines of two samples
 inline constexpr float kFar = 1e20F;
 
-// Where a coefficient's t would go without its bound.
-template <int kBins>
-HWY_INLINE Vec unbounded(const DualPlan& plan, int i, std::size_t v, Dual<kBins>& m) {
-  const Vec rest = hn::MulAdd(all(plan.row[static_cast<std::size_t>(i)].keep), at(m.t(i) + v), at(m.c[i] + v));
-  if (i == 0) return hn::Add(rest, hn::Sub(at(m.jump(0) + v), at(m.jump(kBins) + v)));
-  const int half = i & -i;
-  const Vec ends = hn::Add(at(m.jump(i - half) + v), at(m.jump(i + half) + v));
-  return hn::Add(rest, half == 1 ? ends : hn::NegMulAdd(all(2.0F), at(m.jump(i) + v), ends));
-}
+// Where what a part needs of the pixels stands.
+struct PartRows {
+  const float* t;
+  float* c;
+  const float* begin;
+  const float* middle;
+  const float* end;
+  const float* low;
+  const float* high;
+  float keep;
+  float twice;  // 2 where the part has a middle
+
+  // Where t would go without its bound.
+  HWY_INLINE Vec unbounded(std::size_t v) const {
+    const Vec rest = hn::MulAdd(all(keep), at(t + v), at(c + v));
+    return hn::Add(rest, hn::NegMulAdd(all(twice), at(middle + v), hn::Add(at(begin + v), at(end + v))));
+  }
+};
 
 // What the steps along a line of lost samples' values need of a few vectors of pixels: where each t would go and how
 // far it moves with y, the place on the line; between which bounds that is.
 template <int kBins>
 struct Steps {
   static constexpr std::size_t kPixels = std::min(2 * kLanes, Dual<kBins>::kPixels);
+  static constexpr std::size_t kVectors = kPixels / kLanes;
+  static constexpr std::size_t kParts = 4 * log2_of(kBins);
   using Wide = float[kPixels];
-  HWY_ALIGN Wide rest[std::size_t{4 * log2_of(kBins)}];
-  HWY_ALIGN Wide move[std::size_t{4 * log2_of(kBins)}];
+  PartRows part[kParts];
+  HWY_ALIGN Wide rest[kParts];
+  HWY_ALIGN Wide move[kParts];
   HWY_ALIGN Wide estimate;
   HWY_ALIGN Wide tolerance;
   HWY_ALIGN Wide y;
   HWY_ALIGN Wide low;
   HWY_ALIGN Wide high;
+
+  Steps(const DualPlan& plan, const LostMove& lost, Dual<kBins>& m) {
+    for (std::size_t k = 0; k < lost.parts; ++k) {
+      const int i = lost.part[k].row;
+      const std::size_t bound = lost.part[k].bound;
+      const int half = i == 0 ? kBins : i & -i;
+      float* const end = m.jump(i == 0 ? kBins : i + half);
+      const bool kept = half > 1;  // the sum's end counts as its middle
+      part[k] = {m.t(i),
+                 m.c[i],
+                 m.jump(i == 0 ? 0 : i - half),
+                 i == 0 || !kept ? end : m.jump(i),
+                 end,
+                 m.low[bound],
+                 m.high[bound],
+                 plan.row[static_cast<std::size_t>(i)].keep,
+                 kept ? 2.0F : 0.0F};
+    }
+  }
 };
 
 // How far a part's t moves with y.
@@ -136,68 +167,83 @@ HWY_INLINE Vec hop(const LostMove& lost, hn::Mask<Float> below, std::size_t v, c
   return hn::IfThenElse(hn::And(hn::Gt(next, low), hn::Lt(next, high)), next, halfway);
 }
 
-// A step of Newton's method; from part to part where it leads out of the bounds or no t is free to follow. Pixels whose
-// equation holds stay; false when all do.
+// A step of Newton's method in the pixels from `from`; from part to part where it leads out of the bounds or no t is
+// free to follow. Pixels whose equation holds stay; false when all do.
 template <bool kTwo, int kBins>
-HWY_INLINE bool step(const LostMove& lost, std::size_t from, std::size_t v, const Dual<kBins>& m, Steps<kBins>& s) {
-  const Vec y = at(s.y + v);
-  Vec sum = hn::Zero(Float());
-  Vec slope = hn::Zero(Float());
+HWY_INLINE bool step(const LostMove& lost, std::size_t from, Steps<kBins>& s) {
+  constexpr std::size_t kVectors = Steps<kBins>::kVectors;
+  Vec sum[kVectors];
+  Vec slope[kVectors];
+  HWY_UNROLL(2) for (std::size_t n = 0; n < kVectors; ++n) sum[n] = slope[n] = hn::Zero(Float());
   for (std::size_t k = 0; k < lost.parts; ++k) {
     const LostMove::Part& part = lost.part[k];
-    const Vec move = move_of<kTwo>(lost, k, v, s);
-    const Vec to = hn::MulAdd(move, y, at(s.rest[k] + v));
-    const Vec t = clip(to, m.low[part.bound] + from + v, m.high[part.bound] + from + v);
-    const Vec share = hn::Mul(all(part.share), move);
-    sum = hn::MulAdd(share, t, sum);
-    slope = hn::MulAdd(hn::IfThenElseZero(hn::Eq(to, t), share), move, slope);
+    const float* const low = s.part[k].low + from;
+    const float* const high = s.part[k].high + from;
+    HWY_UNROLL(2) for (std::size_t n = 0; n < kVectors; ++n) {
+      const std::size_t v = n * kLanes;
+      const Vec move = move_of<kTwo>(lost, k, v, s);
+      const Vec to = hn::MulAdd(move, at(s.y + v), at(s.rest[k] + v));
+      const Vec t = clip(to, low + v, high + v);
+      const Vec pull = kTwo ? hn::Mul(all(part.share), move) : all(part.pull);
+      const Vec free = kTwo ? hn::Mul(pull, move) : all(part.slope);
+      sum[n] = hn::MulAdd(pull, t, sum[n]);
+      slope[n] = hn::Add(slope[n], hn::IfThenElseZero(hn::Eq(to, t), free));
+    }
   }
-  const auto off = hn::Gt(hn::Abs(sum), at(s.tolerance + v));
-  if (hn::AllFalse(Float(), off)) return false;
-  const auto above = hn::Gt(sum, hn::Zero(Float()));
-  const Vec high = hn::IfThenElse(above, y, at(s.high + v));
-  const Vec low = hn::IfThenElse(above, at(s.low + v), y);
-  put(high, s.high + v);
-  put(low, s.low + v);
-  Vec next = hn::Sub(y, hn::Div(sum, slope));  // 0 / 0 and 1 / 0 are not between the bounds
-  const auto inside = hn::And(hn::Gt(next, low), hn::Lt(next, high));
-  if (!hn::AllTrue(Float(), hn::Or(inside, hn::Not(off)))) {
-    next = hn::IfThenElse(inside, next, hop<kTwo>(lost, above, v, s));
+  bool any = false;
+  HWY_UNROLL(2) for (std::size_t n = 0; n < kVectors; ++n) {
+    const std::size_t v = n * kLanes;
+    const auto off = hn::Gt(hn::Abs(sum[n]), at(s.tolerance + v));
+    if (hn::AllFalse(Float(), off)) continue;
+    any = true;
+    const Vec y = at(s.y + v);
+    const auto above = hn::Gt(sum[n], hn::Zero(Float()));
+    const Vec high = hn::IfThenElse(above, y, at(s.high + v));
+    const Vec low = hn::IfThenElse(above, at(s.low + v), y);
+    put(high, s.high + v);
+    put(low, s.low + v);
+    Vec next = hn::Sub(y, hn::Div(sum[n], slope[n]));  // 0 / 0 and 1 / 0 are not between the bounds
+    const auto inside = hn::And(hn::Gt(next, low), hn::Lt(next, high));
+    if (!hn::AllTrue(Float(), hn::Or(inside, hn::Not(off)))) {
+      next = hn::IfThenElse(inside, next, hop<kTwo>(lost, above, v, s));
+    }
+    put(hn::IfThenElse(off, next, y), s.y + v);
   }
-  put(hn::IfThenElse(off, next, y), s.y + v);
-  return true;
+  return any;
 }
 
-// Moves a lost sample, or two, to where the next sweep would keep their equations.
+// Moves a lost sample, or two, to where sweep `next` would keep their equations.
 template <bool kTwo, int kBins>
-HWY_INLINE void solve_lost(const DualRun& run, const LostMove& lost, bool first, Dual<kBins>& m) {
-  Steps<kBins> s;
+HWY_INLINE void solve_lost(const DualRun& run, const LostMove& lost, int next, Dual<kBins>& m) {
+  const bool first = next == run.plan.first_balance;
+  Steps<kBins> s(run.plan, lost, m);
+  // The last group's vectors that are not in use hold what they held, which is harmless.
   for (std::size_t from = 0; from < m.end; from += Steps<kBins>::kPixels) {
-    const std::size_t end = std::min(Steps<kBins>::kPixels, m.end - from);
     for (std::size_t k = 0; k < lost.parts; ++k) {
-      const int i = lost.part[k].row;
-      for (std::size_t v = 0; v < end; v += kLanes) put(unbounded(run.plan, i, from + v, m), s.rest[k] + v);
+      const PartRows& part = s.part[k];
+      for (std::size_t v = 0; v < Steps<kBins>::kPixels; v += kLanes) {
+        put(next == 0 ? at(part.c + from + v) : part.unbounded(from + v), s.rest[k] + v);
+      }
     }
     for (int round = 0; round < (kTwo ? kMostRounds : 1); ++round) {
       bool off = false;
-      for (std::size_t v = 0; v < end; v += kLanes) {
+      for (std::size_t v = 0; v < Steps<kBins>::kPixels; v += kLanes) {
         put(all(kFar), s.high + v);
         off |= kTwo ? begin_two(run, lost, from, v, m, s) : begin_one(run, lost, first, from, v, m, s);
       }
       if (!off) break;
-      for (int k = 0; off && k < kMostSteps; ++k) {
-        off = false;
-        for (std::size_t v = 0; v < end; v += kLanes) off |= step<kTwo>(lost, from, v, m, s);
+      for (int k = 0; k < kMostSteps && step<kTwo>(lost, from, s); ++k) {
       }
-      for (std::size_t v = 0; v < end; v += kLanes) {
-        const Vec y = at(s.y + v);
-        for (std::size_t k = 0; k < lost.parts; ++k) {
-          const Vec move = move_of<kTwo>(lost, k, v, s);
-          float* const c = m.c[lost.part[k].row] + from + v;
-          put(hn::MulAdd(move, y, at(c)), c);
-          if (kTwo) put(hn::MulAdd(move, y, at(s.rest[k] + v)), s.rest[k] + v);
+      for (std::size_t k = 0; k < lost.parts; ++k) {
+        float* const c = s.part[k].c + from;
+        for (std::size_t v = 0; v < Steps<kBins>::kPixels; v += kLanes) {
+          const Vec moved = hn::Mul(move_of<kTwo>(lost, k, v, s), at(s.y + v));
+          put(hn::Add(moved, at(c + v)), c + v);
+          if (kTwo) put(hn::Add(moved, at(s.rest[k] + v)), s.rest[k] + v);
         }
-        put(hn::MulAdd(at(s.estimate + v), y, at(m.estimate + from + v)), m.estimate + from + v);
+      }
+      for (std::size_t v = 0; v < Steps<kBins>::kPixels; v += kLanes) {
+        put(hn::MulAdd(at(s.estimate + v), at(s.y + v), at(m.estimate + from + v)), m.estimate + from + v);
       }
     }
   }

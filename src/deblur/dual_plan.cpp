@@ -11,6 +11,9 @@ constexpr double kTolerance = 0.001;
 // What a t at its bound adds to the slopes of two samples' equations, of what it would if it were free: enough for a
 // direction where too few are.
 constexpr double kBoundSlope = 1e-4;
+// How much of what two lost samples move both move, from which on they move together: neighbours but one, and those
+// whose coefficients reach each other, share 0.37 and more, all others less than 0.24.
+constexpr double kShared = 0.3;
 
 // Q_ii: a wavelet's squared jumps are 1 + 4 + 1; the one at the begin of the window counts 1 - a.
 double curvature_of(int i, int bins, double decay) {
@@ -61,13 +64,21 @@ class GapBuilder {
     ++plan_.lost;
   }
 
-  // Each of a pair by itself; of the others every two together.
+  // Each by itself, but for those in no pair that share much: every two of them together.
   void add_moves() noexcept {
     std::size_t pairs = 0;
     for (; pairs < plan_.lost && plan_.gap[pairs].pair; ++pairs) add_move(pairs, pairs);
-    if (pairs + 1 == plan_.lost) add_move(pairs, pairs);
+    std::array<bool, kMostLost> together{};
     for (std::size_t second = pairs + 1; second < plan_.lost; ++second) {
-      for (std::size_t first = pairs; first < second; ++first) add_move(first, second);
+      for (std::size_t first = pairs; first < second; ++first) {
+        if (shared(first, second) < kShared * std::sqrt(shared(first, first) * shared(second, second))) continue;
+        add_move(first, second);
+        together[first] = together[second] = true;
+      }
+    }
+    plan_.rounds = plan_.moves - pairs > 1 ? kMostRounds : 1;
+    for (std::size_t k = pairs; k < plan_.lost; ++k) {
+      if (!together[k]) add_move(k, k);
     }
   }
 
@@ -81,6 +92,15 @@ class GapBuilder {
       move += sign_of(i, bin, plan_.bins) * shifts_[k][static_cast<std::size_t>(bin)];
     }
     return std::abs(move) < 1e-9 ? 0.0 : move;
+  }
+
+  // How much of what one of two lost samples moves the other moves as well; of one with itself: all that it moves.
+  double shared(std::size_t first, std::size_t second) const noexcept {
+    double sum = 0.0;
+    for (int i = 0; i < plan_.bins; ++i) {
+      sum += plan_.row[static_cast<std::size_t>(i)].gain * std::abs(move_of(i, first) * move_of(i, second));
+    }
+    return sum;
   }
 
   // Lets lost sample k, of a pair, move with the newest, so that the pair's coefficient does not.
@@ -110,6 +130,8 @@ class GapBuilder {
       part.other = static_cast<float>(other);
       part.inverse = move == 0.0 ? 0.0F : static_cast<float>(-1.0 / move);
       part.share = static_cast<float>(pair ? gain * move : gain);
+      part.pull = static_cast<float>(gain * move);
+      part.slope = static_cast<float>(gain * move * move);
       slopes[0] += gain * move * move;
       slopes[1] += gain * move * other;
       slopes[2] += gain * other * other;
@@ -131,6 +153,28 @@ class GapBuilder {
   double lambda_scale_;
   std::array<Bins, kMostLost> shifts_;
 };
+
+// Lost samples and sweeps wait for each other, more so where several move together, or one is near the published time
+// or at the window's begin. One needs no sweep of its own if it is moved early enough and a sweep over everything
+// stands for one over the near bins: found by search, as tuning.cpp's tables.
+void balance_sweeps(DualPlan& plan, const Pattern& pattern) noexcept {
+  const auto lost = [&](int slot) { return !pattern.received[static_cast<std::size_t>(slot)]; };
+  bool near = false;
+  for (int slot = std::max(0, pattern.target - 3); slot < pattern.slots; ++slot) near |= lost(slot);
+  const bool two = plan.lost > 1;
+  const bool pairs_only = plan.gap[plan.lost - 1].pair;
+  const bool several = std::any_of(plan.move.begin(), plan.move.begin() + plan.moves,
+                                   [](const LostMove& move) { return move.first != move.second; });
+  const bool hard = near || lost(0) || (two && !pairs_only) || plan.lost > 2;
+  if (several || plan.bins <= 8 || (two && (near || plan.near_sweeps == 2))) ++plan.sweeps;
+  if (plan.bins <= 8 && hard) ++plan.sweeps;
+  if (plan.near_sweeps > (hard ? 0 : 1)) {
+    ++plan.sweeps;
+    --plan.near_sweeps;
+  }
+  const bool late = !two && !near && plan.sweeps + plan.near_sweeps == 2;
+  plan.first_balance = several || pairs_only || late ? 1 : 0;
+}
 
 // A window that begins at a later sample has neither input nor residual before it: the jump to its first bin weighs
 // what the one at the begin of the whole window does.
@@ -232,23 +276,20 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
     plan.lost = plan.moves = 0;
     return;
   }
-  const int sweeps = plan.sweeps;
   const bool pairs = stays_in_bound(grid);
   GapBuilder gap(plan, grid);
   for (const bool pair : {true, false}) {
     for (int slot = 0; slot < pattern.slots; ++slot) {
       if (pattern.received[static_cast<std::size_t>(slot)] || (pairs && slot % 2 == 1) != pair) continue;
       gap.add(slot, values[static_cast<std::size_t>(slot)], pair);
-      if (!pair) plan.sweeps = sweeps + 1;
     }
   }
-  if (sweeps > 2)
-    plan.sweeps += sweeps / 2;  // the larger lambda, the longer they and the lost samples wait for each other
-  // With look-ahead, one for each beside the published time, before that or after it.
-  for (int slot = std::max(0, pattern.target - 2); slot < pattern.slots && pattern.target + 1 < pattern.slots; ++slot) {
+  gap.add_moves();
+  balance_sweeps(plan, pattern);
+  // With look-ahead, one for each beside the published time or after it.
+  for (int slot = std::max(0, pattern.target - 1); slot < pattern.slots && pattern.target + 1 < pattern.slots; ++slot) {
     plan.sweeps += pattern.received[static_cast<std::size_t>(slot)] ? 0 : 1;
   }
-  gap.add_moves();
   begin_at(plan, pattern.first);
 }
 

@@ -19,6 +19,7 @@ namespace bolo::deblur {
 inline constexpr int kMaxDualBins = 64;
 inline constexpr int kMaxDualLevels = 6;
 inline constexpr int kMostLost = 3;
+inline constexpr int kMostRounds = 3;                          // of lost samples that wait for each other
 inline constexpr std::size_t kMostParts = 4 * kMaxDualLevels;  // of two lost samples that move together
 inline constexpr std::size_t kMostTerms = 2 * (kMaxDualLevels + 2);
 
@@ -59,8 +60,9 @@ struct SlotValue {
 //    is small, so that the wavelet's coefficient is 0 and the two bins are one. t and the y that holds it are set.
 //  - Else to where the next sweep would keep the equation, as if t_i = clip(rest_i + move_i y): a monotone, piecewise
 //    linear function of y alone, for Newton's method. The lost samples of pairs beside it move along, so that no
-//    coefficient of theirs does. Two such samples would hold each other back where they share coefficients: both move,
-//    along the line of Newton's step for the two equations, to where the one along that line holds.
+//    coefficient of theirs does. Two such samples would hold each other back where they share much of their
+//    coefficients: both move, along the line of Newton's step for the two equations, to where the one along that line
+//    holds. Those that share little move one after the other.
 struct LostSample {
   int slot = 0;
   SlotValue value;  // at first
@@ -76,6 +78,8 @@ struct LostMove {
     float move = 0.0F;     // of c_row with y of the first sample
     float other = 0.0F;    // and of the second
     float inverse = 0.0F;  // -1 / move
+    float pull = 0.0F;     // share move
+    float slope = 0.0F;    // share move^2
     float share = 0.0F;    // of t_row in the equation, for a move of 1; of a pair: in what t of its wavelet, the first
                            // part, must be
   };
@@ -93,15 +97,17 @@ struct DualPlan {
   // Sweeps after those over only the trees that hold the published bins and their ancestors: what is far away has
   // settled well enough for them by then.
   int near_sweeps = 0;
-  float lambda = 0.0F;                                // lambda_half of pixels that bring none of their own
-  float decay = 0.0F;                                 // a
-  float inverse_p = 0.0F;                             // 1 / (1 - a)
-  float mean_to_sum = 0.0F;                           // what the mean is of c_0
+  int first_balance = 1;     // the first sweep, counted from 0, before which lost samples are moved
+  float lambda = 0.0F;       // lambda_half of pixels that bring none of their own
+  float decay = 0.0F;        // a
+  float inverse_p = 0.0F;    // 1 / (1 - a)
+  float mean_to_sum = 0.0F;  // what the mean is of c_0
   std::array<float, 2 * kMaxDualLevels + 1> bound{};  // of t_i for a lambda_half of 1
   std::array<DualCoefficients, kMaxDualBins> row{};
   float inverse_count = 0.0F;  // 1 / received samples
   std::size_t lost = 0;
   std::array<LostSample, kMostLost> gap{};  // those of pairs first
+  int rounds = 1;  // of the moves of those in no pair before a sweep: more where two of them share a sample
   std::size_t moves = 0;
   std::array<LostMove, kMostLost> move{};
 };

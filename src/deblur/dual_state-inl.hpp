@@ -59,6 +59,15 @@ struct DualRun {
   HWY_ALIGN float term[kMostTerms][kLanes];   // and of the state's rows
   float lost[std::size_t{kMostLost}];         // what the estimate moves by with each lost sample
 
+  // Whether one of those that move together is beside what sweep_near() sweeps.
+  bool near(const LostMove& move) const {
+    const auto beside = [&](std::size_t k) {
+      const int slot = plan.gap[k].slot;
+      return slot >= pixels.published.before / 4 * 4 - 1 && slot <= pixels.published.after / 4 * 4 + 4;
+    };
+    return beside(move.first) || beside(move.second);
+  }
+
   DualRun(const DualPlan& the_plan, const PixelRun& run, const Estimate& the_estimate)
       : plan(the_plan), pixels(run), estimate(the_estimate) {
     for (std::size_t s = 0; s <= static_cast<std::size_t>(plan.bins); ++s) {
@@ -145,7 +154,13 @@ HWY_INLINE void stand_in(const DualRun& run, const SlotValue& value, std::size_t
     const std::size_t lanes = std::min(kLanes, count - v);
     const Vec before = load_lanes<T>(run.pixels.planes[value.before], first + v, lanes);
     const Vec after = load_lanes<T>(run.pixels.planes[value.after], first + v, lanes);
-    store_vector(hn::MulAdd(all(value.weight), hn::Sub(after, before), before), to + v);
+    Vec between = hn::MulAdd(all(value.weight), hn::Sub(after, before), before);
+    if (run.pixels.whole) {
+      HWY_ALIGN std::uint16_t rounded[kLanes];
+      store_vector(between, rounded);
+      between = load_vector_of(rounded);
+    }
+    store_vector(between, to + v);
   }
 }
 

@@ -1,10 +1,88 @@
 #include "src/deblur/exact_plan.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace bolo::deblur {
 namespace {
+
+constexpr int kFirstSweeps = 8;
+constexpr int kSweepsBeforePath = 64;
+constexpr int kMaxSweeps = 1 << 16;
+constexpr double kStartRidge = 1e-9;  // relative: keeps the start defined where frames are lost
+constexpr double kRounding = 1e-10;   // relative to the largest |h|: what double precision leaves of the conditions
+
+constexpr Eigen::Index kPathSteps = 20;  // times the number of columns: far more than paths of real data have
+
+double soft(double x, double limit) { return x - std::clamp(x, -limit, limit); }
+
+// End of a straight piece of the path: a coefficient joins or leaves, or lambda is reached (neither).
+struct PathEvent {
+  double length = 0.0;
+  Eigen::Index joins = -1;
+  Eigen::Index leaves = -1;
+};
+
+// The coefficients that are not zero on a piece of the path, with their signs.
+class ActiveSet {
+ public:
+  explicit ActiveSet(Eigen::Index columns) : signs_(Coefficients::Zero(columns)) {}
+
+  void enter(Eigen::Index column, const Coefficients& gradient) {
+    signs_(column) = std::copysign(1.0, gradient(column));
+    order_[static_cast<std::size_t>(count_++)] = column;
+  }
+
+  void leave(Eigen::Index column, Coefficients& d) {
+    signs_(column) = 0.0;
+    d(column) = 0.0;
+    const auto end = order_.begin() + count_;
+    count_ = std::remove(order_.begin(), end, column) - order_.begin();
+  }
+
+  // Change of the coefficients for each unit that lambda falls: Q_AA w = sign. False when the columns are dependent.
+  bool direction(const Gram& gram, Coefficients& result) const {
+    Gram part(count_, count_);
+    Coefficients values(count_);
+    for (Eigen::Index i = 0; i < count_; ++i) {
+      values(i) = signs_(at(i));
+      for (Eigen::Index k = 0; k < count_; ++k) part(i, k) = gram(at(i), at(k));
+    }
+    Eigen::LLT<Eigen::Ref<Gram>> factors(part);
+    if (factors.info() != Eigen::Success) return false;
+    factors.solveInPlace(values);
+    result = Coefficients::Zero(signs_.size());
+    for (Eigen::Index i = 0; i < count_; ++i) result(at(i)) = values(i);
+    return true;
+  }
+
+  PathEvent next_event(const Coefficients& gradient, const Coefficients& rate, const Coefficients& d,
+                       const Coefficients& direction, double level, double lambda, Eigen::Index dropped) const {
+    PathEvent event{level - lambda, -1, -1};
+    for (Eigen::Index i = 0; i < d.size(); ++i) {
+      if (signs_(i) != 0.0) {
+        const double length = -d(i) / direction(i);
+        if (d(i) * direction(i) < 0.0 && length < event.length) event = {length, -1, i};
+        continue;
+      }
+      if (i == dropped) continue;
+      for (const double sign : {1.0, -1.0}) {
+        const double closing = 1.0 - sign * rate(i);  // how fast |gradient| and lambda approach each other
+        const double length = std::max(0.0, level - sign * gradient(i)) / closing;
+        if (closing > kRounding && length < event.length) event = {length, i, -1};
+      }
+    }
+    return event;
+  }
+
+ private:
+  Eigen::Index at(Eigen::Index i) const { return order_[static_cast<std::size_t>(i)]; }
+
+  Coefficients signs_;
+  std::array<Eigen::Index, kMaxColumns> order_{};
+  Eigen::Index count_ = 0;
+};
 
 // A basis function of the input: `value` on bins [begin, middle), -value on [middle, end); bins of the frame level.
 struct Wavelet {
@@ -67,6 +145,93 @@ void add_input(const ExactPlan& plan, int bin, double weight, Coefficients& publ
 }
 
 }  // namespace
+
+void Lasso::set_gram(const Gram& gram) noexcept {
+  gram_ = gram;
+  start_ = Gram::Identity(gram.rows(), gram.cols());
+  Gram regular = gram;
+  regular.diagonal().array() += kStartRidge * (gram.diagonal().maxCoeff() + 1e-300);
+  Eigen::LLT<Eigen::Ref<Gram>> factors(regular);
+  factors.solveInPlace(start_);
+}
+
+bool Lasso::solve(const Coefficients& h, double lambda, Coefficients& d) const noexcept {
+  d.noalias() = start_.lazyProduct(h);
+  int sweeps = 0;
+  for (int until = kFirstSweeps; until <= kMaxSweeps; until *= 2) {
+    Coefficients gradient = h;
+    gradient.noalias() -= gram_.lazyProduct(d);
+    for (; sweeps < until; ++sweeps) sweep(lambda, d, gradient);
+    if (polish(h, lambda, d)) return true;
+    if (until != kSweepsBeforePath) continue;
+    follow_path(h, lambda, d);
+    if (polish(h, lambda, d)) return true;
+  }
+  return false;
+}
+
+void Lasso::sweep(double lambda, Coefficients& d, Coefficients& gradient) const noexcept {
+  for (Eigen::Index i = 0; i < d.size(); ++i) {
+    const double q = gram_(i, i);
+    const double next = q > 0.0 ? soft(gradient(i) + q * d(i), lambda) / q : 0.0;
+    if (next == d(i)) continue;
+    gradient.noalias() -= (next - d(i)) * gram_.col(i);
+    d(i) = next;
+  }
+}
+
+// Least-angle regression with the lasso's rule (Efron et al. 2004): the optimum is piecewise linear in lambda.
+void Lasso::follow_path(const Coefficients& h, double lambda, Coefficients& d) const noexcept {
+  ActiveSet active(d.size());
+  d.setZero();
+  Coefficients gradient = h;
+  Eigen::Index dropped = -1;
+  Eigen::Index largest = 0;
+  double level = gradient.cwiseAbs().maxCoeff(&largest);
+  active.enter(largest, gradient);
+  for (Eigen::Index step = 0; step < kPathSteps * d.size() && level > lambda; ++step) {
+    Coefficients direction;
+    if (!active.direction(gram_, direction)) return;
+    Coefficients rate(d.size());
+    rate.noalias() = gram_.lazyProduct(direction);
+    const PathEvent event = active.next_event(gradient, rate, d, direction, level, lambda, dropped);
+    d += event.length * direction;
+    gradient -= event.length * rate;
+    level -= event.length;
+    dropped = event.leaves;
+    if (event.leaves >= 0) active.leave(event.leaves, d);
+    if (event.joins >= 0) active.enter(event.joins, gradient);
+  }
+}
+
+bool Lasso::polish(const Coefficients& h, double lambda, Coefficients& d) const noexcept {
+  std::array<Eigen::Index, kMaxColumns> support{};
+  Eigen::Index count = 0;
+  for (Eigen::Index i = 0; i < d.size(); ++i) {
+    if (d(i) != 0.0) support[static_cast<std::size_t>(count++)] = i;
+  }
+  const auto at = [&](Eigen::Index i) { return support[static_cast<std::size_t>(i)]; };
+  Gram part(count, count);
+  Coefficients values(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    values(i) = h(at(i)) - std::copysign(lambda, d(at(i)));
+    for (Eigen::Index k = 0; k < count; ++k) part(i, k) = gram_(at(i), at(k));
+  }
+  Eigen::LLT<Eigen::Ref<Gram>> factors(part);
+  if (count > 0 && factors.info() != Eigen::Success) return false;
+  if (count > 0) factors.solveInPlace(values);
+  Coefficients polished = Coefficients::Zero(d.size());
+  for (Eigen::Index i = 0; i < count; ++i) {
+    if (values(i) * d(at(i)) < 0.0 && lambda > 0.0) return false;
+    polished(at(i)) = values(i);
+  }
+  Coefficients gradient = h;
+  gradient.noalias() -= gram_.lazyProduct(polished);
+  const double limit = lambda + kRounding * (h.cwiseAbs().maxCoeff() + lambda);
+  if (!(gradient.cwiseAbs().maxCoeff() <= limit)) return false;
+  d = polished;
+  return true;
+}
 
 void prepare(ExactPlan& plan, const Settings& settings, double lambda_half, const Pattern& pattern) noexcept {
   plan.lambda = static_cast<double>(static_cast<float>(lambda_half));

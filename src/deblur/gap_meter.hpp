@@ -16,8 +16,8 @@
 #include <span>
 #include <vector>
 
-#include "src/core/plane.hpp"
-#include "src/deblur/stream_task.hpp"
+#include "src/core/frame.hpp"
+#include "src/deblur/settings.hpp"
 #include "src/motion/global_motion.hpp"
 #include "src/motion/innovation.hpp"
 #include "src/motion/kernels.hpp"

@@ -20,7 +20,7 @@ struct InversePlan {
   std::array<Tap, 4> tap{};
 };
 
-// The published value is linear between centres of frame intervals (row_time.hpp), each at the input of the gap that
+// The published value is linear between centres of frame intervals (grid.hpp), each at the input of the gap that
 // it lies in; intervals before the first sample or after the last take the nearest gap's. `delay`: of the row, in frame
 // periods. Thread: any.
 InversePlan make_inverse_plan(const Grid& grid, const Pattern& pattern, double delay = 0.0) noexcept;

@@ -5,9 +5,8 @@
 #include <cstdint>
 #include <string_view>
 
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/deblur/admm_plan.hpp"
-#include "src/deblur/dense_plan.hpp"
 #include "src/deblur/dual_plan.hpp"
 #include "src/deblur/inverse_plan.hpp"
 #include "src/deblur/isa.hpp"
@@ -19,6 +18,7 @@ namespace bolo::deblur {
 struct PixelRun {
   const void* const* planes = nullptr;
   PixelType input = PixelType::kUint16;
+  bool whole = false;  // float input that was uint16: what stands in for it is rounded, for the same bits
   PixelType output = PixelType::kUint16;
   float scale = 1.0F;  // of float output: scale * value + offset
   float offset = 0.0F;
@@ -28,7 +28,7 @@ struct PixelRun {
   Published published;  // what of the estimated input is written
   const float* lambda =
       nullptr;         // of each pixel, indexed like the planes: lambda_half in the values' unit; null: the plan's
-  double delay = 0.0;  // how much later than the frame's time the row is sampled, in periods (row_time.hpp)
+  double delay = 0.0;  // how much later than the frame's time the row is sampled, in periods (grid.hpp)
 };
 
 // One instruction set's kernels. NaN in a float plane makes that pixel's estimate NaN (0 as uint16) for as long as it

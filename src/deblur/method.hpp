@@ -6,7 +6,7 @@
 
 #include "src/deblur/grid.hpp"
 #include "src/deblur/kernels.hpp"
-#include "src/deblur/stream_task.hpp"
+#include "src/deblur/settings.hpp"
 
 namespace bolo::deblur {
 

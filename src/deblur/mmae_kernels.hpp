@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/deblur/motion_models.hpp"
 
 namespace bolo::deblur {

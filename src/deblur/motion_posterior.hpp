@@ -7,7 +7,7 @@
 #include "src/deblur/mmae_kernels.hpp"
 #include "src/deblur/motion_models.hpp"
 #include "src/deblur/noise_meter.hpp"
-#include "src/deblur/stream_task.hpp"
+#include "src/deblur/settings.hpp"
 
 namespace bolo::deblur {
 

@@ -96,7 +96,7 @@ void MotionSolver::load(const void* plane, motion::PaddedPlane& to) const noexce
       load_row(static_cast<const float*>(plane) + row, g.width, to.at(0, y));
     }
   }
-  to.extend();
+  to.extend(1.0F);  // taps at the border see its gradient
 }
 
 // The next period's frame; null: lost.

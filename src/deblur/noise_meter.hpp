@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "src/deblur/grid.hpp"
-#include "src/deblur/stream_task.hpp"
+#include "src/deblur/settings.hpp"
 
 namespace bolo::deblur {
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <utility>
 
-#include "src/deblur/row_time.hpp"
+#include "src/deblur/grid.hpp"
 
 namespace bolo::deblur {
 namespace {
@@ -100,6 +100,7 @@ void PlaneSolver::solve_points(const WindowView& window, std::span<const std::ui
     samples.take(window, task_.input.type, some);
     PixelRun run = run_into(static_cast<std::byte*>(out) + done * bytes_of(task_.output), row);
     run.input = PixelType::kFloat32;
+    run.whole = task_.input.type == PixelType::kUint16;
     run.planes = samples.planes();
     run.end = some.size();
     method_->run(run);

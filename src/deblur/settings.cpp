@@ -44,6 +44,9 @@ class Complaints {
 
 bool between(double value, double low, double high) { return value >= low && value <= high; }  // false for NaN
 
+constexpr double kKelvinPerCount = 0.01;
+constexpr double kLargestAutomatic = 0.5;  // K
+
 }  // namespace
 
 std::string_view name(Method method) {
@@ -104,6 +107,23 @@ std::string little_to_undo(const Settings& settings) {
   text << "frames come every " << settings.period_s * 1e3 << " ms, " << settings.period_s / settings.tau_s
        << " times tau: only " << 100.0 * left << " % of a frame is left in the next, there is next to nothing to undo";
   return text.str();
+}
+
+double StreamTask::kelvin_per_value() const {
+  return input.scale.unit == Unit::kKelvin ? std::abs(input.scale.scale) : kKelvinPerCount;
+}
+
+double StreamTask::in_kelvin(double value) const {
+  return input.scale.unit == Unit::kKelvin ? value * std::abs(input.scale.scale) : value;
+}
+
+double StreamTask::lambda_half() const {
+  const double unit = input.scale.unit == Unit::kKelvin ? std::abs(input.scale.scale) : 1.0;
+  return settings.half_square_lambda() / unit;
+}
+
+double lambda_to_tune(const StreamTask& task) {
+  return task.settings.auto_lambda ? kLargestAutomatic : task.lambda_half() * task.kelvin_per_value();
 }
 
 }  // namespace bolo::deblur

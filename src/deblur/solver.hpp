@@ -8,8 +8,6 @@
 
 #include "src/core/crew.hpp"
 #include "src/core/frame.hpp"
-#include "src/core/geometry.hpp"
-#include "src/core/plane.hpp"
 #include "src/core/result.hpp"
 #include "src/core/scene_motion.hpp"
 #include "src/deblur/settings.hpp"

@@ -15,13 +15,11 @@
 #include <string>
 #include <vector>
 
-#include "src/core/geometry.hpp"
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 #include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/report.hpp"
 #include "src/model/camera_profile.hpp"
-#include "src/model/pixel_maps.hpp"
 
 namespace bolo::diagnose {
 

@@ -107,10 +107,11 @@ Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::
   profile.row_delay_s = value_of(task, "row_delay", "row_delay_s", profile.row_delay_s);
   profile.quantisation_k = value_of(task, "coarse_quantisation", "step_k", profile.quantisation_k);
   learn_undo(task, profile.undo);
+  if (options.maps) {
+    if (!progress("every pixel", 0.95)) return failed("interrupted");
+    ASSIGN_OR_RETURN(learned.maps, learn_maps(task, captures, options.threads));
+  }
   learned.maps.row_delay_s = profile.row_delay_s;
-  if (!options.maps) return learned;
-  if (!progress("every pixel", 0.95)) return failed("interrupted");
-  ASSIGN_OR_RETURN(learned.maps, learn_maps(task, captures, options.threads));
   return learned;
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <initializer_list>
 #include <map>
@@ -55,11 +56,28 @@ struct Fitted {
 using Estimates = std::map<std::string, Estimate>;
 using EffectReport = std::function<Estimates(const Fitted&)>;  // what is reported of it
 
+// What is said of an effect. `sentence` has places for parameters: {key} is the value with its unit, {key~} how far it
+// is from 1 in percent, {key%} the value in percent, {key?more|less} the first word when it is above its neutral value
+// (1 for scales, 0 else), the second below. `plain` is said when a parameter is missing, or when there is no more to
+// say.
+struct Words {
+  std::string title{};
+  std::string plain{};
+  std::string sentence{};
+};
+
+// The recordings without a bench that tell an effect, too: those that stand still, and those whose scene is followed.
+// The latter tell no noise, flicker or stripes: texture finer than a pixel, moved, and the edges of what is not quite
+// followed look alike.
+enum class WithoutBench : std::uint8_t { kNever, kStill, kMoving, kBoth };
+
 struct Effect {
   std::string name;
   std::string stage;
+  Words words{};
   std::string needs;  // the captures without which it cannot be told
   Predicate told_by;  // whether a session has them
+  WithoutBench without_bench = WithoutBench::kNever;
   // Effects on the mean: parameters and maps. Effects of the noise and of the transport have none, they are found from
   // statistics of their own.
   std::function<std::vector<Parameter>(const Session&)> parameters{};

@@ -57,6 +57,20 @@ bool touches(int owner, const Session& session, std::size_t recording) {
   return is_bars(session.recordings[recording].kind);
 }
 
+// Mean square of the levels' errors, each in a unit of its own.
+template <typename UnitOf>
+double mean_of_levels(const std::vector<Nuisance>& all, const State& state, const UnitOf& unit_of) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const Nuisance& n : all) {
+    if (!n.is_level) continue;
+    const double error = (n.parameter.get(state) - n.nominal) / unit_of(n);
+    sum += error * error;
+    count += 1.0;
+  }
+  return sum / std::max(1.0, count);
+}
+
 // Adds one group's frames to augmented normal matrices: train and test. In double: what levels and emissivity do to a
 // picture differs by less than sums of floats can tell.
 void add_group(const Session& session, const Series& residual, const std::vector<Series>& columns,
@@ -185,28 +199,13 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
 }
 
 double level_spread(const std::vector<Nuisance>& all, const State& state) {
-  double sum = 0.0;
-  double count = 0.0;
-  for (const Nuisance& n : all) {
-    if (!n.is_level) continue;
-    const double error = (n.parameter.get(state) - n.nominal) / n.prior;
-    sum += error * error;
-    count += 1.0;
-  }
-  return std::sqrt(std::min(1.0, sum / std::max(1.0, count)));
+  return std::sqrt(std::min(1.0, mean_of_levels(all, state, [](const Nuisance& n) { return n.prior; })));
 }
 
 double level_width(const Nuisance& level, double spread) { return std::hypot(spread * level.prior, kLevelResolution); }
 
 double level_error(const std::vector<Nuisance>& all, const State& state) {
-  double sum = 0.0;
-  double count = 0.0;
-  for (const Nuisance& n : all) {
-    if (!n.is_level) continue;
-    sum += std::pow(n.parameter.get(state) - n.nominal, 2);
-    count += 1.0;
-  }
-  return std::sqrt(sum / std::max(1.0, count));
+  return std::sqrt(mean_of_levels(all, state, [](const Nuisance&) { return 1.0; }));
 }
 
 double level_evidence(const std::vector<Nuisance>& all, const State& state) {

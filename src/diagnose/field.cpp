@@ -29,27 +29,26 @@ constexpr double kLeastGain = 0.0015;
 constexpr double kMostLikeness = 0.2;  // of gains of neighbours
 constexpr double kClearTime = 3.5;     // standard errors of a time, which have what the models are off by in them
 
-constexpr std::array kStillTells{"coarse_quantisation", "dead_pixels", "flicker",     "frame_loss",
-                                 "heavy_tail",          "iir",         "noise_level", "nuc_freeze",
-                                 "offset_jump",         "one_over_f",  "saturation",  "stripes"};
-// No noise, flicker or stripes: texture finer than a pixel, moved, and the edges of what is not quite followed look
-// alike.
-constexpr std::array kMotionTells{"coarse_quantisation", "dead_pixels", "fpn_gain",    "fpn_offset",
-                                  "frame_loss",          "nuc_freeze",  "offset_jump", "saturation"};
-
 bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
 
-// Steps of the whole picture, as the frames' own statistics show them.
-void take_jumps(Events& events, std::size_t index) {
-  Recording& r = events.session.recordings[index];
-  for (const Observation::Jump& seen : observe(r).jumps) {
+void note_jumps(Events& events, std::size_t index, std::span<const Observation::Jump> jumps) {
+  for (const Observation::Jump& seen : jumps) {
     Jump jump{.recording = index, .frame = seen.frame, .global_k = seen.size};
     jump.after_freeze = std::ranges::any_of(
         events.freezes, [&](const Freeze& f) { return f.recording == index && f.last + 1 == seen.frame; });
     jump.removed = true;
-    r.values.bottomRows(r.values.rows() - static_cast<Index>(seen.frame)).array() -= static_cast<float>(seen.size);
     events.jumps.push_back(jump);
   }
+}
+
+// Steps of the whole picture, as the frames' own statistics show them.
+void take_jumps(Events& events, std::size_t index) {
+  Recording& r = events.session.recordings[index];
+  const std::vector<Observation::Jump> jumps = observe(r).jumps;
+  for (const Observation::Jump& seen : jumps) {
+    r.values.bottomRows(r.values.rows() - static_cast<Index>(seen.frame)).array() -= static_cast<float>(seen.size);
+  }
+  note_jumps(events, index, jumps);
 }
 
 // A straight line in time, of all pixels alike: a camera that warms, or a scene.
@@ -64,17 +63,6 @@ void take_drift(Recording& r) {
   const double slope = line.slope();
   for (Index k = 0; k < r.values.rows(); ++k)
     r.values.row(k).array() -= static_cast<float>(slope * static_cast<double>(k));
-}
-
-// Of each pixel: its variance over that between two frames.
-std::vector<double> wander(const Session& session, const Recording& r) {
-  return mapped(session.grid.all(), [&](int p) {
-    const ArrayXd x = r.values(r.used_frames(), p).cast<double>().array();
-    const Index n = x.size();
-    if (n < 3) return 1.0;
-    const double variance = (x - x.mean()).square().mean();
-    return variance / std::max(1e-12, (x.tail(n - 1) - x.head(n - 1)).square().mean() / 2.0);
-  });
 }
 
 // The quarter that wanders least.
@@ -96,14 +84,14 @@ bool stands_still(const Session& session, const Recording& r) {
   constexpr double kAlike = 0.35;
   const std::vector<Index> used = r.used_frames();
   if (used.size() < kMinFrames) return false;
-  const std::vector<double> ratio = wander(session, r);
+  const auto course_of = [&](Index p) -> ArrayXd { return r.values(used, p).cast<double>().array(); };
+  const std::vector<double> ratio = mapped(session.grid.all(), [&](int p) { return wander(course_of(p)); });
   const double quarter = quiet_of(ratio).ratio;
   if (quarter >= kStillRatio) return false;
   std::vector<double> noise;
   for (Index p = 0; p < r.values.cols(); ++p) {
     if (ratio[static_cast<std::size_t>(p)] > quarter) continue;
-    const ArrayXd x = r.values(used, p).cast<double>().array();
-    noise.push_back(std::sqrt((x.tail(x.size() - 1) - x.head(x.size() - 1)).square().mean()));
+    noise.push_back(std::sqrt(step_variance(course_of(p))));
   }
   const double usual = median(noise);
   return kSigmaOfMad * median(mapped(noise, [usual](double v) { return std::abs(v - usual); })) < kAlike * usual;
@@ -142,8 +130,8 @@ bool something_moves(const Session& session, const Recording& r) {
   std::vector<double> rough;
   for (Index t = 0; t < tiles.cols(); ++t) {
     const ArrayXd x = tiles.col(t).cast<double>().array();
-    rough.push_back((x.tail(x.size() - 1) - x.head(x.size() - 1)).square().mean() / 2.0);
-    ratio.push_back((x - x.mean()).square().mean() / std::max(1e-12, rough.back()));
+    rough.push_back(step_variance(x));
+    ratio.push_back(wander(x));
   }
   return std::ranges::any_of(std::array{&ratio, &rough}, [](const std::vector<double>* all) {
     const Quiet quiet = quiet_of(*all);
@@ -160,83 +148,78 @@ void find_noisy_pixels(Events& events, const Recording& r) {
   leave_out_dead(events.session, events.bad);
 }
 
-class Namer {
- public:
-  Namer(const Options& options, const Findings& known, Field& field)
-      : options_(options), known_(known), field_(field) {}
-
-  // `alike`: another effect that would show the same.
-  void name(const std::string& name, double z, std::map<std::string, Estimate> parameters, const std::string& where,
-            const char* alike = nullptr) {
-    for (const Findings* of : std::array<const Findings*, 2>{&known_, &field_.findings}) {
-      if (std::ranges::find(of->effects, name, &FoundEffect::name) != of->effects.end()) return;
-    }
-    FoundEffect e = named(name, confidence_from(z), std::move(parameters));
-    e.gap_before = gap_before;
-    e.gap_after = gap_after;
-    if (alike != nullptr) e.alternatives = {{alike, gap_after}};
-    add(field_.findings, options_, std::move(e), std::max(z, 2.0 * kRemainderLimit), where);
-  }
-  const Field& field() const { return field_; }
-  bool allows(const char* effect) const { return allowed(options_, effect); }
-  double gap_before = 1.0;
-  double gap_after = 1.0;
-  double closed = 0.0;  // of the gap's square, by what the scene's motion tells of time
-
- private:
-  const Options& options_;
-  const Findings& known_;  // of the noise
-  Field& field_;
+// How well a recording is predicted without, and with, what is named.
+struct Gaps {
+  double before = 1.0;
+  double after = 1.0;
 };
+
+// Each effect once. `alike`: another effect that would show the same.
+void add_named(Findings& out, const std::string& effect, double z, std::map<std::string, Estimate> parameters,
+               Gaps gaps, const char* where, const char* alike = nullptr) {
+  if (std::ranges::any_of(out.effects, [&](const Finding& known) { return known.effect.name == effect; })) return;
+  FoundEffect e = named(effect, confidence_from(z), std::move(parameters));
+  e.gap_before = gaps.before;
+  e.gap_after = gaps.after;
+  if (alike != nullptr) e.alternatives = {{alike, gaps.after}};
+  out.effects.push_back({std::move(e), std::max(z, 2.0 * kRemainderLimit), where});
+}
 
 Estimate estimate(const Measured& m) { return interval(m.value, m.error); }
 
-void name_parts(const FieldParts& parts, Namer& out) {
+void name_parts(const FieldParts& parts, Findings& out) {
+  const Gaps gaps{parts.gap_before, parts.gap_after};
   const auto clear = [&](const Measured& m, double least) { return m.z > kClear && m.value > least * parts.noise; };
   const bool gain =
       parts.gain.z > kClear && parts.gain.value > kLeastGain && std::abs(parts.gain_likeness) < kMostLikeness;
   const Offsets& offset = gain ? parts.beside_gain : parts.offset;
   if (gain) {
-    out.name("fpn_gain", parts.gain.z, {{"pixel", estimate(parts.gain)}},
-             "pixels show more or less of the scene's changes than others");
+    add_named(out, "fpn_gain", parts.gain.z, {{"pixel", estimate(parts.gain)}}, gaps,
+              "pixels show more or less of the scene's changes than others");
   }
-  if (clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn)) {
-    out.name("fpn_offset", std::max(offset.pixel.z, offset.column.z),
-             {{"pixel_k", estimate(offset.pixel)}, {"column_k", estimate(offset.column)}},
-             "a pattern stays with the pixels while the scene moves on",
-             !gain && parts.gain.value > kLeastGain ? "fpn_gain" : nullptr);
+  if (!parts.after_freeze && (clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn))) {
+    add_named(out, "fpn_offset", std::max(offset.pixel.z, offset.column.z),
+              {{"pixel_k", estimate(offset.pixel)}, {"column_k", estimate(offset.column)}}, gaps,
+              "a pattern stays with the pixels while the scene moves on",
+              !gain && parts.gain.value > kLeastGain ? "fpn_gain" : nullptr);
   }
 }
 
-// Time as the moving scene tells it, against the profile's.
-void name_times(const FromMotion& motion, const model::CameraProfile& profile, Namer& out) {
-  const auto name = [&out](const char* effect, const char* key, const FromMotion::Figure& found, double nominal,
-                           double unit, const char* alike) {
+// Time as the moving scene tells it, against the profile's. Returns what it closes of the gap's square.
+double name_times(const FromMotion& motion, const Options& options, Findings& out) {
+  double closed = 0.0;
+  const auto judge = [&](const char* effect, const char* key, const FromMotion::Figure& found, double nominal,
+                         double unit, const char* alike) {
     const double z = std::abs(found.value.value - nominal) / found.value.error();
     if (z < kClearTime) return;
-    out.gap_before = found.gap_before;
-    out.gap_after = found.gap_after;
-    if (out.allows(effect)) out.closed += found.gap_before * found.gap_before - found.gap_after * found.gap_after;
-    out.name(effect, z, {{key, interval(found.value.value / unit, found.value.error() / unit)}},
-             "the moving scene tells another time than the profile", alike);
+    if (allowed(options, effect)) closed += found.gap_before * found.gap_before - found.gap_after * found.gap_after;
+    add_named(out, effect, z, {{key, interval(found.value.value / unit, found.value.error() / unit)}},
+              {found.gap_before, found.gap_after}, "the moving scene tells another time than the profile", alike);
   };
-  if (motion.tau_s) name("tau_global", "scale", *motion.tau_s, profile.tau_s, profile.tau_s, "iir");
-  if (motion.row_delay_s) name("row_delay", "row_delay_s", *motion.row_delay_s, profile.row_delay_s, 1.0, nullptr);
+  const double tau_s = options.profile.tau_s;
+  if (motion.tau_s) judge("tau_global", "scale", *motion.tau_s, tau_s, tau_s, "iir");
+  if (motion.row_delay_s) {
+    judge("row_delay", "row_delay_s", *motion.row_delay_s, options.profile.row_delay_s, 1.0, nullptr);
+  }
+  return closed;
 }
 
 // What the values themselves say, of any field recording.
-void name_values(const Events& events, Namer& out) {
+void name_values(const Events& events, Field& field) {
+  const Gaps gaps{field.gap_before, field.gap_after};
   std::size_t missed = std::accumulate(events.repeated.begin(), events.repeated.end(), std::size_t{0});
-  for (const auto& [file, frames] : out.field().lost) missed += frames.size();
+  for (const auto& [file, frames] : field.lost) missed += frames.size();
   if (missed > 0) {
     const double frames = sum_of(events.session.recordings, [](const Recording& r) { return r.frames(); });
     const double rate = 1e3 * static_cast<double>(missed) / frames;
-    out.name("frame_loss", 10.0, {{"per_thousand", interval(rate, rate / std::sqrt(static_cast<double>(missed)))}},
-             "frames repeat the one before, or leap beyond the next one");
+    add_named(field.findings, "frame_loss", 10.0,
+              {{"per_thousand", interval(rate, rate / std::sqrt(static_cast<double>(missed)))}}, gaps,
+              "frames repeat the one before, or leap beyond the next one");
   }
   if (std::isfinite(events.ceiling_k)) {
-    out.name("saturation", 20.0, {{"level_k", interval(events.ceiling_k, events.session.recordings.front().step)}},
-             "values pile up at a ceiling");
+    add_named(field.findings, "saturation", 20.0,
+              {{"level_k", interval(events.ceiling_k, events.session.recordings.front().step)}}, gaps,
+              "values pile up at a ceiling");
   }
 }
 
@@ -259,36 +242,38 @@ double first_noise(const Recording& r, const Options& options) {
   return r.kelvin ? std::min(options.profile.noise_k, std::max(seen, 1e-4)) : std::max(seen, 0.5);
 }
 
+std::vector<Observation::Jump> jumps_of(const Events& events, const Recording& r) {
+  std::vector<Observation::Jump> jumps;
+  for (const Jump& jump : events.jumps) {
+    if (&events.session.recordings[jump.recording] == &r) jumps.push_back({jump.frame, jump.global_k});
+  }
+  return jumps;
+}
+
 // Of one recording whose scene moves; nothing when it cannot be followed.
 Result<std::optional<FieldParts>> judge_moving(const std::filesystem::path& file, const Recording& r, Events& events,
                                                const Options& options) {
-  ASSIGN_OR_RETURN(auto frames, read_field(file, r));
-  for (const Jump& jump : events.jumps) {
-    if (&events.session.recordings[jump.recording] != &r) continue;
-    for (Index i = 0; i < frames.values.rows(); ++i) {
-      if (frames.frame[static_cast<std::size_t>(i)] < static_cast<Index>(jump.frame)) continue;
-      frames.values.row(i).array() -= static_cast<float>(jump.global_k);
-    }
-  }
-  const FieldMotion motion = follow_field(frames, first_noise(r, options));
+  ASSIGN_OR_RETURN(auto motion, follow_field(file, r, jumps_of(events, r), first_noise(r, options)));
   if (motion.sights.size() < kFewestSights) return std::optional<FieldParts>();
   const std::vector<char> known = dead_of(events);
-  FieldParts parts = take_field_apart(frames, motion.sights, known);
+  FieldParts parts = take_field_apart(motion.frames, motion.sights, known);
   if (!parts.followed || parts.moving > kMostOwn) return std::optional<FieldParts>();
   for (std::size_t p = 0; p < parts.dead.size(); ++p) {
     if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
   }
-  for (const Index k : motion.lost)
-    parts.lost.push_back(static_cast<std::size_t>(frames.frame[static_cast<std::size_t>(k)]));
+  parts.after_freeze = motion.after_freeze;
+  parts.lost = std::move(motion.lost);
+  parts.jumps = std::move(motion.jumps);
   return std::optional(std::move(parts));
 }
 
 }  // namespace
 
-bool Field::tells(std::string_view effect) const {
-  return (still && std::ranges::count(kStillTells, effect) != 0) ||
-         (moving && std::ranges::count(kMotionTells, effect) != 0) || (tells_tau && effect == "tau_global") ||
-         (tells_delay && effect == "row_delay");
+bool Field::tells(const Effect& effect) const {
+  using enum WithoutBench;
+  const WithoutBench by = effect.without_bench;
+  return (still && (by == kStill || by == kBoth)) || (moving && (by == kMoving || by == kBoth)) ||
+         (tells_tau && effect.name == "tau_global") || (tells_delay && effect.name == "row_delay");
 }
 
 void prepare_field(Events& events) {
@@ -314,10 +299,10 @@ void prepare_field(Events& events) {
 Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Events& events, const Noise& noise,
                           const Options& options, const Progress& progress) {
   Field out;
-  Namer namer(options, noise.findings, out);
   double cells = 0.0;
   double before = 0.0;
   double after = 0.0;
+  double closed = 0.0;  // of the gap's square, by what the scene's motion tells of time
   const bool bench = has_bench(events.session);
   for (const Recording& r : events.session.recordings) {
     if (has_model(r)) continue;
@@ -341,25 +326,28 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
     cells += count;
     before += count * parts->gap_before * parts->gap_before;
     after += count * parts->gap_after * parts->gap_after;
-    out.gaps[r.name] = namer.gap_before = parts->gap_before;
-    namer.gap_after = parts->gap_after;
-    name_parts(*parts, namer);
+    out.gaps[r.name] = parts->gap_before;
+    name_parts(*parts, out.findings);
     if (!parts->lost.empty()) out.lost[r.name] = parts->lost;
+    note_jumps(events, static_cast<std::size_t>(&r - events.session.recordings.data()), parts->jumps);
+    out.jumps[r.name] = parts->jumps;
     if (out.scene.empty()) {
       out.scene = parts->scene;
-      for (Map& map : out.scene) map.unit = r.kelvin ? "K" : "counts";
+      for (auto& row : out.scene) {
+        for (plot::Plot& one : row) one.plane.unit = r.kelvin ? "K" : "counts";
+      }
     }
     if (!motion) continue;
     out.tells_tau = out.tells_tau || motion->tau_s.has_value();
     out.tells_delay = out.tells_delay || motion->row_delay_s.has_value();
-    name_times(*motion, options.profile, namer);
+    closed += name_times(*motion, options, out.findings);
   }
   out.judged = out.moving || out.still;
   if (cells > 0.0) {
-    out.gap_before = namer.gap_before = std::sqrt(before / cells + std::max(0.0, namer.closed));
-    out.gap_after = namer.gap_after = std::sqrt(after / cells);
+    out.gap_before = std::sqrt(before / cells + std::max(0.0, closed));
+    out.gap_after = std::sqrt(after / cells);
   }
-  if (out.judged) name_values(events, namer);
+  if (out.judged) name_values(events, out);
   return out;
 }
 

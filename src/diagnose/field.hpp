@@ -23,13 +23,14 @@ struct Field {
   double gap_before = 1.0;
   double gap_after = 1.0;
   Findings findings;
-  std::map<std::string, FromMotion> motion;              // by file name
-  std::map<std::string, double> gaps;                    // before, by file name
-  std::map<std::string, std::vector<std::size_t>> lost;  // Observation::lost_before, by file name
-  std::vector<Map> scene;                                // Report::scene
+  std::map<std::string, FromMotion> motion;                     // by file name
+  std::map<std::string, double> gaps;                           // before, by file name
+  std::map<std::string, std::vector<std::size_t>> lost;         // Observation::lost_before, by file name
+  std::map<std::string, std::vector<Observation::Jump>> jumps;  // that only motion shows, by file name
+  plot::Rows scene;                                             // Report::scene
 
-  // Whether such recordings tell an effect of this name.
-  bool tells(std::string_view effect) const;
+  // Whether such recordings tell an effect.
+  bool tells(const Effect& effect) const;
 };
 
 // Brings the events of field recordings to where noise can be measured: jumps of the whole picture are taken out and

@@ -15,7 +15,6 @@ namespace {
 using deblur::GapFigures;
 using deblur::GapMeter;
 
-constexpr std::size_t kMostFrames = 4000;
 constexpr int kBlocks = 16;             // of time, of the jackknife
 constexpr int kFewestShears = 192;      // frames
 constexpr double kOutlyingShear = 6.0;  // standard deviations of a shear

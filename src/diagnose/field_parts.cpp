@@ -9,7 +9,6 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr int kBlock = motion::kBlock;
 constexpr double kOwnVariance = 4.0;   // times the floor's variance: the block does not move as it was taken to
 constexpr int kGroups = 16;            // of time, of which every second is one half
 constexpr int kRounds = 8;             // of the search for a fixed pattern
@@ -30,10 +29,6 @@ struct Cells {
   Series square;  // mean square of the residual
 
   Index sights() const { return residual.values.rows(); }
-  int block_of(Index pixel) const {
-    const int width = residual.geometry.width;
-    return static_cast<int>(pixel / width / kBlock) * blocks.across + static_cast<int>(pixel % width / kBlock);
-  }
 };
 
 int half_of_time(Index sight, Index sights) { return static_cast<int>(sight * kGroups / sights) % 2; }
@@ -88,7 +83,7 @@ ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const s
     for (const Index i : of) {
       mover.move(sights[static_cast<std::size_t>(i)], pattern.data(), moved.data());
       for (Index p = 0; p < pixels; ++p) {
-        const float w = cells.weight(i, cells.block_of(p));
+        const float w = cells.weight(i, cells.blocks.of(p));
         if (w <= 0.0F) continue;
         const float most = static_cast<float>(kClip) / std::sqrt(w);
         sum[p] += w * std::clamp(cells.residual.values(i, p) - pattern[p] + moved[p], -most, most);
@@ -156,13 +151,10 @@ std::array<std::vector<Index>, 2> halves_of(Index sights) {
 // The median of a map over the eight pixels around one, of those that are known.
 double around(const ArrayXf& map, Index p, Geometry g) {
   std::vector<float> values;
-  const PixelPlace at = place_of(static_cast<std::size_t>(p), g.width);
-  for (int y = std::max(0, at.y - 1); y <= std::min(g.height - 1, at.y + 1); ++y) {
-    for (int x = std::max(0, at.x - 1); x <= std::min(g.width - 1, at.x + 1); ++x) {
-      const float value = map[static_cast<Index>(y) * g.width + x];
-      if ((x != at.x || y != at.y) && value > 0.0F) values.push_back(value);
-    }
-  }
+  visit_around(g, place_of(static_cast<std::size_t>(p), g.width), 1, [&](std::size_t other) {
+    const float value = map[static_cast<Index>(other)];
+    if (value > 0.0F) values.push_back(value);
+  });
   return values.size() < 3 ? 0.0 : median(std::move(values));
 }
 
@@ -179,7 +171,7 @@ std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const s
     Line line;
     size.clear();
     for (const Index i : of) {
-      if (cells.residual.valid(i, cells.block_of(p)) == 0) continue;
+      if (cells.residual.valid(i, cells.blocks.of(p)) == 0) continue;
       const double y = frames.values(sights[static_cast<std::size_t>(i)].frame, p);
       line.add(y - cells.residual.values(i, p), y);
       size.push_back(cells.residual.values(i, p));
@@ -217,13 +209,9 @@ void fill_dead(FieldFrames& frames, const std::vector<char>& dead) {
   for (std::size_t p = 0; p < dead.size(); ++p) {
     if (dead[p] == 0) continue;
     std::vector<Index> good;
-    const PixelPlace at = place_of(p, g.width);
-    for (int y = std::max(0, at.y - 1); y <= std::min(g.height - 1, at.y + 1); ++y) {
-      for (int x = std::max(0, at.x - 1); x <= std::min(g.width - 1, at.x + 1); ++x) {
-        const auto q = static_cast<std::size_t>(y * g.width + x);
-        if (dead[q] == 0) good.push_back(static_cast<Index>(q));
-      }
-    }
+    visit_around(g, place_of(p, g.width), 1, [&](std::size_t q) {
+      if (dead[q] == 0) good.push_back(static_cast<Index>(q));
+    });
     if (good.empty()) continue;
     frames.values.col(static_cast<Index>(p)).setZero();
     for (const Index q : good) {
@@ -250,7 +238,7 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
     return (frames.values.row(frame) - cells.residual.values.row(i)).transpose().array();
   };
   const auto counts = [&](Index i, Index p) {
-    return dead[static_cast<std::size_t>(p)] == 0 && cells.weight(i, cells.block_of(p)) > 0.0F ? 1.0F : 0.0F;
+    return dead[static_cast<std::size_t>(p)] == 0 && cells.weight(i, cells.blocks.of(p)) > 0.0F ? 1.0F : 0.0F;
   };
   ArrayXf looks = ArrayXf::Zero(pixels);
   for (const Index i : of) {
@@ -279,7 +267,7 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
   }
   std::vector<std::vector<Index>> block(static_cast<std::size_t>(cells.blocks.count()));
   for (Index p = 0; p < pixels; ++p) {
-    if (gain.slope[p] != 0.0F) block[static_cast<std::size_t>(cells.block_of(p))].push_back(p);
+    if (gain.slope[p] != 0.0F) block[static_cast<std::size_t>(cells.blocks.of(p))].push_back(p);
   }
   for (const std::vector<Index>& all : block) {
     if (all.empty()) continue;
@@ -319,8 +307,8 @@ std::array<ArrayXf, 2> without_gains(std::array<ArrayXf, 2> pattern, const std::
   return pattern;
 }
 
-Map picture(const char* title, const Eigen::Ref<const Eigen::RowVectorXf>& values, Geometry g) {
-  return {title, "", g.width, g.height, {values.begin(), values.end()}};
+plot::Plot picture(const char* title, const Eigen::Ref<const Eigen::RowVectorXf>& values, Geometry g) {
+  return map_plot(title, "", g, {values.begin(), values.end()});
 }
 
 // Standard deviation of the picture, rms over the frames.
@@ -340,13 +328,12 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   const Geometry g = frames.geometry;
   Series nominal;  // mean squares of the blocks, whatever their pixels do
   const auto shown = static_cast<Index>(sights.size() / 2);
-  const Index frame = sights[sights.size() / 2].frame;
+  const auto seen = frames.values.row(sights[sights.size() / 2].frame);
+  plot::Plot came = picture("A frame, as it came", seen, g);
+  plot::Plot missed;
   {
     const Residual first = predict_field(frames, sights);
-    out.scene = {picture("A frame, as it came", frames.values.row(frame), g),
-                 {},
-                 picture("What other frames miss of it", first.values.row(shown), g),
-                 {}};
+    missed = picture("What other frames miss of it", first.values.row(shown), g);
     nominal = squares_of(first, std::vector<char>(dead.size(), 0));
     const PredictionFloor floor(first, dead);
     find_deaf(cells_of(first, floor, dead), frames, sights, std::sqrt(floor.flat()), dead);
@@ -369,7 +356,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
     for (const Index i : halves[h]) {
       mover.move(sights[static_cast<std::size_t>(i)], pattern[1 - h].data(), moved.data());
       for (Index p = 0; p < moved.size(); ++p) {
-        if (raw.valid(i, cells.block_of(p)) != 0) left.values(i, p) -= pattern[1 - h][p] - moved[p];
+        if (raw.valid(i, cells.blocks.of(p)) != 0) left.values(i, p) -= pattern[1 - h][p] - moved[p];
       }
     }
   }
@@ -383,9 +370,10 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   // A pattern that is much of the picture is what stands still behind something that moves.
   out.followed = out.offset.pixel.value < kMostPattern * contrast_of(frames) && follows(frames, sights, left);
   const auto told = 1 - static_cast<std::size_t>(half_of_time(shown, cells.sights()));
-  out.scene[1] =
-      picture("The same without the pixels' offsets", frames.values.row(frame) - pattern[told].matrix().transpose(), g);
-  out.scene[3] = picture("What they miss without the offsets", left.values.row(shown), g);
+  plot::Plot without = picture("The same without the pixels' offsets", seen - pattern[told].matrix().transpose(), g);
+  came.plane.ramp = without.plane.ramp = plot::Ramp::kIron;
+  out.scene = {beside(std::move(came), std::move(without)),
+               beside(std::move(missed), picture("What they miss without the offsets", left.values.row(shown), g))};
   const PredictionFloor floor(left, dead);
   const Cells after = cells_of(left, floor, dead);
   double sum_before = 0.0;

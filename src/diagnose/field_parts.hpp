@@ -5,6 +5,7 @@
 #include <array>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "src/diagnose/stages.hpp"
@@ -14,15 +15,14 @@
 
 namespace bolo::diagnose {
 
-// Whole frames in memory: frames x pixels, K or counts. Those of the recording that are used, in order, as many as fit.
+// Frames of a recording that are followed at most: 20 s at 200 Hz.
+inline constexpr std::size_t kMostFrames = 4000;
+
+// Whole frames in memory: frames x pixels, K or counts, without jumps. In order.
 struct FieldFrames {
   Geometry geometry;
-  std::vector<Index> frame;  // of the recording
   Series values;
 };
-
-// kBadInput, kFailed: the file cannot be read again. Thread: setup.
-Result<FieldFrames> read_field(const std::filesystem::path& file, const Recording& recording);
 
 // A frame, one before and one after it, each some pixels of motion away, and where each block of 8 x 8 pixels has come
 // from in them: what was at p - d then is at p now. A pair cancels even acceleration, which blurs more and more.
@@ -36,21 +36,32 @@ struct Sight {
 };
 
 struct FieldMotion {
-  std::vector<Sight> sights;  // empty: it stands still, or is too small to be followed
-  // Rows of FieldFrames::values before which frames were lost although the counter runs on: the scene goes on by two
+  FieldFrames frames;  // that sights look at
+  // Evenly spread over the longest run of frames without a freeze; none: it stands still, or is too small to be
+  // followed.
+  std::vector<Sight> sights;
+  bool after_freeze = false;  // the run: its offsets are those that the shutter left
+  // Frames of the recording before which others were lost although the counter runs on: the scene goes on by two
   // steps or more at once where it goes evenly before and after.
-  std::vector<Index> lost;
+  std::vector<std::size_t> lost;
+  // Steps of the whole picture at frames of the recording that only show along the motion; taken out of `frames`.
+  std::vector<Observation::Jump> jumps;
 };
 
-// `noise`: standard deviation of one value. At most `most` sights, evenly spread.
-FieldMotion follow_field(const FieldFrames& frames, double noise);
+// `jumps`: of this recording, known before: they are taken out. `noise`: standard deviation of one value. kBadInput,
+// kFailed: the file cannot be read again. Thread: setup.
+Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording,
+                                 std::vector<Observation::Jump> jumps, double noise);
 
 // Blocks of frames.
 struct Blocks {
+  int width = 0;  // of a frame
   int across = 0;
   int down = 0;
-  explicit Blocks(Geometry g) : across(motion::blocks_over(g.width)), down(motion::blocks_over(g.height)) {}
+  explicit Blocks(Geometry g)
+      : width(g.width), across(motion::blocks_over(g.width)), down(motion::blocks_over(g.height)) {}
   int count() const { return across * down; }
+  Index of(Index pixel) const { return pixel / width / motion::kBlock * across + pixel % width / motion::kBlock; }
 };
 
 struct Residual {
@@ -84,6 +95,9 @@ class PredictionFloor {
 // the sights without the fixed pattern, which moves against the scene.
 bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const Residual& with);
 
+// A frame into a plane of its size.
+void load(const float* from, motion::PaddedPlane& to);
+
 // Frames as a sight predicts a third from two.
 class Aligner {
  public:
@@ -114,13 +128,15 @@ struct FieldParts {
   std::size_t cells = 0;  // blocks of frames that were predicted
   double gap_before = 1.0;
   double gap_after = 1.0;
+  bool after_freeze = false;  // FieldMotion::after_freeze
   Offsets offset;
   Measured gain;               // of single pixels, where the scene changes enough before them
   double gain_likeness = 0.0;  // correlation of these with their neighbours
   Offsets beside_gain;         // `offset` without what these gains make of the scene
   std::vector<char> dead;
   std::vector<std::size_t> lost;  // frames before which others are missing
-  std::vector<Map> scene;         // Report::scene, without units
+  std::vector<Observation::Jump> jumps;
+  plot::Rows scene;  // Report::scene, without units
 };
 
 // Of a recording whose scene moves. `dead`: of each pixel, as known before; those that do not follow the scene are

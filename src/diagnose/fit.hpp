@@ -14,6 +14,7 @@
 
 #include <Eigen/Core>
 
+#include "src/core/statistics.hpp"
 #include "src/diagnose/effect.hpp"
 
 namespace bolo::diagnose {
@@ -184,11 +185,29 @@ struct PixelSums {
   double count = 0.0;
 
   void add(const OfMaps<Series>& bases, Index frame, Index column, double residual);
-  // The sum over all recordings of a pixel's; those without a model have none.
-  static PixelSums total(const std::vector<std::vector<PixelSums>>& of_recordings, std::size_t pixel);
   // The inverse of `normal`; what is not wanted, or not known, comes out as 0.
   Eigen::Matrix4d spread(const OfMaps<bool>& wanted) const;
 };
+
+// Each pixel's sums over all recordings; `sums_of(recording)` has those of one, a value for each of `pixels`.
+std::vector<PixelSums> sum_pixels(const Session& session, std::size_t pixels, int threads,
+                                  const std::function<std::vector<PixelSums>(std::size_t)>& sums_of);
+
+// Makes the mean over the pixels that count zero, and keeps as much of their scatter as is not noise: `noise2` is its
+// mean variance.
+template <typename Map>
+void centre_and_shrink(Map& map, std::span<const int> pixels, double noise2, MapKind kind) {
+  constexpr double kSmallMean = 0.15;  // of a map's squares: a mean that a few smooth bumps may have
+  const auto count = static_cast<double>(pixels.size());
+  double mean = sum_of(pixels, [&](int p) { return map[p] / count; });
+  const double square = sum_of(pixels, [&](int p) { return map[p] * map[p] / count; });
+  // A few smooth bumps need not have zero mean: a small one is theirs. Offsets' mean belongs to the levels.
+  if (kind != MapKind::kOffset && mean * mean < kSmallMean * square) mean = 0.0;
+  using Value = typename Map::Scalar;
+  for (const int p : pixels) map[p] -= static_cast<Value>(mean);
+  const double variance = sum_of(pixels, [&](int p) { return map[p] * map[p] / count; });
+  map *= static_cast<Value>(variance > 0.0 ? std::clamp(1.0 - noise2 / variance, 0.0, 1.0) : 0.0);
+}
 
 // The state with the maps that `choices` want, estimated anew on the training cells.
 State estimate_maps(const FitData& data, State state, const std::vector<Choice>& choices);
@@ -224,10 +243,7 @@ std::vector<Gain> screen(const FitData& data, const FitResult& base, const std::
 // Forward selection of effects with nested refits, then backward.
 struct Chosen {
   Choice choice;
-  double gap_before = 0.0;
-  double gap_after = 0.0;
-  std::vector<Alternative> alternatives;
-  double confidence = 0.0;
+  FoundEffect found;      // without its parameters
   bool from_map = false;  // seen in the map of another, which had explained it away
 };
 

@@ -20,11 +20,11 @@ using Wanted = OfMaps<bool>;
 // What was found of every pixel, row-major over the frame: K, share of T - the gains' reference, log of tau's share,
 // share of the drift; and the variance that noise gives each, summed over the pixels.
 struct Found {
-  OfMaps<std::vector<double>> value;
+  OfMaps<VectorXd> value;
   OfMaps<double> noise2{};
   std::vector<std::uint8_t> dead;
   explicit Found(std::size_t pixels) : dead(pixels, 0) {
-    for (auto& map : value) map.assign(pixels, 0.0);
+    for (VectorXd& map : value) map.setZero(static_cast<Index>(pixels));
   }
 };
 
@@ -99,7 +99,7 @@ void add_solution(const PixelSums& total, const Wanted& wanted, std::size_t pixe
   const double left = std::max(0.0, total.squares - change.dot(total.right)) / std::max(1.0, total.count - 4.0);
   for (std::size_t b = 0; b < wanted.size(); ++b) {
     if (!wanted[b]) continue;
-    found.value[b][pixel] += change[static_cast<Index>(b)];
+    found.value[b][static_cast<Index>(pixel)] += change[static_cast<Index>(b)];
     found.noise2[b] += left * spread(static_cast<Index>(b), static_cast<Index>(b));
   }
 }
@@ -111,14 +111,11 @@ State without_maps(State state) {
 }
 
 // The camera with the maps that a first round has found: the rest is linear and known, only tau has more to tell.
-void apply(Found& found, const Wanted& wanted, std::size_t begin, Index pixels, CameraModel& camera) {
+void apply(Found& found, const Wanted& wanted, Index begin, Index pixels, CameraModel& camera) {
   for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
-    Eigen::VectorXf& map = map_of(camera, kMapKinds[b]);
-    Eigen::Map<VectorXd> values(found.value[b].data() + begin, pixels);
-    map = values.cast<float>();
-    if (b != kTau) continue;
-    map = map.cwiseMax(-0.3F).cwiseMin(0.3F);
-    values = map.cast<double>();
+    auto values = found.value[b].segment(begin, pixels);
+    if (b == kTau) values = values.cast<float>().cwiseMax(-0.3F).cwiseMin(0.3F).cast<double>();
+    map_of(camera, kMapKinds[b]) = values.cast<float>();
   }
   if (!wanted[kDrift]) camera.drift_share.resize(0);
   found.noise2 = {};
@@ -129,35 +126,13 @@ void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted
   const auto pixels = static_cast<std::size_t>(band.grid.pixels());
   State state = without_maps(*task.state);
   for (int round = 0; round < (wanted[kTau] ? kTauRounds : 1); ++round) {
-    if (round > 0) apply(found, wanted, begin, static_cast<Index>(pixels), state.camera);
-    std::vector<std::vector<PixelSums>> sums(band.recordings.size());
-    for_each_modelled(band, threads, [&](std::size_t i) { sums[i] = sums_of(task, band, i, state, wanted); });
+    if (round > 0) apply(found, wanted, static_cast<Index>(begin), static_cast<Index>(pixels), state.camera);
+    const std::vector<PixelSums> total =
+        sum_pixels(band, pixels, threads, [&](std::size_t i) { return sums_of(task, band, i, state, wanted); });
     for (std::size_t p = 0; p < pixels; ++p) {
-      if (found.dead[begin + p] == 0) add_solution(PixelSums::total(sums, p), wanted, begin + p, found);
+      if (found.dead[begin + p] == 0) add_solution(total[p], wanted, begin + p, found);
     }
   }
-}
-
-// As on the grid: zero mean, which belongs to the levels or to the camera's one value, and as much of the scatter as
-// is not noise.
-void centre_and_shrink(std::vector<double>& map, const std::vector<std::uint8_t>& dead, double noise2,
-                       bool keep_small) {
-  double mean = 0.0;
-  double square = 0.0;
-  const auto count = static_cast<double>(std::ranges::count(dead, 0));
-  for (std::size_t p = 0; p < map.size(); ++p) {
-    if (dead[p] != 0) continue;
-    mean += map[p];
-    square += map[p] * map[p];
-  }
-  if (count < 1.0) return;
-  mean /= count;
-  square /= count;
-  noise2 /= count;
-  if (keep_small && mean * mean < 0.15 * square) mean = 0.0;
-  const double variance = std::max(0.0, square - mean * mean);
-  const double keep = variance > 0.0 ? std::clamp(1.0 - noise2 / variance, 0.0, 1.0) : 0.0;
-  for (std::size_t p = 0; p < map.size(); ++p) map[p] = dead[p] != 0 ? 0.0 : keep * (map[p] - mean);
 }
 
 // What the camera adds at each pixel: gain's excess and offset, from the maps and from the shapes that were fitted.
@@ -171,16 +146,17 @@ Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
   const Recording& last = session.recordings.back();
   const PixelPlace at = place_of(pixel, session.width);
   const Place place = place_in(session, at.y, at.x, last.start_s + last.t.back());
-  const double own = found.value[kGain][pixel];
+  const auto value = [&](Basis map) { return found.value[map][static_cast<Index>(pixel)]; };
+  const double own = value(kGain);
   const double corner = corner_gain_at(session, c, at.y, at.x);
-  Added added{own + corner, found.value[kOffset][pixel] - own * c.gain_reference_k - corner * c.corner_reference_k +
-                                heating_at(c, place.row)};
+  Added added{own + corner,
+              value(kOffset) - own * c.gain_reference_k - corner * c.corner_reference_k + heating_at(c, place.row)};
   for (const CameraModel::Term& term : c.terms) added.offset += term.value * term.unit(place, kReference);
   // A package that has drifted stays so: what it had come to at the end of the session.
   if (task.found("drift") != nullptr && !c.drift.empty() && !c.drift_level.empty()) {
     const std::size_t index = session.recordings.size() - 1;
     const double drifted = c.drift_level[index] + drift_at(c, last, index, last.t.back());
-    added.offset += (1.0 + found.value[kDrift][pixel]) * drifted;
+    added.offset += (1.0 + value(kDrift)) * drifted;
   }
   return added;
 }
@@ -203,7 +179,8 @@ void fill(const LearnTask& task, const Found& found, bool tau, model::PixelMaps&
   if (any_gain) maps.gain = std::move(gain);
   if (any_offset) maps.offset = std::move(offset);
   for (std::size_t p = 0; tau && p < pixels; ++p) {
-    maps.tau_s.push_back(static_cast<float>(task.state->camera.response.tau_s * std::exp(found.value[kTau][p])));
+    maps.tau_s.push_back(
+        static_cast<float>(task.state->camera.response.tau_s * std::exp(found.value[kTau][static_cast<Index>(p)])));
   }
 }
 
@@ -214,8 +191,6 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
   const Session& session = task.session;
   model::PixelMaps maps;
   maps.geometry = {session.width, session.height};
-  maps.row_delay_s = task.profile.row_delay_s;
-  if (const FoundEffect* rows = task.found("row_delay")) maps.row_delay_s = rows->parameters.at("row_delay_s").value;
   ASSIGN_OR_RETURN(auto readers, open_all(session, files));
   const Wanted wanted{task.found("fpn_offset") != nullptr, task.found("fpn_gain") != nullptr,
                       task.found("tau_spread") != nullptr,
@@ -240,8 +215,12 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
     solve_band(task, band, wanted, threads, found);
     for (std::size_t b = 0; b < wanted.size(); ++b) noise2[b] += found.noise2[b];
   }
-  for (std::size_t b = 0; b < wanted.size(); ++b) {
-    if (wanted[b]) centre_and_shrink(found.value[b], found.dead, noise2[b], b != kOffset);
+  std::vector<int> alive(found.dead.size());
+  std::iota(alive.begin(), alive.end(), 0);
+  std::erase_if(alive, [&found](int p) { return found.dead[static_cast<std::size_t>(p)] != 0; });
+  for (std::size_t b = 0; b < wanted.size() && !alive.empty(); ++b) {
+    if (wanted[b])
+      centre_and_shrink(found.value[b], alive, noise2[b] / static_cast<double>(alive.size()), kMapKinds[b]);
   }
   fill(task, found, wanted[kTau], maps);
   return maps;

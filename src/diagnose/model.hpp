@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "src/diagnose/session.hpp"
-#include "src/model/undo.hpp"
+#include "src/model/camera_profile.hpp"
 
 namespace bolo::diagnose {
 

@@ -164,8 +164,7 @@ class NoiseSums {
         columns_(static_cast<Index>(session.grid.columns.size())),
         rows_(static_cast<Index>(session.grid.rows.size())),
         width_(static_cast<double>(columns_)),
-        height_(static_cast<double>(rows_)),
-        rate_hz_(1.0 / session.period_s) {}
+        height_(static_cast<double>(rows_)) {}
 
   void add(const ArrayXXd& block) {
     const Parts parts = take_apart(good_, columns_, rows_, block);
@@ -187,7 +186,7 @@ class NoiseSums {
   NoiseStatistics statistics() {
     fill_components();
     std::ranges::stable_sort(bins_, {}, &Bin::frequency);
-    judge_spectrum(bins_, rate_hz_, n_);
+    judge_spectrum(bins_, 1.0 / session_.period_s, n_);
     const double frames_each = static_cast<double>(n_.frames) / blocks_;
     // The kurtosis of a sample of n is low by about 6/n in the mean and more in the median.
     n_.excess_kurtosis = {median(kurtosis_) + 12.0 / frames_each,
@@ -223,8 +222,8 @@ class NoiseSums {
     n_.drift_k = std::max(n_.drift_k, cubic.maxCoeff() - cubic.minCoeff());
     ArrayXd halves = ArrayXd::Zero(frames);
     for (Index r = 0; r < rows_; ++r) halves += parts.row.col(r) * (r < rows_ / 2 ? 1.0 : -1.0) / height_;
-    find_lines(halves, rate_hz_, n_);
-    find_lines(parts.frame, rate_hz_, n_);
+    find_lines(halves, 1.0 / session_.period_s, n_);
+    find_lines(parts.frame, 1.0 / session_.period_s, n_);
   }
 
   // One pixel's own; adds its power in each bin.
@@ -284,7 +283,6 @@ class NoiseSums {
   Index rows_;
   double width_;
   double height_;
-  double rate_hz_;
   ArrayXd curve_;  // of the block's frames: slow change, which is no flicker
   double blocks_ = 0.0;
   MeanSquare rest_, total_, frame_, row_, column_, left_, above_;
@@ -301,13 +299,8 @@ class NoiseSums {
 
 bool is_still(const Session& session, const Recording& r) {
   // A pixel that sees motion varies more over the whole recording than between two frames.
-  const std::vector<double> ratio = mapped(session.good_pixels(), [&](int p) {
-    const ArrayXd x = r.values.col(p).cast<double>().array();
-    const double variance = (x - x.mean()).square().mean();
-    const double step = (x.tail(x.size() - 1) - x.head(x.size() - 1)).square().mean() / 2.0;
-    return variance / std::max(1e-12, step);
-  });
-  return median(ratio) < kStillRatio;
+  return median(mapped(session.good_pixels(), [&r](int p) { return wander(r.values.col(p).cast<double>().array()); })) <
+         kStillRatio;
 }
 
 NoiseStatistics measure_noise(const Session& session, double ceiling) {

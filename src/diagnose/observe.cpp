@@ -33,6 +33,19 @@ std::vector<double> of_new_frames(const FrameStatistics& s, const std::vector<do
   return all;
 }
 
+// What frames change by as a whole, K.
+struct Changes {
+  double usual = 0.0;
+  double sigma = 0.0;  // about it
+};
+
+Changes changes_of(const FrameStatistics& s) {
+  std::vector<double> changes = of_new_frames(s, s.change);
+  const double usual = median(changes);
+  for (double& change : changes) change = std::abs(change - usual);
+  return {usual, kSigmaOfMad * median(std::move(changes))};
+}
+
 // Long runs of repeated frames are freezes.
 void add_freezes(const FrameStatistics& s, Observation& out) {
   for (const auto& [first, end] : runs_of(s.repeated, 1)) {
@@ -108,12 +121,19 @@ std::vector<std::pair<std::size_t, std::size_t>> runs_of(const std::vector<char>
 
 std::vector<double> values_around(const FrameStatistics& s, const std::vector<float>& values, PixelPlace at) {
   std::vector<double> around;
-  for (int y = std::max(0, at.y - 1); y <= std::min(s.height - 1, at.y + 1); ++y) {
-    for (int x = std::max(0, at.x - 1); x <= std::min(s.width - 1, at.x + 1); ++x) {
-      if (x != at.x || y != at.y) around.push_back(values[static_cast<std::size_t>(y * s.width + x)]);
-    }
-  }
+  visit_around({s.width, s.height}, at, 1, [&](std::size_t p) { around.push_back(values[p]); });
   return around;
+}
+
+std::vector<Observation::Jump> jumps_among(const FrameStatistics& s, double noise) {
+  const auto [usual, sigma] = changes_of(s);
+  const double least = std::max(kJumpOverFlicker * sigma, kJumpOverNoise * noise);
+  std::vector<Observation::Jump> jumps;
+  for (std::size_t k = 1; k < s.frames(); ++k) {
+    const double size = s.change[k] - usual;
+    if (std::abs(size) > least && s.agreement[k] >= kAgreement) jumps.push_back({k, size});
+  }
+  return jumps;
 }
 
 Observation observe(const Recording& recording) {
@@ -128,17 +148,9 @@ Observation observe(const Recording& recording) {
     out.noise = out.flicker = out.column_pattern = out.row_pattern = kUnknown;
     return out;
   }
-  std::vector<double> changes = of_new_frames(s, s.change);
-  const double usual = median(changes);
-  for (double& change : changes) change = std::abs(change - usual);
-  const double sigma = kSigmaOfMad * median(std::move(changes));
   out.noise = median(of_new_frames(s, s.scatter)) / std::numbers::sqrt2;
-  out.flicker = sigma / std::numbers::sqrt2;
-  const double least = std::max(kJumpOverFlicker * sigma, kJumpOverNoise * out.noise);
-  for (std::size_t k = 1; k < s.frames(); ++k) {
-    const double size = s.change[k] - usual;
-    if (std::abs(size) > least && s.agreement[k] >= kAgreement) out.jumps.push_back({k, size});
-  }
+  out.flicker = changes_of(s).sigma / std::numbers::sqrt2;
+  out.jumps = jumps_among(s, out.noise);
   out.column_pattern = pattern_of(s, true);
   out.row_pattern = pattern_of(s, false);
   out.outliers = outliers_of(s);

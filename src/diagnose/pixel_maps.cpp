@@ -10,22 +10,9 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kSmallMean = 0.15;  // of a map's squares: a mean that a few smooth bumps may have
-constexpr double kKnowsAll = 0.85;   // share of what all recordings know, that one knows by itself
+constexpr double kKnowsAll = 0.85;  // share of what all recordings know, that one knows by itself
 
 float largest(MapKind kind) { return kind == MapKind::kOffset ? 1e3F : kind == MapKind::kDrift ? 2.0F : 0.3F; }
-
-// Zero mean over the pixels that count, and as much of the scatter as is not noise: `noise2` is its mean variance.
-void centre_and_shrink(Eigen::VectorXf& map, std::span<const int> pixels, double noise2, MapKind kind) {
-  const auto count = static_cast<double>(pixels.size());
-  double mean = sum_of(pixels, [&](int p) { return map[p] / count; });
-  const double square = sum_of(pixels, [&](int p) { return map[p] * map[p] / count; });
-  // A few smooth bumps need not have zero mean: a small one is theirs. Offsets' mean belongs to the levels.
-  if (kind != MapKind::kOffset && mean * mean < kSmallMean * square) mean = 0.0;
-  for (const int p : pixels) map[p] -= static_cast<float>(mean);
-  const double variance = sum_of(pixels, [&](int p) { return map[p] * map[p] / count; });
-  map *= static_cast<float>(variance > 0.0 ? std::clamp(1.0 - noise2 / variance, 0.0, 1.0) : 0.0);
-}
 
 // What the levels have taken up of the drift: their errors, since nothing else explains them better.
 void begin_drift(const Session& session, State& state) {
@@ -105,18 +92,6 @@ void PixelSums::add(const OfMaps<Series>& bases, Index frame, Index column, doub
   count += 1.0;
 }
 
-PixelSums PixelSums::total(const std::vector<std::vector<PixelSums>>& of_recordings, std::size_t pixel) {
-  PixelSums total;
-  for (const auto& of : of_recordings) {
-    if (of.empty()) continue;
-    total.normal += of[pixel].normal;
-    total.right += of[pixel].right;
-    total.squares += of[pixel].squares;
-    total.count += of[pixel].count;
-  }
-  return total;
-}
-
 Eigen::Matrix4d PixelSums::spread(const OfMaps<bool>& wanted) const {
   Eigen::Matrix4d known = normal;
   for (std::size_t b = 0; b < wanted.size(); ++b) {
@@ -124,6 +99,22 @@ Eigen::Matrix4d PixelSums::spread(const OfMaps<bool>& wanted) const {
     if (!wanted[b] || known(d, d) <= 0.0) known(d, d) = 1e30;
   }
   return known.inverse();
+}
+
+std::vector<PixelSums> sum_pixels(const Session& session, std::size_t pixels, int threads,
+                                  const std::function<std::vector<PixelSums>(std::size_t)>& sums_of) {
+  std::vector<std::vector<PixelSums>> of(session.recordings.size());
+  for_each_modelled(session, threads, [&](std::size_t i) { of[i] = sums_of(i); });
+  std::vector<PixelSums> total(pixels);
+  for (const std::vector<PixelSums>& one : of) {
+    for (std::size_t p = 0; p < one.size(); ++p) {
+      total[p].normal += one[p].normal;
+      total[p].right += one[p].right;
+      total[p].squares += one[p].squares;
+      total[p].count += one[p].count;
+    }
+  }
+  return total;
 }
 
 State estimate_maps(const FitData& data, State state, const std::vector<Choice>& choices) {
@@ -136,20 +127,19 @@ State estimate_maps(const FitData& data, State state, const std::vector<Choice>&
   }
   const bool drift = wanted.back();
   if (drift && state.camera.drift_level.empty()) begin_drift(data.session, state);
-  std::vector<std::vector<PixelSums>> sums(data.session.recordings.size());
-  for_each_modelled(data.session, data.threads, [&](std::size_t i) {
-    sums[i].resize(pixels.size());
+  const std::vector<PixelSums> total = sum_pixels(data.session, pixels.size(), data.threads, [&](std::size_t i) {
+    std::vector<PixelSums> sums(pixels.size());
     const Series r = data.residual(i, state, pixels);
     const OfMaps<Series> bases = bases_of(data.session, i, state, wanted, pixels);
     data.for_each_value(i, [&](Index k, Index c, bool held) {
-      if (!held) sums[i][static_cast<std::size_t>(c)].add(bases, k, c, r(k, c) * data.floor_k);
+      if (!held) sums[static_cast<std::size_t>(c)].add(bases, k, c, r(k, c) * data.floor_k);
     });
+    return sums;
   });
   OfMaps<double> noise2{};
   for (std::size_t j = 0; j < pixels.size(); ++j) {
-    const PixelSums total = PixelSums::total(sums, j);
-    const Eigen::Matrix4d spread = total.spread(wanted);
-    const Eigen::Vector4d change = spread * total.right;
+    const Eigen::Matrix4d spread = total[j].spread(wanted);
+    const Eigen::Vector4d change = spread * total[j].right;
     for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
       if (!wanted[b]) continue;
       const auto d = static_cast<Index>(b);

@@ -1,37 +1,62 @@
-// What the report draws.
+// What the report draws of a fit, and where its gap is.
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <numeric>
+#include <set>
 
 #include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
+#include "src/report/drawing.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
+constexpr double kFigureWidth = 520.0;  // px: two beside each other
+constexpr double kHeight = 170.0;       // px
+constexpr std::size_t kStretch = 48;    // frames of a pixel's course that are drawn
+
+// What a prediction leaves of one capture.
 struct Left {
   Series predicted;
   Series residual;  // K
   std::vector<Index> frames;
+  std::vector<float> gap_of;  // of each pixel: rms over these frames, noise floors
+  double gap = 0.0;           // rms of these
 };
 
 Left left_over(const Session& session, std::size_t i, const State& state, const std::vector<int>& pixels,
-               bool used_only) {
+               bool used_only, double floor_k) {
   const Recording& r = session.recordings[i];
-  Left left{predict(session, i, state, pixels), {}, r.used_frames()};
+  Left left{predict(session, i, state, pixels), {}, r.used_frames(), {}};
   left.residual = r.values - left.predicted;
-  if (used_only) return left;
-  left.frames.resize(r.used.size());
-  std::iota(left.frames.begin(), left.frames.end(), 0);
+  if (!used_only) {
+    left.frames.resize(r.used.size());
+    std::iota(left.frames.begin(), left.frames.end(), 0);
+  }
+  double squares = 0.0;
+  for (Index p = 0; p < left.residual.cols(); ++p) {
+    const double sum = sum_of(left.frames, [&](Index k) {
+      const double value = left.residual(k, p) / floor_k;
+      return value * value;
+    });
+    const auto rms = static_cast<float>(std::sqrt(sum / std::max(1.0, static_cast<double>(left.frames.size()))));
+    left.gap_of.push_back(rms);
+    squares += rms * rms;
+  }
+  left.gap = std::sqrt(squares / std::max(1.0, static_cast<double>(left.residual.cols())));
   return left;
 }
 
-// A map of the grid's pixels, still without values.
-Map empty_map(const Session& session, const std::string& title, const std::string& unit) {
-  return {title, unit, static_cast<int>(session.grid.columns.size()), static_cast<int>(session.grid.rows.size()), {}};
-}
+struct Curve {
+  std::vector<double> x;
+  std::vector<double> y;
+};
 
+// Mean residual of each row, or column, K.
 Curve profile(const Session& session, const Left& left, bool by_row) {
   const std::size_t width = session.grid.columns.size();
   const std::vector<int>& places = by_row ? session.grid.rows : session.grid.columns;
@@ -46,6 +71,7 @@ Curve profile(const Session& session, const Left& left, bool by_row) {
   return curve;
 }
 
+// Of the residual in time, mean over some pixels, K^2/Hz.
 Curve spectrum(const Session& session, const Left& left) {
   std::vector<double> power;
   const Index stride = std::max<Index>(1, left.residual.cols() / 96);
@@ -65,77 +91,150 @@ Curve spectrum(const Session& session, const Left& left) {
   return curve;
 }
 
-CapturePlots::Side side(const Session& session, const Left& left, double floor_k) {
-  CapturePlots::Side out{0.0, empty_map(session, "", "noise floors"), profile(session, left, true),
-                         profile(session, left, false), spectrum(session, left)};
-  double squares = 0.0;
-  for (Index p = 0; p < left.residual.cols(); ++p) {
-    const double sum = sum_of(left.frames, [&](Index k) {
-      const double value = left.residual(k, p) / floor_k;
-      return value * value;
-    });
-    const auto rms = static_cast<float>(std::sqrt(sum / std::max(1.0, static_cast<double>(left.frames.size()))));
-    out.gap_map.values.push_back(rms);
-    squares += rms * rms;
+plot::Plot grid_plot(const Session& session, const std::string& title, const std::string& unit,
+                     std::vector<float> values) {
+  const Geometry size{static_cast<int>(session.grid.columns.size()), static_cast<int>(session.grid.rows.size())};
+  return map_plot(title, unit, size, std::move(values));
+}
+
+// Before and after, by a factor.
+std::vector<plot::Series> both(const Curve& before, const Curve& after, double factor) {
+  std::vector<plot::Series> series{{.label = "before", .hue = plot::Hue::kBlurred, .x = before.x, .y = before.y},
+                                   {.label = "after", .hue = plot::Hue::kDeblurred, .x = after.x, .y = after.y}};
+  for (plot::Series& one : series) {
+    for (double& y : one.y) y *= factor;
   }
-  out.gap = std::sqrt(squares / std::max(1.0, static_cast<double>(left.residual.cols())));
+  return series;
+}
+
+// An axis that reaches at least this far on both sides of zero, so that what is harmless looks harmless.
+plot::Axis reaching(plot::Axis axis, double least, const std::vector<plot::Series>& series) {
+  double reach = least;
+  for (const plot::Series& one : series) {
+    for (const double y : one.y) reach = std::isfinite(y) ? std::max(reach, 1.05 * std::abs(y)) : reach;
+  }
+  axis.low = -reach;
+  axis.high = reach;
+  return axis;
+}
+
+// Of both, in the same colours, from a little below the floor to the largest gap of either.
+std::array<plot::Plot, 2> gap_plots(const Session& session, const Left& before, const Left& after) {
+  std::array plots{grid_plot(session, "Gap before", "noise floors", before.gap_of),
+                   grid_plot(session, "Gap after", "noise floors", after.gap_of)};
+  plots[0].caption = "Of each pixel, over time.";
+  plots[1].caption = "In the same colours: 1 everywhere is good.";
+  double high = 2.0;
+  for (const plot::Plot& one : plots) {
+    for (const float v : one.plane.values) high = std::isfinite(v) ? std::max(high, static_cast<double>(v)) : high;
+  }
+  for (plot::Plot& one : plots) {
+    one.plane.ramp = plot::Ramp::kViridis;
+    one.plane.low = 0.8;
+    one.plane.high = high;
+  }
+  return plots;
+}
+
+plot::Plot profile_plot(const Session& session, const Left& before, const Left& after, double floor_k, bool rows) {
+  plot::Plot plot{.title = rows ? "Mean residual of each row" : "Mean residual of each column",
+                  .caption = rows ? "A slope from top to bottom is a delay from row to row; jumps are fixed offsets."
+                                  : "A pattern here is fixed in the columns, or the stimulus moves across them.",
+                  .x = {.name = rows ? "row" : "column"},
+                  .series = both(profile(session, before, rows), profile(session, after, rows), 1e3),
+                  .sideways = rows,
+                  .width = kFigureWidth,
+                  .height = kHeight};
+  plot.y = reaching({.name = "residual", .unit = "mK"}, 250.0 * floor_k, plot.series);
+  return plot;
+}
+
+plot::Plot spectrum_plot(const Curve& before, const Curve& after) {
+  return {.title = "Spectrum of the residual",
+          .caption = "Flat is white noise. A rise to the left is slow (drift, heat); a line is periodic.",
+          .x = {.name = "frequency", .unit = "Hz", .logarithmic = true},
+          .y = {.name = "power", .unit = "K\u00b2/Hz", .logarithmic = true},
+          .series = both(before, after, 1.0),
+          .width = kFigureWidth,
+          .height = kHeight};
+}
+
+// The frames in which the camera and the nominal simulator are furthest apart.
+Course stretch_of(const Course& whole) {
+  const std::size_t size = whole.t_s.size();
+  std::size_t worst = 0;
+  double largest = -1.0;
+  for (std::size_t i = 0; i < size; ++i) {
+    const double apart = std::abs(whole.measured[i] - whole.nominal[i]);
+    if (apart <= largest || !std::isfinite(apart)) continue;
+    largest = apart;
+    worst = i;
+  }
+  const std::size_t length = std::min(size, kStretch);
+  const auto begin = static_cast<std::ptrdiff_t>(std::min(worst - std::min(worst, kStretch / 2), size - length));
+  const auto part = [&](const std::vector<double>& of) {
+    return std::vector<double>(of.begin() + begin, of.begin() + begin + static_cast<std::ptrdiff_t>(length));
+  };
+  return {part(whole.t_s), part(whole.measured), part(whole.nominal), part(whole.predicted)};
+}
+
+// What of the course is not predicted.
+Curve apart(const Course& course, const std::vector<double>& predicted) {
+  Curve out{course.t_s, course.measured};
+  std::ranges::transform(out.y, predicted, out.y.begin(), std::minus{});
   return out;
 }
 
-Curve trace(const Recording& r, const Series& values, Index pixel) {
+std::vector<double> trace(const Series& values, Index pixel) {
   const Eigen::ArrayXd y = values.col(pixel).cast<double>().array();
-  return {r.t, {y.begin(), y.end()}};
+  return {y.begin(), y.end()};
 }
 
-// Where and when the gap before lies: cells that miss by more than half as much again as the noise.
-class Where {
- public:
-  void add(const Session& session, std::size_t i, const Left& left, double floor_k) {
-    const Recording& r = session.recordings[i];
-    constexpr double kMuch = 2.6;  // squared floors: half as much again as the noise, and a little
-    for (Index p = 0; p < left.residual.cols(); ++p) {
-      for (Index from = 0; from < left.residual.rows(); from += kCellFrames) {
-        const Index length = std::min<Index>(kCellFrames, left.residual.rows() - from);
-        const double square = left.residual.col(p).segment(from, length).squaredNorm() / (floor_k * floor_k);
-        if (square / static_cast<double>(length) < kMuch) continue;
-        rows_.push_back(session.grid.row_of(p));
-        columns_.push_back(session.grid.column_of(p));
-        times_.push_back(r.time_of(from));
-        temperatures_.push_back(left.predicted(from + length / 2, p));
-        pixel_bad_.resize(static_cast<std::size_t>(left.residual.cols()), 0);
-        pixel_bad_[static_cast<std::size_t>(p)] = 1;
-      }
+// A pixel in kCellFrames frames that the nominal simulator misses by more than half as much again as the noise.
+struct MissedCell {
+  double row = 0.0;
+  double column = 0.0;
+  double t_s = 0.0;
+  double kelvin = 0.0;
+  Index pixel = 0;
+};
+
+void find_missed(const Session& session, const Recording& r, const Left& left, double floor_k,
+                 std::vector<MissedCell>& missed) {
+  constexpr double kMuch = 2.6;  // squared floors: half as much again as the noise, and a little
+  for (Index p = 0; p < left.residual.cols(); ++p) {
+    for (Index from = 0; from < left.residual.rows(); from += kCellFrames) {
+      const Index length = std::min<Index>(kCellFrames, left.residual.rows() - from);
+      const double square = left.residual.col(p).segment(from, length).squaredNorm() / (floor_k * floor_k);
+      if (square / static_cast<double>(length) < kMuch) continue;
+      missed.push_back({static_cast<double>(session.grid.row_of(p)), static_cast<double>(session.grid.column_of(p)),
+                        r.time_of(from), left.predicted(from + length / 2, p), p});
     }
   }
-  void fill(const Session& session, Location& where) {
-    if (rows_.empty()) return;
-    const auto [r0, r1] = middle(rows_);
-    const auto [c0, c1] = middle(columns_);
-    const auto [t0, t1] = middle(times_);
-    where.row_first = static_cast<int>(r0);
-    where.row_last = static_cast<int>(r1);
-    where.column_first = static_cast<int>(c0);
-    where.column_last = static_cast<int>(c1);
-    where.time_s = {{t0, t1 + static_cast<double>(kCellFrames) * session.period_s}};
-    where.temperature_k = middle(temperatures_);
-    where.pixel_fraction =
-        static_cast<double>(std::ranges::count(pixel_bad_, 1)) / static_cast<double>(pixel_bad_.size());
-  }
+}
 
- private:
+void locate(const Session& session, const std::vector<MissedCell>& missed, Location& where) {
+  if (missed.empty()) return;
   // All but a hundredth on either side.
-  template <typename T>
-  static std::pair<double, double> middle(std::vector<T>& values) {
+  const auto middle = [&missed](double MissedCell::*of) {
+    std::vector<double> values = mapped(missed, of);
     std::ranges::sort(values);
     const std::size_t cut = values.size() / 100;
-    return {static_cast<double>(values[cut]), static_cast<double>(values[values.size() - 1 - cut])};
-  }
-  std::vector<int> rows_;
-  std::vector<int> columns_;
-  std::vector<double> times_;
-  std::vector<double> temperatures_;
-  std::vector<char> pixel_bad_;
-};
+    return std::pair{values[cut], values[values.size() - 1 - cut]};
+  };
+  const auto [first_row, last_row] = middle(&MissedCell::row);
+  const auto [first_column, last_column] = middle(&MissedCell::column);
+  const auto [from_s, to_s] = middle(&MissedCell::t_s);
+  where.row_first = static_cast<int>(first_row);
+  where.row_last = static_cast<int>(last_row);
+  where.column_first = static_cast<int>(first_column);
+  where.column_last = static_cast<int>(last_column);
+  where.time_s = {{from_s, to_s + static_cast<double>(kCellFrames) * session.period_s}};
+  where.temperature_k = middle(&MissedCell::kelvin);
+  std::set<Index> pixels;
+  for (const MissedCell& cell : missed) pixels.insert(cell.pixel);
+  where.pixel_fraction = static_cast<double>(pixels.size()) / static_cast<double>(session.grid.pixels());
+}
 
 // The band that holds nine tenths of what a residual has above the floor.
 std::pair<double, double> band(const Curve& spectrum, double floor) {
@@ -157,43 +256,108 @@ std::pair<double, double> band(const Curve& spectrum, double floor) {
 
 }  // namespace
 
+plot::Plot map_plot(const std::string& title, const std::string& unit, Geometry size, std::vector<float> values) {
+  const bool below = std::ranges::any_of(values, [](float v) { return std::isfinite(v) && v < 0.0F; });
+  const bool above = std::ranges::any_of(values, [](float v) { return std::isfinite(v) && v > 0.0F; });
+  constexpr double kSides = 60.0;  // px, of the width that the axis takes
+  plot::Plot plot{.title = title, .x = {.name = "column"}, .y = {.name = "row"}, .width = kFigureWidth};
+  plot.plane = {.width = size.width,
+                .height = size.height,
+                .values = std::move(values),
+                .ramp = below && above ? plot::Ramp::kDiverging : plot::Ramp::kViridis,
+                .unit = unit};
+  plot.height = (kFigureWidth - kSides) * std::max(1, size.height) / std::max(1, size.width);
+  return plot;
+}
+
+std::vector<plot::Plot> beside(plot::Plot left, plot::Plot right) {
+  const plot::PlaneSpan span = plot::span_of(left.plane);
+  for (plot::Plot* one : {&left, &right}) {
+    one->plane.low = span.low;
+    one->plane.high = span.high;
+  }
+  return {std::move(left), std::move(right)};
+}
+
+std::vector<plot::Plot> course_plots(const Course& whole, double floor_k) {
+  const Course course = stretch_of(whole);
+  plot::Plot answer{
+      .title = "One pixel where it is furthest off",
+      .caption = "The dots should lie on the solid line; how far they are from the dashed one is the gap.",
+      .x = {.name = "time", .unit = "s"},
+      .y = {.name = "temperature", .unit = "K"},
+      .series = {{.label = "nominal simulator",
+                  .hue = plot::Hue::kBlurred,
+                  .x = course.t_s,
+                  .y = course.nominal,
+                  .dashed = true},
+                 {.label = "with the effects", .hue = plot::Hue::kDeblurred, .x = course.t_s, .y = course.predicted},
+                 {.kind = plot::Kind::kPoints,
+                  .label = "camera",
+                  .hue = plot::Hue::kTruth,
+                  .x = course.t_s,
+                  .y = course.measured}},
+      .width = kFigureWidth,
+      .height = kHeight};
+  plot::Plot residual{.title = "Residual of the same pixel",
+                      .caption = "Camera minus prediction. What stays in the band, twice the noise floor, is no gap.",
+                      .x = {.name = "time", .unit = "s"},
+                      .series = both(apart(course, course.nominal), apart(course, course.predicted), 1e3),
+                      .width = kFigureWidth,
+                      .height = kHeight};
+  residual.y = reaching({.name = "residual", .unit = "mK"}, 2500.0 * floor_k, residual.series);
+  const double noise_mk = 2e3 * floor_k;
+  residual.series.insert(residual.series.begin(), {.kind = plot::Kind::kBand,
+                                                   .hue = plot::Hue::kSoft,
+                                                   .x = {course.t_s.front(), course.t_s.back()},
+                                                   .y = {-noise_mk, -noise_mk},
+                                                   .to = {noise_mk, noise_mk}});
+  return {std::move(answer), std::move(residual)};
+}
+
 void fill_plots(const Fit& fit, double floor_k, Report& report) {
   const Session& raw = fit.raw;
   const Session& session = fit.session;
   const std::vector<int> pixels = session.grid.all();
-  Where where;
+  Index pixel = session.grid.pixels() / 2 + static_cast<Index>(session.grid.columns.size()) / 2;
+  if (!session.is_good(pixel)) pixel = std::ranges::find(session.good, 1) - session.good.begin();
+  std::vector<MissedCell> missed;
   double widest = 0.0;
   for (const std::size_t i : modelled(session)) {
     const Recording& r = session.recordings[i];
-    const Left before = left_over(raw, i, fit.nominal, pixels, false);
-    const Left after = left_over(session, i, fit.state, pixels, true);
-    Index pixel = session.grid.pixels() / 2 + static_cast<Index>(session.grid.columns.size()) / 2;
-    if (!session.is_good(pixel)) pixel = std::ranges::find(session.good, 1) - session.good.begin();
-    report.captures.push_back({r.name, std::string(name_of(r.kind)), side(session, before, floor_k),
-                               side(session, after, floor_k), trace(r, raw.recordings[i].values, pixel),
-                               trace(r, before.predicted, pixel), trace(r, after.predicted, pixel)});
-    where.add(raw, i, before, floor_k);
-    const CapturePlots::Side& shown = report.captures.back().before;
-    if (shown.gap > widest) {
-      widest = shown.gap;
-      report.location.band_hz = band(shown.spectrum, 2.0 * floor_k * floor_k * session.period_s);
-    }
+    const Left before = left_over(raw, i, fit.nominal, pixels, false, floor_k);
+    const Left after = left_over(session, i, fit.state, pixels, true, floor_k);
+    const Curve spectrum_before = spectrum(session, before);
+    CapturePlots& out = report.captures.emplace_back(
+        CapturePlots{r.name, std::string(name_of(r.kind)), fit.before.gap(i), fit.selection.fit.score.gap(i), {}});
+    std::ranges::move(gap_plots(session, before, after), std::back_inserter(out.plots));
+    std::ranges::move(course_plots({r.t, trace(raw.recordings[i].values, pixel), trace(before.predicted, pixel),
+                                    trace(after.predicted, pixel)},
+                                   floor_k),
+                      std::back_inserter(out.plots));
+    out.plots.push_back(spectrum_plot(spectrum_before, spectrum(session, after)));
+    for (const bool rows : {false, true}) out.plots.push_back(profile_plot(session, before, after, floor_k, rows));
+    find_missed(session, r, before, floor_k, missed);
+    if (before.gap <= widest) continue;
+    widest = before.gap;
+    report.location.band_hz = band(spectrum_before, 2.0 * floor_k * floor_k * session.period_s);
   }
-  where.fill(session, report.location);
-  const auto add_map = [&](const Eigen::VectorXf& values, const char* title, const char* unit, float factor) {
+  locate(session, missed, report.location);
+  const auto add_map = [&](const char* title, const char* unit, const auto& value_of) {
+    report.maps.push_back(grid_plot(session, title, unit, mapped(pixels, value_of)));
+    report.maps.back().caption = "Blank where there is no value.";
+  };
+  const auto add_values = [&](const Eigen::VectorXf& values, const char* title, const char* unit, float factor) {
     if (values.size() == 0) return;
-    Map& map = report.maps.emplace_back(empty_map(session, title, unit));
-    for (Index p = 0; p < values.size(); ++p) {
-      map.values.push_back(session.is_good(p) ? values[p] * factor : std::numeric_limits<float>::quiet_NaN());
-    }
+    add_map(title, unit,
+            [&](int p) { return session.is_good(p) ? values[p] * factor : std::numeric_limits<float>::quiet_NaN(); });
   };
   const CameraModel& c = fit.state.camera;
-  add_map(c.offset, "Offset of each pixel", "mK", 1000.0F);
-  add_map(c.gain, "Gain of each pixel", "%", 100.0F);
-  add_map(c.tau, "Time constant of each pixel", "%", 100.0F);
+  add_values(c.offset, "Offset of each pixel", "mK", 1000.0F);
+  add_values(c.gain, "Gain of each pixel", "%", 100.0F);
+  add_values(c.tau, "Time constant of each pixel", "%", 100.0F);
   if (std::ranges::count(session.good, 0) == 0) return;
-  Map& map = report.maps.emplace_back(empty_map(session, "Pixels left out", "1 = dead or jumping"));
-  for (const char good : session.good) map.values.push_back(good != 0 ? 0.0F : 1.0F);
+  add_map("Pixels left out", "1 = dead or jumping", [&](int p) { return session.is_good(p) ? 0.0F : 1.0F; });
 }
 
 }  // namespace bolo::diagnose

@@ -73,16 +73,31 @@ ArrayXf seen_at(const Recording& recording, Index k, std::span<const int> pixels
   return recording.values(k, std::vector<int>(pixels.begin(), pixels.end())).transpose().array();
 }
 
-double period_of(const Recording& recording) { return std::get<capture::BarTarget>(recording.stimulus).period_px; }
+// The middle frame of a pan, or a used one soon after it; the first frame of a still.
+std::size_t typical_frame(const Recording& r) {
+  auto at = static_cast<std::size_t>(r.kind == Kind::kMovingBars ? r.frames() / 2 : 0);
+  while (r.kind == Kind::kMovingBars && at + 1 < r.used.size() && r.used[at] == 0) ++at;
+  return at;
+}
 
-Match search(FrameMatcher& matcher, const ArrayXf& seen, std::size_t k, double period) {
+// Where the bars stand in that frame of a pan, or in the mean of a still.
+Match search(FrameMatcher& matcher, const Recording& r, std::span<const int> pixels) {
   constexpr int kSteps = 96;
+  const std::size_t at = typical_frame(r);
+  ArrayXf seen = ArrayXf::Zero(static_cast<Index>(pixels.size()));
+  if (r.kind == Kind::kMovingBars) {
+    seen = seen_at(r, static_cast<Index>(at), pixels);
+  } else {
+    for (Index k = 0; k < r.frames(); ++k) seen += seen_at(r, k, pixels);
+    seen /= static_cast<float>(r.frames());
+  }
+  const double period = std::get<capture::BarTarget>(r.stimulus).period_px;
   Match best;
   for (int i = 0; i < kSteps; ++i) {
-    const Match match = matcher.at(seen, k, period * i / kSteps);
+    const Match match = matcher.at(seen, at, period * i / kSteps);
     if (match.correlation > best.correlation) best = match;
   }
-  return matcher.refine(seen, k, best.shift, 6);
+  return matcher.refine(seen, at, best.shift, 6);
 }
 
 // From the middle frame outwards; a frame that fits badly where it is expected is looked for one or two periods of the
@@ -92,16 +107,13 @@ double follow_bars(const Session& session, std::size_t index, State& state, std:
   StimulusState& stimulus = state.stimuli[index];
   const BarsModel model(session, index, state);
   FrameMatcher matcher(model, pixels);
-  const auto frames = static_cast<std::size_t>(recording.frames());
-  std::size_t middle = frames / 2;
-  while (middle + 1 < frames && recording.used[middle] == 0) ++middle;
-  const Match start =
-      search(matcher, seen_at(recording, static_cast<Index>(middle), pixels), middle, period_of(recording));
+  const std::size_t middle = typical_frame(recording);
+  const Match start = search(matcher, recording, pixels);
   const double step = model.mean_speed() * session.period_s;
   stimulus.shift_px[middle] = start.shift;
   const auto walk = [&](int direction) {
     double shift = start.shift;
-    for (auto k = static_cast<long>(middle) + direction; k >= 0 && k < static_cast<long>(frames); k += direction) {
+    for (auto k = static_cast<long>(middle) + direction; k >= 0 && k < recording.frames(); k += direction) {
       const auto frame = static_cast<std::size_t>(k);
       const double expected = shift + step * direction;
       if (recording.used[frame] == 0) {
@@ -128,28 +140,11 @@ double follow_bars(const Session& session, std::size_t index, State& state, std:
 }
 
 double match_still(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
-  const Recording& recording = session.recordings[index];
   const BarsModel model(session, index, state);
   FrameMatcher matcher(model, pixels);
-  ArrayXf seen = ArrayXf::Zero(static_cast<Index>(pixels.size()));
-  for (Index k = 0; k < recording.frames(); ++k) seen += seen_at(recording, k, pixels);
-  seen /= static_cast<float>(recording.frames());
-  const Match match = search(matcher, seen, 0, period_of(recording));
+  const Match match = search(matcher, session.recordings[index], pixels);
   state.stimuli[index].phase_px = match.shift;
   return match.correlation;
-}
-
-// What a still, or the middle frame of a pan, looks like.
-ArrayXf typical_frame(const Recording& r, std::span<const int> pixels, Index& at) {
-  at = 0;
-  if (r.kind == Kind::kMovingBars) {
-    at = r.frames() / 2;
-    while (at + 1 < r.frames() && !r.is_used(at)) ++at;
-    return seen_at(r, at, pixels);
-  }
-  ArrayXf seen = ArrayXf::Zero(static_cast<Index>(pixels.size()));
-  for (Index k = 0; k < r.frames(); ++k) seen += seen_at(r, k, pixels);
-  return seen / static_cast<float>(r.frames());
 }
 
 // One way in which a description of bars may be wrong.
@@ -188,9 +183,7 @@ std::vector<double> mismatches(const Session& session, const State& state, std::
     if (mend) mend(std::get<capture::BarTarget>(r.stimulus));
     const BarsModel model(mended, i, state);
     FrameMatcher matcher(model, pixels);
-    Index at = 0;
-    const ArrayXf seen = typical_frame(r, pixels, at);
-    all.push_back(1.0 - search(matcher, seen, static_cast<std::size_t>(at), period_of(r)).correlation);
+    all.push_back(1.0 - search(matcher, r, pixels).correlation);
   }
   return all;
 }

@@ -4,14 +4,17 @@
 // prediction cannot be told from the camera.
 #pragma once
 
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "src/core/output_file.hpp"
+#include "src/core/result.hpp"
 #include "src/model/camera_profile.hpp"
-#include "src/model/pixel_maps.hpp"
+#include "src/report/plot.hpp"
 
 namespace bolo::diagnose {
 
@@ -124,34 +127,13 @@ struct Observation {
   std::optional<FromMotion> motion;
 };
 
-// A picture of values, row-major; one value may stand for several pixels.
-struct Map {
-  std::string title;
-  std::string unit;
-  int width = 0;
-  int height = 0;
-  std::vector<float> values;  // NaN where there is none
-};
-
-struct Curve {
-  std::vector<double> x;
-  std::vector<double> y;
-};
-
-// What is drawn of one capture.
+// A capture that was predicted, and what is drawn of it.
 struct CapturePlots {
   std::string file;  // name without folders
-  std::string kind;  // uniform, chopper, bar_target, scene, field
-  struct Side {
-    double gap = 0.0;
-    Map gap_map;     // rms of the residual over time, in units of the floor
-    Curve rows;      // mean residual of each row, K
-    Curve columns;   // and of each column
-    Curve spectrum;  // of the mean residual in time, Hz and K^2/Hz
-  };
-  Side before;
-  Side after;
-  Curve measured, nominal, predicted;  // one pixel in time, s and K
+  std::string kind;  // uniform, chopper, bar_target
+  double gap_before = 0.0;
+  double gap_after = 0.0;
+  std::vector<plot::Plot> plots;
 };
 
 // What a diagnosis has learned of a camera, in the terms of the pipeline that undoes it.
@@ -191,13 +173,66 @@ struct Report {
   PixelDefects defects;
   std::vector<Observation> observations;  // of the captures that no model predicts
   std::vector<CapturePlots> captures;
-  std::vector<Map> maps;  // of what was diagnosed: offsets, gains, time constants, dead pixels
-  // Of a field recording that was followed, one frame: as it came, without what was found of single pixels, and what
-  // its prediction from other frames misses, before and after that. Empty: none was.
-  std::vector<Map> scene;
+  std::vector<plot::Plot> maps;  // of what was diagnosed: offsets, gains, time constants, dead pixels
+  // Of a field recording that was followed, one frame: as it came beside itself without what was found of single
+  // pixels, and below what its prediction from other frames misses, before and after that. Empty: none was.
+  plot::Rows scene;
   Learned learned;       // what the pipeline can use of it
   double seconds = 0.0;  // that the diagnosis took
   std::size_t frames = 0;
 };
+
+// --- The report as files, as a page, and in sentences. Thread of all but write_report: any.
+
+// report.json as one line of text.
+std::string report_json(const Report& report);
+
+// A page that needs nothing but itself.
+std::string report_html(const Report& report);
+
+// Parts of the page with drawings; empty when the report has nothing for it.
+std::string captures_part(const Report& report);  // maps, profiles, spectra, answers in time
+std::string noise_part(const Report& report);     // statistics as dumbbells
+std::string maps_part(const Report& report);      // what was diagnosed of single pixels
+std::string scene_part(const Report& report);     // a frame of a field recording, before and after
+
+// The files of a report in `folder`: report.json, report.html and, of field recordings that were followed, scene.svg.
+std::vector<std::filesystem::path> report_files(const std::filesystem::path& folder);
+
+// Writes report_files(); makes the folder. Thread: setup.
+Status write_report(const Report& report, const std::filesystem::path& folder, Replace replace);
+
+struct Wording {
+  bool utf8 = false;   // with a micro sign
+  bool kelvin = true;  // false: what ends in _k is of captures in counts
+};
+
+// A value of the parameter `key` with its unit: "27.9 us", "12 %". The unit follows from the key's ending (_s, _k, _hz,
+// _px) or, for shares and the like, from the key.
+std::string quantity(const std::string& key, double value, Wording wording = {});
+
+// Value and 95 % interval in one unit: "27.9 us (26.0 to 30.1)".
+std::string quantity(const std::string& key, const Estimate& estimate, Wording wording = {});
+
+// "tau_global" -> "Time constant". A name that is not known is returned with blanks for underscores.
+std::string effect_title(const std::string& name);
+
+// What the effect does, with its numbers: "Rows are sampled 27.9 us after one another".
+std::string effect_sentence(const FoundEffect& effect, Wording wording = {});
+
+// The verdict in one or two sentences.
+std::string headline(const Report& report, bool utf8 = false);
+
+// A gap in words: "7.9", "1.02".
+std::string gap_text(double gap);
+
+// What a capture tells without a model, one sentence each: jumps with their frames, freezes, noise, patterns, outliers.
+std::vector<std::string> describe(const Observation& observation);
+
+// "3 stuck: (12, 5), (100, 40), (7, 81)": the first few places.
+std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what);
+
+// Some lines of text for a terminal: verdict, effects, gap, stimulus, what cannot be told, warnings.
+std::string report_summary(const Report& report);
 
 }  // namespace bolo::diagnose

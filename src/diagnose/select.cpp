@@ -6,7 +6,7 @@
 #include <optional>
 #include <random>
 
-#include "src/diagnose/fit.hpp"
+#include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -95,21 +95,21 @@ class Selector {
     // What the winner leaves is what the next effect is judged by.
     best.fit = settle(data_, std::move(best.fit), kRounds, kSettled);
     const Score& before = selection_.fit.score;
-    Chosen chosen{best.choice, before.gap(), best.fit.score.gap(), {}, 0.0, false};
+    FoundEffect found = found_in(best.fit, best.choice);
     for (std::size_t i = 1; i < tried.size(); ++i) {  // the best form of each other effect
       const Effect* const effect = tried[i].choice.effect;
-      if (effect == best.choice.effect || std::ranges::count(chosen.alternatives, effect->name, &Alternative::name) > 0)
+      if (effect == best.choice.effect || std::ranges::count(found.alternatives, effect->name, &Alternative::name) > 0)
         continue;
-      chosen.alternatives.push_back({effect->name, tried[i].fit.score.gap()});
+      found.alternatives.push_back({effect->name, tried[i].fit.score.gap()});
     }
     const Tried* const other = tried.size() > 1 ? &tried[1] : nullptr;
-    chosen.confidence =
+    found.confidence =
         confidence_of(before, best.fit.score, by_levels(best.fit), other == nullptr ? nullptr : &other->fit.score,
                       other == nullptr ? 0.0 : by_levels(other->fit));
     if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) {
-      chosen.confidence = std::max(chosen.confidence, kSoleConfidence);
+      found.confidence = std::max(found.confidence, kSoleConfidence);
     }
-    take(std::move(best.fit), std::move(chosen));
+    take(std::move(best.fit), {best.choice, std::move(found), false});
     return true;
   }
 
@@ -130,8 +130,9 @@ class Selector {
       // The map could have taken any part of it: known as well as its trend stands out.
       double& error = fitted.error.back().front();
       error = std::max(error, std::abs(fitted.value.back().front()) / before);
-      Chosen chosen{choices.back(), selection_.fit.score.gap(), fitted.score.gap(), {}, kSoleConfidence, true};
-      take(std::move(fitted), std::move(chosen));
+      FoundEffect found = found_in(fitted, choices.back());
+      found.confidence = kSoleConfidence;
+      take(std::move(fitted), {choices.back(), std::move(found), true});
       return true;
     }
     return false;
@@ -239,6 +240,14 @@ class Selector {
     std::erase_if(tried, [&](const Tried& t) { return !worth_naming(data_.session, t.fit, t.fit.choices.size() - 1); });
     std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });
     return tried;
+  }
+
+  // An effect by what adding it to the selection brings.
+  FoundEffect found_in(const FitResult& fit, const Choice& choice) const {
+    FoundEffect found = named(choice.effect->name, 0.0);
+    found.gap_before = selection_.fit.score.gap();
+    found.gap_after = fit.score.gap();
+    return found;
   }
 
   void take(FitResult fit, Chosen chosen) {

@@ -9,8 +9,6 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr int kMaxRows = 48;
-constexpr int kMaxColumns = 64;
 constexpr double kSaturatedShare = 0.5;
 
 constexpr std::size_t kSortedPixels = 20000;  // enough for quartiles to a hundredth of a sigma
@@ -52,9 +50,7 @@ Result<std::string> read_frames(const capture::CaptureReader& reader, const Grid
       return "/frames has values that are no numbers";
     }
     statistics.add(frame);
-    for (Index p = 0; p < grid.pixels(); ++p) {
-      recording.values(k, p) = frame[static_cast<std::size_t>(grid.row_of(p) * geometry.width + grid.column_of(p))];
-    }
+    grid.take(frame, geometry.width, k, recording.values);
   }
   recording.statistics = statistics.statistics();
   const auto values = static_cast<double>(frame.size() * std::max<std::size_t>(1, reader.info().frames));
@@ -91,7 +87,7 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
     session.height = info.format.geometry.height;
     session.row_step = info.format.row_step;
     session.period_s = info.format.frame_period_s;
-    session.grid = {spread_over(session.height, kMaxRows), spread_over(session.width, kMaxColumns)};
+    session.grid = {spread_over(session.height, kGridRows), spread_over(session.width, kGridColumns)};
     session.good.assign(static_cast<std::size_t>(session.grid.pixels()), 1);
     camera = info.camera_model + "/" + info.camera_serial;
   }
@@ -162,10 +158,18 @@ std::vector<int> spread_over(int count, int limit) {
   return chosen;
 }
 
+double step_variance(const ArrayXd& x) { return (x.tail(x.size() - 1) - x.head(x.size() - 1)).square().mean() / 2.0; }
+
+double wander(const ArrayXd& x) { return (x - x.mean()).square().mean() / std::max(1e-12, step_variance(x)); }
+
 std::vector<int> Grid::all() const {
   std::vector<int> pixels_of_it(static_cast<std::size_t>(pixels()));
   std::iota(pixels_of_it.begin(), pixels_of_it.end(), 0);
   return pixels_of_it;
+}
+
+void Grid::take(std::span<const float> frame, int width, Index k, Series& values) const {
+  for (Index p = 0; p < pixels(); ++p) values(k, p) = frame[static_cast<std::size_t>(row_of(p) * width + column_of(p))];
 }
 
 std::vector<int> Session::good_pixels() const {

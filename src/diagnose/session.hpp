@@ -1,6 +1,7 @@
 // The captures of one session in memory, on a grid of pixels that is dense enough to judge by.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -34,7 +35,11 @@ struct Grid {
   std::vector<int> all() const;  // 0 .. pixels() - 1
   int row_of(Index pixel) const { return rows[static_cast<std::size_t>(pixel) / columns.size()]; }
   int column_of(Index pixel) const { return columns[static_cast<std::size_t>(pixel) % columns.size()]; }
+  // Frame `k` of the series, from a whole frame of this width.
+  void take(std::span<const float> frame, int width, Index k, Series& values) const;
 };
+inline constexpr int kGridRows = 48;  // at most
+inline constexpr int kGridColumns = 64;
 
 // Statistics of every pixel and of every whole frame of a recording, gathered while its frames are read: the grid that
 // the fits look at leaves most pixels of a large frame out.
@@ -119,10 +124,25 @@ inline constexpr double kSettling_s = 0.1;
 // At most `limit` of `count` places, evenly spread, rising. Thread: any.
 std::vector<int> spread_over(int count, int limit);
 
+// Of a series of two values or more: half the mean square of what neighbours differ by (of white noise its variance),
+// and the whole variance over that (large where it changes slowly). Thread: any.
+double step_variance(const ArrayXd& x);
+double wander(const ArrayXd& x);
+
 // A pixel of the frame, by its row-major index.
 inline PixelPlace place_of(std::size_t pixel, int width) {
   const auto index = static_cast<int>(pixel);
   return {index % width, index / width};
+}
+
+// Calls visit(index) for each other pixel of a frame that is at most `reach` rows and columns from one.
+template <typename Visit>
+void visit_around(Geometry frame, PixelPlace at, int reach, const Visit& visit) {
+  for (int y = std::max(0, at.y - reach); y <= std::min(frame.height - 1, at.y + reach); ++y) {
+    for (int x = std::max(0, at.x - reach); x <= std::min(frame.width - 1, at.x + reach); ++x) {
+      if (x != at.x || y != at.y) visit(static_cast<std::size_t>(y * frame.width + x));
+    }
+  }
 }
 
 // Values of a frame of a capture, from its pixel `first` on, as K (counts where there is no kelvin). Returns how many

@@ -103,7 +103,7 @@ FitResult with_times(const FitData& data, const FitResult& base, const State& re
 }
 
 // Frames lost or repeated without a gap in the counter.
-void judge_losses(const Transport& transport, const Events& events, const Options& options, Fit& out) {
+void judge_losses(const Transport& transport, const Events& events, Fit& out) {
   const auto repeats = std::accumulate(events.repeated.begin(), events.repeated.end(), std::size_t{0});
   const int losses = transport.lost + transport.inserted + static_cast<int>(repeats);
   if (losses == 0) return;
@@ -111,9 +111,9 @@ void judge_losses(const Transport& transport, const Events& events, const Option
   for (const Recording& r : out.session.recordings) frames += static_cast<std::size_t>(r.frames());
   const double per_thousand = 1000.0 / static_cast<double>(frames);
   const double error = std::sqrt(static_cast<double>(losses));
-  add(out.findings, options,
-      named("frame_loss", 0.999, {{"per_thousand", interval(losses * per_thousand, error * per_thousand)}}), 10.0,
-      "frames are lost or repeated without a gap in the counter");
+  out.findings.effects.push_back(
+      {named("frame_loss", 0.999, {{"per_thousand", interval(losses * per_thousand, error * per_thousand)}}), 10.0,
+       "frames are lost or repeated without a gap in the counter"});
 }
 
 // The stimuli and nothing else: jumps taken out, frames' times as they turn out to be.
@@ -169,16 +169,16 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   if (!testable() || !out.wrong_description.empty()) return out;
   out.state.camera.clip_k = events.ceiling_k;
   if (std::isfinite(events.ceiling_k)) {
-    add(out.findings, options,
-        named("saturation", 0.999, {{"level_k", interval(events.ceiling_k, out.session.recordings.front().step)}}),
-        20.0, "values pile up at a ceiling");
+    out.findings.effects.push_back(
+        {named("saturation", 0.999, {{"level_k", interval(events.ceiling_k, out.session.recordings.front().step)}}),
+         20.0, "values pile up at a ceiling"});
   }
   Transport transport = judge_transport(out.session, out.state, noise.floor_k, some);
   smooth_speeds(out.session, out.state);
   const FitData data(out.session, noise.floor_k, options.threads);
   bool jittered = is_jittered(transport);
   out.base = fit_stimuli(data, events, jittered, out);
-  judge_losses(transport, events, options, out);
+  judge_losses(transport, events, out);
   const auto may = [&](const Effect& effect) {
     return allowed(options, effect.name) && (!effect.suspected_by || effect.suspected_by(noise.statistics));
   };
@@ -192,9 +192,9 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
     jittered = jittered && is_jittered(transport);
   }
   if (jittered) {
-    add(out.findings, options,
-        named("jitter", 0.99, {{"rms_s", interval(transport.jitter_s, transport.jitter_error_s)}}), 10.0,
-        "the sampling time of frames varies");
+    out.findings.effects.push_back(
+        {named("jitter", 0.99, {{"rms_s", interval(transport.jitter_s, transport.jitter_error_s)}}), 10.0,
+         "the sampling time of frames varies"});
   }
   out.state = out.selection.fit.state;
   out.nominal = nominal_camera(out.session, out.base.state);

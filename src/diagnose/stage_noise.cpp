@@ -204,81 +204,73 @@ double floor_of(const Events& events, const Noise& noise, const model::CameraPro
   return std::max(floor_k, std::sqrt(p.noise_k * p.noise_k + events.step_k * events.step_k / 12.0));
 }
 
-class Namer {
- public:
-  Namer(const Options& options, Findings& findings) : options_(options), findings_(findings) {}
-  void name(const std::string& name, double z, std::map<std::string, Estimate> parameters, const std::string& where) {
-    FoundEffect e = named(name, confidence_from(z), std::move(parameters));
-    e.of_noise = true;
-    add(findings_, options_, std::move(e), z, where);
-  }
-  void remain(const std::string& stage, const std::string& where, double z) {
-    findings_.remainders.push_back({stage, where, z, std::nullopt, false});
-  }
-
- private:
-  const Options& options_;
-  Findings& findings_;
-};
+void add_named(Findings& out, const char* effect, double z, std::map<std::string, Estimate> parameters,
+               const char* where) {
+  FoundEffect e = named(effect, confidence_from(z), std::move(parameters));
+  e.of_noise = true;
+  out.effects.push_back({std::move(e), z, where});
+}
 
 // Whole frames, rows and columns.
-void name_components(const NoiseStatistics& n, Namer& out) {
+void name_components(const NoiseStatistics& n, Findings& out) {
   if (shows(n.flicker)) {
-    out.name("flicker", n.flicker.z, {{"sigma_k", interval(n.flicker.value, n.flicker.error)}},
-             "whole frames differ by an offset");
+    add_named(out, "flicker", n.flicker.z, {{"sigma_k", interval(n.flicker.value, n.flicker.error)}},
+              "whole frames differ by an offset");
   }
   if (shows(n.rows) || shows(n.columns)) {
-    out.name(
-        "stripes", std::max(n.rows.z, n.columns.z),
+    add_named(
+        out, "stripes", std::max(n.rows.z, n.columns.z),
         {{"column_k", interval(n.columns.value, n.columns.error)}, {"row_k", interval(n.rows.value, n.rows.error)}},
         "rows or columns differ by an offset in every frame");
   }
 }
 
-void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::CameraProfile& p, Namer& out) {
+void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::CameraProfile& p, Findings& out) {
   const NoiseStatistics& n = noise.statistics;
   if (n.filter != FrameFilter::kNone) {
-    out.name("iir", n.alpha.z, {{"alpha", interval(n.alpha.value, n.alpha.error)}},
-             "the noise is correlated from frame to frame");
+    add_named(out, "iir", n.alpha.z, {{"alpha", interval(n.alpha.value, n.alpha.error)}},
+              "the noise is correlated from frame to frame");
   }
   // Coarse steps of what a filter has smoothed hop slowly.
   const bool hops = coarse && n.filter != FrameFilter::kNone;
   if (n.corner_hz.z > kClearCorner && n.corner_hz.value > kLeastCorner && !hops) {
-    out.name("one_over_f", n.corner_hz.z, {{"corner_hz", interval(n.corner_hz.value, n.corner_hz.error)}},
-             "the noise grows towards low frequencies");
+    add_named(out, "one_over_f", n.corner_hz.z, {{"corner_hz", interval(n.corner_hz.value, n.corner_hz.error)}},
+              "the noise grows towards low frequencies");
   }
   const bool tails = n.excess_kurtosis.z > kClear && n.excess_kurtosis.value > kLeastKurtosis && !coarse;
   if (tails) {
-    out.name("heavy_tail", n.excess_kurtosis.z, {{"degrees", interval(n.degrees, n.degrees_error)}},
-             "the noise has outliers");
+    add_named(out, "heavy_tail", n.excess_kurtosis.z, {{"degrees", interval(n.degrees, n.degrees_error)}},
+              "the noise has outliers");
   }
   const double scale = n.white_k / noise.nominal_k;
   if (scale > (tails ? kLeastScaleOfTails : kLeastScale) && !coarse) {
     const double error = kScaleError * scale;
     const double quantisation2 = p.quantisation_k * p.quantisation_k / 12.0;
     const double own = std::sqrt(std::max(0.0, n.white_k * n.white_k - quantisation2)) / p.noise_k;
-    out.name("noise_level", (scale - 1.0) / error, {{"scale", interval(own, error)}},
-             "the noise is stronger than the profile says");
+    add_named(out, "noise_level", (scale - 1.0) / error, {{"scale", interval(own, error)}},
+              "the noise is stronger than the profile says");
   }
 }
 
 // What no effect of the catalogue does.
-void name_rest(const NoiseStatistics& n, bool coarse, Namer& out) {
+void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
   if (n.line_p < kClearLine) {
-    out.remain("readout",
-               "a line at " + std::to_string(static_cast<int>(std::lround(n.line_hz))) +
-                   " Hz in the means of frames or of their halves",
-               kClear);
+    out.remainders.push_back({"readout",
+                              "a line at " + std::to_string(static_cast<int>(std::lround(n.line_hz))) +
+                                  " Hz in the means of frames or of their halves",
+                              kClear});
   }
   // Neighbours that share noise: what flicker and stripes leave is taken out already.
   if (std::abs(n.neighbour_row_z) > kClear) {
-    out.remain("readout", "the noise of a pixel shows in its neighbour in the row", std::abs(n.neighbour_row_z));
+    out.remainders.push_back(
+        {"readout", "the noise of a pixel shows in its neighbour in the row", std::abs(n.neighbour_row_z)});
   }
   if (std::abs(n.neighbour_column_z) > kClear) {
-    out.remain("readout", "the noise of a pixel shows in its neighbour in the column", std::abs(n.neighbour_column_z));
+    out.remainders.push_back(
+        {"readout", "the noise of a pixel shows in its neighbour in the column", std::abs(n.neighbour_column_z)});
   }
   if (n.spectrum_misfit > kClearMisfit && !coarse) {
-    out.remain("noise", "the noise's spectrum has a shape that no effect gives it", n.spectrum_misfit);
+    out.remainders.push_back({"noise", "the noise's spectrum has a shape that no effect gives it", n.spectrum_misfit});
   }
 }
 
@@ -297,10 +289,9 @@ Noise judge_noise(const Events& events, const Options& options) {
         ": holds counts, not kelvin; names that end in _k stand for counts, and the noise's level is not judged");
   }
   if (noise.statistics.frames == 0) return noise;
-  Namer out(options, noise.findings);
-  name_components(noise.statistics, out);
-  name_spectrum_and_tails(noise, events.coarse, options.profile, out);
-  name_rest(noise.statistics, events.coarse, out);
+  name_components(noise.statistics, noise.findings);
+  name_spectrum_and_tails(noise, events.coarse, options.profile, noise.findings);
+  name_rest(noise.statistics, events.coarse, noise.findings);
   return noise;
 }
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "src/core/statistics.hpp"
 #include "src/diagnose/fit.hpp"
@@ -46,9 +47,22 @@ struct Allowance {
   double still_scatter = 1.0;   // of a still field, in floors: at the border of two coarse steps it hops by half of one
   bool times_free = false;      // of a chopper's frames: those at its very edges may miss
   double flicker = 0.0;         // of whole frames
+  double rounding = 0.0;        // the same, of a chopper's: of pixels that all see one value
   long settling = 0;            // first frames, before a frame filter has settled: it may start as it likes
   std::vector<char> corrected;  // recordings out of which a jump was taken: the estimate leaves a pattern
 };
+
+// Rms error that rounding gives to all values alike that differ by Gaussian noise only: the sawtooth's first harmonic.
+double common_rounding(double step_k, double noise_k) {
+  return step_k / std::numbers::pi / std::numbers::sqrt2 *
+         std::exp(-0.5 * std::pow(2.0 * std::numbers::pi * noise_k / step_k, 2));
+}
+
+// What a frame filter leaves of white noise, rms.
+double noise_through(const Response& r) {
+  if (r.filter == FrameFilter::kRecursive) return std::sqrt(r.alpha / (2.0 - r.alpha));
+  return r.filter == FrameFilter::kBox ? std::hypot(r.alpha, 1.0 - r.alpha) : 1.0;
+}
 
 Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit) {
   const NoiseStatistics& n = noise.statistics;
@@ -65,6 +79,8 @@ Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit)
   if (events.coarse) {
     a.pattern = kPatternOfSteps;
     a.still_scatter = std::max(1.0, std::hypot(noise.nominal_k, events.step_k / 2.0) / noise.floor_k);
+    const double left_k = noise.nominal_k * noise_through(fit.state.camera.response);
+    a.rounding = common_rounding(events.step_k, left_k) / noise.floor_k;
   }
   a.flicker = n.flicker.value / noise.floor_k;
   if (n.filter != FrameFilter::kNone) {
@@ -285,8 +301,9 @@ void test_frames(const Examined& x, const Tallies& tallies, const Allowance& all
   }
   out.misfit("pixel", "the prediction misses by more than the noise",
              (std::sqrt(sum_of(sorted) / frames) - (still ? allowance.still_scatter : 1.0)) / kMissError);
-  // Whole frames: flicker and the pixels' noise move their means by this much.
-  const double expected = kFlickerMargin * allowance.flicker * allowance.flicker + kPixelMargin / pixels;
+  // Whole frames: flicker, the pixels' noise and what it does not blur of coarse steps move their means by this much.
+  const double expected = kFlickerMargin * allowance.flicker * allowance.flicker + kPixelMargin / pixels +
+                          allowance.rounding * allowance.rounding;
   const double excess = std::sqrt(std::max(0.0, tallies.frame_mean2 / frames - expected));
   if (chopper && !corrected && !edges) {
     out.misfit("pixel", "whole frames miss by more than the noise", excess / kFrameError);

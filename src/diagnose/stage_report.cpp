@@ -41,33 +41,32 @@ Findings judge_values(const Events& events, const Noise& noise, const Options& o
   };
   if (!bad.jumping.empty() && (bad.jumping.size() > 1 || bad.step_k > kLargeStep * noise.floor_k)) {
     const double root = std::sqrt(static_cast<double>(bad.jumping.size()));
-    add(out, options,
-        named("rts", 0.99,
-              {{"fraction", fraction(bad.jumping.size(), static_cast<double>(session.good.size()))},
-               {"step_k", interval(bad.step_k, bad.step_k / root * kStepScatter)}}),
-        10.0, "some pixels jump between two levels");
+    out.effects.push_back({named("rts", 0.99,
+                                 {{"fraction", fraction(bad.jumping.size(), static_cast<double>(session.good.size()))},
+                                  {"step_k", interval(bad.step_k, bad.step_k / root * kStepScatter)}}),
+                           10.0, "some pixels jump between two levels"});
   }
   if (const std::size_t dead = bad.stuck.size() + bad.noisy.size(); dead > 0) {
     const auto pixels = static_cast<double>(session.width) * static_cast<double>(session.height);
-    add(out, options, named("dead_pixels", 0.999, {{"fraction", fraction(dead, pixels)}}), 10.0,
-        "some pixels are stuck or nothing but noise");
+    out.effects.push_back({named("dead_pixels", 0.999, {{"fraction", fraction(dead, pixels)}}), 10.0,
+                           "some pixels are stuck or nothing but noise"});
   }
   if (events.coarse && options.profile.quantisation_k > 0.0 && session.recordings.front().kelvin) {
-    FoundEffect e = named("coarse_quantisation", 0.999, {{"step_k", interval(events.step_k, 0.001 * events.step_k)}});
-    e.of_noise = true;
-    add(out, options, std::move(e), 10.0, "values are multiples of a coarser step");
+    out.effects.push_back(
+        {named("coarse_quantisation", 0.999, {{"step_k", interval(events.step_k, 0.001 * events.step_k)}}), 10.0,
+         "values are multiples of a coarser step"});
+    out.effects.back().effect.of_noise = true;
   }
   return out;
 }
 
 // Jumps and freezes were taken out before the fits; they lie between the nominal camera and what is left.
-Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const Report& report,
-                     const Options& options) {
+Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const Report& report) {
   Findings out;
-  const auto found = [&](FoundEffect e, const std::string& where) {
+  const auto found = [&](FoundEffect e, const char* where) {
     e.gap_before = report.gap_before;
     e.gap_after = report.gap_after;
-    add(out, options, std::move(e), 20.0, where);
+    out.effects.push_back({std::move(e), 20.0, where});
   };
   const auto jump = std::ranges::find(jumps, false, &Jump::after_freeze);
   if (jump != jumps.end()) {
@@ -101,16 +100,11 @@ void add_chosen(const Fit& fit, Report& report) {
   }
   const Selection& selection = fit.selection;
   for (std::size_t c = 0; c < selection.chosen.size(); ++c) {
-    const Chosen& chosen = selection.chosen[c];
-    const Effect& effect = *chosen.choice.effect;
-    FoundEffect e = named(effect.name, chosen.confidence);
-    e.gap_before = chosen.gap_before;
-    e.gap_after = chosen.gap_after;
-    e.alternatives = chosen.alternatives;
-    if (effect.report) {
-      e.parameters = effect.report({fit.session, selection.fit.state, selection.fit.value[c], selection.fit.error[c]});
-    }
-    report.effects.push_back(std::move(e));
+    const auto& [choice, found, from_map] = selection.chosen[c];
+    report.effects.push_back(found);
+    if (!choice.effect->report) continue;
+    report.effects.back().parameters =
+        choice.effect->report({fit.session, selection.fit.state, selection.fit.value[c], selection.fit.error[c]});
   }
 }
 
@@ -145,20 +139,24 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const Stimulus
 }
 
 void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
-  const Score& after = fit.selection.fit.score;
   report.gap_before = fit.before.gap();
-  report.gap_after = after.gap();
+  report.gap_after = fit.selection.fit.score.gap();
   add_chosen(fit, report);
   fill_plots(fit, noise.floor_k, report);
   const State files = nominal_state(fit.session, {});
-  // The figures beside the plots are those of the held-out cells.
-  auto plots = report.captures.begin();
   for (const std::size_t i : modelled(fit.session)) {
     const Recording& r = fit.session.recordings[i];
     report.location.captures[r.name] = fit.before.gap(i);
-    plots->before.gap = fit.before.gap(i);
-    (plots++)->after.gap = after.gap(i);
     report.stimulus[r.name] = stimulus_errors(r, fit.state.stimuli[i], files.stimuli[i]);
+  }
+}
+
+// Rounding to coarse steps takes the noise's colour away: then the edges, late by the filter, tell its weight, which is
+// fitted with the stimuli.
+void take_filter_from_edges(const Fit& fit, Report& report) {
+  constexpr double kError = 0.005;
+  for (FoundEffect& e : report.effects) {
+    if (e.name == "iir") e.parameters["alpha"] = interval(fit.state.camera.response.alpha, kError);
   }
 }
 
@@ -296,14 +294,6 @@ bool allowed(const Options& options, const std::string& name) {
   return std::ranges::count(options.withheld, name) == 0;
 }
 
-void add(Findings& findings, const Options& options, FoundEffect effect, double z, const std::string& where) {
-  if (allowed(options, effect.name)) {
-    findings.effects.push_back(std::move(effect));
-  } else {
-    findings.remainders.push_back({effect.stage, where, z});
-  }
-}
-
 Report make_report(const Events& events, const Noise& noise, const Fit& fit, const Field& field,
                    const std::vector<Remainder>& left, const Options& options) {
   const Session& session = fit.session;
@@ -312,19 +302,31 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
     report.inputs.push_back(r.name);
     report.frames += static_cast<std::size_t>(r.frames());
   }
-  const Findings values = judge_values(events, noise, options);
-  for (const Findings* of : {&noise.findings, &values, &fit.findings, &field.findings}) {
-    append(report.effects, of->effects);
-  }
+  std::vector<Remainder> all;
+  const auto take = [&](const Findings& findings) {
+    for (const Finding& one : findings.effects) {
+      if (allowed(options, one.effect.name)) {
+        report.effects.push_back(one.effect);
+      } else {
+        all.push_back({one.effect.stage, one.where, one.z});
+      }
+    }
+    append(all, findings.remainders);
+  };
+  take(noise.findings);
+  take(judge_values(events, noise, options));
+  take(fit.findings);
+  take(field.findings);
   if (fit.done) fill_fit(fit, noise, report);
+  if (fit.done && events.coarse) take_filter_from_edges(fit, report);
   if (field.judged) fill_field(field, report);
-  const Findings jumps = judge_jumps(events, fit.jumps, report, options);
-  append(report.effects, jumps.effects);
+  append(all, left);
+  take(judge_jumps(events, field.judged ? events.jumps : fit.jumps, report));  // of a bench a prediction shows more
   for (const auto* warnings : {&session.warnings, &events.warnings, &noise.findings.warnings, &fit.findings.warnings}) {
     append(report.warnings, *warnings);
   }
   for (const Effect& effect : catalogue()) {
-    if (!effect.told_by(session) && !field.tells(effect.name) && allowed(options, effect.name)) {
+    if (!effect.told_by(session) && !field.tells(effect) && allowed(options, effect.name)) {
       report.not_identifiable.push_back({effect.name, effect.needs});
     }
   }
@@ -337,17 +339,14 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   report.kelvin = session.recordings.front().kelvin;
   fill_noise(noise, report);
   join_gaps(fit.done || field.judged, report);
-  std::vector<Remainder> all;
-  for (const auto* of : {&noise.findings.remainders, &values.remainders, &fit.findings.remainders,
-                         &field.findings.remainders, &left, &jumps.remainders}) {
-    append(all, *of);
-  }
   judge(std::move(all), report);
   report.defects = {places_of(events.bad.stuck, session.width), places_of(events.bad.noisy, session.width)};
   for (const Recording& r : session.recordings) {
     if (has_model(r)) continue;
     report.observations.push_back(observe(r));
     const auto lost = field.lost.find(r.name);
+    const auto jumps = field.jumps.find(r.name);
+    if (jumps != field.jumps.end()) append(report.observations.back().jumps, jumps->second);
     if (lost != field.lost.end()) report.observations.back().lost_before = lost->second;
     const auto motion = field.motion.find(r.name);
     if (motion != field.motion.end()) report.observations.back().motion = motion->second;

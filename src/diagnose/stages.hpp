@@ -85,6 +85,9 @@ double find_ceiling(const Recording& recording, double level_step);
 // What a recording tells without a model of what it looks at, from single pixels and whole frames alone: jumps,
 // freezes, flicker, noise, patterns and outlier pixels. Thread: any.
 Observation observe(const Recording& recording);
+// Frames that nearly all pixels changed at one way, by far more than frames do otherwise. `noise`: standard deviation
+// of one value. Thread: any.
+std::vector<Observation::Jump> jumps_among(const FrameStatistics& statistics, double noise);
 
 // --- Noise
 
@@ -202,9 +205,17 @@ inline constexpr double kRemainderLimit = 5.5;
 // The same of 1/f noise, which has few bins.
 inline constexpr double kClearCorner = 5.0;
 
+// An effect that statistics of its own show, and what is said when it is withheld: by how many standard errors, and
+// how, something is left over.
+struct Finding {
+  FoundEffect effect;
+  double z = 0.0;
+  std::string where;
+};
+
 // What a stage adds to the report.
 struct Findings {
-  std::vector<FoundEffect> effects;
+  std::vector<Finding> effects;
   std::vector<Remainder> remainders;
   std::vector<std::string> warnings;
 };
@@ -214,8 +225,6 @@ FoundEffect named(const std::string& name, double confidence, std::map<std::stri
 // Of a part of the noise or of a field, from its standard errors. Thread: any.
 double confidence_from(double z);
 bool allowed(const Options& options, const std::string& name);
-// An effect with statistics of its own: named, or, when it is withheld, left over.
-void add(Findings& findings, const Options& options, FoundEffect effect, double z, const std::string& where);
 
 // What happens to whole frames and to pixels.
 struct Events {
@@ -269,6 +278,20 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
                    const std::vector<Remainder>& left, const Options& options);
 // What is drawn: report.captures, report.maps and the rest of report.location.
 void fill_plots(const Fit& fit, double floor_k, Report& report);
+
+// A picture of values, row-major; those of both signs get the diverging colours.
+plot::Plot map_plot(const std::string& title, const std::string& unit, Geometry size, std::vector<float> values);
+// Two pictures in the colours of the left one.
+std::vector<plot::Plot> beside(plot::Plot left, plot::Plot right);
+
+// One pixel in time, s and K: what is drawn is where the camera and the nominal simulator are furthest apart.
+struct Course {
+  std::vector<double> t_s;
+  std::vector<double> measured;
+  std::vector<double> nominal;
+  std::vector<double> predicted;
+};
+std::vector<plot::Plot> course_plots(const Course& course, double floor_k);
 
 // What is learned from: what was found of the camera.
 struct LearnTask {

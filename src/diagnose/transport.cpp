@@ -98,7 +98,12 @@ struct JitterSums {
 class ChopperClock {
  public:
   ChopperClock(const Session& session, std::size_t index, State& state, std::span<const int> pixels)
-      : session_(session), r_(session.recordings[index]), index_(index), state_(state), seen_(r_.frames()) {
+      : session_(session),
+        r_(session.recordings[index]),
+        index_(index),
+        state_(state),
+        believed_(state),
+        seen_(r_.frames()) {
     for (std::size_t i = 0; i < 9; ++i) few_.push_back(pixels[(2 * i + 1) * pixels.size() / 18]);
     for (Index k = 0; k < seen_.size(); ++k) {
       seen_[k] = sum_of(few_, [&](int p) { return r_.values(k, p); }) / static_cast<double>(few_.size());
@@ -107,19 +112,18 @@ class ChopperClock {
   }
 
   void count_steps(Transport& t) {
-    Path best;
-    double best_delay_s = 0.0;
-    for (double delay_s = -0.5; delay_s < 0.45; delay_s += 0.1) {
-      const Path path = path_of(delay_s * session_.period_s);
-      if (!(path.cost < best.cost)) continue;
-      best = path;
-      best_delay_s = delay_s * session_.period_s;
+    Path best = best_path();
+    for (int round = 0; round < kRounds; ++round) {
+      take_levels(best);
+      Path next = best_path();
+      std::swap(best, next);
+      if (best.late == next.late) break;
     }
     const std::vector<int>& late = best.late;
     if (late.empty() || std::ranges::count(late, late.front()) == std::ssize(late)) return;
     // Before the first edge a lost frame and another start are the same.
     StimulusState& s = state_.stimuli[index_];
-    s.delay_s -= best_delay_s + late.front() * session_.period_s;
+    s.delay_s -= best.later_s + late.front() * session_.period_s;
     for (std::size_t k = 0; k < late.size(); ++k) {
       s.late_s[k] = (late[k] - late.front()) * session_.period_s;
       if (k > 0) count_periods(late[k] - late[k - 1], t);
@@ -132,16 +136,57 @@ class ChopperClock {
   static constexpr double kMisfit = 0.03;     // of the contrast, that levels and time constants may be off by
   static constexpr double kMostOfFrame = 25;  // of the cost of one frame
   static constexpr double kStepCost = 20.0;   // and of one frame that was lost or inserted
+  static constexpr int kRounds = 3;           // of levels and path
 
   struct Path {
     double cost = 1e300;
+    double later_s = 0.0;   // all frames
     std::vector<int> late;  // of each frame, periods
   };
+
+  VectorXd shown(const State& state) const {
+    return predict(session_, index_, state, few_).rowwise().mean().cast<double>();
+  }
+
+  // The levels as the frames show them at the path's times: what the files' are off by is as much as a frame that is
+  // late at an edge, and moves the path.
+  void take_levels(const Path& path) {
+    StimulusState& s = believed_.stimuli[index_];
+    State now = believed_;
+    for (std::size_t k = 0; k < path.late.size(); ++k) {
+      now.stimuli[index_].late_s[k] = path.late[k] * session_.period_s + path.later_s;
+    }
+    const VectorXd base = shown(now);
+    std::vector<Index> fits;
+    for (Index k = 0; k < base.size(); ++k) {
+      const double miss = (seen_[k] - base[k]) / sigma_k_;
+      if (r_.is_used(k) && base[k] < now.camera.clip_k && miss * miss < kMostOfFrame) fits.push_back(k);
+    }
+    if (fits.size() < kMinFrames) return;
+    MatrixXd slopes(static_cast<Index>(fits.size()), static_cast<Index>(s.level_k.size()));
+    for (std::size_t l = 0; l < s.level_k.size(); ++l) {
+      State hotter = now;
+      hotter.stimuli[index_].level_k[l] += 1.0;
+      slopes.col(static_cast<Index>(l)) = (shown(hotter) - base)(fits);
+    }
+    const MatrixXd off = least_squares(slopes, (seen_.matrix() - base)(fits));
+    for (std::size_t l = 0; l < s.level_k.size(); ++l) s.level_k[l] += off(static_cast<Index>(l), 0);
+  }
+
+  // The cheapest of all starts.
+  Path best_path() const {
+    Path best;
+    for (double delay_s = -0.5; delay_s < 0.45; delay_s += 0.1) {
+      Path path = path_of(delay_s * session_.period_s);
+      if (path.cost < best.cost) best = std::move(path);
+    }
+    return best;
+  }
 
   // What every frame would cost at every lateness.
   Eigen::ArrayXXd costs(double later_s) const {
     Eigen::ArrayXXd cost(seen_.size(), kPlaces);
-    State trial = state_;
+    State trial = believed_;
     for (int place = 0; place < kPlaces; ++place) {
       std::ranges::fill(trial.stimuli[index_].late_s, (place - kMost) * session_.period_s + later_s);
       const Series y = predict(session_, index_, trial, few_);
@@ -174,6 +219,7 @@ class ChopperClock {
     Index place = 0;
     Path path;
     path.cost = sum.minCoeff(&place);
+    path.later_s = later_s;
     path.late.assign(static_cast<std::size_t>(frames), 0);
     for (Index k = frames - 1; k >= 0; --k) {
       path.late[static_cast<std::size_t>(k)] = static_cast<int>(place) - kMost;
@@ -186,6 +232,7 @@ class ChopperClock {
   const Recording& r_;
   std::size_t index_;
   State& state_;
+  State believed_;        // with the levels that the frames show
   std::vector<int> few_;  // pixels that are looked at
   ArrayXd seen_;          // their mean in each frame
   double sigma_k_ = 1.0;

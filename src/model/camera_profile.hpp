@@ -1,17 +1,125 @@
 // All that is known of one camera, read from a TOML file (config/a655sc.toml documents every key).
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <variant>
 #include <vector>
 
+#include "src/core/frame.hpp"
 #include "src/core/gyro.hpp"
 #include "src/core/result.hpp"
 #include "src/model/strict_toml.hpp"
-#include "src/model/undo.hpp"
 
 namespace bolo::model {
+
+// --- A camera's effects on its frames beyond the inertia of its pixels, as far as they can be corrected: constants,
+// not maps. Each has a key in the camera's profile; src/corrections says how it is undone, and what that costs in
+// noise.
+
+// The camera's averaging of frames before it sends them; x read, y sent, w the new frame's weight.
+enum class FrameFilter {
+  kNone,
+  kRecursive,  // y_k = w x_k + (1 - w) y_{k-1}
+  kBox,        // y_k = w x_k + (1 - w) x_{k-1}
+};
+
+// Standard values undo nothing.
+struct Undo {
+  FrameFilter filter = FrameFilter::kNone;
+  double filter_weight = 1.0;  // w
+  double slow_share = 0.0;
+  double slow_tau_s = 0.15;
+  double coupling = 0.0;
+  double integration_s = 0.0;
+  bool radiance = false;
+  double emissivity = 1.0;
+  double reflected_k = 295.0;
+  double ceiling_k = 0.0;
+  double flicker_k = 0.0;
+  bool follow_jumps = false;
+  bool drop_repeated = false;
+  bool scene_nuc = false;
+
+  bool operator==(const Undo&) const = default;
+};
+
+// A value's key in a profile, and the effects of the catalogue whose parameter it is; "": that there is one.
+struct UndoKey {
+  std::string_view section;
+  std::string_view key;
+  std::variant<double Undo::*, bool Undo::*, FrameFilter Undo::*> value;
+  Range range;  // of a number
+  std::vector<std::string_view> effects;
+  std::string_view parameter;
+  std::string_view meaning;
+};
+
+// In the order of the profile, section by section. Thread: any.
+inline const std::vector<UndoKey>& undo_keys() {
+  // clang-format off
+  static const std::vector<UndoKey> kKeys{
+      {"pixel", "slow_share", &Undo::slow_share, {0.0, 0.3, ""}, {"slow_pole"}, "share",
+       "Share of the answer that follows slow_tau_s: 1 / (1 + s tau) becomes (1 - share) / (1 + s tau) + share / "
+       "(1 + s slow_tau)."},
+      {"pixel", "slow_tau_s", &Undo::slow_tau_s, {0.02, 2.0, "s"}, {"slow_pole"}, "slow_tau_s",
+       "Time constant of that share."},
+      {"pixel", "coupling", &Undo::coupling, {0.0, 0.2, ""}, {"crosstalk"}, "coupling",
+       "Heat that flows to each of a pixel's four neighbours, in units of what flows to its substrate."},
+      {"pixel", "integration_s", &Undo::integration_s, {0.0, 0.1, "s"}, {"integration_window"}, "window_s",
+       "A frame is the mean of what the pixels show over this time before its own: it is half of it late."},
+      {"radiometry", "radiance", &Undo::radiance, {}, {"radiometric_nonlinearity"}, "",
+       "The pixels follow the radiance from 7.5 to 14 um (Planck), the frames show its temperature."},
+      {"radiometry", "emissivity", &Undo::emissivity, {0.3, 1.0, ""}, {"emissivity"}, "emissivity",
+       "Of what is looked at. Deblurred temperatures are its own, not mixed with its surroundings'."},
+      {"radiometry", "reflected_k", &Undo::reflected_k, {150.0, 600.0, "K"}, {"emissivity"}, "surroundings_k",
+       "Temperature of the surroundings that it reflects."},
+      {"radiometry", "ceiling_k", &Undo::ceiling_k, {0.0, 2000.0, "K"}, {"saturation"}, "level_k",
+       "Frames with values from here on up are flagged as saturated; 0: only those at the end of 16 bits."},
+      {"firmware", "frame_filter", &Undo::filter, {}, {}, "",
+       "How frames are averaged: recursive, with the frame sent before; box, with the frame read before."},
+      {"firmware", "frame_filter_weight", &Undo::filter_weight, {0.05, 1.0, ""}, {}, "",
+       "Weight of the new frame in it; above 0.5 for a box, whose undoing is not stable below."},
+      {"firmware", "flicker_k", &Undo::flicker_k, {0.0, 5.0, "K"}, {"flicker"}, "sigma_k",
+       "An offset that the whole frame has anew every time, root mean square; it is taken out. 0: none."},
+      {"firmware", "follow_jumps", &Undo::follow_jumps, {}, {"offset_jump"}, "",
+       "Steps of all pixels by the same amount, from one frame to the next, are the camera's: taken out."},
+      {"firmware", "drop_repeated", &Undo::drop_repeated, {}, {"frame_loss", "nuc_freeze"}, "",
+       "A frame that repeats the one before bit for bit counts as lost: the camera had none, or was busy."},
+      {"corrections", "scene_nuc", &Undo::scene_nuc, {}, {}, "",
+       "The pattern that stays while the scene moves is learnt from the stream, and taken out (scene-based NUC)."},
+  };
+  // clang-format on
+  return kKeys;
+}
+
+// The value of an effect's parameter, or any number for "" where the effect is there; else empty.
+using EffectValue = std::function<std::optional<double>(std::string_view effect, std::string_view parameter)>;
+
+// Sets the corrections of the effects that `value_of` knows, if they have one parameter: not frame filters.
+// Thread: any.
+void undo_effects(Undo& undo, const EffectValue& value_of);
+
+// --- Maps of single pixels and rows of one camera.
+
+// Maps are row-major over the whole frame; an empty one means the nominal value everywhere. Corrections apply in this
+// order: value -> gain * value + offset -> thermal inertia with the pixel's own tau_s. "Value" is a temperature in K,
+// or counts for frames that have no kelvin.
+struct PixelMaps {
+  Geometry geometry;               // of the frames that the maps are for; 0x0: of the stream they are used with
+  std::vector<float> tau_s;        // thermal time constant, s
+  std::vector<float> gain;         // 1: as the camera says
+  std::vector<float> offset;       // in the unit of the frames: K, or counts where they have no kelvin
+  std::vector<std::uint8_t> dead;  // 1: the pixel says nothing; it is filled from its neighbours
+  double row_delay_s = 0.0;        // sensor row r is sampled r * row_delay_s after the frame's time; s
+
+  bool empty() const { return tau_s.empty() && gain.empty() && offset.empty() && dead.empty() && row_delay_s == 0.0; }
+};
 
 struct CameraProfile {
   std::string model = "FLIR A655sc";

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "src/core/input_file.hpp"
-#include "src/core/nearest.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::model {
 namespace {

@@ -11,6 +11,7 @@
 
 #include <hwy/highway.h>
 
+#include "src/motion/cubic.hpp"
 #include "src/motion/kernels.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -71,6 +72,37 @@ HWY_INLINE Vec sample(const float* at, std::ptrdiff_t stride, const Source& s) {
   v = hn::MulAdd(all(s.w10), load(at + 1), v);
   v = hn::MulAdd(all(s.w01), load(at + stride), v);
   return hn::MulAdd(all(s.w11), load(at + stride + 1), v);
+}
+
+// Four pixels that a value between them is made of.
+struct Tap {
+  std::ptrdiff_t offset[4];
+  float w[4];
+};
+
+// Of p + s for the pixels p of the block at (x0, y0): of the pixels around it, or, where s is whole along an axis, of
+// four along the other.
+HWY_INLINE Tap tap_at(const PaddedPlane& plane, int x0, int y0, float sx, float sy) {
+  const Whole s = whole_of(plane, x0, y0, sx, sy);
+  const std::ptrdiff_t at = s.y * plane.stride() + s.x;
+  Tap tap;
+  if (s.fx == 0.0F || s.fy == 0.0F) {
+    const std::ptrdiff_t step = s.fx == 0.0F ? plane.stride() : 1;
+    for (int i = 0; i < 4; ++i) tap.offset[i] = at + (i - 1) * step;
+    cubic(s.fx + s.fy, tap.w);
+    return tap;
+  }
+  for (int i = 0; i < 4; ++i) {
+    tap.offset[i] = at + (i % 2) + (i / 2) * plane.stride();
+    tap.w[i] = (i % 2 != 0 ? s.fx : 1.0F - s.fx) * (i / 2 != 0 ? s.fy : 1.0F - s.fy);
+  }
+  return tap;
+}
+
+HWY_INLINE Vec value_of(const float* at, const Tap& tap) {
+  Vec v = hn::Mul(all(tap.w[0]), load(at + tap.offset[0]));
+  for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(tap.w[i]), load(at + tap.offset[i]), v);
+  return v;
 }
 
 // 1 for pixels x0 .. of row y whose source p - d keeps `margin` from the border.

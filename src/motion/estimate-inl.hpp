@@ -249,22 +249,21 @@ struct HalfBlock {
 };
 
 // Four rows of kLanes columns from (x, y) on, which are the block's `column` and after.
-HWY_INLINE void filter_half(const FilterInputs& in, const Source* taps, const PixelWeights& weights,
-                            const Shares& shares, int x, int y, int column, PaddedPlane& out) {
+HWY_INLINE void filter_half(const FilterInputs& in, const Tap* taps, const PixelWeights& weights, const Shares& shares,
+                            int x, int y, int column, PaddedPlane& out) {
   const int half = y % kBlock / HalfBlock::kRows;
   const std::ptrdiff_t stride = in.now->stride();
   HalfBlock sums;
-  const auto along = [&](const Source& s, const PaddedPlane& plane, int tap) HWY_ATTR {
+  const auto along = [&](const Tap& pixels, const PaddedPlane& plane, int tap) HWY_ATTR {
     const Vec middle = hn::Load(Float(), weights.middle[tap] + column);
     const Vec change = hn::Load(Float(), weights.change[half][tap] + column);
-    const float* from = plane.at(x, y) + s.offset;
-    for (int r = 0; r < HalfBlock::kRows; ++r) sums.add(r, sample(from + r * stride, stride, s), middle, change);
+    const float* from = plane.at(x, y);
+    for (int r = 0; r < HalfBlock::kRows; ++r) sums.add(r, value_of(from + r * stride, pixels), middle, change);
   };
   for (int j = 0; j < kTaps; ++j) {
-    const Source s = taps[j];
-    along(s, *in.now, j);
-    along(s, *in.mean, FilterWeights::kMean + j);
-    if (in.ahead != nullptr) along(s, *in.ahead, FilterWeights::kAhead + j);
+    along(taps[j], *in.now, j);
+    along(taps[j], *in.mean, FilterWeights::kMean + j);
+    if (in.ahead != nullptr) along(taps[j], *in.ahead, FilterWeights::kAhead + j);
   }
   for (int i = 0; i < 2; ++i) {
     const int tap = FilterWeights::kBefore + i;
@@ -278,17 +277,17 @@ HWY_INLINE void filter_half(const FilterInputs& in, const Source* taps, const Pi
   }
 }
 
-void filter(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
+void filter(const FilterInputs& in, const Vec2* step, const FilterWeights* const* weights, int block_row,
             PaddedPlane& out) noexcept {
   const Shares shares;
   const int y0 = block_row * kBlock;
   const int last = in.now->blocks_across() - 1;
   PixelWeights of_pixels;
   for (int c = 0; c <= last; ++c) {
-    Source taps[kTaps];
+    Tap taps[kTaps];
     for (int j = 0; j < kTaps; ++j) {
       const auto q = static_cast<float>(j - kReach);
-      taps[j] = source_at(*in.now, c * kBlock, y0, q * direction[c].x, q * direction[c].y);
+      taps[j] = tap_at(*in.now, c * kBlock, y0, q * step[c].x, q * step[c].y);
     }
     spread_weights(weights, c, last, in.ahead != nullptr ? FilterWeights::kError : FilterWeights::kAhead, shares,
                    of_pixels);

@@ -4,26 +4,21 @@
 #include <cmath>
 
 #include "src/motion/cubic.hpp"
+#include "src/motion/odds.hpp"
 
 namespace bolo::motion {
 namespace {
 
-constexpr float kMargin = 1.25F;            // of what noise alone makes of a mean square
 constexpr float kLeastGradient = 0.3F;      // of the noise in the past's mean
 constexpr float kLeastUncertainty = 0.02F;  // px a frame
-constexpr float kOfSpeed = 0.01F;
-constexpr float kSlowest = 0.05F;         // px a frame, that an uncertainty is relative to
-constexpr float kStill = 1e-3F;           // px a frame: any direction will do
-constexpr float kLeastChange = 0.3F;      // noise variances
-constexpr float kOfError = 0.3F;          // of the estimate's error, in how far the check is trusted
-constexpr float kAcceptable = 0.3F;       // of the change, that the check may leave in slow motion
-constexpr float kFast = 4.0F;             // px a frame: from there on trails are less exact, and other estimates poor
-constexpr float kMostFast = 4.0F;         // times kFast
-constexpr float kTimesOther = 2.5F;       // how much worse the other estimate is than it thinks, by speed
-constexpr float kTimesOtherAhead = 1.3F;  // the same where it has nothing to extrapolate
-constexpr float kTimesUnseen = 4.0F;      // this estimate, where there is no past to go by
-constexpr float kMostTimesOther = 8.0F;
-constexpr float kLeastError = 1e-3F;            // noise variances
+constexpr float kOfSpeed = 0.004F;
+constexpr float kSlowest = 0.05F;               // px a frame, that an uncertainty is relative to
+constexpr float kSlowPath = 0.3F;               // px a frame, that differences from the path are relative to
+constexpr float kSamePath = 0.1F;               // of the speed: up to here the path's weights are a block's
+constexpr float kOtherPath = 0.3F;              // from here on none of them
+constexpr float kFading = 8.0F;                 // px a frame, before PathWeights::kFastest
+constexpr float kOfError = 0.3F;                // of the estimate's error, in how far the check is trusted
+constexpr float kMayLeave = 1.0F;               // px of a trail, beyond the border
 constexpr float kNearlyRight = 0.05F;           // of the mean square error beside it
 constexpr float kAnotherWay = 1.0F;             // px a frame
 constexpr float kMeanAge = 0.5F * (kNear + 1);  // of the near past's frames, periods
@@ -45,24 +40,13 @@ float noise_of_cubic(float x) {
 
 float power4(float v) { return v * v * v * v; }
 
-// Evidence about a block's two estimates; errors and energies in units of the noise's variance.
-struct Evidence {
-  float mine;    // mean square error that the estimate along the motion should have
-  float other;   // and the per-pixel one
-  float left;    // energy of what the estimate leaves of the innovation
-  float change;  // of innovation less frame
-};
-
-// Expected ratio of the two estimates' mean square errors, along the motion over per pixel. Of 100 random scenes
-// (tests/motion/random_scene.hpp, 275,000 blocks): between the least squares fit of its logarithm and the fit for the
-// least error of what is chosen; the constant was raised until MotionSafety's bounds held.
-float risk(const Inertia& inertia, const Evidence& e) {
-  const auto of_left = static_cast<float>(inertia.noise());
-  const auto of_change = static_cast<float>(inertia.change_noise());
-  const float left = std::max(e.left - 0.76F * of_left, 0.0F) + 0.19F * of_left;
-  const float change = std::max(e.change - of_change, 0.0F) + 0.12F * of_change + kLeastChange;
-  return std::exp(-1.1F + 0.7F * std::log(std::max(e.mine, kLeastError)) - 0.95F * std::log(e.other + kLeastError) +
-                  0.5F * std::log(left) - 0.18F * std::log(change));
+// The block, of a row or column of so many over `pixels`, that is next to `block` and all of whose trail is in the
+// picture; `way`: of the trail's end from its beginning.
+int within(int block, int blocks, int pixels, float way) noexcept {
+  const float before = -way - static_cast<float>(block * kBlock);
+  const float after = static_cast<float>((block + 1) * kBlock - pixels) + way;
+  const auto apart = [](float out) { return static_cast<int>(std::ceil(std::max(out - kMayLeave, 0.0F) / kBlock)); };
+  return std::clamp(block + (way < 0.0F ? apart(before) : -apart(after)), 0, blocks - 1);
 }
 
 }  // namespace
@@ -71,6 +55,7 @@ Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
     : geometry_(geometry),
       inertia_(inertia),
       table_(WeightTable::of(inertia.tau, ahead)),
+      path_weights_(inertia, ahead),
       mean_(geometry),
       far_(geometry),
       ahead_(geometry),
@@ -80,11 +65,12 @@ Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
   const int across = blocks_over(geometry.width);
   const int down = blocks_over(geometry.height);
   for (VectorField& f : past_) f = VectorField(across, down);
-  for (VectorField* f : {&next_, &trail_, &direction_}) *f = VectorField(across, down);
+  for (VectorField* f : {&next_, &way_, &tap_step_, &trail_, &direction_}) *f = VectorField(across, down);
   for (ScalarField* f :
-       {&speed_, &lag_, &far_gain_, &far_share_, &contrast_across_, &unexplained_, &step_, &share_, &most_})
+       {&speed_, &lag_, &far_gain_, &far_share_, &bent_, &contrast_across_, &unexplained_, &step_, &share_, &most_})
     *f = ScalarField(across, down);
   for (std::size_t i = 0; i < raw_.size(); ++i) raw_[i] = smooth_[i] = ScalarField(across, down);
+  leaves_ = BlockField<char>(across, down);
   fit_ = BlockField<FitSums>(across, down);
   weights_ = BlockField<FilterWeights>(across, down);
   across_ = BlockField<AcrossWeights>(across, down);
@@ -100,15 +86,41 @@ void Estimator::extend_row(int row, PaddedPlane& plane) const noexcept {
   plane.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
 }
 
+// How far each block goes the way of the picture's middle, for which the path's weights are.
+void Estimator::follow_path(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
+  path_weights_.follow(kernels, in.path, crew);
+  std::fill(bent_.begin(), bent_.end(), 0.0F);
+  if (!path_weights_.bent()) return;
+  const Vec2 v = in.path.velocity.at(0.0, 0.0);
+  const float speed = std::max(std::hypot(v.x, v.y), kSlowPath);
+  for (std::size_t j = 0; j < kNear; ++j) {
+    const Vec2 middle = in.path.spans[j].at(0.0, 0.0);
+    spread(in.path.spans[j], geometry_, 1, way_);
+    for (std::size_t i = 0; i < bent_.size(); ++i) {
+      const Vec2 off = way_[i] + (*in.deviation)[i] - middle;
+      bent_[i] = std::max(bent_[i], std::hypot(off.x, off.y));
+    }
+  }
+  const float most = std::clamp((PathWeights::kFastest - speed) / kFading, 0.0F, 1.0F);
+  for (float& b : bent_) b = most * std::clamp((kOtherPath - b / speed) / (kOtherPath - kSamePath), 0.0F, 1.0F);
+}
+
 // Displacements and velocities of the blocks.
-void Estimator::set_fields(const EstimateInputs& in) noexcept {
+void Estimator::set_fields(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   const VectorField& deviation = *in.deviation;
   spread(in.path.trail, geometry_, 1, trail_);
   spread(in.path.velocity, geometry_, 1, direction_);
   spread(in.path.ahead, geometry_, 1, next_);
+  follow_path(kernels, in, crew);
+  Affine way;
   for (std::size_t j = 0; j < past_.size(); ++j) {
     spread(in.path.past[j], geometry_, 1, past_[j]);
     const auto frames = static_cast<float>(j + 1);
+    if (path_weights_.bent()) {
+      way = way + in.path.spans[std::min(j, in.path.spans.size() - 1)];
+      spread(way, geometry_, 1, way_);
+      for (std::size_t i = 0; i < bent_.size(); ++i) past_[j][i] = past_[j][i] + (way_[i] - past_[j][i]) * bent_[i];
+    }
     for (std::size_t i = 0; i < deviation.size(); ++i) past_[j][i] = past_[j][i] + deviation[i] * frames;
   }
   for (std::size_t i = 0; i < deviation.size(); ++i) {
@@ -119,6 +131,7 @@ void Estimator::set_fields(const EstimateInputs& in) noexcept {
     speed_[i] = speed;
     lag_[i] = WeightTable::lag_of(speed);
     direction_[i] = speed < kStill ? Vec2{1.0F, 0.0F} : v * (1.0F / speed);
+    tap_step_[i] = direction_[i] + (path_weights_.step() - direction_[i]) * bent_[i];
   }
 }
 
@@ -162,6 +175,8 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
   });
   const auto noise = static_cast<float>(in.noise * in.noise);
   const float of_mean = noise / kNear;
+  const Vec2 v = in.path.velocity.at(0.0, 0.0);
+  const float path_lag = path_weights_.lag_factor() / table_->lag_factor(std::hypot(v.x, v.y));
   const bool far = std::ranges::find(in.past, nullptr) == in.past.end();
   for_rows(crew, weights_.down(), [&](int row) {
     gauss_of_9(raw_[0], row, smooth_[0]);
@@ -169,15 +184,18 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
     mean_of_9(raw_[2], row, smooth_[2]);
     mean_of_9(raw_[3], row, smooth_[3]);
     for (int c = 0; c < weights_.across(); ++c) {
-      const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean), 0.0F);
-      const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
+      const float bent = bent_.at(c, row);
+      const float lag = 1.0F + bent * (path_lag - 1.0F);
       const float speed = speed_.at(c, row);
+      const float structure = lag * std::max(0.5F * smooth_[2].at(c, row) - of_mean, 0.0F);
+      const float across = std::max(0.5F * smooth_[3].at(c, row) - of_mean, 0.0F);
+      const float by_path = bent * path_weights_.change() * structure * table_->lag_factor(speed);
+      const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean + by_path), 0.0F);
+      const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
       const float from_fit = unexplained / gradient / (kMeanAge * kMeanAge);
       const float sigma =
           std::sqrt(from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
       unexplained_.at(c, row) = unexplained;
-      const float structure = std::max(0.5F * smooth_[2].at(c, row) - of_mean, 0.0F);
-      const float across = std::max(0.5F * smooth_[3].at(c, row) - of_mean, 0.0F);
       contrast_across_.at(c, row) = across / noise;
       place_.at(c, row) = table_->place_of(speed, structure / noise, sigma / std::max(speed, kSlowest));
       far_gain_.at(c, row) = table_->far_gain(place_.at(c, row));
@@ -185,13 +203,28 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
     }
   });
   if (far) add_far_past(kernels, in, crew);
+  make_path_weights(crew);
   for_rows(crew, weights_.down(), [&](int row) {
     for (int c = 0; c < weights_.across(); ++c) {
-      table_->find(kernels, place_.at(c, row), far_share_.at(c, row) / kFarPart, weights_.at(c, row));
+      table_->find(kernels, place_.at(c, row), far_share_.at(c, row) / kFarPart, weights_.at(c, row), &path_weights_,
+                   bent_.at(c, row));
       table_->find_across(weights_.at(c, row), speed_.at(c, row), direction_.at(c, row), contrast_across_.at(c, row),
                           across_.at(c, row));
     }
   });
+}
+
+// Those that blocks ask for.
+void Estimator::make_path_weights(Crew& crew) noexcept {
+  if (!path_weights_.bent()) return;
+  std::array<bool, WeightTable::kKinds> wanted{};
+  for (std::size_t i = 0; i < place_.size(); ++i) {
+    if (bent_[i] == 0.0F) continue;
+    for (std::size_t k = 0; k < place_[i].cell.size(); ++k) {
+      if (place_[i].share[k] > 0.0F) wanted[place_[i].cell[k] % WeightTable::kKinds] = true;
+    }
+  }
+  path_weights_.make(wanted, crew);
 }
 
 // Blocks beside which, or in which, the far past is of use.
@@ -282,34 +315,43 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.check(x_, *in.innovation, *in.now, trail_.row(row), ratio, row, left_, raw_[0].row(row), raw_[1].row(row));
   });
+  for_rows(crew, weights_.down(), [&](int row) { take_from_within(row); });
   for_rows(crew, weights_.down(), [&](int row) { judge(in, row); });
 }
 
+// What a pixel saw beyond the border is not known: where trails leave the picture the nearest block inside tells how
+// well the motion explains the innovation.
+void Estimator::take_from_within(int row) noexcept {
+  for (int c = 0; c < trail_.across(); ++c) {
+    const Vec2 way = trail_.at(c, row);
+    const int column = within(c, trail_.across(), geometry_.width, way.x);
+    const int other = within(row, trail_.down(), geometry_.height, way.y);
+    leaves_.at(c, row) = column != c || other != row ? 1 : 0;
+    for (std::size_t i = 0; i < 2; ++i) raw_[2 + i].at(c, row) = raw_[i].at(column, other);
+  }
+}
+
 void Estimator::judge(const EstimateInputs& in, int row) noexcept {
-  gauss_of_9(raw_[0], row, smooth_[0]);
-  gauss_of_9(raw_[1], row, smooth_[1]);
+  gauss_of_9(raw_[2], row, smooth_[0]);
+  gauss_of_9(raw_[3], row, smooth_[1]);
   const auto noise = static_cast<float>(in.noise * in.noise);
   const auto of_innovation = kMargin * static_cast<float>(inertia_.noise()) * noise;
-  const auto of_change = static_cast<float>(inertia_.change_noise()) * noise;
   const auto age = static_cast<float>(inertia_.tau) / kMeanAge;
   const auto first = static_cast<std::size_t>(row) * static_cast<std::size_t>(step_.across());
   for (std::size_t i = first; i < first + static_cast<std::size_t>(step_.across()); ++i) {
-    const float error = std::max(table_->near_error(place_[i]), 0.0F) * noise;
+    const float error = std::max(table_->near_error(place_[i], &path_weights_, bent_[i]), 0.0F);
     const float left = std::max(smooth_[0][i] - of_innovation, 0.0F);
-    const float change = std::max(smooth_[1][i] - of_change, 0.0F) + kLeastChange * noise;
-    step_[i] = left / (left + of_innovation + kOfError * error + 1e-30F);
-    const float relative = left / change / (kAcceptable * std::clamp(speed_[i] / kFast, 1.0F, kMostFast));
-    const bool seen = seen_before(static_cast<int>(i));
-    const float promised = std::max(error, kLeastError * noise) + unexplained_[i] * age * age;
-    const float mine = seen ? promised : kTimesUnseen * promised;
-    const float moves = std::min(speed_[i], std::hypot(trail_[i].x, trail_[i].y));  // after a stop it rests
-    const float faster = (in.ahead != nullptr ? kTimesOtherAhead : kTimesOther) * (0.4F + 2.0F * moves);
-    const float times = seen ? std::clamp(faster, 1.0F, kMostTimesOther) : 1.0F;
-    const float others = in.other_error[i] * noise * times;
-    const float mine4 = power4(mine / others);
-    share_[i] = 1.0F / (1.0F + mine4) / (1.0F + relative * relative);
-    const Evidence evidence{error / noise, in.other_error[i], smooth_[0][i] / noise, smooth_[1][i] / noise};
-    share_[i] *= static_cast<float>(in.path.steady) / (1.0F + power4(risk(inertia_, evidence)));
+    step_[i] = leaves_[i] != 0 ? 0.0F : left / (left + of_innovation + kOfError * error * noise + 1e-30F);
+    const float mine = error + unexplained_[i] * age * age / noise;
+    const Evidence evidence{
+        .mine = mine,
+        .other = in.other_error[i],
+        .per_pixel = table_->per_pixel_error(place_[i]) * error / (mine + 1e-30F),
+        .left = smooth_[0][i] / noise,
+        .change = smooth_[1][i] / noise,
+        .speed = std::min(speed_[i], std::hypot(trail_[i].x, trail_[i].y)),  // after a stop it rests
+        .seen = seen_before(static_cast<int>(i))};
+    share_[i] = static_cast<float>(in.path.steady) / (1.0F + std::exp(odds(inertia_, in.ahead != nullptr, evidence)));
     if (!std::isfinite(share_[i]) || !std::isfinite(step_[i])) share_[i] = step_[i] = 0.0F;
   }
 }
@@ -332,7 +374,7 @@ void Estimator::spare_what_rests(const EstimateInputs& in, int row) noexcept {
 }
 
 void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept {
-  set_fields(in);
+  set_fields(kernels, in, crew);
   align_past(kernels, in, crew);
   choose_weights(kernels, in, crew);
   const FilterInputs inputs{in.now,
@@ -340,7 +382,7 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
                             in.ahead != nullptr ? &ahead_ : nullptr,
                             {in.past[0], in.past[1] != nullptr ? in.past[1] : in.past[0]}};
   for_rows(crew, weights_.down(), [&](int row) {
-    kernels.filter(inputs, direction_.row(row), rows_around(weights_, row).data(), row, along_);
+    kernels.filter(inputs, tap_step_.row(row), rows_around(weights_, row).data(), row, along_);
     extend_row(row, along_);
   });
   along_.extend_ends();

@@ -11,6 +11,7 @@
 #include "src/motion/innovation.hpp"
 #include "src/motion/kernels.hpp"
 #include "src/motion/path.hpp"
+#include "src/motion/path_weights.hpp"
 #include "src/motion/weights.hpp"
 
 namespace bolo::motion {
@@ -47,7 +48,9 @@ class Estimator {
     std::array<const Vec2*, kPast> displacements{};
   };
 
-  void set_fields(const EstimateInputs& in) noexcept;
+  void follow_path(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  void make_path_weights(Crew& crew) noexcept;
+  void set_fields(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void extend_row(int row, PaddedPlane& plane) const noexcept;
   int past_of(const EstimateInputs& in, std::size_t begin, std::size_t end, int row, PastRows& rows) const noexcept;
   void align_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
@@ -57,6 +60,7 @@ class Estimator {
   float usual_difference() noexcept;
   void add_far_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  void take_from_within(int row) noexcept;
   void judge(const EstimateInputs& in, int row) noexcept;
   void spare_what_rests(const EstimateInputs& in, int row) noexcept;
   bool seen_before(int block) const noexcept;
@@ -67,6 +71,7 @@ class Estimator {
   Geometry geometry_;
   Inertia inertia_;
   std::shared_ptr<const WeightTable> table_;
+  PathWeights path_weights_;
   PaddedPlane mean_;
   PaddedPlane far_;  // the far past's mean, then how it differs from the near past's
   PaddedPlane ahead_;
@@ -75,6 +80,8 @@ class Estimator {
   PaddedPlane left_;
   std::array<VectorField, kPast> past_;
   VectorField next_;
+  VectorField way_;
+  VectorField tap_step_;  // from one of the estimate's values to the next
   VectorField trail_;
   VectorField direction_;
   ScalarField speed_;
@@ -88,8 +95,10 @@ class Estimator {
   ScalarField contrast_across_;  // noise variances
   ScalarField far_gain_;         // how much of the far past is of use, and taken
   ScalarField far_share_;
+  ScalarField bent_;  // how much of the weights is the path's
   ScalarField unexplained_;
-  ScalarField step_;  // how much of what is left is added
+  BlockField<char> leaves_;  // where trails do not stay within the picture
+  ScalarField step_;         // how much of what is left is added
   ScalarField share_;
   ScalarField most_;  // share in any pixel of a block
 };

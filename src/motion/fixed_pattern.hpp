@@ -10,7 +10,7 @@
 #pragma once
 
 #include "src/core/crew.hpp"
-#include "src/core/pixel_range.hpp"
+#include "src/core/frame.hpp"
 #include "src/motion/block_field.hpp"
 #include "src/motion/global_motion.hpp"
 #include "src/motion/innovation.hpp"

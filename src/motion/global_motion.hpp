@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "src/core/crew.hpp"
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/motion/block_field.hpp"
 #include "src/motion/innovation.hpp"
 #include "src/motion/kernels.hpp"

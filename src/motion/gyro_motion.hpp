@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/gyro.hpp"
 #include "src/motion/path.hpp"
 

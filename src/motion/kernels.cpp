@@ -126,6 +126,39 @@ double covariance(const double* time, const double* share, std::size_t count, do
   return 0.5 * hn::GetLane(hn::SumOfLanes(d, total));
 }
 
+void correlate(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, int count, double* out) noexcept {
+  using Wide = hn::CappedTag<float, 16>;
+  const Wide d;
+  constexpr int kStep = static_cast<int>(hn::MaxLanes(d));
+  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
+  for (int j = 0; j < count; ++j) {
+    const float dx = static_cast<float>(first + j) * step.x;
+    const float dy = static_cast<float>(first + j) * step.y;
+    auto sum = hn::Zero(d);
+    for (int n = 0; n < a.count; ++n) {
+      auto of_n = hn::Zero(d);
+      for (int m = 0; m < b.count; m += kStep) {
+        const auto x = hn::Sub(set(a.x[n] + dx), hn::Load(d, b.x + m));
+        const auto y = hn::Sub(set(a.y[n] + dy), hn::Load(d, b.y + m));
+        const auto doubt = hn::Sub(set(a.doubt[n]), hn::Load(d, b.doubt + m));
+        const auto blur = hn::Add(set(a.blur[n] + 0.36F), hn::Load(d, b.blur + m));
+        const auto square = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::MulAdd(doubt, doubt, blur)));
+        auto one_over = hn::ApproximateReciprocalSqrt(square);  // of 8 bits at least: two steps of Newton's method
+        for (int k = 0; k < 2; ++k) {
+          const auto half = hn::Mul(hn::Mul(set(-0.5F), square), one_over);
+          one_over = hn::Mul(one_over, hn::MulAdd(half, one_over, set(1.5F)));
+        }
+        const auto root = hn::Mul(square, one_over);
+        const auto slow = hn::Exp(d, hn::Max(hn::MulAdd(root, set(-1.0F / 30.0F), set(0.02F)), set(-80.0F)));
+        const auto cube = hn::Mul(hn::Mul(slow, slow), slow);
+        of_n = hn::MulAdd(hn::Load(d, b.share + m), hn::MulAdd(cube, cube, slow), of_n);
+      }
+      sum = hn::MulAdd(set(a.share[n]), of_n, sum);
+    }
+    out[j] = 0.5 * static_cast<double>(hn::GetLane(hn::SumOfLanes(d, sum)));
+  }
+}
+
 const Kernels& kernels() {
   static const Kernels table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET),
                              innovate,
@@ -147,6 +180,7 @@ const Kernels& kernels() {
                              check,
                              correct,
                              blend,
+                             correlate,
                              covariance};
   return table;
 }

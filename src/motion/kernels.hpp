@@ -69,6 +69,18 @@ struct FilterInputs {
   const PaddedPlane* before[2] = {};
 };
 
+// Parts of a trail: where the scene was, against where it is, when a value saw it; how long that is ago, times sqrt(2)
+// standard deviations of the velocity, px; the variance of the part's own length, px^2; and its share in the value.
+struct SceneTrail {
+  static constexpr int kMost = 128;
+  int count = 0;
+  alignas(64) float x[kMost] = {};
+  alignas(64) float y[kMost] = {};
+  alignas(64) float doubt[kMost] = {};
+  alignas(64) float blur[kMost] = {};
+  alignas(64) float share[kMost] = {};
+};
+
 struct Kernels {
   std::string_view isa;
   // out = gain now - (gain - 1) before, whole rows [begin, end).
@@ -108,8 +120,9 @@ struct Kernels {
               FitSums* out) noexcept;
   // Corners by their shares.
   void (*mix)(const FilterWeights* const* corners, const float* shares, std::size_t count, FilterWeights& out) noexcept;
-  // x = sum of weights; `weights` holds the rows of blocks above, of and below `block_row`.
-  void (*filter)(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
+  // x = sum of weights, whose values are `step` apart; `weights` holds the rows of blocks above, of and below
+  // `block_row`.
+  void (*filter)(const FilterInputs& in, const Vec2* step, const FilterWeights* const* weights, int block_row,
                  PaddedPlane& out) noexcept;
   // Smoothed across the motion, each block with its weights; `from` is extended.
   void (*across)(const PaddedPlane& from, const Vec2* direction, const AcrossWeights* weights, int block_row,
@@ -125,6 +138,10 @@ struct Kernels {
   // block no more than its `most`. `other` and `out` are planes of the frame's width.
   void (*blend)(const PaddedPlane& x, const float* other, const float* const* c, const float* most, int block_row,
                 float* out) noexcept;
+  // For j = first, first + 1 ...: the sum of shares c(r), r^2 the square of a - b + j step and of both's doubts'
+  // difference, and both's blur. As mean over velocities this is good to 2 %, and like it a covariance: c falls
+  // completely monotonely with r^2. Thread: any.
+  void (*correlate)(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, int count, double* out) noexcept;
   // Sum over i of share[i] c(r_i), r_i the length of (at + along t_i, across t_i), t_i = back + time[i]; c is the
   // scene's autocovariance (weights.hpp). Thread: setup.
   double (*covariance)(const double* time, const double* share, std::size_t count, double back, double at, double along,

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/scene_motion.hpp"
 
 namespace bolo::motion {
@@ -33,12 +33,13 @@ class PaddedPlane {
 
   void fill(float value) noexcept { std::ranges::fill(values_, value); }
   // Repeats the frame's border beyond it: to the sides of rows [begin, end), and above and below the frame where these
-  // are its first and last. Thread: worker.
-  void extend_sides(int begin, int end) noexcept;
-  void extend_ends() noexcept;
-  void extend() noexcept {
-    extend_sides(0, geometry_.height);
-    extend_ends();
+  // are its first and last. `slope` 1: mirrors what is inside about the border's value, so that gradients go on.
+  // Thread: worker.
+  void extend_sides(int begin, int end, float slope = 0.0F) noexcept;
+  void extend_ends(float slope = 0.0F) noexcept;
+  void extend(float slope = 0.0F) noexcept {
+    extend_sides(0, geometry_.height, slope);
+    extend_ends(slope);
   }
 
  private:

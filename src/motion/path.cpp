@@ -21,7 +21,6 @@ constexpr double kTold = 6.0;         // times kByChance
 constexpr double kUnexplained = 0.5;  // of the squared changes, that a gyro may leave, and what noise makes of them
 constexpr double kGyroNoise = 0.02;   // px a frame
 constexpr double kRest = 0.1;         // px a frame
-constexpr double kStein = 1.5;
 
 using Spans = std::array<Affine, kHistory - 1>;  // u_i, the newest first
 
@@ -40,10 +39,13 @@ Displacements operator+(const Displacements& a, const Displacements& b) noexcept
   return sum;
 }
 
-// The mean over the picture's middle row.
-double square(const Affine& a) noexcept {
-  return a.p[0] * a.p[0] + a.p[3] * a.p[3] + (a.p[1] * a.p[1] + a.p[4] * a.p[4]) / 3.0;
+// Of the part along an axis (0: x, 1: y), the mean over the picture's middle row.
+double square(const Affine& a, std::size_t axis) noexcept {
+  const double* p = &a.p[3 * axis];
+  return p[0] * p[0] + p[1] * p[1] / 3.0;
 }
+
+double square(const Affine& a) noexcept { return square(a, 0) + square(a, 1); }
 
 Affine mean_of(const Displacements& d) noexcept {
   Affine sum;
@@ -52,9 +54,9 @@ Affine mean_of(const Displacements& d) noexcept {
 }
 
 // The sum of the squared changes.
-double roughness(const Displacements& d) noexcept {
+double roughness(const Displacements& d, std::size_t axis) noexcept {
   double sum = 0.0;
-  for (std::size_t i = 1; i < d.size(); ++i) sum += square(d[i] + d[i - 1] * -1.0);
+  for (std::size_t i = 1; i < d.size(); ++i) sum += square(d[i] + d[i - 1] * -1.0, axis);
   return sum;
 }
 
@@ -93,7 +95,7 @@ void smooth(Displacements& left, double uncertainty) noexcept {
   double scatter = 0.0;
   for (const Affine& d : left) scatter += square(d + mean * -1.0) / (kHistory - 1);
   const double chance = 4.0 * (uncertainty * uncertainty + kGyroNoise * kGyroNoise);
-  const double keep = std::max(0.0, 1.0 - kStein * chance / std::max(scatter, 1e-12));
+  const double keep = std::max(0.0, 1.0 - chance / std::max(scatter, 1e-12));
   for (Affine& d : left) d = mean + (d + mean * -1.0) * keep;
 }
 
@@ -105,7 +107,9 @@ bool rests(const Affine& u) noexcept {
 
 bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
   const double chance = kHistory * (9.0 * uncertainty * uncertainty + 3.0 * kGyroNoise * kGyroNoise);
-  return roughness(left) <= kUnexplained * roughness(displacements) + chance;
+  return std::ranges::all_of(std::array<std::size_t, 2>{0, 1}, [&](std::size_t axis) {
+    return roughness(left, axis) <= kUnexplained * roughness(displacements, axis) + chance;
+  });
 }
 
 Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty,
@@ -123,6 +127,8 @@ Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, doub
   };
   Path path;
   path.trail = u[now];
+  for (std::size_t i = 0; i < u.size(); ++i) path.spans[i] = u[std::min(now + i, u.size() - 1)];
+  path.next = u[0];
   path.displacement = d[now] + known.displacements[now];
   path.steady = std::min({steadiness(left, uncertainty), steadiness(d + known.displacements, kTold * uncertainty),
                           steadiness(d + known.spans, kTold * uncertainty)});

@@ -15,10 +15,12 @@ namespace bolo::motion {
 inline constexpr int kHistory = 8;  // displacements that a path is made of
 
 struct Path {
-  Affine trail;                      // u_0: during the estimated frame
-  Affine velocity;                   // that its weights are for: mostly the one that blurred the frame
-  std::array<Affine, kPast> past{};  // moves the frames 1, 2, 3 ... before onto it
-  Affine ahead;                      // moves the frame after onto it
+  Affine trail;                              // u_0: during the estimated frame
+  std::array<Affine, kHistory - 1> spans{};  // u_0, u_1 ...
+  Affine next;                               // during the frame after
+  Affine velocity;                           // that its weights are for: mostly the one that blurred the frame
+  std::array<Affine, kPast> past{};          // moves the frames 1, 2, 3 ... before onto it
+  Affine ahead;                              // moves the frame after onto it
   // Evidence in the last displacements that the motion goes on as it was, 1 to 0: a second difference that is much
   // of the speed is a stop, a knock or a cut, of which the newest innovation has seen a part at most.
   double steady = 1.0;

@@ -10,17 +10,19 @@
 
 #include <Eigen/Dense>
 
+#include "src/motion/best_weights.hpp"
+#include "src/motion/path_weights.hpp"
+
 namespace bolo::motion {
 namespace {
 
 constexpr double kFixedPattern = 0.5;       // noises
-constexpr double kModelError = 1e-6;        // of the scene's variance: interpolation, and what the model leaves out
 constexpr double kSmallestContrast = 1e-4;  // noise variances; a decade a step
 constexpr unsigned kMostThreads = 4;
-constexpr std::array kUncertain = {0.03, 0.1, 0.3, 1.0};  // of the speed
-constexpr int kNodes = 48;                                // of ages
-constexpr double kSmallestRatio = 1e-3;                   // of contrast across to noise
-constexpr double kRatioDecades = 0.15;                    // a step
+constexpr std::array kUncertain = {0.004, 0.02, 0.07, 0.25, 1.0};  // of the speed
+constexpr int kNodes = 48;                                         // of ages
+constexpr double kSmallestRatio = 1e-3;                            // of contrast across to noise
+constexpr double kRatioDecades = 0.15;                             // a step
 constexpr float kMayAdd = 0.03F;        // of the mean square error, that the far past adds where it is not yet used
 constexpr float kWorthwhile = 0.1F;     // between that and where it is used in full
 constexpr float kLeastAcross = 0.007F;  // noise variances
@@ -53,8 +55,6 @@ struct Taps {
   std::vector<Raw> raw;
   std::array<Eigen::MatrixXd, 2> rows;  // with the near past's mean, and the whole past's
 };
-
-int count_of(int ahead) { return 2 * kTaps + 2 + (ahead > 0 ? kTaps : 0); }
 
 // In the order of FilterWeights.
 Taps taps_at(double speed, int ahead) {
@@ -148,9 +148,6 @@ class Covariances {
   std::map<std::pair<int, long long>, double> known_;
 };
 
-// Correlation of noise and pattern between two values that are interpolated from pixels.
-double overlap(const Raw& a, const Raw& b) { return std::clamp(1.0 - std::abs(a.at - b.at), 0.0, 1.0); }
-
 float index_in(const float* grid, int size, float value) {
   int i = 0;
   while (i + 2 < size && value >= grid[i + 1]) ++i;
@@ -160,7 +157,19 @@ float index_in(const float* grid, int size, float value) {
 
 }  // namespace
 
-WeightTable::WeightTable(double tau_periods, int ahead) : tau_(tau_periods), ahead_(ahead), far_gain_(kCells) {
+double shared_noise(bool same_frame, double apart) noexcept {
+  return std::max(1.0 - apart, 0.0) * ((same_frame ? 1.0 : 0.0) + kFixedPattern * kFixedPattern);
+}
+
+double WeightTable::contrast_of(std::size_t kind) noexcept {
+  const std::size_t decade = kind / kUncertainties;
+  return kSmallestContrast * std::pow(10.0, static_cast<double>(decade));
+}
+
+double WeightTable::uncertainty_of(std::size_t kind) noexcept { return kUncertain[kind % kUncertainties]; }
+
+WeightTable::WeightTable(double tau_periods, int ahead)
+    : tau_(tau_periods), ahead_(ahead), far_gain_(kCells), per_pixel_(kCells) {
   for (std::vector<FilterWeights>& cells : cells_) cells.resize(kCells);
   constexpr std::array kSlow = {0.02, 0.05, 0.1};
   for (std::size_t i = 0; i < kSpeeds; ++i) {
@@ -249,10 +258,11 @@ void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
     for (Eigen::Index j = 0; j <= i; ++j) {
       const Raw& b = taps.raw[static_cast<std::size_t>(j)];
       y(i, j) = y(j, i) = covariances.of(a, b);
-      noise(i, j) = noise(j, i) = overlap(a, b) * ((a.back == b.back ? 1.0 : 0.0) + kFixedPattern * kFixedPattern);
+      noise(i, j) = noise(j, i) = shared_noise(a.back == b.back, std::abs(a.at - b.at));
     }
   }
   const double unit = structure(v, 2.0);
+  fill_per_pixel(speed, uncertainty, covariances, unit);
   for (std::size_t far = 0; far < cells_.size(); ++far) {
     const Eigen::MatrixXd& rows = taps.rows[far];
     const Eigen::MatrixXd scene_part = rows * y * rows.transpose();
@@ -260,17 +270,8 @@ void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
     const Eigen::VectorXd truth_part = rows * truth;
     const Eigen::VectorXd sums = rows.rowwise().sum();
     for (std::size_t c = 0; c < kContrasts; ++c) {
-      const double variance = kSmallestContrast * std::pow(10.0, static_cast<double>(c)) / unit;
-      Eigen::MatrixXd all = variance * scene_part + noise_part;
-      all.diagonal().array() += kModelError * variance + 1e-9;
-      const Eigen::LDLT<Eigen::MatrixXd> factors(all);
-      const Eigen::VectorXd a = factors.solve(variance * truth_part);
-      const Eigen::VectorXd b = factors.solve(sums);
-      const Eigen::VectorXd w = a + (1.0 - sums.dot(a)) / sums.dot(b) * b;
-      FilterWeights& out = cells_[far][cell(speed, c, uncertainty)];
-      for (int i = 0; i < count_of(ahead_); ++i) out.w[i] = static_cast<float>(w(i));
-      out.w[FilterWeights::kError] = static_cast<float>(variance - 2.0 * variance * w.dot(truth_part) + w.dot(all * w));
-      out.w[FilterWeights::kNoise] = static_cast<float>(w.dot(noise_part * w));
+      const double variance = contrast_of(c * kUncertainties) / unit;
+      best_weights(scene_part, noise_part, truth_part, sums, variance, cells_[far][cell(speed, c, uncertainty)]);
     }
   }
   for (std::size_t c = 0; c < kContrasts; ++c) {
@@ -280,7 +281,41 @@ void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
   }
 }
 
+// What a pixel's own newest values leave.
+template <typename Covariances>
+void WeightTable::fill_per_pixel(std::size_t speed, std::size_t uncertainty, Covariances& covariances, double unit) {
+  const int n = 3 + ahead_;
+  Eigen::MatrixXd y(n, n);
+  Eigen::MatrixXd noise(n, n);
+  Eigen::VectorXd truth(n);
+  for (int i = 0; i < n; ++i) {
+    truth(i) = covariances.with_truth({i - ahead_, 0.0});
+    for (int j = 0; j < n; ++j) {
+      y(i, j) = covariances.of({i - ahead_, 0.0}, {j - ahead_, 0.0});
+      noise(i, j) = shared_noise(i == j, 0.0);
+    }
+  }
+  const Eigen::VectorXd sums = Eigen::VectorXd::Ones(n);
+  for (std::size_t c = 0; c < kContrasts; ++c) {
+    FilterWeights own;
+    best_weights(y, noise, truth, sums, contrast_of(c * kUncertainties) / unit, own);
+    per_pixel_[cell(speed, c, uncertainty)] = own.w[FilterWeights::kError] - own.w[FilterWeights::kNoise];
+  }
+}
+
+float WeightTable::per_pixel_error(const Place& place) const noexcept {
+  float error = 0.0F;
+  for (std::size_t k = 0; k < place.cell.size(); ++k) error += place.share[k] * per_pixel_[place.cell[k]];
+  return error;
+}
+
 float WeightTable::lag_of(float speed) noexcept { return std::clamp(2.0F + 0.8F * (speed - 1.0F), 2.0F, 24.0F); }
+
+float WeightTable::lag_factor(float speed) const noexcept {
+  const float a = index_in(log_speed_.data(), kSpeeds, std::log(std::max(speed, 1e-6F)));
+  const auto at = static_cast<std::size_t>(a);
+  return lag_factor_[at] + (a - static_cast<float>(at)) * (lag_factor_[at + 1] - lag_factor_[at]);
+}
 
 void WeightTable::find_across(const FilterWeights& along, float speed, Vec2 e, float structure,
                               AcrossWeights& out) const noexcept {
@@ -329,10 +364,13 @@ WeightTable::Place WeightTable::place_of(float speed, float structure, float unc
   return place;
 }
 
-float WeightTable::near_error(const Place& place) const noexcept {
+float WeightTable::near_error(const Place& place, const PathWeights* path, float bent) const noexcept {
   float error = 0.0F;
   for (std::size_t k = 0; k < place.cell.size(); ++k) {
-    error += place.share[k] * cells_[0][place.cell[k]].w[FilterWeights::kError];
+    const float straight = cells_[0][place.cell[k]].w[FilterWeights::kError];
+    const FilterWeights* of_path = bent > 0.0F ? path->at(place.cell[k] % kKinds) : nullptr;
+    const float along = of_path != nullptr ? of_path->w[FilterWeights::kError] : straight;
+    error += place.share[k] * (straight + bent * (along - straight));
   }
   return error;
 }
@@ -343,16 +381,22 @@ float WeightTable::far_gain(const Place& place) const noexcept {
   return gain;
 }
 
-void WeightTable::find(const Kernels& kernels, const Place& place, float far, FilterWeights& out) const noexcept {
-  std::array<const FilterWeights*, 16> corners;
-  std::array<float, 16> shares;
+void WeightTable::find(const Kernels& kernels, const Place& place, float far, FilterWeights& out,
+                       const PathWeights* path, float bent) const noexcept {
+  std::array<const FilterWeights*, 24> corners;
+  std::array<float, 24> shares;
   std::size_t count = 0;
-  for (const std::size_t past : {0U, 1U}) {
-    const float part = past == 0 ? 1.0F - far : far;
-    for (std::size_t k = 0; part > 0.0F && k < place.cell.size(); ++k) {
-      corners[count] = &cells_[past][place.cell[k]];
-      shares[count++] = part * place.share[k];
-    }
+  const auto add = [&](const FilterWeights& w, float share) {
+    if (share == 0.0F) return;
+    corners[count] = &w;
+    shares[count++] = share;
+  };
+  for (std::size_t k = 0; k < place.cell.size(); ++k) {
+    const FilterWeights* of_path = bent > 0.0F ? path->at(place.cell[k] % kKinds) : nullptr;
+    const float along = of_path != nullptr ? bent : 0.0F;
+    if (of_path != nullptr) add(*of_path, (1.0F - far) * along * place.share[k]);
+    add(cells_[0][place.cell[k]], (1.0F - far) * (1.0F - along) * place.share[k]);
+    add(cells_[1][place.cell[k]], far * place.share[k]);
   }
   kernels.mix(corners.data(), shares.data(), count, out);
 }

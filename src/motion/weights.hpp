@@ -19,10 +19,27 @@
 
 namespace bolo::motion {
 
+// Below this speed, px a frame, any direction will do.
+inline constexpr float kStill = 1e-3F;
+
+class PathWeights;
+
+// Covariance of noise and fixed pattern, noise variances, of two values that are interpolated from pixels so far apart.
+// Thread: any.
+double shared_noise(bool same_frame, double apart) noexcept;
+
 class WeightTable {
  public:
+  static constexpr std::size_t kContrasts = 11;
+  static constexpr std::size_t kUncertainties = 5;
+  static constexpr std::size_t kKinds = kContrasts * kUncertainties;  // of cells of one speed
+
+  // Contrast over 2 px, noise variances, and standard deviation of the speed over the speed, of a kind. Thread: any.
+  static double contrast_of(std::size_t kind) noexcept;
+  static double uncertainty_of(std::size_t kind) noexcept;
+
   // `tau_periods`: tau / T. `ahead`: 1 when the frame after the estimated one is known too. Made once a process
-  // for the same arguments, and kept (300 kB). Thread: setup.
+  // for the same arguments, and kept (400 kB). Thread: setup.
   static std::shared_ptr<const WeightTable> of(double tau_periods, int ahead);
 
   WeightTable(double tau_periods, int ahead);
@@ -39,31 +56,38 @@ class WeightTable {
   // see. Thread: any.
   float far_gain(const Place& place) const noexcept;
   // Mean square error that the weights for the near past should have, noise variances. Thread: any.
-  float near_error(const Place& place) const noexcept;
-  // Weights for a past's mean of kNear frames (`far` 0), of kPast (1), or between. Thread: any.
-  void find(const Kernels& kernels, const Place& place, float far, FilterWeights& out) const noexcept;
+  float near_error(const Place& place, const PathWeights* path = nullptr, float bent = 0.0F) const noexcept;
+  // Of an estimate from a pixel's own newest values, what is not noise. Thread: any.
+  float per_pixel_error(const Place& place) const noexcept;
+  // Weights for a past's mean of kNear frames (`far` 0), of kPast (1), or between; `bent`: the part of the near past's
+  // that is the path's. Thread: any.
+  void find(const Kernels& kernels, const Place& place, float far, FilterWeights& out,
+            const PathWeights* path = nullptr, float bent = 0.0F) const noexcept;
 
   // Weights across the motion for what `along` makes; `structure`: half the mean square difference of the past's mean
   // over 2 px across, less its noise. `e`: direction of the motion. Thread: any.
   void find_across(const FilterWeights& along, float speed, Vec2 e, float structure, AcrossWeights& out) const noexcept;
+
+  // Of the contrast at lag_of(a speed) to that at two pixels. Thread: any.
+  float lag_factor(float speed) const noexcept;
 
   // Over how many pixels the contrast is measured: along a long trail neighbours are alike. Thread: any.
   static float lag_of(float speed) noexcept;
 
  private:
   static constexpr std::size_t kSpeeds = 22;
-  static constexpr std::size_t kContrasts = 11;
-  static constexpr std::size_t kUncertainties = 4;
-  static constexpr std::size_t kCells = kSpeeds * kContrasts * kUncertainties;
+  static constexpr std::size_t kCells = kSpeeds * kKinds;
 
   static constexpr int kRatios = 41;
 
   double structure(double speed, double lag) const;
   double structure_across(double speed) const;
   void fill(std::size_t speed, std::size_t uncertainty);
+  template <typename Covariances>
+  void fill_per_pixel(std::size_t speed, std::size_t uncertainty, Covariances& covariances, double unit);
   void fill_across() noexcept;
   static constexpr std::size_t cell(std::size_t speed, std::size_t contrast, std::size_t uncertainty) noexcept {
-    return (speed * kContrasts + contrast) * kUncertainties + uncertainty;
+    return speed * kKinds + contrast * kUncertainties + uncertainty;
   }
 
   double tau_;
@@ -74,6 +98,7 @@ class WeightTable {
   std::array<float, kSpeeds> across_factor_{};       // of the scene's contrast over 2 px to that of y across the motion
   std::array<std::vector<FilterWeights>, 2> cells_;  // with the near past's mean, and the whole past's
   std::vector<float> far_gain_;
+  std::vector<float> per_pixel_;
   std::array<AcrossWeights, kRatios> across_;  // by contrast over 2 px in units of the noise's variance
 };
 

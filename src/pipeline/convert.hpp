@@ -4,8 +4,7 @@
 #include <cstdint>
 #include <span>
 
-#include "src/core/pixel_range.hpp"
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 
 namespace bolo::pipeline {
 

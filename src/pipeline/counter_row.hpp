@@ -1,4 +1,4 @@
-// A row for each number that a daemon keeps of its frames (stats.hpp) and its camera (source_status.hpp). Shared
+// A row for each number that a daemon keeps of its frames (stats.hpp) and its camera (source.hpp). Shared
 // memory, metrics, JSON, `bolo stat` and the journal's last message are made from these rows: a new number is a member,
 // a row below it, and the place that counts.
 #pragma once

@@ -377,4 +377,14 @@ const deblur::Settings& Pipeline::settings() const noexcept { return impl_->sett
 std::string_view Pipeline::isa() const noexcept { return impl_->solvers.full().isa(); }
 const std::string& Pipeline::solver_text() const noexcept { return impl_->text; }
 
+void apply_profile(const model::CameraProfile& profile, model::PixelMaps maps, PipelineOptions& options) {
+  const double late_s = 0.5 * profile.undo.integration_s;
+  options.deblur.tau_s = profile.tau_s + late_s;
+  options.deblur.gyro_setup = profile.gyro;
+  options.maps = std::move(maps);
+  for (float& tau_s : options.maps.tau_s) tau_s += static_cast<float>(late_s);
+  options.undo = profile.undo;
+  options.pixel_noise_k = profile.noise_k;
+}
+
 }  // namespace bolo::pipeline

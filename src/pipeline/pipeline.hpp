@@ -10,11 +10,10 @@
 #include <string_view>
 #include <vector>
 
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 #include "src/deblur/settings.hpp"
-#include "src/model/pixel_maps.hpp"
-#include "src/model/undo.hpp"
+#include "src/model/camera_profile.hpp"
 #include "src/pipeline/sink.hpp"
 #include "src/pipeline/source.hpp"
 #include "src/pipeline/stats.hpp"
@@ -98,5 +97,12 @@ class Pipeline {
   explicit Pipeline(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
+
+// --- From what is known of a camera to what the pipeline is asked to do.
+
+// Sets the time constant, the maps and what else is undone. A read-out that averages over integration_s is taken for a
+// pixel that is slower by half of it: both delay what they see by the same time. `maps`: capture::read_profile_maps().
+// Thread: any.
+void apply_profile(const model::CameraProfile& profile, model::PixelMaps maps, PipelineOptions& options);
 
 }  // namespace bolo::pipeline

@@ -12,13 +12,13 @@
 #include <string>
 #include <vector>
 
-#include "src/core/utc_clock.hpp"
+#include "src/core/clock.hpp"
 #include "src/corrections/chain.hpp"
 #include "src/deblur/window.hpp"
 #include "src/pipeline/gap_watch.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "src/pipeline/solver_ladder.hpp"
-#include "src/rt/worker_team.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::pipeline {
 

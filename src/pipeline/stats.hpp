@@ -8,12 +8,12 @@
 #include <string_view>
 
 #include "bolo/shm_layout.h"
+#include "src/core/clock.hpp"
 #include "src/core/gyro.hpp"
-#include "src/core/utc_clock.hpp"
 #include "src/pipeline/counter_row.hpp"
 #include "src/pipeline/inlet.hpp"
 #include "src/pipeline/quality_level.hpp"
-#include "src/pipeline/source_status.hpp"
+#include "src/pipeline/source.hpp"
 #include "src/rt/counters.hpp"
 
 namespace bolo::pipeline {

@@ -12,15 +12,60 @@
 // Thread of all functions: any.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "src/report/colours.hpp"
+#include "src/core/output_file.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::plot {
+
+// --- Colours.
+
+// After Okabe and Ito, "Color Universal Design" (2008), which eyes with any common kind of colour blindness tell apart;
+// darker on light paper and lighter on dark paper than theirs, so that words in them can be read (4.5 to 1).
+enum class Hue : std::uint8_t {
+  kBlurred,    // what the camera sends; before; nominal. Vermilion
+  kDeblurred,  // what Bolo makes of it; after; predicted. Blue
+  kTruth,      // what is known from elsewhere: truth, measurement. Ink
+  kSoft,       // what is only there for reference. Grey
+  kGreen,      // other methods, as they come
+  kPurple,
+  kAmber,
+  kBad,    // lost, broken. Red; never alone: a word or a shape says it too
+  kWhite,  // on planes of values, whatever the paper
+};
+inline constexpr std::size_t kHues = 9;
+
+struct Rgb {
+  std::uint8_t red = 0;
+  std::uint8_t green = 0;
+  std::uint8_t blue = 0;
+  bool operator==(const Rgb&) const = default;
+};
+
+struct HueColours {
+  const char* name;  // of the style sheet's classes: s-NAME strokes, f-NAME fills
+  Rgb on_light;
+  Rgb on_dark;
+};
+const HueColours& colours_of(Hue hue) noexcept;
+
+// For planes of values. Lightness rises evenly in the first two, so they also read in grey.
+enum class Ramp : std::uint8_t {
+  kIron,       // thermal images: black, violet, orange, yellow, white
+  kViridis,    // any other quantity
+  kDiverging,  // both signs: blue, grey, orange
+};
+// The colour at `level` (0..1; beyond that the ends'). Thread: any.
+Rgb colour_at(Ramp ramp, double level) noexcept;
+
+// --- Plots.
 
 inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -101,5 +146,27 @@ std::string aligned_figures_html(std::span<const Plot> plots);  // their areas b
 // The style of drawings, and that of a page with drawings in it.
 const std::string& plot_style();
 const std::string& page_style();
+
+// --- A verb's plots and tables in one file: `--plot FILE.svg` or `--plot FILE.html`.
+
+// Cells that begin with a digit, or with a sign and a digit, stand to the right, with their column's head.
+struct Table {
+  std::vector<std::string> head{};
+  std::vector<std::vector<std::string>> rows{};
+  std::string caption{};
+};
+
+struct Sheet {
+  std::string title{};          // what was measured
+  Rows rows{};                  // of plots, from the top down
+  std::vector<Table> tables{};  // on a page only
+  std::string how{};            // how it was measured: machine, seed, command; on a page only
+};
+
+// kBadInput unless the name ends with .svg or .html: for verbs that run long, to be asked first. Thread: any.
+Status check_sheet_file(const std::filesystem::path& file);
+
+// Errors: as of write_file(). Thread: any.
+Status save(const Sheet& sheet, const OutputFile& file);
 
 }  // namespace bolo::plot

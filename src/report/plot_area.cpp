@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/report/data_picture.hpp"
+#include "src/report/drawing.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::plot {

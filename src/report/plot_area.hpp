@@ -4,9 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "src/report/drawing.hpp"
 #include "src/report/plot.hpp"
-#include "src/report/scale.hpp"
-#include "src/report/series_drawing.hpp"
 
 namespace bolo::plot {
 

@@ -6,7 +6,7 @@
 #include <cstdarg>
 #include <cstdio>
 
-#include "src/core/printable.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::plot {
 namespace {

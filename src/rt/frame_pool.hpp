@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "src/core/frame.hpp"
-#include "src/core/plane.hpp"
 #include "src/rt/spsc_queue.hpp"
 
 namespace bolo::rt {

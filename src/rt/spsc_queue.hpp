@@ -46,6 +46,7 @@ namespace bolo::rt {
 // std::hardware_destructive_interference_size is not ABI-stable and warns; x86-64 and ARMv8 lines are 64 bytes.
 inline constexpr std::size_t kCacheLine = 64;
 
+// Debian's queues (readerwriterqueue, Boost) are as fast, but their sleepers cannot be woken without an item.
 template <typename T>
 class SpscQueue {
   static_assert(std::is_trivially_copyable_v<T>, "items are copied without constructors");

@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 
 #include <cstring>
+#include <system_error>
 
 namespace bolo::rt {
 namespace {
@@ -48,6 +49,31 @@ Status apply_affinity(const ThreadOptions& options) {
                    "); choose online CPUs that the cpuset allows (AllowedCPUs= of the systemd unit)");
 }
 
+// Some 30 us: a solver that prepares with its team calls it thirty times a frame, and waking a thread takes longer.
+constexpr int kSpins = 1000;
+
+void relax() noexcept {
+#if defined(__x86_64__) || defined(__i386__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+
+// A signal must not end the wait.
+void wait(sem_t& sem, int spins) noexcept {
+  for (; spins > 0; --spins, relax()) {
+    if (sem_trywait(&sem) == 0) return;
+  }
+  while (sem_wait(&sem) != 0) continue;
+}
+
+ThreadOptions named(const ThreadOptions& options, int worker) {
+  ThreadOptions own = options;
+  if (!own.name.empty()) own.name.append("-").append(std::to_string(worker));
+  return own;
+}
+
 }  // namespace
 
 Status apply_to_this_thread(const ThreadOptions& options) {
@@ -56,6 +82,72 @@ Status apply_to_this_thread(const ThreadOptions& options) {
   Status affinity = apply_affinity(options);
   if (!priority && !affinity) return bad_input(priority.error().message + "; " + affinity.error().message);
   return priority ? affinity : priority;
+}
+
+WorkerTeam::WorkerTeam(int workers, const ThreadOptions& options)
+    : spins_(static_cast<unsigned>(workers) <= std::thread::hardware_concurrency() ? kSpins : 0) {
+  const auto helpers = static_cast<std::size_t>(workers > 1 ? workers - 1 : 0);
+  gates_ = std::make_unique<Gate[]>(helpers);
+  for (std::size_t i = 0; i < helpers; ++i) sem_init(&gates_[i].start, 0, 0);
+  sem_init(&done_, 0, 0);
+  threads_.reserve(helpers);
+  std::vector<Status> applied(helpers);
+  try {
+    for (std::size_t i = 0; i < helpers; ++i) {
+      const int worker = static_cast<int>(i) + 1;
+      threads_.emplace_back(
+          [this, worker, own = named(options, worker), &result = applied[i]] { work(worker, own, result); });
+    }
+  } catch (const std::system_error& e) {
+    status_ = failed("worker thread " + std::to_string(threads_.size() + 1) + " of " + std::to_string(helpers) +
+                     " not started: " + e.what() + "; raise TasksMax= of the systemd unit or 'ulimit -u'");
+  }
+  for (std::size_t i = 0; i < threads_.size(); ++i) wait(done_, 0);  // each has applied its options
+  for (const Status& result : applied) {
+    if (!result && status_) status_ = result;
+  }
+}
+
+WorkerTeam::~WorkerTeam() {
+  job_ = nullptr;
+  for (std::size_t i = 0; i < threads_.size(); ++i) sem_post(&gates_[i].start);
+  for (std::thread& thread : threads_) thread.join();
+  sem_destroy(&done_);
+}
+
+void WorkerTeam::run(Job job, void* context) noexcept {
+  job_ = job;
+  context_ = context;
+  for (std::size_t i = 0; i < threads_.size(); ++i) sem_post(&gates_[i].start);
+  job(context, 0);
+  for (std::size_t i = 0; i < threads_.size(); ++i) wait(done_, spins_);
+}
+
+void WorkerTeam::work(int worker, const ThreadOptions& options, Status& applied) noexcept {
+  applied = apply_to_this_thread(options);
+  sem_post(&done_);
+  sem_t& start = gates_[static_cast<std::size_t>(worker) - 1].start;
+  for (wait(start, 0); job_ != nullptr; wait(start, spins_)) {
+    job_(context_, worker);
+    sem_post(&done_);
+  }
+}
+
+void TeamCrew::run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept {
+  constexpr int kFewestRows = 8;  // less is done before the others are awake
+  struct Call {
+    void (*work)(void*, int, int) noexcept;
+    void* self;
+    int rows;
+    int parts;
+  } call{work, self, rows, team_.size()};
+  if (call.parts == 1 || rows < kFewestRows) return work(self, 0, rows);
+  team_.run(
+      [](void* context, int worker) {
+        const Call& c = *static_cast<const Call*>(context);
+        c.work(c.self, c.rows * worker / c.parts, c.rows * (worker + 1) / c.parts);
+      },
+      &call);
 }
 
 }  // namespace bolo::rt

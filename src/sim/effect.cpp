@@ -7,9 +7,7 @@
 #include <numeric>
 
 #include "sim_effect_list.hpp"  // made by the build from the files in effects/
-#include "src/core/nearest.hpp"
-#include "src/core/parse_text.hpp"
-#include "src/core/shortest.hpp"
+#include "src/core/text.hpp"
 #include "src/sim/effect_type.hpp"
 
 namespace bolo::sim {

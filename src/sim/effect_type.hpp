@@ -190,13 +190,15 @@ auto maker() {
   return [](const EffectSetup& setup) -> std::unique_ptr<Effect> { return std::make_unique<T>(setup); };
 }
 
-// An effect of one hook, a function of configure()'s, look()'s or row()'s parameters.
+// An effect of one hook, a function of configure()'s, look()'s, row()'s, shift_s()'s or frames_lost()'s parameters.
 template <typename Hook>
 class HookEffect final : public Effect {
   static constexpr bool kConfigures = std::is_invocable_v<Hook&, CameraModel&>;
   static constexpr bool kLooks = std::is_invocable_v<const Hook&, std::unique_ptr<View>, const CameraModel&>;
   static constexpr bool kRow = std::is_invocable_v<Hook&, const FrameInstant&, int, std::span<double>>;
-  static_assert(kConfigures || kLooks || kRow, "takes what none of the hooks gets");
+  static constexpr bool kShifts = std::is_invocable_v<Hook&, std::int64_t, double>;
+  static constexpr bool kLoses = std::is_invocable_v<Hook&, std::uint64_t>;
+  static_assert(kConfigures || kLooks || kRow || kShifts || kLoses, "takes what none of the hooks gets");
 
  public:
   explicit HookEffect(Hook hook) : hook_(std::move(hook)) {}
@@ -209,6 +211,14 @@ class HookEffect final : public Effect {
   }
   void row(const FrameInstant& frame, int row, std::span<double> kelvin) noexcept override {
     if constexpr (kRow) hook_(frame, row, kelvin);
+  }
+  double shift_s(std::int64_t frame, double nominal_s) override {
+    if constexpr (kShifts) return hook_(frame, nominal_s);
+    return Effect::shift_s(frame, nominal_s);
+  }
+  int frames_lost(std::uint64_t sent) override {
+    if constexpr (kLoses) return hook_(sent);
+    return Effect::frames_lost(sent);
   }
 
  private:

@@ -12,7 +12,7 @@
 #include <string>
 
 #include "src/core/input_file.hpp"
-#include "src/sim/scene.hpp"
+#include "src/sim/field.hpp"
 
 namespace bolo::sim {
 namespace {

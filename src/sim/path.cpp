@@ -10,8 +10,10 @@
 #include <string_view>
 #include <utility>
 
+#include <Eigen/Core>
+
 #include "src/core/input_file.hpp"
-#include "src/core/parse_text.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -57,7 +59,8 @@ std::optional<PathPoint> parse_point(std::string_view line) {
 // whose first and last unknown are zero.
 class NaturalSpline {
  public:
-  explicit NaturalSpline(const std::vector<PathPoint>& points) : points_(points), curvature_(points.size()) {
+  explicit NaturalSpline(const std::vector<PathPoint>& points)
+      : points_(points), curvature_(points.size(), Vector::Zero()) {
     const std::size_t n = points.size();
     std::vector<double> upper(n, 0.0);
     for (std::size_t i = 1; i + 1 < n; ++i) {
@@ -65,44 +68,38 @@ class NaturalSpline {
       const double after = points[i + 1].t_s - points[i].t_s;
       const double pivot = 2.0 * (before + after) - before * upper[i - 1];
       upper[i] = after / pivot;
-      const Position turn = {6.0 * (slope(i).x_px - slope(i - 1).x_px), 6.0 * (slope(i).y_px - slope(i - 1).y_px)};
-      curvature_[i] = {(turn.x_px - before * curvature_[i - 1].x_px) / pivot,
-                       (turn.y_px - before * curvature_[i - 1].y_px) / pivot};
+      curvature_[i] = (6.0 * (slope(i) - slope(i - 1)) - before * curvature_[i - 1]) / pivot;
     }
-    for (std::size_t i = n - 1; i-- > 1;) {
-      curvature_[i].x_px -= upper[i] * curvature_[i + 1].x_px;
-      curvature_[i].y_px -= upper[i] * curvature_[i + 1].y_px;
-    }
+    for (std::size_t i = n - 1; i-- > 1;) curvature_[i] -= upper[i] * curvature_[i + 1];
   }
 
   Position at(double t_s) const {
-    if (t_s < points_.front().t_s) return straight_before(t_s);
+    const Vector place = t_s < points_.front().t_s ? straight_before(t_s) : within(t_s);
+    return {place.x(), place.y()};
+  }
+
+ private:
+  using Vector = Eigen::Vector2d;
+
+  Vector place(std::size_t i) const { return {points_[i].x_px, points_[i].y_px}; }
+  Vector slope(std::size_t i) const { return (place(i + 1) - place(i)) / (points_[i + 1].t_s - points_[i].t_s); }
+
+  Vector within(double t_s) const {
     const std::size_t i = segment_at(points_, t_s);
     const double h = points_[i + 1].t_s - points_[i].t_s;
     const double a = (points_[i + 1].t_s - t_s) / h;
     const double b = 1.0 - a;
-    const auto value = [&](double from, double to, double curve_from, double curve_to) {
-      return a * from + b * to + ((a * a * a - a) * curve_from + (b * b * b - b) * curve_to) * h * h / 6.0;
-    };
-    return {value(points_[i].x_px, points_[i + 1].x_px, curvature_[i].x_px, curvature_[i + 1].x_px),
-            value(points_[i].y_px, points_[i + 1].y_px, curvature_[i].y_px, curvature_[i + 1].y_px)};
+    return a * place(i) + b * place(i + 1) +
+           ((a * a * a - a) * curvature_[i] + (b * b * b - b) * curvature_[i + 1]) * h * h / 6.0;
   }
 
- private:
-  Position slope(std::size_t i) const {
-    const double h = points_[i + 1].t_s - points_[i].t_s;
-    return {(points_[i + 1].x_px - points_[i].x_px) / h, (points_[i + 1].y_px - points_[i].y_px) / h};
-  }
-
-  Position straight_before(double t_s) const {
+  Vector straight_before(double t_s) const {
     const double h = points_[1].t_s - points_[0].t_s;
-    const double since = t_s - points_[0].t_s;
-    return {points_[0].x_px + since * (slope(0).x_px - h * curvature_[1].x_px / 6.0),
-            points_[0].y_px + since * (slope(0).y_px - h * curvature_[1].y_px / 6.0)};
+    return place(0) + (t_s - points_[0].t_s) * (slope(0) - h * curvature_[1] / 6.0);
   }
 
   const std::vector<PathPoint>& points_;
-  std::vector<Position> curvature_;
+  std::vector<Vector> curvature_;
 };
 
 }  // namespace

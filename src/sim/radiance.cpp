@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/model/band_radiance.hpp"
+#include "src/model/bolometer.hpp"
 
 namespace bolo::sim {
 namespace {

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/splitmix.hpp"
 
 namespace bolo::sim {

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "src/capture/capture.hpp"
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
-#include "src/rt/worker_team.hpp"
+#include "src/rt/thread.hpp"
 #include "src/sim/effect.hpp"
 #include "src/sim/field.hpp"
 

@@ -5,9 +5,7 @@
 #include <cmath>
 #include <variant>
 
-#include "src/core/nearest.hpp"
-#include "src/core/parse_text.hpp"
-#include "src/core/shortest.hpp"
+#include "src/core/text.hpp"
 #include "src/sim/effect.hpp"
 
 namespace bolo::sim {

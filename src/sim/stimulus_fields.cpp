@@ -15,12 +15,6 @@ double longest_step_s(double kink_k_s, double response_s) {
                         : std::numeric_limits<double>::infinity();
 }
 
-void divide(double from_s, double to_s, double longest_s, std::vector<double>& out) {
-  const double steps = std::max(1.0, std::ceil((to_s - from_s) / longest_s));
-  for (double i = 1.0; i < steps; i += 1.0) out.push_back(from_s + (to_s - from_s) * (i / steps));
-  out.push_back(to_s);
-}
-
 Extremes extremes_of(const capture::Chopper& chopper) {
   Extremes extremes{chopper.cold_k, chopper.cold_k};
   for (const double level_k : chopper.level_k) {
@@ -330,6 +324,12 @@ class SoftBars final : public Field {
 };
 
 }  // namespace
+
+void divide(double from_s, double to_s, double longest_s, std::vector<double>& out) {
+  const double steps = std::max(1.0, std::ceil((to_s - from_s) / longest_s));
+  for (double i = 1.0; i < steps; i += 1.0) out.push_back(from_s + (to_s - from_s) * (i / steps));
+  out.push_back(to_s);
+}
 
 std::unique_ptr<const Field> make_uniform(double temperature_k) {
   return std::make_unique<UniformField>(temperature_k);

@@ -3,24 +3,13 @@
 // HDF5 1.10 itself is not safe against every damage of its structures: attribute messages with a wrong length make
 // it read beyond its buffers, about once in a thousand damaged files. Damage of the structure is therefore tried in
 // processes of their own: none may hang, and all but a few must end well. Damage of values must always end well.
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <array>
-#include <csignal>
-#include <cstdio>
-#include <fstream>
-#include <iterator>
-#include <random>
-
-#include "src/capture/h5.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture::capture_damage_test {
-namespace {
 
 using namespace bolo::capture::testing;
 
@@ -38,16 +27,11 @@ void write_bytes(const std::filesystem::path& file, const std::vector<char>& byt
 }
 
 std::vector<char> valid_bytes(const Scratch& scratch, int deflate_level) {
-  WriterOptions how{true, deflate_level};
-  how.replace = Replace::kExisting;
-  auto writer = CaptureWriter::create(scratch / "valid.h5", small_info(), how);
+  auto writer = CaptureWriter::create(scratch / "valid.h5", small_info(),
+                                      {.truth = true, .deflate_level = deflate_level, .replace = Replace::kExisting});
   EXPECT_TRUE(writer->write_stimulus(Chopper{293.0, {0.1}, {0.2}, {303.0}}));
   EXPECT_TRUE(writer->add_event({0.001, "nuc"}));
-  for (std::size_t i = 0; i < 4; ++i) {
-    const auto plane = plane_of<std::uint16_t>(i, 21);
-    const auto truth = plane_of<float>(i, 21);
-    EXPECT_TRUE(writer->append(0.005 * static_cast<double>(i), i, plane.data(), truth.data()));
-  }
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(append(*writer, i, true));
   EXPECT_TRUE(writer->close());
   return bytes_of_file(scratch / "valid.h5");
 }
@@ -164,32 +148,20 @@ TEST(CaptureDamageLayout, ContiguousFramesAreWhole) {
   const Scratch scratch;
   const auto file = scratch / "a.h5";
   constexpr std::size_t kFrames = 5;
-  auto writer = CaptureWriter::create(file, small_info());
-  ASSERT_TRUE(writer);
+  write_small(file, kFrames);
   std::vector<std::uint16_t> all;
-  for (std::size_t i = 0; i < kFrames; ++i) {
-    const auto plane = plane_of<std::uint16_t>(i, 21);
-    ASSERT_TRUE(writer->append(0.005 * static_cast<double>(i), i, plane.data()));
-    all.insert(all.end(), plane.begin(), plane.end());
-  }
-  ASSERT_TRUE(writer->close());
+  for (std::size_t i = 0; i < kFrames; ++i) std::ranges::copy(plane_of<std::uint16_t>(i, 21), std::back_inserter(all));
   edit(file, [&](hid_t f) {
-    const h5::Dims dims = h5::shape(h5::Handle(H5Dopen2(f, "/frames", H5P_DEFAULT)).get());
-    H5Ldelete(f, "/frames", H5P_DEFAULT);
-    const h5::Handle space(H5Screate_simple(3, dims.data(), nullptr));
-    const h5::Handle frames(
-        H5Dcreate2(f, "/frames", H5T_NATIVE_UINT16, space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
-    H5Dwrite(frames.get(), H5T_NATIVE_UINT16, H5S_ALL, H5S_ALL, H5P_DEFAULT, all.data());
+    set_dataset(f, "/frames", H5T_NATIVE_UINT16, {kFrames, 3, 7}, H5T_NATIVE_UINT16, all.data());
   });
   std::filesystem::copy_file(file, scratch / "a.h5.part");
   Result<CaptureReader> readers[] = {CaptureReader::open(file), CaptureReader::open(scratch / "a.h5.part"),
                                      CaptureReader::salvage(file)};
   for (const auto& reader : readers) {
     ASSERT_TRUE(reader) << reader.error().message;
-    EXPECT_EQ(reader->info().frames, kFrames);
+    expect_frames(*reader, kFrames);
     EXPECT_TRUE(reader->warnings().empty());
   }
 }
 
-}  // namespace
 }  // namespace bolo::capture::capture_damage_test

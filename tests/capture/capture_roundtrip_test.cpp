@@ -1,16 +1,17 @@
 // What is written comes back, value for value.
-#include <gtest/gtest.h>
-
-#include <tuple>
-
 #include "src/capture/recovery.hpp"
 #include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture::capture_roundtrip_test {
-namespace {
 
 using testing::plane_of;
 using testing::small_info;
+
+// Opens; fails the test where it can't.
+void with_reader(const std::filesystem::path& file, const std::function<void(const CaptureReader&)>& use) {
+  const auto reader = must(CaptureReader::open(file));
+  use(*reader);
+}
 
 constexpr std::size_t kFrames = 5;
 
@@ -22,9 +23,7 @@ template <typename T>
 void append_frame(CaptureWriter& writer, std::size_t i, bool truth) {
   const auto plane = plane_of<T>(i, 21);
   const auto truth_plane = plane_of<float>(i + 50, 21);
-  const Status good =
-      writer.append(0.005 * static_cast<double>(i), 10 + 2 * i, plane.data(), truth ? truth_plane.data() : nullptr);
-  ASSERT_TRUE(good) << good.error().message;
+  must(writer.append(0.005 * static_cast<double>(i), 10 + 2 * i, plane.data(), truth ? truth_plane.data() : nullptr));
 }
 
 template <typename T>
@@ -40,17 +39,14 @@ TEST_P(CaptureRoundTrip, EveryValueComesBack) {
   const auto [type, truth, level] = GetParam();
   const Scratch scratch;
   const auto file = scratch / "a.h5";
-  auto writer = CaptureWriter::create(file, small_info(type), {truth, level});
-  ASSERT_TRUE(writer) << writer.error().message;
+  auto writer = must(CaptureWriter::create(file, small_info(type), {truth, level}));
   for (std::size_t i = 0; i < kFrames; ++i) {
     type == PixelType::kUint16 ? append_frame<std::uint16_t>(*writer, i, truth)
                                : append_frame<float>(*writer, i, truth);
   }
-  const Status closed = writer->close();
-  ASSERT_TRUE(closed) << closed.error().message;
+  must(writer->close());
 
-  const auto reader = CaptureReader::open(file);
-  ASSERT_TRUE(reader) << reader.error().message;
+  const auto reader = must(CaptureReader::open(file));
   EXPECT_EQ(reader->info().format, small_info(type).format);
   EXPECT_EQ(reader->info().camera_model, "FLIR A655sc");
   EXPECT_EQ(reader->info().camera_serial, "55001234");
@@ -85,32 +81,28 @@ void append_timed(CaptureWriter& writer, std::size_t begin, std::size_t end) {
   }
 }
 
+void expect_times(const CaptureReader& reader) {
+  ASSERT_TRUE(reader.info().has_times);
+  ASSERT_EQ(reader.t_utc().size(), 9U);
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_EQ(reader.t_host()[i], times_at(i).host_s);
+    EXPECT_EQ(reader.t_utc()[i], times_at(i).utc_s);
+  }
+  EXPECT_EQ(std::get<double>(reader.attributes()->front().value), 0.2);
+}
+
 TEST(CaptureWriterTimes, ComeBackAlsoFromAnUnfinishedFile) {
   const Scratch folder;
-  const auto file = folder / "timed.h5";
-  WriterOptions options;
-  options.times = true;
-  for (const bool whole : {true, false}) {
+  for (const bool whole : {false, true}) {
     {
-      auto writer = CaptureWriter::create(file, small_info(), options);
-      ASSERT_TRUE(writer) << writer.error().message;
+      auto writer =
+          must(CaptureWriter::create(folder / "a.h5", small_info(), {.replace = Replace::kExisting, .times = true}));
       append_timed(*writer, 0, 5);
       ASSERT_TRUE(writer->commit()) << "what is worse comes later";
       append_timed(*writer, 5, 9);
-      if (whole) {
-        ASSERT_TRUE(writer->close());
-      }
-      options.replace = Replace::kExisting;
+      ASSERT_TRUE(!whole || writer->close());
     }
-    const auto reader = CaptureReader::open(file.string() + (whole ? "" : ".part"));
-    ASSERT_TRUE(reader) << reader.error().message;
-    ASSERT_TRUE(reader->info().has_times);
-    ASSERT_EQ(reader->t_utc().size(), 9U);
-    for (std::size_t i = 0; i < 9; ++i) {
-      EXPECT_EQ(reader->t_host()[i], times_at(i).host_s);
-      EXPECT_EQ(reader->t_utc()[i], times_at(i).utc_s);
-    }
-    EXPECT_EQ(std::get<double>(reader->attributes()->front().value), 0.2);
+    with_reader(folder / (whole ? "a.h5" : "a.h5.part"), expect_times);
   }
 }
 
@@ -120,9 +112,7 @@ TEST(CaptureWriterTimes, ComeWithEveryFrameOrNone) {
   const FrameTimes times;
   auto without = CaptureWriter::create(folder / "a.h5", small_info());
   EXPECT_FALSE(without->append(0.0, 0, plane.data(), nullptr, nullptr, &times));
-  WriterOptions options;
-  options.times = true;
-  auto with = CaptureWriter::create(folder / "b.h5", small_info(), options);
+  auto with = CaptureWriter::create(folder / "b.h5", small_info(), {.times = true});
   EXPECT_FALSE(with->append(0.0, 0, plane.data()));
 }
 
@@ -142,14 +132,11 @@ void append_moving(CaptureWriter& writer, std::size_t frames) {
   }
 }
 
-CaptureInfo moving_info() {
-  CaptureInfo info = small_info();
-  info.format.geometry = {20, 9};
-  return info;
-}
+const CaptureInfo kMoving = small_info(PixelType::kUint16, {20, 9});
 
 void expect_moving(const CaptureReader& reader) {
   ASSERT_TRUE(reader.info().has_motion);
+  ASSERT_EQ(reader.info().frames, 30U);
   for (std::size_t i = 0; i < reader.info().frames; ++i) {
     std::vector<BlockMotion> motion(6);
     ASSERT_TRUE(reader.read_motion(i, motion.data()));
@@ -164,53 +151,32 @@ void expect_moving(const CaptureReader& reader) {
 
 TEST(CaptureWriterMotion, ComesBackAlsoFromAnUnfinishedFile) {
   const Scratch scratch;
-  const std::string file = (scratch / "a.h5").string();
-  WriterOptions options;
-  options.motion = true;
-  {
-    auto writer = CaptureWriter::create(file, moving_info(), options);
-    ASSERT_TRUE(writer) << writer.error().message;
-    append_moving(*writer, 30);
-    ASSERT_TRUE(writer->close());
+  for (const bool whole : {false, true}) {
+    {
+      auto writer =
+          must(CaptureWriter::create(scratch / "a.h5", kMoving, {.replace = Replace::kExisting, .motion = true}));
+      append_moving(*writer, 30);
+      ASSERT_TRUE(!whole || writer->close());
+    }
+    with_reader(scratch / (whole ? "a.h5" : "a.h5.part"), expect_moving);
+    if (whole) continue;
+    ASSERT_TRUE(recover_copy(scratch / "a.h5.part", {scratch / "b.h5"}, {}));
+    with_reader(scratch / "b.h5", expect_moving);
   }
-  const auto whole = CaptureReader::open(file);
-  ASSERT_TRUE(whole) << whole.error().message;
-  EXPECT_EQ(whole->info().frames, 30U);
-  expect_moving(*whole);
-  const std::string part = (scratch / "b.h5").string();
-  {
-    auto writer = CaptureWriter::create(part, moving_info(), options);
-    ASSERT_TRUE(writer);
-    append_moving(*writer, 30);
-  }
-  const auto unfinished = CaptureReader::open(part + ".part");
-  ASSERT_TRUE(unfinished) << unfinished.error().message;
-  EXPECT_EQ(unfinished->info().frames, 30U);
-  expect_moving(*unfinished);
-  const auto recovered = recover_copy(part + ".part", {scratch / "c.h5"}, {});
-  ASSERT_TRUE(recovered) << recovered.error().message;
-  const auto again = CaptureReader::open(scratch / "c.h5");
-  ASSERT_TRUE(again) << again.error().message;
-  EXPECT_EQ(again->info().frames, 30U);
-  expect_moving(*again);
 }
 
 TEST(CaptureWriterMotion, IsAbsentUnlessAskedFor) {
   const Scratch scratch;
-  const std::string file = (scratch / "a.h5").string();
-  auto writer = CaptureWriter::create(file, moving_info(), {});
-  ASSERT_TRUE(writer);
+  auto writer = must(CaptureWriter::create(scratch / "a.h5", kMoving));
   const std::vector<std::uint16_t> plane(20 * 9, 7);
-  const std::vector<BlockMotion> motion(6);
+  std::vector<BlockMotion> motion(6);
   EXPECT_FALSE(writer->append(0.0, 0, plane.data(), nullptr, motion.data())) << "it was not begun with it";
   ASSERT_TRUE(writer->append(0.0, 0, plane.data()));
   ASSERT_TRUE(writer->close());
-  const auto reader = CaptureReader::open(file);
-  ASSERT_TRUE(reader);
-  EXPECT_FALSE(reader->info().has_motion);
-  std::vector<BlockMotion> none(6);
-  EXPECT_FALSE(reader->read_motion(0, none.data()));
+  with_reader(scratch / "a.h5", [&](const CaptureReader& reader) {
+    EXPECT_FALSE(reader.info().has_motion);
+    EXPECT_FALSE(reader.read_motion(0, motion.data()));
+  });
 }
 
-}  // namespace
 }  // namespace bolo::capture::capture_roundtrip_test

@@ -1,16 +1,10 @@
 // One corruption a row: open() refuses the file in one line that names the file, the item and what is expected.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <fstream>
-#include <limits>
-
+#include "src/capture/h5.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 #include "tests/refusal.hpp"
 
 namespace bolo::capture::capture_strict_test {
-namespace {
 
 using namespace bolo::capture::testing;
 
@@ -23,25 +17,22 @@ struct Corruption {
   std::vector<std::string> named;  // all of these stand in the message
 };
 
-void PrintTo(const Corruption& corruption, std::ostream* out) { *out << corruption.name; }
-
 // Three frames of 7x3, uint16, with truth.
 std::filesystem::path valid_file(const Scratch& scratch) {
   const auto file = scratch / "a.h5";
-  auto writer = CaptureWriter::create(file, small_info(), {true, 0});
-  EXPECT_TRUE(writer) << writer.error().message;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const auto plane = plane_of<std::uint16_t>(i, 21);
-    const auto truth = plane_of<float>(i, 21);
-    EXPECT_TRUE(writer->append(0.005 * static_cast<double>(i), i, plane.data(), truth.data()));
-  }
-  EXPECT_TRUE(writer->close());
+  write_small(file, 3, {.truth = true});
   return file;
 }
 
+Change of_kind(const char* kind) {
+  return [kind](hid_t f) {
+    add_group(f, "/stimulus");
+    set_string(f, "/stimulus", "kind", kind);
+  };
+}
+
 void chopper(hid_t f) {
-  add_group(f, "/stimulus");
-  set_string(f, "/stimulus", "kind", "chopper");
+  of_kind("chopper")(f);
   set_number(f, "/stimulus", "cold_k", 293.0);
   set_doubles(f, "/stimulus/on_s", {0.1, 0.3});
   set_doubles(f, "/stimulus/off_s", {0.2, 0.4});
@@ -49,16 +40,14 @@ void chopper(hid_t f) {
 }
 
 void bars(hid_t f) {
-  add_group(f, "/stimulus");
-  set_string(f, "/stimulus", "kind", "bar_target");
+  of_kind("bar_target")(f);
   for (const char* name : {"cold_k", "hot_k", "period_px", "bar_width_px", "slant_px_per_row", "velocity_px_s"}) {
     set_number(f, "/stimulus", name, 20.0);
   }
 }
 
 void scene(hid_t f) {
-  add_group(f, "/stimulus");
-  set_string(f, "/stimulus", "kind", "scene");
+  of_kind("scene")(f);
   with_dataset("/stimulus/image_k", H5T_NATIVE_FLOAT, {4, 6})(f);
   set_doubles(f, "/stimulus/t_s", {0.0, 0.1});
   set_doubles(f, "/stimulus/x_px", {0.0, 1.0});
@@ -91,29 +80,27 @@ void forged_times(hid_t f) {
   set_dataset(f, "/t", H5T_NATIVE_DOUBLE, {hsize_t{1} << 50}, H5T_NATIVE_DOUBLE, nullptr, {1024}, 1);
 }
 
-// /frames whose values are in the file or dataset that `point` names.
-template <typename Point>
-void frames_elsewhere(hid_t f, Point point) {
+// /frames (3, 3, 7) with the properties that `set` gives it.
+template <typename Set>
+h5::Handle frames_with(hid_t f, Set set) {
   drop(f, "/frames");
   const std::vector<hsize_t> dims{3, 3, 7};
-  const hid_t space = H5Screate_simple(3, dims.data(), nullptr);
-  const hid_t properties = H5Pcreate(H5P_DATASET_CREATE);
-  EXPECT_GE(point(properties, space), 0);
-  const hid_t id = H5Dcreate2(f, "/frames", H5T_NATIVE_UINT16, space, H5P_DEFAULT, properties, H5P_DEFAULT);
-  EXPECT_GE(id, 0);
-  H5Dclose(id);
-  H5Pclose(properties);
-  H5Sclose(space);
+  const h5::Handle space(H5Screate_simple(3, dims.data(), nullptr));
+  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
+  EXPECT_GE(set(properties.get(), space.get()), 0);
+  h5::Handle id(H5Dcreate2(f, "/frames", H5T_NATIVE_UINT16, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
+  EXPECT_TRUE(id);
+  return id;
 }
 
 void frames_of_any_file(hid_t f) {
-  frames_elsewhere(f, [](hid_t properties, hid_t) { return H5Pset_external(properties, "/proc/self/exe", 0, 126); });
+  frames_with(f, [](hid_t properties, hid_t) { return H5Pset_external(properties, "/proc/self/exe", 0, 126); });
 }
 
 // Its own values, round and round.
 void frames_of_themselves(hid_t f) {
-  frames_elsewhere(
-      f, [](hid_t properties, hid_t space) { return H5Pset_virtual(properties, space, ".", "/frames", space); });
+  frames_with(f,
+              [](hid_t properties, hid_t space) { return H5Pset_virtual(properties, space, ".", "/frames", space); });
 }
 
 void events_without_kind(hid_t f) {
@@ -140,6 +127,29 @@ void events_at_nan(hid_t f) {
   H5Tclose(text);
 }
 
+// One piece of 256 MiB, stored in 200,000 bytes.
+void one_large_piece(hid_t f) {
+  const std::vector<hsize_t> shape{hsize_t{1} << 20, 8, 16};
+  const std::vector<hsize_t> first(3, 0);
+  const std::vector<char> stored(200'000, 'x');
+  set_dataset(f, "/frames", H5T_NATIVE_UINT16, shape, H5T_NATIVE_UINT16, nullptr, shape, 9);
+  const hid_t id = H5Dopen2(f, "/frames", H5P_DEFAULT);
+  EXPECT_GE(H5Dwrite_chunk(id, H5P_DEFAULT, 0, first.data(), stored.size(), stored.data()), 0);
+  H5Dclose(id);
+}
+
+void events_with_long_kinds(hid_t f) {
+  const hid_t kind = H5Tcopy(H5T_C_S1);
+  H5Tset_size(kind, 65'537);
+  const hid_t row = H5Tcreate(H5T_COMPOUND, 8 + 65'537);
+  H5Tinsert(row, "t", 0, H5T_NATIVE_DOUBLE);
+  H5Tinsert(row, "kind", 8, kind);
+  const std::vector<char> value(8 + 65'537, '\0');
+  set_dataset(f, "/events", row, {1}, row, value.data());
+  H5Tclose(row);
+  H5Tclose(kind);
+}
+
 // A filter that nobody has: known to the library only while the file is written.
 void unknown_filter(hid_t f) {
   const auto same = [](unsigned, std::size_t, const unsigned*, std::size_t bytes, std::size_t*, void**) {
@@ -147,18 +157,14 @@ void unknown_filter(hid_t f) {
   };
   const H5Z_class2_t filter{H5Z_CLASS_T_VERS, 555, 1, 1, "nobody's", nullptr, nullptr, same};
   ASSERT_GE(H5Zregister(&filter), 0);
-  drop(f, "/frames");
-  const std::vector<hsize_t> dims{3, 3, 7};
   const std::vector<std::uint16_t> values(63);
-  const hid_t space = H5Screate_simple(3, dims.data(), nullptr);
-  const hid_t properties = H5Pcreate(H5P_DATASET_CREATE);
-  H5Pset_chunk(properties, 3, dims.data());
-  H5Pset_filter(properties, 555, 0, 0, nullptr);
-  const hid_t id = H5Dcreate2(f, "/frames", H5T_NATIVE_UINT16, space, H5P_DEFAULT, properties, H5P_DEFAULT);
-  H5Dwrite(id, H5T_NATIVE_UINT16, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data());
-  H5Dclose(id);
-  H5Pclose(properties);
-  H5Sclose(space);
+  {
+    const h5::Handle frames = frames_with(f, [](hid_t properties, hid_t) {
+      H5Pset_chunk(properties, 3, std::array<hsize_t, 3>{3, 3, 7}.data());
+      return H5Pset_filter(properties, 555, 0, 0, nullptr);
+    });
+    H5Dwrite(frames.get(), H5T_NATIVE_UINT16, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data());
+  }
   ASSERT_GE(H5Zunregister(555), 0);
 }
 
@@ -203,6 +209,11 @@ const std::vector<Corruption>& corruptions() {
       {"frames_of_any_file", frames_of_any_file, {"/frames", "in other files"}},
       {"frames_of_themselves", frames_of_themselves, {"/frames", "in other files"}},
       {"frames_unknown_filter", unknown_filter, {"/frames", "555", "nobody's", "h5repack"}},
+      {"frames_in_one_large_piece", one_large_piece, {"/frames", "128 MiB", "h5repack"}},
+      {"events_with_long_kinds", events_with_long_kinds, {"/events", "64 KiB"}},
+      {"model_too_long",
+       [](hid_t f) { set_variable_string(f, "/", "camera_model", std::string((1U << 20U) + 1, 'x').c_str()); },
+       {"camera_model", "1 MiB"}},
 
       {"t_missing", without_item("/t"), {"/t is missing"}},
       {"t_cube", with_dataset("/t", H5T_NATIVE_DOUBLE, {1, 3, 1}), {"/t", "(1, 3, 1)"}},
@@ -234,18 +245,8 @@ const std::vector<Corruption>& corruptions() {
 
       {"stimulus_dataset", with_doubles("/stimulus", {1.0}), {"/stimulus is not a group"}},
       {"stimulus_no_kind", [](hid_t f) { add_group(f, "/stimulus"); }, {"/stimulus attribute 'kind' is missing"}},
-      {"stimulus_other",
-       [](hid_t f) {
-         add_group(f, "/stimulus");
-         set_string(f, "/stimulus", "kind", "laser");
-       },
-       {"/stimulus", "'laser'", "uniform, chopper, bar_target or scene"}},
-      {"uniform_no_field",
-       [](hid_t f) {
-         add_group(f, "/stimulus");
-         set_string(f, "/stimulus", "kind", "uniform");
-       },
-       {"/stimulus attribute 'temperature_k' is missing"}},
+      {"stimulus_other", of_kind("laser"), {"/stimulus", "'laser'", "uniform, chopper, bar_target or scene"}},
+      {"uniform_no_field", of_kind("uniform"), {"/stimulus attribute 'temperature_k' is missing"}},
       {"chopper_no_cold", both(chopper, without_field("cold_k")), {"'cold_k' is missing"}},
       {"chopper_celsius", both(chopper, with_field("cold_k", -5)), {"'cold_k' is -5", "kelvin"}},
       {"chopper_no_on", both(chopper, without_item("/stimulus/on_s")), {"/stimulus/on_s is missing"}},
@@ -283,13 +284,8 @@ TEST_P(CaptureStrict, IsRefusedByName) {
   const auto reader = CaptureReader::open(file);
   const auto stimulus = reader ? reader->stimulus() : tl::unexpected(reader.error());  // frames are good without it
   ASSERT_FALSE(stimulus);
-  const std::string& message = stimulus.error().message;
-  EXPECT_EQ(stimulus.error().kind, ErrorKind::kBadInput);
-  EXPECT_EQ(message.rfind(file.string() + ": ", 0), 0U) << message;
-  EXPECT_EQ(message.find('\n'), std::string::npos) << message;
-  for (const std::string& word : GetParam().named) {
-    EXPECT_NE(message.find(word), std::string::npos) << "no \"" << word << "\" in: " << message;
-  }
+  EXPECT_TRUE(stimulus.error().message.starts_with(file.string() + ": ")) << stimulus.error().message;
+  for (const std::string& word : GetParam().named) expect_refused(stimulus, {word});
 }
 
 INSTANTIATE_TEST_SUITE_P(Rules, CaptureStrict, ::testing::ValuesIn(corruptions()),
@@ -332,8 +328,7 @@ TEST(CaptureStrictFile, TruncatedFileIsCutOff) {
 TEST(CaptureStrictFile, OneThatIsCutWhileItIsReadIsAnError) {
   const Scratch scratch;
   const auto file = valid_file(scratch);
-  const auto reader = CaptureReader::open(file);
-  ASSERT_TRUE(reader) << reader.error().message;
+  const auto reader = must(CaptureReader::open(file));
   std::filesystem::resize_file(file, 1000);
   std::vector<std::uint16_t> plane(21);
   const Status status = reader->read_frame(2, plane.data());
@@ -341,5 +336,4 @@ TEST(CaptureStrictFile, OneThatIsCutWhileItIsReadIsAnError) {
   EXPECT_EQ(status.error().message.rfind(file.string() + ": ", 0), 0U) << status.error().message;
 }
 
-}  // namespace
 }  // namespace bolo::capture::capture_strict_test

@@ -1,22 +1,16 @@
 // Files as other programs write them: every width, byte order and kind of string that HDF5 converts.
-#include <gtest/gtest.h>
-
-#include <limits>
-
+#include "src/capture/frame_store.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 #include "tests/refusal.hpp"
 
 namespace bolo::capture::capture_variants_test {
-namespace {
 
 using namespace bolo::capture::testing;
 
 std::vector<std::uint16_t> all_values() {
   std::vector<std::uint16_t> values;
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (const std::uint16_t value : plane_of<std::uint16_t>(i, 21)) values.push_back(value);
-  }
+  for (std::size_t i = 0; i < 3; ++i) std::ranges::copy(plane_of<std::uint16_t>(i, 21), std::back_inserter(values));
   return values;
 }
 
@@ -41,8 +35,7 @@ std::filesystem::path foreign_file(const Scratch& scratch, const Change& change)
 }
 
 void expect_same_content(const std::filesystem::path& file) {
-  const auto reader = CaptureReader::open(file);
-  ASSERT_TRUE(reader) << reader.error().message;
+  const auto reader = must(CaptureReader::open(file));
   EXPECT_EQ(reader->frame_id(), (std::vector<std::uint64_t>{4, 5, 9}));
   EXPECT_NEAR(reader->t().at(2), 0.01, 1e-9);
   EXPECT_EQ(reader->info().format.scale.unit, Unit::kKelvin);
@@ -61,7 +54,6 @@ struct Variant {
   const char* name;
   Change change;
 };
-void PrintTo(const Variant& variant, std::ostream* out) { *out << variant.name; }
 
 auto frames_as(hid_t type, std::vector<hsize_t> chunk = {}, unsigned deflate = 0) {
   return [=](hid_t f) {
@@ -102,12 +94,11 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(CaptureVariantsOther, CountsNeedNoScale) {
   const Scratch scratch;
-  const auto reader = CaptureReader::open(foreign_file(scratch, [](hid_t f) {
+  const auto reader = must(CaptureReader::open(foreign_file(scratch, [](hid_t f) {
     set_string(f, "/", "unit", "count");
     drop_attribute(f, "/", "scale");
     drop_attribute(f, "/", "offset");
-  }));
-  ASSERT_TRUE(reader) << reader.error().message;
+  })));
   EXPECT_EQ(reader->info().format.scale.unit, Unit::kCount);
 }
 
@@ -117,7 +108,7 @@ TEST(CaptureVariantsOther, EventsOfVariableLengthStrings) {
     const char* kind;
   };
   const Scratch scratch;
-  const auto reader = CaptureReader::open(foreign_file(scratch, [](hid_t f) {
+  const auto reader = must(CaptureReader::open(foreign_file(scratch, [](hid_t f) {
     const hid_t text = H5Tcopy(H5T_C_S1);
     H5Tset_size(text, H5T_VARIABLE);
     H5Tset_cset(text, H5T_CSET_UTF8);
@@ -128,45 +119,34 @@ TEST(CaptureVariantsOther, EventsOfVariableLengthStrings) {
     set_dataset(f, "/events", type, {2}, type, rows.data());
     H5Tclose(type);
     H5Tclose(text);
-  }));
-  ASSERT_TRUE(reader) << reader.error().message;
+  })));
   ASSERT_EQ(reader->events().size(), 2U);
   EXPECT_EQ(reader->events()[0].kind, "nuc");
   EXPECT_EQ(reader->events()[1].kind, "reconnect");
   EXPECT_EQ(reader->events()[1].t_s, 0.5);
 }
 
-TEST(CaptureWarnings, PeriodThatTheTimesContradict) {
-  const Scratch scratch;
-  const auto reader = CaptureReader::open(foreign_file(scratch, with("frame_period_s", 0.0065)));
-  ASSERT_TRUE(reader) << reader.error().message;
-  ASSERT_EQ(reader->warnings().size(), 1U);
-  EXPECT_NE(reader->warnings()[0].find("0.0065"), std::string::npos) << reader->warnings()[0];
-}
-
-TEST(CaptureWarnings, PeriodWithinTolerancePasses) {
-  const Scratch scratch;
-  const auto reader = CaptureReader::open(foreign_file(scratch, with("frame_period_s", 0.0058)));
-  ASSERT_TRUE(reader) << reader.error().message;
-  EXPECT_TRUE(reader->warnings().empty());
-}
-
-TEST(CaptureWarnings, TimesInMillisecondsAreNamed) {
-  const Scratch scratch;
-  const auto reader = CaptureReader::open(foreign_file(scratch, [](hid_t f) {
+TEST(CaptureWarnings, PeriodsThatTheTimesContradictAndMilliseconds) {
+  const auto times_in_ms = [](hid_t f) {
     set_doubles(f, "/t", {0, 114, 228});
     set_number(f, "/", "frame_period_s", 114);
-  }));
-  ASSERT_TRUE(reader) << reader.error().message;
-  ASSERT_EQ(reader->warnings().size(), 1U);
-  EXPECT_NE(reader->warnings()[0].find("milliseconds"), std::string::npos) << reader->warnings()[0];
+  };
+  const std::pair<Change, const char*> cases[]{{with("frame_period_s", 0.0065), "0.0065"},
+                                               {with("frame_period_s", 0.0058), nullptr},
+                                               {times_in_ms, "milliseconds"}};
+  for (const auto& [change, word] : cases) {
+    const Scratch scratch;
+    const auto reader = must(CaptureReader::open(foreign_file(scratch, change)));
+    ASSERT_EQ(reader->warnings().size(), word == nullptr ? 0U : 1U);
+    if (word == nullptr) continue;
+    EXPECT_NE(reader->warnings()[0].find(word), std::string::npos) << reader->warnings()[0];
+  }
 }
 
 TEST(StillImage, ReadsAnyWidth) {
   const Scratch scratch;
-  const auto still = read_still(
-      foreign_file(scratch, with_dataset("/image_k", H5T_IEEE_F64BE, {2, 3}, {290, 291, 292, 293, 294, 295.5})));
-  ASSERT_TRUE(still) << still.error().message;
+  const auto still = must(read_still(
+      foreign_file(scratch, with_dataset("/image_k", H5T_IEEE_F64BE, {2, 3}, {290, 291, 292, 293, 294, 295.5}))));
   EXPECT_EQ(still->width, 3);
   EXPECT_EQ(still->height, 2);
   EXPECT_EQ(still->kelvin, (std::vector<float>{290.0F, 291.0F, 292.0F, 293.0F, 294.0F, 295.5F}));
@@ -181,5 +161,101 @@ TEST(StillImage, RefusesWhatIsNoStill) {
   expect_refused(read_still(file), {"column 0, row 1"});
 }
 
-}  // namespace
+using namespace bolo::capture::testing;
+
+// --- The authors' `.mat`, as MATLAB writes it: HDF5 after 512 bytes of its own, dimensions in reverse.
+
+constexpr std::size_t kFrames = 6;
+constexpr std::size_t kWidth = 7;
+constexpr std::size_t kHeight = 3;
+const std::vector<double> kTimes{0.0, 0.005, 0.01, 0.025, 0.03, 0.0351};
+
+// MATLAB's frames(n, x, y), column-major, is (y, x, n) in HDF5.
+std::vector<double> matlab_order() {
+  std::vector<double> values(kFrames * kWidth * kHeight);
+  for (std::size_t n = 0; n < kFrames; ++n) {
+    for (std::size_t i = 0; i < kWidth * kHeight; ++i) values[i * kFrames + n] = value_at(n, i);
+  }
+  return values;
+}
+
+struct Layout {
+  hid_t type;
+  std::vector<hsize_t> t_dims;
+  std::vector<hsize_t> chunk;
+};
+
+const Layout kDoubles{H5T_IEEE_F64LE, {kFrames, 1}, {}};
+
+std::filesystem::path matlab_file(const Scratch& scratch, const std::string& name, const Layout& layout) {
+  const auto file = scratch / name;
+  const hid_t creation = H5Pcreate(H5P_FILE_CREATE);
+  H5Pset_userblock(creation, 512);
+  H5Fclose(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, creation, H5P_DEFAULT));
+  H5Pclose(creation);
+  edit(file, [&](hid_t f) {
+    set_dataset(f, "/t", H5T_NATIVE_DOUBLE, layout.t_dims, H5T_NATIVE_DOUBLE, kTimes.data());
+    set_string(f, "/t", "MATLAB_class", "double");
+    const auto values = matlab_order();
+    set_dataset(f, "/frames", layout.type, {kHeight, kWidth, kFrames}, H5T_NATIVE_DOUBLE, values.data(), layout.chunk,
+                layout.chunk.empty() ? 0 : 3);
+    set_string(f, "/frames", "MATLAB_class", "single");
+  });
+  std::fstream(file, std::ios::in | std::ios::out) << "MATLAB 7.3 MAT-file, Platform: GLNXA64";
+  return file;
+}
+
+template <typename T>
+void expect_content(const std::filesystem::path& file) {
+  const auto reader = must(CaptureReader::open(file));
+  EXPECT_EQ(reader->file_format(), FileFormat::kMatlab);
+  EXPECT_EQ(reader->info().format.geometry, (Geometry{7, 3}));
+  EXPECT_EQ(reader->info().format.scale, (LinearScale{Unit::kKelvin, 1.0, 0.0}));
+  EXPECT_NEAR(reader->info().format.frame_period_s, 0.005, 1e-12);
+  EXPECT_EQ(reader->info().frames, kFrames);
+  EXPECT_EQ(reader->t(), kTimes);
+  EXPECT_EQ(reader->frame_id(), (std::vector<std::uint64_t>{0, 1, 2, 5, 6, 7})) << "two frames were lost before 0.025";
+  ASSERT_EQ(bytes_of(reader->info().format.type), sizeof(T));
+  for (const std::size_t i : {5U, 0U, 3U}) {
+    std::vector<T> plane(kWidth * kHeight);
+    ASSERT_TRUE(reader->read_frame(i, plane.data()));
+    EXPECT_EQ(plane, plane_of<T>(i, plane.size())) << "frame " << i;
+  }
+}
+
+TEST(MatlabCapture, DoubleBecomesFloatAndUint16Stays) {
+  const Scratch scratch;
+  expect_content<float>(matlab_file(scratch, "double.mat", kDoubles));
+  expect_content<float>(matlab_file(scratch, "single.mat", {H5T_IEEE_F32LE, {1, kFrames}, {2, 4, 4}}));
+  expect_content<std::uint16_t>(matlab_file(scratch, "uint16.mat", {H5T_STD_U16LE, {kFrames, 1}, {}}));
+  expect_content<float>(matlab_file(scratch, "another_name.h5", {H5T_IEEE_F64LE, {kFrames}, {1, 7, 6}}));
+}
+
+TEST(MatlabCapture, FramesInTheWrongOrderAndFallingTimesAreRefused) {
+  const Scratch scratch;
+  const auto file = matlab_file(scratch, "a.mat", kDoubles);
+  edit(file, with_dataset("/frames", H5T_NATIVE_DOUBLE, {kFrames, kHeight, kWidth}, matlab_order()));
+  expect_refused(CaptureReader::open(file), {"t has 6 values but frames"});
+  const auto falling = matlab_file(scratch, "b.mat", kDoubles);
+  edit(falling, with_doubles("/t", {0, 0.005, 0.01, 0.009, 0.03, 0.04}));
+  expect_refused(CaptureReader::open(falling), {"value 3"});
+}
+
+// Blocks of two frames out of six: forwards, backwards and across the edges.
+TEST(FrameStore, MatlabOrderByTheBlock) {
+  const Scratch scratch;
+  const auto file = matlab_file(scratch, "a.mat", kDoubles);
+  const h5::Handle handle(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT));
+  const std::size_t two_frames = 2 * kWidth * kHeight * sizeof(float);
+  auto store = must(
+      FrameStore::open(handle.get(), "/frames", FrameOrder::kMatlab, h5::Expect::kWhole, two_frames + sizeof(float)));
+  for (const std::size_t i : {0U, 1U, 2U, 5U, 4U, 3U, 0U}) {
+    std::vector<float> plane(kWidth * kHeight);
+    ASSERT_TRUE(store->read(i, plane.data()));
+    EXPECT_EQ(plane, plane_of<float>(i, plane.size())) << "frame " << i;
+  }
+  std::vector<float> plane(kWidth * kHeight);
+  EXPECT_FALSE(store->read(kFrames, plane.data()));
+}
+
 }  // namespace bolo::capture::capture_variants_test

@@ -1,41 +1,19 @@
 // The writer's promises: what it refuses, what a killed process and a full disk leave behind.
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <csignal>
-#include <fstream>
-#include <iterator>
-#include <limits>
-#include <string>
 
 #include "src/capture/recovery.hpp"
 #include "tests/capture/small_captures.hpp"
 #include "tests/refusal.hpp"
 
 namespace bolo::capture::capture_writer_test {
-namespace {
 
 using namespace bolo::capture::testing;
 
 constexpr double kPeriod = 0.005;
+const CaptureInfo kLarge = small_info(PixelType::kUint16, {640, 120});
 constexpr std::size_t kCommitFrames = 100;  // half a second at 200 Hz
-
-Status append(CaptureWriter& writer, std::size_t i) {
-  const auto plane = plane_of<std::uint16_t>(i, 21);
-  return writer.append(kPeriod * static_cast<double>(i), i, plane.data());
-}
-
-// Frames 0..n-1 are there, whole.
-void expect_frames(const CaptureReader& reader) {
-  for (std::size_t i = 0; i < reader.info().frames; ++i) {
-    std::vector<std::uint16_t> plane(21);
-    ASSERT_TRUE(reader.read_frame(i, plane.data()));
-    ASSERT_EQ(plane, plane_of<std::uint16_t>(i, 21)) << "frame " << i;
-    ASSERT_EQ(reader.frame_id()[i], i);
-  }
-}
 
 TEST(CaptureWriterStimulus, ComesBack) {
   const Stimulus stimuli[]{
@@ -51,8 +29,7 @@ TEST(CaptureWriterStimulus, ComesBack) {
     EXPECT_TRUE(writer->write_stimulus(stimulus));
     EXPECT_TRUE(append(*writer, 0));
     EXPECT_TRUE(writer->close());
-    const auto reader = CaptureReader::open(scratch / "a.h5");
-    ASSERT_TRUE(reader) << reader.error().message;
+    const auto reader = must(CaptureReader::open(scratch / "a.h5"));
     EXPECT_TRUE(reader->stimulus() && *reader->stimulus() == stimulus) << "the one at " << stimulus.index();
   }
 }
@@ -60,8 +37,7 @@ TEST(CaptureWriterStimulus, ComesBack) {
 TEST(CaptureWriterStimulus, WhatReadersRefuseIsNotWritten) {
   const Scratch scratch;
   auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
-  const Status status = writer->write_stimulus(Chopper{293.0, {0.1}, {0.2}, {}});
-  expect_refused(status, {"level_k"});
+  expect_refused(writer->write_stimulus(Chopper{293.0, {0.1}, {0.2}, {}}), {"level_k"});
   EXPECT_TRUE(writer->write_stimulus(Uniform{300.0})) << "the refused one must leave nothing behind";
 }
 
@@ -81,13 +57,11 @@ TEST(CaptureWriterExtras, EventsAndAttributesComeBack) {
   EXPECT_FALSE(writer->add_event({std::numeric_limits<double>::quiet_NaN(), "nuc"}));
   ASSERT_TRUE(writer->close());
 
-  const auto reader = CaptureReader::open(scratch / "a.h5");
-  ASSERT_TRUE(reader) << reader.error().message;
+  const auto reader = must(CaptureReader::open(scratch / "a.h5"));
   ASSERT_EQ(reader->events().size(), 6U);
   EXPECT_EQ(reader->events()[4].kind, "nuc400");
   EXPECT_EQ(reader->events()[4].t_s, kPeriod * 400);
-  const auto attributes = reader->attributes();
-  ASSERT_TRUE(attributes) << attributes.error().message;
+  const auto attributes = must(reader->attributes());
   ASSERT_EQ(attributes->size(), 2U);
   EXPECT_EQ(attributes->at(0).name, "lambda");
   EXPECT_EQ(std::get<double>(attributes->at(0).value), 0.1);
@@ -109,8 +83,7 @@ TEST(CaptureWriterRefuses, DisorderLeavesTheCaptureGood) {
   ASSERT_TRUE(writer->close());
   EXPECT_FALSE(writer->append(3.0, 9, plane.data())) << "closed";
   EXPECT_FALSE(writer->close());
-  const auto reader = CaptureReader::open(scratch / "a.h5");
-  ASSERT_TRUE(reader) << reader.error().message;
+  const auto reader = must(CaptureReader::open(scratch / "a.h5"));
   EXPECT_EQ(reader->t(), (std::vector<double>{1.0, 2.0}));
 }
 
@@ -119,27 +92,14 @@ TEST(CaptureWriterRefuses, WhatReadersWouldRefuse) {
   const auto refused = [&](auto change, const std::string& word) {
     CaptureInfo info = small_info();
     change(info.format);
-    const auto writer = CaptureWriter::create(scratch / "a.h5", info);
-    expect_refused(writer, {word});
+    expect_refused(CaptureWriter::create(scratch / "a.h5", info), {word});
     EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5.part"));
   };
   refused([](StreamFormat& f) { f.frame_period_s = 0; }, "frame_period_s");
   refused([](StreamFormat& f) { f.scale.scale = 0; }, "scale");
   refused([](StreamFormat& f) { f.row_step = 0; }, "row_step");
   refused([](StreamFormat& f) { f.geometry.width = 0; }, "0x3");
-  const auto elsewhere = CaptureWriter::create(scratch / "no/such/folder.h5", small_info());
-  expect_refused(elsewhere, {"No such file"});
-}
-
-TEST(CaptureWriterName, FinalOnlyAfterClose) {
-  const Scratch scratch;
-  auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
-  ASSERT_TRUE(append(*writer, 0));
-  EXPECT_TRUE(std::filesystem::exists(scratch / "a.h5.part"));
-  EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
-  ASSERT_TRUE(writer->close());
-  EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5.part"));
-  EXPECT_TRUE(std::filesystem::exists(scratch / "a.h5"));
+  expect_refused(CaptureWriter::create(scratch / "no/such/folder.h5", small_info()), {"No such file"});
 }
 
 TEST(CaptureWriterName, WithoutCloseThePartIsWhole) {
@@ -148,35 +108,26 @@ TEST(CaptureWriterName, WithoutCloseThePartIsWhole) {
     auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
     for (std::size_t i = 0; i < 5; ++i) ASSERT_TRUE(append(*writer, i));
   }
-  const auto reader = CaptureReader::open(scratch / "a.h5.part");
-  ASSERT_TRUE(reader) << reader.error().message;
-  EXPECT_EQ(reader->info().frames, 5U);
-  expect_frames(*reader);
+  EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
+  const auto reader = must(CaptureReader::open(scratch / "a.h5.part"));
+  expect_frames(*reader, 5);
 }
 
-TEST(CaptureWriterName, EqualInputGivesEqualFiles) {
+TEST(CaptureWriterName, EqualInputGivesEqualFilesAndNothingElse) {
   const Scratch scratch;
-  for (const char* name : {"a.h5", "b.h5"}) {
-    auto writer = CaptureWriter::create(scratch / name, small_info(), {false, 3});
-    for (std::size_t i = 0; i < 5; ++i) ASSERT_TRUE(append(*writer, i));
-    ASSERT_TRUE(writer->close());
-  }
+  for (const char* name : {"a.h5", "b.h5"}) write_small(scratch / name, 5, {.deflate_level = 3});
   const std::string command = "cmp " + (scratch / "a.h5").string() + " " + (scratch / "b.h5").string();
   EXPECT_EQ(std::system(command.c_str()), 0);
+  EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5.part"));
 }
 
 // Another program reads the same values.
 TEST(CaptureWriterForeign, Hdf5ToolsReadTheFrames) {
   if (std::system("h5dump --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "h5dump is not installed";
   const Scratch scratch;
-  auto writer = CaptureWriter::create(scratch / "a.h5", small_info(), {false, 5});
+  write_small(scratch / "a.h5", 3, {.deflate_level = 5});
   std::vector<std::uint16_t> expected;
-  for (std::size_t i = 0; i < 3; ++i) {
-    ASSERT_TRUE(append(*writer, i));
-    const auto plane = plane_of<std::uint16_t>(i, 21);
-    expected.insert(expected.end(), plane.begin(), plane.end());
-  }
-  ASSERT_TRUE(writer->close());
+  for (std::size_t i = 0; i < 3; ++i) std::ranges::copy(plane_of<std::uint16_t>(i, 21), std::back_inserter(expected));
   const std::string command = "h5dump -d /frames -b NATIVE -o " + (scratch / "raw").string() + " " +
                               (scratch / "a.h5").string() + " > /dev/null";
   ASSERT_EQ(std::system(command.c_str()), 0);
@@ -187,46 +138,42 @@ TEST(CaptureWriterForeign, Hdf5ToolsReadTheFrames) {
   EXPECT_EQ(dumped, expected);
 }
 
-// Appends frames in a process of its own that ends by SIGKILL while the writer is open.
-void append_and_die(const std::filesystem::path& file, std::size_t frames, const WriterOptions& options) {
+int exit_code_of(pid_t pid) {
+  int status = 0;
+  EXPECT_EQ(waitpid(pid, &status, 0), pid);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+}
+
+// Appends frames in a process of its own that ends by SIGKILL while the writer is open. `every`: it commits each.
+void append_and_die(const std::filesystem::path& file, std::size_t frames, const WriterOptions& options,
+                    bool every = false) {
   const pid_t pid = fork();
   ASSERT_GE(pid, 0);
   if (pid == 0) {
     auto writer = CaptureWriter::create(file, small_info(), options);
     for (std::size_t i = 0; i < frames; ++i) {
-      if (!append(*writer, i)) _exit(1);
+      if (!append(*writer, i) || (every && !writer->commit())) _exit(1);
     }
     kill(getpid(), SIGKILL);
   }
-  int status = 0;
-  ASSERT_EQ(waitpid(pid, &status, 0), pid);
-  ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+  ASSERT_EQ(exit_code_of(pid), -SIGKILL);
 }
 
 TEST(CaptureWriterKilled, CommittedFramesAreThere) {
   for (const int level : {0, 2}) {
     const Scratch scratch;
-    append_and_die(scratch / "a.h5", 2 * kCommitFrames + 50, {false, level});
+    append_and_die(scratch / "a.h5", 2 * kCommitFrames + 50, {.deflate_level = level});
     EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
-    const auto reader = CaptureReader::open(scratch / "a.h5.part");
-    ASSERT_TRUE(reader) << reader.error().message;
-    EXPECT_EQ(reader->info().frames, 2 * kCommitFrames) << "level " << level;
+    const auto reader = must(CaptureReader::open(scratch / "a.h5.part"));
     EXPECT_TRUE(reader->warnings().empty()) << "the file is that of the last commit";
-    expect_frames(*reader);
+    expect_frames(*reader, 2 * kCommitFrames);
   }
 }
 
 TEST(CaptureWriterKilled, BeforeTheFirstCommitIsSaid) {
   const Scratch scratch;
   append_and_die(scratch / "a.h5", 1, {});
-  const auto reader = CaptureReader::open(scratch / "a.h5.part");
-  expect_error(reader, {"before its first frame"});
-}
-
-int exit_code_of(pid_t pid) {
-  int status = 0;
-  EXPECT_EQ(waitpid(pid, &status, 0), pid);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  expect_error(CaptureReader::open(scratch / "a.h5.part"), {"before its first frame"});
 }
 
 // Frames large enough to pass what is reserved at once. The limit on file size stands for the end of the disk: both
@@ -240,9 +187,7 @@ TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
     signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{kDisk, kDisk};
     setrlimit(RLIMIT_FSIZE, &limit);
-    CaptureInfo info = small_info();
-    info.format.geometry = {640, 120};
-    auto writer = CaptureWriter::create(scratch / "a.h5", info);
+    auto writer = CaptureWriter::create(scratch / "a.h5", kLarge);
     if (!writer) _exit(10);
     const std::vector<std::uint16_t> plane(640 * 120, 7);
     for (std::size_t i = 0; i < 100; ++i) {
@@ -254,8 +199,7 @@ TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
     _exit(12);
   }
   ASSERT_EQ(exit_code_of(pid), 0) << "10: not created, 11: error unnamed or not closed, 12: no error";
-  const auto reader = CaptureReader::open(scratch / "a.h5");
-  ASSERT_TRUE(reader) << reader.error().message;
+  const auto reader = must(CaptureReader::open(scratch / "a.h5"));
   EXPECT_GT(reader->info().frames, 40U);
   std::vector<std::uint16_t> plane(640 * 120);
   for (std::size_t i = 0; i < reader->info().frames; ++i) {
@@ -269,12 +213,7 @@ TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
   signal(SIGXFSZ, SIG_IGN);
   const rlimit limit{disk, RLIM_INFINITY};
   if (!sudden) setrlimit(RLIMIT_FSIZE, &limit);
-  CaptureInfo info = small_info();
-  info.format.geometry = {640, 120};
-  info.has_truth = true;
-  WriterOptions options;
-  options.truth = true;
-  auto writer = CaptureWriter::create(file, info, options);
+  auto writer = CaptureWriter::create(file, kLarge, {.truth = true});
   if (!writer) exit(10);
   const std::vector<std::uint16_t> plane(640 * 120, 7);
   const std::vector<float> truth(640 * 120, 300.0F);
@@ -301,20 +240,7 @@ TEST(CaptureWriterDisk, GivingUpOnAFullDiskIsNoCrash) {
 
 // FILE.part with 20 frames, and its records.
 void leave_unfinished(const std::filesystem::path& file) {
-  const pid_t pid = fork();
-  ASSERT_GE(pid, 0);
-  if (pid == 0) {
-    WriterOptions options;
-    options.survives_power_cut = true;
-    auto writer = CaptureWriter::create(file, small_info(), options);
-    bool good = writer.has_value();
-    for (std::size_t i = 0; good && i < 20; ++i) good = append(*writer, i) && writer->commit();
-    if (good) kill(getpid(), SIGKILL);
-    _exit(1);
-  }
-  int status = 0;
-  ASSERT_EQ(waitpid(pid, &status, 0), pid);
-  ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+  append_and_die(file, 20, {.survives_power_cut = true}, true);
 }
 
 // The records of its commits lie beside the file, not beside a link to it.
@@ -325,8 +251,7 @@ TEST(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
   const auto link = scratch / "elsewhere" / "b.h5.part";
   std::filesystem::create_symlink(scratch / "a.h5.part", link);
   {
-    const auto reader = CaptureReader::open(link);
-    ASSERT_TRUE(reader) << reader.error().message;
+    const auto reader = must(CaptureReader::open(link));
     EXPECT_EQ(reader->info().frames, 20U);
   }
   expect_refused(recover_in_place(link, scratch / "elsewhere" / "b.h5"), {"is a link"});
@@ -362,16 +287,12 @@ TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {
   const auto part = scratch / "a.h5.part";
   for (const auto& there : {file, part}) {
     std::ofstream(there) << "there";
-    const auto refused = CaptureWriter::create(file, small_info());
-    expect_error(refused, {"--overwrite it"});
+    expect_error(CaptureWriter::create(file, small_info()), {"--overwrite it"});
     EXPECT_EQ(std::filesystem::file_size(there), 5U);
     std::filesystem::remove(there);
   }
   std::ofstream(file) << "there";
-  WriterOptions options;
-  options.replace = Replace::kExisting;
-  auto writer = CaptureWriter::create(file, small_info(), options);
-  ASSERT_TRUE(writer);
+  auto writer = must(CaptureWriter::create(file, small_info(), {.replace = Replace::kExisting}));
   EXPECT_EQ(std::filesystem::file_size(file), 5U) << "until the new one is whole";
   ASSERT_TRUE(append(*writer, 0));
   ASSERT_TRUE(writer->close());
@@ -380,9 +301,7 @@ TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {
 
 // Whoever may write to the folder can put a link in the place of the part or of its records.
 TEST(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
-  WriterOptions options;
-  options.replace = Replace::kExisting;
-  options.survives_power_cut = true;
+  const WriterOptions options{.survives_power_cut = true, .replace = Replace::kExisting};
   for (const std::string name : {"a.h5.part", "a.h5.part.journal", "a.h5.part.live"}) {
     for (const bool symbolic : {true, false}) {
       const Scratch scratch;
@@ -403,13 +322,40 @@ TEST(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
 // A name that somebody takes while a capture is written: both stay.
 TEST(CaptureWriterNames, ANameThatIsTakenMeanwhileStays) {
   const Scratch scratch;
-  auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
-  ASSERT_TRUE(writer);
+  auto writer = must(CaptureWriter::create(scratch / "a.h5", small_info()));
   ASSERT_TRUE(append(*writer, 0));
   std::ofstream(scratch / "a.h5") << "theirs";
   EXPECT_FALSE(writer->close());
   EXPECT_EQ(std::filesystem::file_size(scratch / "a.h5"), 6U);
   EXPECT_TRUE(CaptureReader::open(scratch / "a.h5.part"));
+}
+
+// What other programs do to the file meanwhile is said at the next commit, and what they put in its place is theirs.
+TEST(CaptureWriterNames, AFileThatIsTakenFromTheWriterIsSaid) {
+  using Harm = void (*)(const std::filesystem::path&);
+  const Harm remove = [](const auto& part) { std::filesystem::remove(part); };
+  const Harm swap = [](const auto& part) {
+    std::filesystem::rename(part, part.parent_path() / "moved.h5");
+    std::ofstream(part) << "theirs";
+  };
+  const Harm cut = [](const auto& part) { std::filesystem::resize_file(part, 100); };
+  for (const Harm harm : {remove, swap, cut}) {
+    for (const bool power : {false, true}) {
+      const Scratch scratch;
+      const auto part = scratch / "a.h5.part";
+      auto writer = CaptureWriter::create(scratch / "a.h5", small_info(), {.survives_power_cut = power});
+      ASSERT_TRUE(writer && append(*writer, 0) && writer->commit());
+      harm(part);
+      ASSERT_TRUE(append(*writer, 1));
+      expect_error(writer->commit(), {"a.h5.part: was removed, renamed or cut off by another program"});
+      expect_error(writer->close(), {"was removed, renamed or cut off"});
+      writer = failed("");
+      EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
+      if (!std::filesystem::exists(scratch / "moved.h5")) continue;
+      EXPECT_EQ(std::filesystem::file_size(part), 6U);
+      EXPECT_TRUE(CaptureReader::open(scratch / "moved.h5")) << "the frames until then";
+    }
+  }
 }
 
 TEST(CaptureWriterNames, WithoutAFrameNothingStays) {
@@ -418,5 +364,4 @@ TEST(CaptureWriterNames, WithoutAFrameNothingStays) {
   EXPECT_TRUE(std::filesystem::is_empty(scratch.path()));
 }
 
-}  // namespace
 }  // namespace bolo::capture::capture_writer_test

@@ -1,13 +1,9 @@
 // Plain HDF5 calls that make and spoil files, independent of the code under test.
 #pragma once
 
-#include <gtest/gtest.h>
 #include <hdf5.h>
 
-#include <filesystem>
-#include <functional>
-#include <string>
-#include <vector>
+#include "tests/test.hpp"
 
 namespace bolo::capture::testing {
 

@@ -9,20 +9,9 @@
 // Either must open with exactly the frames of a commit, and not of too old a one.
 #include <dlfcn.h>
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <chrono>
-#include <cstddef>
-#include <cstring>
-#include <fstream>
-#include <map>
-#include <mutex>
-#include <optional>
-#include <random>
-#include <thread>
 
 #include "src/capture/commit_records.hpp"
 #include "src/capture/recovery.hpp"
@@ -181,8 +170,7 @@ Log record(const std::filesystem::path& file, std::size_t frames, int deflate_le
     WriterOptions options;
     options.deflate_level = deflate_level;
     options.survives_power_cut = true;
-    auto writer = CaptureWriter::create(file, info, options);
-    EXPECT_TRUE(writer) << writer.error().message;
+    auto writer = must(CaptureWriter::create(file, info, options));
     for (std::size_t i = 0; i < frames; ++i) {
       const double t_s = 0.005 * static_cast<double>(i);
       EXPECT_TRUE(writer->append(t_s, i, plane_at(i).data()));

@@ -1,12 +1,7 @@
 // Recordings of real cameras (BOLO_TEST_DATA) open with the shapes that their README states.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
 #include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture::real_captures_test {
-namespace {
 
 std::filesystem::path test_data() {
   const char* folder = std::getenv("BOLO_TEST_DATA");
@@ -19,15 +14,13 @@ struct Recording {
   Geometry geometry;
   bool milliseconds;  // its /t is in ms: opens, with a warning that says so
 };
-void PrintTo(const Recording& recording, std::ostream* out) { *out << recording.name; }
 
 class RealCaptures : public ::testing::TestWithParam<Recording> {};
 
 TEST_P(RealCaptures, OpenAndRead) {
   if (test_data().empty()) GTEST_SKIP() << "BOLO_TEST_DATA is not set: no recordings of real cameras";
   const auto& expected = GetParam();
-  const auto reader = CaptureReader::open(test_data() / "captures" / (std::string(expected.name) + ".h5"));
-  ASSERT_TRUE(reader) << reader.error().message;
+  const auto reader = must(CaptureReader::open(test_data() / "captures" / (std::string(expected.name) + ".h5")));
   EXPECT_EQ(reader->info().frames, expected.frames);
   EXPECT_EQ(reader->info().format.geometry, expected.geometry);
   EXPECT_EQ(reader->info().format.type, PixelType::kUint16);
@@ -54,8 +47,7 @@ INSTANTIATE_TEST_SUITE_P(Recordings, RealCaptures,
 
 TEST(RealStimulus, BlackBody) {
   if (test_data().empty()) GTEST_SKIP() << "BOLO_TEST_DATA is not set: no recordings of real cameras";
-  const auto reader = CaptureReader::open(test_data() / "captures/atto320_blackbody_25C.h5");
-  ASSERT_TRUE(reader) << reader.error().message;
+  const auto reader = must(CaptureReader::open(test_data() / "captures/atto320_blackbody_25C.h5"));
   const Stimulus stimulus = reader->stimulus().value();
   ASSERT_TRUE(std::holds_alternative<Uniform>(stimulus));
   EXPECT_DOUBLE_EQ(std::get<Uniform>(stimulus).temperature_k, 298.15);
@@ -63,8 +55,7 @@ TEST(RealStimulus, BlackBody) {
 
 TEST(RealStill, RadiometricSceneIsInKelvin) {
   if (test_data().empty()) GTEST_SKIP() << "BOLO_TEST_DATA is not set: no stills of real cameras";
-  const auto still = read_still(test_data() / "scenes/radiometric_02.h5");
-  ASSERT_TRUE(still) << still.error().message;
+  const auto still = must(read_still(test_data() / "scenes/radiometric_02.h5"));
   EXPECT_EQ(still->width, 640);
   EXPECT_EQ(still->height, 480);
   ASSERT_EQ(still->kelvin.size(), 640U * 480U);
@@ -72,5 +63,4 @@ TEST(RealStill, RadiometricSceneIsInKelvin) {
   EXPECT_LT(*std::max_element(still->kelvin.begin(), still->kelvin.end()), 1000.0F);
 }
 
-}  // namespace
 }  // namespace bolo::capture::real_captures_test

@@ -1,29 +1,15 @@
 // Small captures, and a folder to put them in.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <cstdint>
-#include <cstdlib>
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include "src/capture/capture.hpp"
 #include "tests/scratch.hpp"
 
 namespace bolo::capture::testing {
 
-inline CaptureInfo small_info(PixelType type = PixelType::kUint16) {
-  CaptureInfo info;
-  info.format.geometry = {7, 3};
-  info.format.type = type;
-  info.format.scale = {Unit::kKelvin, 0.01, 1.5};
-  info.format.frame_period_s = 0.005;
-  info.format.row_step = 4;
-  info.camera_model = "FLIR A655sc";
-  info.camera_serial = "55001234";
-  return info;
+inline CaptureInfo small_info(PixelType type = PixelType::kUint16, Geometry geometry = {7, 3}) {
+  return {.format = {geometry, type, {Unit::kKelvin, 0.01, 1.5}, 0.005, 4},
+          .camera_model = "FLIR A655sc",
+          .camera_serial = "55001234"};
 }
 
 // A value that tells frame and pixel apart and fits every type exactly.
@@ -36,6 +22,31 @@ std::vector<T> plane_of(std::size_t frame, std::size_t pixels) {
   std::vector<T> plane(pixels);
   for (std::size_t i = 0; i < pixels; ++i) plane[i] = static_cast<T>(value_at(frame, i));
   return plane;
+}
+
+// Frame i, at its time; with a truth where the writer wants one.
+inline Status append(CaptureWriter& writer, std::size_t i, bool truth = false) {
+  const auto plane = plane_of<std::uint16_t>(i, 21);
+  const auto truth_plane = plane_of<float>(i, 21);
+  return writer.append(0.005 * static_cast<double>(i), i, plane.data(), truth ? truth_plane.data() : nullptr);
+}
+
+// A capture of these frames, closed.
+inline void write_small(const std::filesystem::path& file, std::size_t frames, const WriterOptions& how = {}) {
+  auto writer = must(CaptureWriter::create(file, small_info(), how));
+  for (std::size_t i = 0; i < frames; ++i) ASSERT_TRUE(append(*writer, i, how.truth));
+  ASSERT_TRUE(writer->close());
+}
+
+// Frames 0..n-1 are there, whole.
+inline void expect_frames(const CaptureReader& reader, std::size_t frames) {
+  ASSERT_EQ(reader.info().frames, frames);
+  for (std::size_t i = 0; i < frames; ++i) {
+    std::vector<std::uint16_t> plane(21);
+    ASSERT_TRUE(reader.read_frame(i, plane.data()));
+    ASSERT_EQ(plane, plane_of<std::uint16_t>(i, 21)) << "frame " << i;
+    ASSERT_EQ(reader.frame_id()[i], i);
+  }
 }
 
 }  // namespace bolo::capture::testing

@@ -45,7 +45,8 @@ class Script(unittest.TestCase):
 
     def test_captures_are_a_folder_a_list_or_one(self):
         (self.folder / "list.txt").write_text("a b.h5\n\nb.h5\n")
-        for given, captures in ((".", ["."]), ("list.txt", ["a b.h5", "b.h5"]), ("a b.h5", ["a b.h5"])):
+        (self.folder / "odd.txt").write_text("b.h5\n--overwrite\n")
+        for given, captures in ((".", ["."]), ("list.txt", ["a b.h5", "b.h5"]), ("odd.txt", ["b.h5", "./--overwrite"]), ("a b.h5", ["a b.h5"])):
             _, arguments, _ = self.run_script(CAPTURES=given)
             self.assertEqual(arguments[:len(captures) + 3], ["deblur", *captures, "-o", "sharp"])
 

@@ -1,21 +1,14 @@
 // The one rule of what is written, on real files: an input, a file that exists, a disk that takes nothing.
-#include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <csignal>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <sstream>
-#include <string>
-
 #include "src/core/output_file.hpp"
+#include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 
 namespace bolo::output_file_test {
-namespace {
 
 namespace fs = std::filesystem;
 
@@ -35,10 +28,8 @@ class OutputFileTest : public ::testing::Test {
     std::ofstream(input_) << "input";
     std::ofstream(there_) << "there";
   }
-  void expect_refused(const Status& status, const std::string& word) const {
-    ASSERT_FALSE(status) << word;
-    EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
-    EXPECT_NE(status.error().message.find(word), std::string::npos) << status.error().message;
+  void expect_untouched(const Status& status, const std::string& word) const {
+    expect_refused(status, {word});
     EXPECT_EQ(content_of(input_), "input");
     EXPECT_EQ(content_of(there_), "there");
   }
@@ -55,31 +46,50 @@ TEST_F(OutputFileTest, NoOutputIsAnInput) {
   fs::create_symlink(input_, soft);
   fs::create_hard_link(input_, hard);
   for (const fs::path& name : {input_, soft, hard, scratch_ / "." / "input.h5"}) {
-    expect_refused(check_outputs({free_, name}, {there_, input_}, Replace::kExisting), "both read and written");
+    expect_untouched(check_outputs({free_, name}, {there_, input_}, Replace::kExisting), "both read and written");
   }
   for (const char* name : {"free.h5.part", "free.h5.part.journal", "free.h5.part.live"}) {
     const fs::path part = scratch_ / name;
     std::ofstream(part) << "unfinished";
-    expect_refused(check_outputs({free_}, {part}, Replace::kExisting), "is read, and written while");
+    expect_untouched(check_outputs({free_}, {part}, Replace::kExisting), "is read, and written while");
   }
 }
 
 TEST_F(OutputFileTest, NothingThatExistsIsReplaced) {
-  expect_refused(check_outputs({free_, there_}, {input_}, Replace::kNothing), "--overwrite it");
-  expect_refused(write_file(there_, "new"), "--overwrite it");
+  expect_untouched(check_outputs({free_, there_}, {input_}, Replace::kNothing), "--overwrite it");
+  expect_untouched(write_file(there_, "new"), "--overwrite it");
   fs::create_symlink("nowhere", free_);
-  expect_refused(check_outputs({free_}, {}, Replace::kNothing), "--overwrite it");
+  expect_untouched(check_outputs({free_}, {}, Replace::kNothing), "--overwrite it");
   EXPECT_TRUE(check_outputs({there_}, {input_}, Replace::kExisting));
   ASSERT_TRUE(write_file({there_, Replace::kExisting}, "new"));
   EXPECT_EQ(content_of(there_), "new");
 }
 
 TEST_F(OutputFileTest, OutputsAreFilesAndDifferent) {
-  expect_refused(check_outputs({free_, scratch_ / "." / "free.h5"}, {}, Replace::kExisting), "written twice");
-  expect_refused(check_output({scratch_.path(), Replace::kExisting}), "is not a file");
-  expect_refused(check_output({"/dev/null", Replace::kExisting}), "is not a file");
-  expect_refused(write_file(scratch_ / "no" / "folder.svg", "new"), "choose another place");
+  expect_untouched(check_outputs({free_, scratch_ / "." / "free.h5"}, {}, Replace::kExisting), "written twice");
+  expect_untouched(check_output({scratch_.path(), Replace::kExisting}), "is not a file");
+  expect_untouched(check_output({"/dev/null", Replace::kExisting}), "is not a file");
+  expect_untouched(write_file(scratch_ / "no" / "folder.svg", "new"), "choose another place");
+  expect_untouched(check_output({fs::path(), Replace::kExisting}), "no name of a file");
+  expect_untouched(check_output({scratch_ / "", Replace::kExisting}), "no name of a file");
   EXPECT_TRUE(check_outputs({free_, {}}, {{}, input_}, Replace::kNothing)) << "empty names are none";
+}
+
+// A link to a file gives way to the output; one to anything else is nobody's to lose, least of all /dev/stdout.
+TEST_F(OutputFileTest, LinksToAnythingButFilesStay) {
+  ASSERT_EQ(mkfifo((scratch_ / "pipe").c_str(), 0600), 0);
+  for (const fs::path& target : {scratch_.path(), scratch_ / "pipe", fs::path("/dev/null"), fs::path("/proc/self/fd/1"),
+                                 fs::path("/proc/self/fd/999")}) {
+    const fs::path link = scratch_ / "link.h5";
+    fs::create_symlink(target, link);
+    expect_untouched(write_file({link, Replace::kExisting}, "new"), "is not a file");
+    EXPECT_EQ(fs::read_symlink(link), target);
+    fs::remove(link);
+  }
+  fs::create_symlink(there_, free_);
+  ASSERT_TRUE(write_file({free_, Replace::kExisting}, "new"));
+  EXPECT_FALSE(fs::is_symlink(free_));
+  EXPECT_EQ(content_of(there_), "there");
 }
 
 // Another program takes the name while the file is written: neither is lost.
@@ -119,5 +129,4 @@ TEST_F(OutputFileTest, AFullDiskCostsNothing) {
   EXPECT_EQ(files_in(scratch_.path()), 2);
 }
 
-}  // namespace
 }  // namespace bolo::output_file_test

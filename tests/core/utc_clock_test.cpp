@@ -1,11 +1,7 @@
-#include "src/core/utc_clock.hpp"
-
-#include <gtest/gtest.h>
-
-#include <cstdlib>
+#include "src/core/clock.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::utc_clock_test {
-namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kSecond = 1'000 * kMs;
@@ -104,5 +100,4 @@ TEST(UtcText, IsIso8601) {
   EXPECT_EQ(utc_text(-1), "1969-12-31T23:59:59.999Z");
 }
 
-}  // namespace
 }  // namespace bolo::utc_clock_test

@@ -1,39 +1,18 @@
 // What is undone of single pixels: gain and offset, time constants of their own, dead pixels.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <initializer_list>
-#include <limits>
-#include <memory>
-#include <random>
-#include <string>
-#include <vector>
-
 #include "src/corrections/pixel_correction.hpp"
-#include "src/deblur/solver.hpp"
 #include "tests/deblur/inputs.hpp"
+#include "tests/deblur/solve.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::corrections::pixel_correction_test {
-namespace {
 
 using deblur::Method;
 using deblur::Settings;
-using deblur::Solver;
-using deblur::WindowView;
 using deblur::testing::Input;
 using deblur::testing::InputSource;
+using deblur::testing::kelvin;
 
 constexpr Geometry kFrame{37, 23};
-
-StreamFormat kelvin(Geometry geometry) {
-  StreamFormat format;
-  format.geometry = geometry;
-  format.type = PixelType::kFloat32;
-  format.scale = {Unit::kKelvin, 1.0, 0.0};
-  return format;
-}
 
 model::PixelMaps scattered_maps(Geometry geometry, double tau_spread) {
   model::PixelMaps maps;
@@ -49,9 +28,7 @@ model::PixelMaps scattered_maps(Geometry geometry, double tau_spread) {
 }
 
 PixelCorrection make(const model::PixelMaps& maps, Geometry geometry, const Settings& settings = {}) {
-  auto correction = PixelCorrection::create(settings, kelvin(geometry), maps);
-  EXPECT_TRUE(correction) << correction.error().message;
-  return std::move(*correction);
+  return *must(PixelCorrection::create(settings, kelvin(geometry), maps));
 }
 
 using Planes = std::vector<std::vector<float>>;
@@ -84,15 +61,10 @@ Planes pan(int frames, double tau_s, Geometry geometry, std::uint32_t seed) {
 }
 
 std::vector<float> solve(const Settings& settings, const Planes& planes, Geometry geometry) {
-  const auto solver = Solver::create(settings, kelvin(geometry), PixelType::kFloat32);
-  EXPECT_TRUE(solver);
+  const auto solver = deblur::testing::make(settings, kelvin(geometry));
   std::vector<const void*> newest;
   for (auto at = planes.end() - settings.window; at != planes.end(); ++at) newest.push_back(at->data());
-  const WindowView view{newest, settings.window - 1};
-  std::vector<float> out(geometry.pixels());
-  (*solver)->prepare(view);
-  (*solver)->solve(view, {0, 0, geometry.width, geometry.height}, out.data());
-  return out;
+  return deblur::testing::whole_frame(*solver, {newest, settings.window - 1}, geometry);
 }
 
 TEST(PixelCorrection, MapsThatSayNothingChangeNoBit) {
@@ -170,9 +142,7 @@ TEST(PixelCorrection, EqualisesTimeConstantsOverGaps) {
 // prior sees: thousandths of a kelvin.
 TEST(PixelCorrection, WindowsDoNotDependOnWhenItBegan) {
   for (const Method method : {Method::kInverse, Method::kExact}) {
-    Settings settings;
-    settings.method = method;
-    settings.lambda = 1e-4;
+    const Settings settings{.method = method, .lambda = 1e-4};
     const model::PixelMaps maps = scattered_maps(kFrame, 0.2);
     const Planes planes = pan(60, 0.011, kFrame, 17U);
     PixelCorrection early = make(maps, kFrame);
@@ -206,8 +176,7 @@ TEST(PixelCorrection, GainAndOffsetAreOfTheTemperature) {
   model::PixelMaps maps;
   maps.gain = {1.0F, 1.1F};
   maps.offset = {0.5F, -20.0F};
-  auto correction = PixelCorrection::create(Settings(), format, maps);
-  ASSERT_TRUE(correction);
+  auto correction = must(PixelCorrection::create(Settings(), format, maps));
   std::vector<float> plane{2500.0F, 2500.0F};  // 300 K
   correction->begin(0);
   correction->apply(plane.data(), {0, 2});
@@ -287,10 +256,7 @@ class WrongMaps : public ::testing::TestWithParam<Wrong> {};
 TEST_P(WrongMaps, AreRefusedByName) {
   model::PixelMaps maps = scattered_maps(kFrame, 0.1);
   GetParam().change(maps);
-  const auto correction = PixelCorrection::create(Settings(), kelvin(kFrame), maps);
-  ASSERT_FALSE(correction);
-  EXPECT_EQ(correction.error().kind, ErrorKind::kBadInput);
-  EXPECT_NE(correction.error().message.find(GetParam().named), std::string::npos) << correction.error().message;
+  expect_refused(PixelCorrection::create(Settings(), kelvin(kFrame), maps), {GetParam().named});
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -306,5 +272,4 @@ INSTANTIATE_TEST_SUITE_P(
                             "every pixel is dead"}),
     [](const auto& each) { return std::string(each.param.what); });
 
-}  // namespace
 }  // namespace bolo::corrections::pixel_correction_test

@@ -1,20 +1,8 @@
 // The estimators that look at a pixel's surroundings: lambda = auto and mmae, with and without corrections.
-#include <gtest/gtest.h>
+#include "src/deblur/auto_lambda_solver.hpp"
+#include "tests/deblur/solve.hpp"
 
-#include <cmath>
-#include <limits>
-#include <memory>
-#include <numeric>
-#include <random>
-#include <string>
-#include <utility>
-#include <vector>
-
-#include "src/deblur/lambda_risk.hpp"
-#include "src/deblur/solver.hpp"
-
-namespace bolo::deblur {
-namespace {
+namespace bolo::deblur::adaptive_test {
 
 constexpr Geometry kFrame{150, 37};
 constexpr int kWindow = 17;
@@ -30,14 +18,6 @@ Settings settings_of(Estimator estimator) {
                     : estimator == Estimator::kAutoAdmm ? Method::kAdmm
                                                         : Method::kExact;
   return settings;
-}
-
-StreamFormat kelvin_format() {
-  StreamFormat format;
-  format.geometry = kFrame;
-  format.type = PixelType::kFloat32;
-  format.scale = {Unit::kKelvin, 1.0, 0.0};
-  return format;
 }
 
 double scene(double x, double y) {
@@ -74,16 +54,11 @@ std::vector<const void*> pointers(const std::vector<std::vector<float>>& planes)
 }
 
 std::unique_ptr<Solver> make(const Settings& settings, double row_delay_s = 0.0) {
-  auto solver = Solver::create(settings, kelvin_format(), PixelType::kFloat32, row_delay_s);
-  EXPECT_TRUE(solver) << solver.error().message;
-  return std::move(*solver);
+  return testing::make(settings, testing::kelvin(kFrame), PixelType::kFloat32, row_delay_s);
 }
 
 std::vector<float> whole_frame(Solver& solver, const WindowView& view) {
-  std::vector<float> out(kFrame.pixels());
-  solver.prepare(view);
-  solver.solve(view, {0, 0, kFrame.width, kFrame.height}, out.data());
-  return out;
+  return testing::whole_frame(solver, view, kFrame);
 }
 
 // Against the scene at the newest frame's time, rows 4 and up and down alike.
@@ -98,7 +73,7 @@ double rms_error(const std::vector<float>& out, double px_per_frame) {
   return std::sqrt(sum / static_cast<double>(out.size()));
 }
 
-class Adaptive : public testing::TestWithParam<Estimator> {};
+class Adaptive : public ::testing::TestWithParam<Estimator> {};
 
 TEST_P(Adaptive, PartsAndPointsHaveTheFramesBits) {
   const auto planes = movie(0.8, 0.05);
@@ -108,20 +83,8 @@ TEST_P(Adaptive, PartsAndPointsHaveTheFramesBits) {
   for (const double row_delay_s : {0.0, 4e-5}) {
     const auto solver = make(settings_of(GetParam()), row_delay_s);
     const std::vector<float> whole = whole_frame(*solver, view);
-    for (const Region part : {Region{0, 5, 150, 11}, {63, 0, 2, 37}, {140, 30, 10, 7}}) {
-      std::vector<float> out(kFrame.pixels(), -1.0F);
-      solver->solve(view, part, out.data());
-      for (std::size_t i = 0; i < out.size(); ++i) {
-        const int x = static_cast<int>(i) % kFrame.width;
-        const int y = static_cast<int>(i) / kFrame.width;
-        const bool inside = x >= part.x && x < part.x + part.width && y >= part.y && y < part.y + part.height;
-        ASSERT_EQ(out[i], inside ? whole[i] : -1.0F) << x << ", " << y << " delay " << row_delay_s;
-      }
-    }
-    const std::vector<std::uint32_t> points = {0, 7, 218, 149, 5549, 2000};
-    std::vector<float> out(points.size());
-    solver->solve_points(view, points, out.data());
-    for (std::size_t i = 0; i < points.size(); ++i) EXPECT_EQ(out[i], whole[points[i]]) << points[i];
+    testing::expect_parts(*solver, view, kFrame, whole, {{0, 5, 150, 11}, {63, 0, 2, 37}, {140, 30, 10, 7}},
+                          {0, 7, 218, 149, 5549, 2000});
   }
 }
 
@@ -176,21 +139,21 @@ TEST_P(Adaptive, IsBetterThanTheSamples) {
   }
 }
 
-std::string name_of(const testing::TestParamInfo<Estimator>& each) {
+std::string name_of(const ::testing::TestParamInfo<Estimator>& each) {
   constexpr const char* kNames[] = {"Mmae", "AutoAdmm", "AutoDual", "AutoExact"};
   return kNames[static_cast<int>(each.param)];
 }
 
 INSTANTIATE_TEST_SUITE_P(Deblur, Adaptive,
-                         testing::Values(Estimator::kMmae, Estimator::kAutoAdmm, Estimator::kAutoDual,
-                                         Estimator::kAutoExact),
+                         ::testing::Values(Estimator::kMmae, Estimator::kAutoAdmm, Estimator::kAutoDual,
+                                           Estimator::kAutoExact),
                          name_of);
 
 // On a still scene averaging is all, on a fast one with much contrast the samples must be followed.
 TEST(LambdaRisk, FollowsTheMotion) {
   Settings settings = settings_of(Estimator::kAutoAdmm);
   settings.lambda = 0.1;
-  const StreamTask task{settings, kelvin_format(), PixelType::kFloat32};
+  const StreamTask task{settings, testing::kelvin(kFrame), PixelType::kFloat32};
   const MotionModels models(settings, {0.0});
   const LambdaRisk risk(task, models);
   Posteriors posteriors{};
@@ -201,5 +164,4 @@ TEST(LambdaRisk, FollowsTheMotion) {
   EXPECT_LE(kLambdaSteps[static_cast<std::size_t>(choice.back())], 0.2F);
 }
 
-}  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::adaptive_test

@@ -1,36 +1,18 @@
 // The solvers against an independent Lasso on all 2^levels unknowns (golden/generate.py).
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <fstream>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <string>
-#include <vector>
 
-#include "src/deblur/solver.hpp"
+#include "tests/deblur/solve.hpp"
 
-namespace bolo::deblur {
-namespace {
+namespace bolo::deblur::golden_test {
 
 // What solver.hpp says of one pixel: kelvin in, kelvin out.
 double estimate(const Settings& settings, const std::vector<float>& y, const std::vector<int>& received) {
-  StreamFormat format;
-  format.geometry = {1, 1};
-  format.type = PixelType::kFloat32;
-  format.scale = {Unit::kKelvin, 1.0, 0.0};
-  format.frame_period_s = settings.period_s;
-  auto solver = Solver::create(settings, format, PixelType::kFloat32);
-  EXPECT_TRUE(solver) << solver.error().message;
+  const auto solver = testing::make(settings, testing::kelvin({1, 1}, settings.period_s));
   if (!solver) return std::nan("");
   std::vector<const void*> planes(y.size());
   for (std::size_t i = 0; i < y.size(); ++i) planes[i] = received[i] != 0 ? &y[i] : nullptr;
   const WindowView window{planes, settings.window - 1 - settings.lookahead};
-  float result = 0.0F;
-  (*solver)->prepare(window);
-  (*solver)->solve(window, {0, 0, 1, 1}, &result);
-  return static_cast<double>(result);
+  return static_cast<double>(testing::whole_frame(*solver, window, {1, 1}).front());
 }
 
 struct Error {
@@ -57,15 +39,14 @@ std::map<double, Error> errors_of(Method method) {
   std::map<double, Error> errors;
   for (const auto& c : golden.at("cases")) {
     if (method != Method::kExact && !fixed_iterations_reach(c)) continue;
-    Settings settings;
-    settings.method = method;
-    settings.period_s = c.at("period_s");
-    settings.tau_s = c.at("tau_s");
-    settings.levels = c.at("levels");
     const double lambda = c.at("half_square_lambda");
-    settings.lambda = lambda * 2.0 * settings.kappa;
     const auto y = c.at("y_k").get<std::vector<float>>();
-    settings.window = static_cast<int>(y.size());
+    Settings settings{.method = method,
+                      .tau_s = c.at("tau_s"),
+                      .period_s = c.at("period_s"),
+                      .window = static_cast<int>(y.size()),
+                      .levels = c.at("levels")};
+    settings.lambda = lambda * 2.0 * settings.kappa;
     const double error =
         estimate(settings, y, c.at("received").get<std::vector<int>>()) - c.at("last_bin_k").get<double>();
     Error& e = errors[lambda];
@@ -76,27 +57,20 @@ std::map<double, Error> errors_of(Method method) {
   return errors;
 }
 
-TEST(Golden, ExactAgreesWithAnIndependentLasso) {
-  const auto errors = errors_of(Method::kExact);
+class Golden : public ::testing::TestWithParam<Method> {};
+
+TEST_P(Golden, AgreesWithAnIndependentLasso) {
+  const bool exact = GetParam() == Method::kExact;
+  const auto errors = errors_of(GetParam());
   ASSERT_EQ(errors.size(), 3U);
   for (const auto& [lambda, error] : errors) {
-    EXPECT_LE(error.rms(), 1e-3) << "lambda " << lambda;
-    EXPECT_LE(error.largest, 2e-3) << "lambda " << lambda;
-    RecordProperty("exact_rms_k_" + std::to_string(lambda), std::to_string(error.rms()));
+    EXPECT_LE(error.rms(), exact ? 1e-3 : 5e-3) << "lambda " << lambda;
+    EXPECT_LE(error.largest, exact ? 2e-3 : 50e-3) << "lambda " << lambda;
+    RecordProperty("rms_k_" + std::to_string(lambda), std::to_string(error.rms()));
   }
 }
 
-TEST(Golden, TheFastMethodsAgreeWithAnIndependentLasso) {
-  for (const Method method : {Method::kAdmm, Method::kDual}) {
-    const auto errors = errors_of(method);
-    ASSERT_EQ(errors.size(), 3U);
-    for (const auto& [lambda, error] : errors) {
-      EXPECT_LE(error.rms(), 5e-3) << name(method) << ", lambda " << lambda;
-      EXPECT_LE(error.largest, 50e-3) << name(method) << ", lambda " << lambda;
-      RecordProperty(std::string(name(method)) + "_rms_k_" + std::to_string(lambda), std::to_string(error.rms()));
-    }
-  }
-}
+INSTANTIATE_TEST_SUITE_P(Methods, Golden, ::testing::Values(Method::kExact, Method::kAdmm, Method::kDual),
+                         [](const auto& each) { return std::string(name(each.param)); });
 
-}  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::golden_test

@@ -1,13 +1,7 @@
 // Windows of samples for tests, tuning and benchmarks: what moving scenes, noise and defects do to a pixel.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <random>
-#include <span>
-#include <string_view>
-#include <vector>
+#include "tests/test.hpp"
 
 namespace bolo::deblur::testing {
 

@@ -1,16 +1,9 @@
 // What every way to estimate a pixel owes to PlaneSolver: a lambda for each pixel, and any mean of two bins.
 #include "src/deblur/method.hpp"
-
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <string>
-#include <vector>
-
 #include "tests/deblur/inputs.hpp"
+#include "tests/deblur/solve.hpp"
 
-namespace bolo::deblur {
-namespace {
+namespace bolo::deblur::method_test {
 
 using testing::Input;
 using testing::InputSource;
@@ -24,12 +17,8 @@ struct Way {
 };
 
 StreamTask task_of(int levels, double lambda_half) {
-  StreamTask task;
-  task.settings.levels = levels;
+  StreamTask task{.settings = {.levels = levels}, .input = testing::kelvin({}), .output = PixelType::kFloat32};
   task.settings.lambda = lambda_half * 2.0 * task.settings.kappa;
-  task.input.type = PixelType::kFloat32;
-  task.input.scale = {Unit::kKelvin, 1.0, 0.0};
-  task.output = PixelType::kFloat32;
   return task;
 }
 
@@ -50,14 +39,13 @@ class Methods : public ::testing::TestWithParam<Way> {
     const auto method = GetParam().make(task_of(GetParam().levels, lambda_half));
     method->prepare(pattern_);
     std::vector<float> out(kPixels);
-    PixelRun run;
-    run.planes = pointers_.data();
-    run.input = PixelType::kFloat32;
-    run.output = PixelType::kFloat32;
-    run.end = kPixels;
-    run.out = out.data();
-    run.published = published;
-    run.lambda = lambda;
+    const PixelRun run{.planes = pointers_.data(),
+                       .input = PixelType::kFloat32,
+                       .output = PixelType::kFloat32,
+                       .end = kPixels,
+                       .out = out.data(),
+                       .published = published,
+                       .lambda = lambda};
     method->run(run);
     return out;
   }
@@ -118,5 +106,4 @@ INSTANTIATE_TEST_SUITE_P(Method, Methods,
                                            Way{"exact_long_bins", make_exact, 3}),
                          [](const auto& each) { return std::string(each.param.name); });
 
-}  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::method_test

@@ -1,38 +1,17 @@
 // Multiple-model adaptive estimation against the same in plain double precision.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <map>
-#include <memory>
-#include <random>
-#include <utility>
-#include <vector>
-
 #include "src/deblur/kernels.hpp"
 #include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/motion_models.hpp"
-#include "src/deblur/solver.hpp"
+#include "tests/deblur/solve.hpp"
 
-namespace bolo::deblur {
-namespace {
+namespace bolo::deblur::mmae_test {
 
 constexpr int kWindow = 17;
 
-StreamFormat kelvin_format(Geometry geometry) {
-  StreamFormat format;
-  format.geometry = geometry;
-  format.type = PixelType::kUint16;
-  format.scale = {Unit::kKelvin, 0.01, 0.0};
-  return format;
-}
+StreamFormat counts(Geometry geometry) { return {geometry, PixelType::kUint16, {Unit::kKelvin, 0.01, 0.0}}; }
 
 Settings settings_with(double noise_k, int lookahead = 0) {
-  Settings settings;
-  settings.method = Method::kMmae;
-  settings.noise_k = noise_k;
-  settings.lookahead = lookahead;
-  return settings;
+  return {.method = Method::kMmae, .noise_k = noise_k, .lookahead = lookahead};
 }
 
 // A window of a scene that moves to the right, some of it faster, through the thermal inertia, with noise.
@@ -146,19 +125,12 @@ class Reference {
 };
 
 std::unique_ptr<Solver> make(const Settings& settings, Geometry geometry) {
-  auto solver = Solver::create(settings, kelvin_format(geometry), PixelType::kFloat32);
-  EXPECT_TRUE(solver) << solver.error().message;
-  return std::move(*solver);
+  return testing::make(settings, counts(geometry));
 }
 
-std::vector<float> solve(Solver& solver, const WindowView& view, Geometry geometry) {
-  std::vector<float> out(geometry.pixels());
-  solver.prepare(view);
-  solver.solve(view, {0, 0, geometry.width, geometry.height}, out.data());
-  return out;
-}
+using testing::whole_frame;
 
-class MmaeOn : public testing::TestWithParam<std::string_view> {
+class MmaeOn : public ::testing::TestWithParam<std::string_view> {
  protected:
   void SetUp() override { ASSERT_TRUE(force_isa(GetParam())); }
   void TearDown() override { force_isa(""); }
@@ -177,7 +149,7 @@ TEST_P(MmaeOn, IsItsDefinition) {
         const auto solver = make(settings, g);
         EXPECT_EQ(solver->isa(), GetParam());
         EXPECT_DOUBLE_EQ(solver->noise_k(), 0.1);
-        const std::vector<float> out = solve(*solver, movie.view(lookahead), g);
+        const std::vector<float> out = whole_frame(*solver, movie.view(lookahead), g);
         const MotionModels models(settings, {0.0});
         ModelTables tables = models.make_tables();
         models.prepare(tables, pattern_of(movie.view(lookahead)));
@@ -198,24 +170,13 @@ TEST_P(MmaeOn, PartsAndPointsHaveTheFramesBits) {
   const Geometry g{300, 37};
   const Movie movie(g, 0.05);
   const auto solver = make(settings_with(0.0), g);
-  const std::vector<float> whole = solve(*solver, movie.view(), g);
-  for (const Region part : {Region{0, 0, 300, 20}, {13, 5, 7, 9}, {255, 30, 45, 7}, {0, 36, 300, 1}, {299, 0, 1, 37}}) {
-    std::vector<float> out(g.pixels(), -1.0F);
-    solver->solve(movie.view(), part, out.data());
-    for (std::size_t i = 0; i < out.size(); ++i) {
-      const int x = static_cast<int>(i) % g.width;
-      const int y = static_cast<int>(i) / g.width;
-      const bool inside = x >= part.x && x < part.x + part.width && y >= part.y && y < part.y + part.height;
-      ASSERT_EQ(out[i], inside ? whole[i] : -1.0F) << x << ", " << y;
-    }
-  }
-  const std::vector<std::uint32_t> points = {0, 299, 300 * 36 + 299, 4711, 5000, 17};
-  std::vector<float> out(points.size());
-  solver->solve_points(movie.view(), points, out.data());
-  for (std::size_t i = 0; i < points.size(); ++i) EXPECT_EQ(out[i], whole[points[i]]);
+  const std::vector<float> whole = whole_frame(*solver, movie.view(), g);
+  testing::expect_parts(*solver, movie.view(), g, whole,
+                        {{0, 0, 300, 20}, {13, 5, 7, 9}, {255, 30, 45, 7}, {0, 36, 300, 1}, {299, 0, 1, 37}},
+                        {0, 299, 300 * 36 + 299, 4711, 5000, 17});
 }
 
-INSTANTIATE_TEST_SUITE_P(Mmae, MmaeOn, testing::ValuesIn(available_isas()),
+INSTANTIATE_TEST_SUITE_P(Mmae, MmaeOn, ::testing::ValuesIn(available_isas()),
                          [](const auto& each) { return std::string(each.param); });
 
 TEST(MotionModels, WeightsSumToOne) {
@@ -282,7 +243,7 @@ TEST(Mmae, IsSharperThanTheSamplesAndTheInverseFilter) {
   const auto error_of = [&](Method method) {
     settings.method = method;
     const auto solver = make(settings, g);
-    const std::vector<float> out = solve(*solver, movie.view(), g);
+    const std::vector<float> out = whole_frame(*solver, movie.view(), g);
     double sum = 0.0;
     for (int y = 0; y < g.height; ++y) {
       for (int x = 0; x < g.width; ++x) {
@@ -302,11 +263,11 @@ TEST(NoiseMeter, FindsWhiteNoiseBehindMotion) {
     const Geometry g{320, 64};
     const auto solver = make(settings_with(0.0), g);
     const Movie moving(g, noise);
-    solve(*solver, moving.view(), g);
+    whole_frame(*solver, moving.view(), g);
     EXPECT_NEAR(solver->noise_k(), std::hypot(noise, 0.01 / std::sqrt(12.0)), 0.2 * noise) << noise;
     const auto still = make(settings_with(0.0), g);
     const Movie calm(g, noise, kWindow, 0.0);
-    solve(*still, calm.view(), g);
+    whole_frame(*still, calm.view(), g);
     EXPECT_NEAR(still->noise_k(), std::hypot(noise, 0.01 / std::sqrt(12.0)), 0.05 * noise) << noise;
   }
 }
@@ -317,7 +278,7 @@ TEST(NoiseMeter, IsNotFooledBySaturatedPixels) {
   for (auto& plane : movie.planes())
     std::fill(plane.begin(), plane.begin() + static_cast<std::ptrdiff_t>(plane.size() / 2), 65535);
   const auto solver = make(settings_with(0.0), g);
-  solve(*solver, movie.view(), g);
+  whole_frame(*solver, movie.view(), g);
   EXPECT_NEAR(solver->noise_k(), 0.1, 0.008);
 }
 
@@ -326,10 +287,9 @@ TEST(NoiseMeter, ASyntheticPictureHasTheQuantisationsNoise) {
   Movie movie(g, 0.0, kWindow, 0.0);
   for (auto& plane : movie.planes()) std::fill(plane.begin(), plane.end(), 30000);
   const auto solver = make(settings_with(0.0), g);
-  const std::vector<float> out = solve(*solver, movie.view(), g);
+  const std::vector<float> out = whole_frame(*solver, movie.view(), g);
   EXPECT_NEAR(solver->noise_k(), 0.01 / std::sqrt(12.0), 1e-6);
   for (const float value : out) EXPECT_NEAR(static_cast<double>(value), 300.0, 1e-4);
 }
 
-}  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::mmae_test

@@ -1,20 +1,10 @@
 // The fast methods, with the iterations they choose themselves, against the exact optimum: 5 mK rms, 50 mK at most.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <memory>
-#include <set>
-#include <string>
-#include <vector>
-
 #include "src/deblur/dual_plan.hpp"
 #include "src/deblur/exact_plan.hpp"
-#include "src/deblur/solver.hpp"
 #include "tests/deblur/inputs.hpp"
+#include "tests/deblur/solve.hpp"
 
-namespace bolo::deblur {
-namespace {
+namespace bolo::deblur::parity_test {
 
 using testing::Input;
 using testing::InputSource;
@@ -40,12 +30,8 @@ struct Case {
 };
 
 Settings settings_of(const Case& c, Method method, double lambda_half) {
-  Settings s;
-  s.method = method;
-  s.window = c.window;
-  s.levels = c.levels;
-  s.period_s = 1.0 / c.rate_hz;
-  s.lookahead = c.lookahead;
+  Settings s{
+      .method = method, .period_s = 1.0 / c.rate_hz, .window = c.window, .levels = c.levels, .lookahead = c.lookahead};
   s.lambda = lambda_half * 2.0 * s.kappa;
   return s;
 }
@@ -53,25 +39,14 @@ Settings settings_of(const Case& c, Method method, double lambda_half) {
 std::vector<float> solve(const Case& c, Method method, double lambda_half,
                          const std::vector<std::vector<float>>& planes) {
   const Settings s = settings_of(c, method, lambda_half);
-  StreamFormat format;
-  format.geometry = {c.pixels, 1};
-  format.type = PixelType::kFloat32;
-  format.scale = {Unit::kKelvin, 1.0, 0.0};
-  format.frame_period_s = s.period_s;
-  std::vector<float> out(static_cast<std::size_t>(c.pixels));
-  const auto solver = Solver::create(s, format, PixelType::kFloat32);
-  if (!solver) {
-    ADD_FAILURE() << solver.error().message;
-    return out;
-  }
+  const auto solver = testing::make(s, testing::kelvin({c.pixels, 1}, s.period_s));
+  if (!solver) return std::vector<float>(static_cast<std::size_t>(c.pixels));
   std::vector<const void*> pointers;
   for (int slot = 0; slot < c.window; ++slot) {
     pointers.push_back(c.lost.count(slot) != 0 ? nullptr : planes[static_cast<std::size_t>(slot)].data());
   }
   const WindowView view{pointers, c.window - 1 - c.lookahead};
-  (*solver)->prepare(view);
-  (*solver)->solve(view, {0, 0, c.pixels, 1}, out.data());
-  return out;
+  return testing::whole_frame(*solver, view, {c.pixels, 1});
 }
 
 // Which pixels have one optimum. Slow cameras' columns depend on each other: where those that are used, or as good as
@@ -198,12 +173,9 @@ TEST(Parity, OfSlowCamerasWithLostFrames) {
 
 // Fixed steps, not the exact method's way to convergence, which takes half a second a frame.
 TEST(Parity, SlowCamerasKeepTheFastMethods) {
-  StreamFormat format;
-  format.geometry = {8, 1};
-  format.frame_period_s = 0.04;
+  const StreamFormat format{.geometry = {8, 1}, .frame_period_s = 0.04};
   for (const Method method : {Method::kAdmm, Method::kDual}) {
-    const auto solver = Solver::create(settings_of({17, 7, 25.0}, method, 0.005), format, PixelType::kUint16);
-    ASSERT_TRUE(solver);
+    const auto solver = must(Solver::create(settings_of({17, 7, 25.0}, method, 0.005), format, PixelType::kUint16));
     EXPECT_GT((*solver)->iterations(), 0);
   }
 }
@@ -234,25 +206,52 @@ void expect_parity_without_two(int lookahead) {
   }
 }
 
+DualPlan plan_without(std::set<std::size_t> lost, double lambda_half) {
+  const Settings s = settings_of({}, Method::kDual, lambda_half);
+  const Grid grid = reduce(s, lambda_half);
+  Pattern pattern = whole_pattern(s);
+  for (const std::size_t slot : lost) pattern.received[slot] = false;
+  pattern.count -= static_cast<int>(lost.size());
+  pattern.first = pattern.after(-1);
+  DualPlan plan = make_dual_plan(grid, tune_dual(grid, lambda_half));
+  prepare(plan, grid, pattern);
+  return plan;
+}
+
 // More would be exact as well, at many times the cost.
 TEST(Parity, LostFramesAreMovedNoMoreOftenThanTheyAreMany) {
-  const Settings s = settings_of({}, Method::kDual, 0.5);
-  const Grid grid = reduce(s, 0.5);
   for (std::size_t first = 0; first < 16; ++first) {
     for (std::size_t second = first + 1; second < 17; ++second) {
-      Pattern pattern = whole_pattern(s);
-      pattern.received[first] = pattern.received[second] = false;
-      pattern.count -= 2;
-      pattern.first = pattern.after(-1);
-      DualPlan plan = make_dual_plan(grid, tune_dual(grid, 0.5));
-      prepare(plan, grid, pattern);
+      const DualPlan plan = plan_without({first, second}, 0.5);
       EXPECT_LE(plan.moves, plan.lost) << "without " << first << " and " << second;
+    }
+  }
+}
+
+// Along a line for two takes two to three times as long as one after the other.
+TEST(Parity, OnlyLostFramesThatShareMuchAreMovedTogether) {
+  const auto together = [](std::size_t first, std::size_t second) {
+    const DualPlan plan = plan_without({first, second}, 0.5);
+    return plan.moves == 1 && plan.move[0].first != plan.move[0].second;
+  };
+  EXPECT_TRUE(together(0, 2) && together(10, 12) && together(12, 14) && together(4, 8) && together(12, 16));
+  EXPECT_FALSE(together(2, 14) || together(2, 8) || together(6, 10) || together(8, 14) || together(10, 16));
+}
+
+TEST(Parity, OneLostFrameAddsNoSweep) {
+  for (const double lambda : {0.5, 0.05, 0.005, 0.0005}) {
+    const DualPlan whole = plan_without({}, lambda);
+    for (std::size_t slot = 0; slot < 16; ++slot) {
+      const DualPlan plan = plan_without({slot}, lambda);
+      EXPECT_EQ(plan.sweeps + plan.near_sweeps, whole.sweeps + whole.near_sweeps) << "without " << slot;
+      // Those of pairs are right before the only sweep.
+      EXPECT_LT(slot % 2 == 0 ? plan.first_balance : 0, plan.sweeps) << "without " << slot;
     }
   }
 }
 
 TEST(Parity, TwoLostFrames) { expect_parity_without_two(0); }
 TEST(Parity, TwoLostFramesWithLookAhead) { expect_parity_without_two(1); }
+TEST(Parity, TwoLostFramesWithTwoFramesOfLookAhead) { expect_parity_without_two(2); }
 
-}  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::parity_test

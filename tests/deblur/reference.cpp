@@ -1,10 +1,6 @@
 #include "tests/deblur/reference.hpp"
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <array>
-#include <bit>
-#include <cmath>
 
 #include "src/deblur/dual_plan.hpp"
 #include "src/model/bolometer.hpp"

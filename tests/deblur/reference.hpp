@@ -1,10 +1,9 @@
 // The kernels' plain twins: one pixel, double precision, full matrices. The vector kernels are tested against them.
 #pragma once
 
-#include <span>
-
 #include "src/deblur/grid.hpp"
 #include "src/deblur/tuning.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::deblur {
 

@@ -1,39 +1,20 @@
 // Rows that are read out one after the other, published at the frame's one time.
-#include <gtest/gtest.h>
+#include "src/deblur/grid.hpp"
+#include "tests/deblur/solve.hpp"
+#include "tests/refusal.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <cstring>
-#include <memory>
-#include <numeric>
-#include <random>
-#include <string>
-#include <tuple>
-#include <vector>
-
-#include "src/deblur/row_time.hpp"
-#include "src/deblur/solver.hpp"
-
-namespace bolo::deblur {
-namespace {
+namespace bolo::deblur::row_delay_test {
 
 constexpr Geometry kFrame{5, 24};
 
-StreamFormat float_kelvin(int row_step) {
-  StreamFormat format;
-  format.geometry = kFrame;
-  format.type = PixelType::kFloat32;
-  format.scale = {Unit::kKelvin, 1.0, 0.0};
-  format.row_step = row_step;
-  return format;
+Settings settings_for(Method method, int lookahead) {
+  return {.method = method, .lambda = 1e-4, .lookahead = lookahead};
 }
 
-Settings settings_for(Method method, int lookahead) {
-  Settings s;
-  s.method = method;
-  s.lookahead = lookahead;
-  s.lambda = 1e-4;
-  return s;
+std::unique_ptr<Solver> make(const Settings& s, double row_delay_s, int row_step = 1) {
+  StreamFormat format = testing::kelvin(kFrame);
+  format.row_step = row_step;
+  return testing::make(s, format, PixelType::kFloat32, row_delay_s);
 }
 
 // What a rolling read-out makes of an input that rises by `slope` K a second everywhere, long since: y = x(t - tau).
@@ -62,12 +43,7 @@ class Ramp {
 };
 
 std::vector<float> solve(const Settings& s, const WindowView& view, double row_delay_s, int row_step = 1) {
-  auto solver = Solver::create(s, float_kelvin(row_step), PixelType::kFloat32, row_delay_s);
-  EXPECT_TRUE(solver) << solver.error().message;
-  std::vector<float> out(kFrame.pixels());
-  (*solver)->prepare(view);
-  (*solver)->solve(view, {0, 0, kFrame.width, kFrame.height}, out.data());
-  return out;
+  return testing::whole_frame(*make(s, row_delay_s, row_step), view, kFrame);
 }
 
 // How far the rows are from what row 0 shows, at most, K.
@@ -134,31 +110,18 @@ TEST_P(RowDelayOf, PartsAndPointsAreTheWholeFramesBits) {
     const Settings s = settings_for(GetParam(), 1);
     Ramp ramp(s, 300e-6, 400.0);
     if (lost >= 0) ramp.lose(static_cast<std::size_t>(lost));
-    auto solver = Solver::create(s, float_kelvin(1), PixelType::kFloat32, 300e-6);
-    ASSERT_TRUE(solver);
-    const WindowView view = ramp.view();
-    (*solver)->prepare(view);
-    std::vector<float> whole(kFrame.pixels());
-    (*solver)->solve(view, {0, 0, kFrame.width, kFrame.height}, whole.data());
-    std::vector<float> parts(kFrame.pixels());
-    (*solver)->solve(view, {0, 0, 2, kFrame.height}, parts.data());
-    (*solver)->solve(view, {2, 0, 3, 9}, parts.data());
-    (*solver)->solve(view, {2, 9, 3, kFrame.height - 9}, parts.data());
-    EXPECT_EQ(std::memcmp(parts.data(), whole.data(), whole.size() * sizeof(float)), 0);
+    const auto solver = make(s, 300e-6);
+    const std::vector<float> whole = testing::whole_frame(*solver, ramp.view(), kFrame);
     std::vector<std::uint32_t> pixels(kFrame.pixels());
     std::iota(pixels.begin(), pixels.end(), 0U);
     std::shuffle(pixels.begin(), pixels.end(), std::mt19937(3U));
-    std::vector<float> points(pixels.size());
-    (*solver)->solve_points(view, pixels, points.data());
-    for (std::size_t i = 0; i < pixels.size(); ++i) EXPECT_EQ(points[i], whole[pixels[i]]);
+    testing::expect_parts(*solver, ramp.view(), kFrame, whole,
+                          {{0, 0, 2, kFrame.height}, {2, 0, 3, 9}, {2, 9, 3, kFrame.height - 9}}, pixels);
   }
 }
 
 TEST(RowTime, LongerThanTheWindowIsRefused) {
-  const auto solver = Solver::create(Settings(), float_kelvin(1), PixelType::kFloat32, 0.01);
-  ASSERT_FALSE(solver);
-  EXPECT_EQ(solver.error().kind, ErrorKind::kBadInput);
-  EXPECT_NE(solver.error().message.find("row_delay_s"), std::string::npos) << solver.error().message;
+  expect_refused(Solver::create(Settings(), testing::kelvin(kFrame), PixelType::kFloat32, 0.01), {"row_delay_s"});
 }
 
 INSTANTIATE_TEST_SUITE_P(Solver, RowDelayOf, ::testing::Values(Method::kAdmm, Method::kExact, Method::kInverse),
@@ -184,5 +147,4 @@ TEST(RowTime, WithoutDelayItIsTheBinsAroundTheTarget) {
   }
 }
 
-}  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::row_delay_test

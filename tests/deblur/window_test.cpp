@@ -1,14 +1,7 @@
 #include "src/deblur/window.hpp"
+#include "tests/test.hpp"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cstdint>
-#include <set>
-#include <vector>
-
-namespace bolo::deblur {
-namespace {
+namespace bolo::deblur::window_test {
 
 constexpr std::int64_t kPeriodNs = 5'000'000;
 
@@ -29,6 +22,14 @@ class Player {
   // Frame `id` at its own time on the grid. True when the window was emptied.
   bool frame(std::uint64_t id, bool restart = false) { return frame_at(id, static_cast<double>(id), restart); }
 
+  void frames(std::initializer_list<std::uint64_t> ids) {
+    for (const std::uint64_t id : ids) frame(id);
+  }
+  // All from begin to before end.
+  void run(std::uint64_t begin, std::uint64_t end) {
+    for (std::uint64_t id = begin; id < end; ++id) frame(id);
+  }
+
   bool frame_at(std::uint64_t id, double periods, bool restart = false) {
     WindowFrame f;
     f.meta.frame_id = id;
@@ -48,6 +49,12 @@ class Player {
     collect();
   }
 
+  // The newest frame shows these, with these flags.
+  void expect_last(const std::vector<std::int64_t>& window, std::uint32_t flags) const {
+    EXPECT_EQ(shown_.back().window, window);
+    EXPECT_EQ(shown_.back().flags, flags);
+  }
+
   const std::vector<Shown>& shown() const { return shown_; }
   const std::set<std::uint32_t>& held() const { return held_; }
   std::vector<std::uint64_t> ids() const {
@@ -58,11 +65,7 @@ class Player {
 
  private:
   static Settings settings(int window, int lookahead) {
-    Settings s;
-    s.window = window;
-    s.lookahead = lookahead;
-    s.period_s = static_cast<double>(kPeriodNs) * 1e-9;
-    return s;
+    return {.period_s = static_cast<double>(kPeriodNs) * 1e-9, .window = window, .lookahead = lookahead};
   }
 
   void collect() {
@@ -106,7 +109,7 @@ TEST(Window, WarmsUpUntilAWholeWindowLiesBehind) {
 
 TEST(Window, ALostFrameLeavesItsPlaceEmptyAndShiftsNothing) {
   Player player(5);
-  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 2, 3, 4, 6, 7, 8, 9, 10}) player.frame(id);
+  player.frames({0, 1, 2, 3, 4, 6, 7, 8, 9, 10});
   EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 6, 7, 8, 9, 10}));
   const Shown& after_gap = player.shown()[5];
   EXPECT_TRUE(after_gap.full);
@@ -118,7 +121,7 @@ TEST(Window, ALostFrameLeavesItsPlaceEmptyAndShiftsNothing) {
 
 TEST(Window, GapsCountTowardsTheSpanOfTheWindow) {
   Player player(5);
-  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 4}) player.frame(id);
+  player.frames({0, 1, 4});
   ASSERT_EQ(player.shown().size(), 3U);
   EXPECT_TRUE(player.shown()[2].full);
   EXPECT_EQ(player.shown()[2].window, (std::vector<std::int64_t>{0, 1, -1, -1, 4}));
@@ -126,7 +129,7 @@ TEST(Window, GapsCountTowardsTheSpanOfTheWindow) {
 
 TEST(Window, EmptiesAfterAJumpAsLongAsItself) {
   Player player(5);
-  for (std::uint64_t id = 0; id < 6; ++id) player.frame(id);
+  player.run(0, 6);
   EXPECT_FALSE(player.frame(9));
   EXPECT_TRUE(player.frame(14));
   EXPECT_FALSE(player.shown().back().full);
@@ -135,7 +138,7 @@ TEST(Window, EmptiesAfterAJumpAsLongAsItself) {
 
 TEST(Window, EmptiesWhenTimeGoesBack) {
   Player player(5);
-  for (std::uint64_t id = 100; id < 106; ++id) player.frame(id);
+  player.run(100, 106);
   EXPECT_TRUE(player.frame(3));
   EXPECT_FALSE(player.frame(4));
   EXPECT_FALSE(player.shown().back().full);
@@ -143,45 +146,37 @@ TEST(Window, EmptiesWhenTimeGoesBack) {
 
 TEST(Window, EmptiesOnRequest) {
   Player player(5);
-  for (std::uint64_t id = 0; id < 6; ++id) player.frame(id);
+  EXPECT_FALSE(player.frame(0, true)) << "there is nothing to empty";
+  player.run(1, 6);
   EXPECT_TRUE(player.frame(6, true));
   for (std::uint64_t id = 7; id < 11; ++id) EXPECT_FALSE(player.frame(id));
   EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{6, 7, 8, 9, 10}));
   EXPECT_TRUE(player.shown().back().full);
 }
 
-TEST(Window, ARequestBeforeTheFirstFrameEmptiesNothing) {
-  Player player(5);
-  EXPECT_FALSE(player.frame(0, true));
-  EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0}));
-}
-
 TEST(Window, TheClockIsTrustedWhenItFitsTheGrid) {
   Player player(5);
-  for (std::uint64_t id = 0; id < 5; ++id) player.frame(id);
+  player.run(0, 5);
   player.frame_at(5, 6.0);  // a frame was lost without a jump in the counter
-  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{2, 3, 4, -1, 5}));
-  EXPECT_EQ(player.shown().back().flags, kFlagGap);
+  player.expect_last({2, 3, 4, -1, 5}, kFlagGap);
   player.frame_at(9, 7.0);  // the counter jumps, the clock does not
   EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, -1, 5, 9}));
 }
 
 TEST(Window, TheCounterIsTrustedWhenTheClockIsOffTheGrid) {
   Player player(5);
-  for (std::uint64_t id = 0; id < 5; ++id) player.frame(id);
+  player.run(0, 5);
   player.frame_at(5, 5.4);
-  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{1, 2, 3, 4, 5}));
-  EXPECT_EQ(player.shown().back().flags, kFlagJitter);
+  player.expect_last({1, 2, 3, 4, 5}, kFlagJitter);
   player.frame_at(7, 6.95);  // 1.55 periods on by the clock, 2 by the counter
-  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, 5, -1, 7}));
-  EXPECT_EQ(player.shown().back().flags, kFlagGap | kFlagJitter);
+  player.expect_last({3, 4, 5, -1, 7}, kFlagGap | kFlagJitter);
 }
 
 // A shutter, a reconnect: the counter goes on as if nothing had been, and the camera's next frame is off the old grid.
 TEST(Window, APauseLongerThanTheWindowEmptiesItWhateverTheCounterSays) {
   for (const double pause : {40.4, 240.4, 7.6}) {
     Player player(5);
-    for (std::uint64_t id = 0; id < 6; ++id) player.frame(id);
+    player.run(0, 6);
     EXPECT_TRUE(player.frame_at(6, 5.0 + pause)) << pause;
     EXPECT_FALSE(player.shown().back().full);
     EXPECT_EQ(player.shown().back().flags, kFlagWarmUp);
@@ -192,13 +187,11 @@ TEST(Window, APauseLongerThanTheWindowEmptiesItWhateverTheCounterSays) {
 
 TEST(Window, AShorterPauseIsAGapAtTheNearestPlace) {
   Player player(5);
-  for (std::uint64_t id = 0; id < 5; ++id) player.frame(id);
+  player.run(0, 5);
   EXPECT_FALSE(player.frame_at(5, 4.0 + 2.4));
-  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{2, 3, 4, -1, 5}));
-  EXPECT_EQ(player.shown().back().flags, kFlagGap | kFlagJitter);
+  player.expect_last({2, 3, 4, -1, 5}, kFlagGap | kFlagJitter);
   player.frame_at(6, 5.0 + 2.4);
-  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, -1, 5, 6}));
-  EXPECT_EQ(player.shown().back().flags, kFlagGap);
+  player.expect_last({3, 4, -1, 5, 6}, kFlagGap);
 }
 
 // Without a clock, or with one that stands still, only the counter is left.
@@ -216,7 +209,7 @@ TEST(Window, SmallJitterIsNotFlagged) {
 
 TEST(Window, LookAheadShowsEachFrameLaterWithWhatCameAfterIt) {
   Player player(5, 2);
-  for (std::uint64_t id = 0; id < 8; ++id) player.frame(id);
+  player.run(0, 8);
   EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5}));
   EXPECT_FALSE(player.shown()[1].full);
   EXPECT_TRUE(player.shown()[2].full);
@@ -226,7 +219,7 @@ TEST(Window, LookAheadShowsEachFrameLaterWithWhatCameAfterIt) {
 
 TEST(Window, LookAheadOverAGapShowsEveryWaitingFrameOnce) {
   Player player(5, 2);
-  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 2, 3, 4, 5, 8}) player.frame(id);
+  player.frames({0, 1, 2, 3, 4, 5, 8});
   EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5}));
   EXPECT_EQ(player.shown()[4].window, (std::vector<std::int64_t>{2, 3, 4, 5, -1}));
   EXPECT_EQ(player.shown()[5].window, (std::vector<std::int64_t>{3, 4, 5, -1, -1}));
@@ -238,7 +231,7 @@ TEST(Window, LookAheadOverAGapShowsEveryWaitingFrameOnce) {
 
 TEST(Window, ARestartShowsTheFramesThatWaitedFirst) {
   Player player(5, 2);
-  for (std::uint64_t id = 0; id < 7; ++id) player.frame(id);
+  player.run(0, 7);
   EXPECT_TRUE(player.frame(7, true));
   EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5, 6}));
   EXPECT_FALSE(player.shown()[5].full);
@@ -248,7 +241,7 @@ TEST(Window, ARestartShowsTheFramesThatWaitedFirst) {
 
 TEST(Window, TheEndShowsWhatWaitedAndGivesAllMemoryBack) {
   Player player(5, 3);
-  for (std::uint64_t id = 0; id < 9; ++id) player.frame(id);
+  player.run(0, 9);
   player.finish();
   EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5, 6, 7, 8}));
   EXPECT_TRUE(player.held().empty());
@@ -276,5 +269,4 @@ TEST(Window, ShowsEveryFrameOnceWhateverIsLost) {
   }
 }
 
-}  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::window_test

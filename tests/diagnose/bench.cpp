@@ -1,12 +1,5 @@
 #include "tests/diagnose/bench.hpp"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-#include <utility>
-
 namespace bolo::diagnose::testing {
 namespace {
 
@@ -73,10 +66,8 @@ capture::BarTarget slanted_bars(double velocity_px_s) { return {290.0, 315.0, 20
 Recording record(const sim::CameraSettings& camera, const capture::Stimulus& stimulus, int frames,
                  const sim::StimulusError& error) {
   Recording r = blank(stimulus, frames);
-  auto field = sim::with_errors(field_of(stimulus), error, camera.geometry);
-  EXPECT_TRUE(field) << field.error().message;
-  auto simulator = sim::Simulator::create(camera, std::move(*field));
-  EXPECT_TRUE(simulator) << simulator.error().message;
+  auto field = must(sim::with_errors(field_of(stimulus), error, camera.geometry));
+  auto simulator = must(sim::Simulator::create(camera, std::move(*field)));
   for (int k = 0; simulator && k < frames; ++k) (*simulator)->next(r.values.row(k).data(), nullptr);
   return r;
 }
@@ -123,9 +114,7 @@ std::filesystem::path write(const Recording& recording, const std::filesystem::p
 }
 
 Report diagnosed(const std::vector<std::filesystem::path>& files, const Options& options) {
-  auto report = diagnose(files, options, go_on);
-  EXPECT_TRUE(report) << report.error().message;
-  return report ? std::move(*report) : Report{};
+  return *must(diagnose(files, options, go_on));
 }
 
 bool has(const Report& report, const std::string& effect) {

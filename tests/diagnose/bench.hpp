@@ -2,12 +2,6 @@
 // diagnosis share no code, so that each is a check of the other.
 #pragma once
 
-#include <cmath>
-#include <cstdint>
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include "src/capture/capture.hpp"
 #include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/session.hpp"
@@ -71,8 +65,7 @@ std::filesystem::path write_capture(const std::filesystem::path& file, Geometry 
                  period_s,
                  1};
   info.camera_model = model;
-  auto writer = capture::CaptureWriter::create(file, info);
-  EXPECT_TRUE(writer) << writer.error().message;
+  auto writer = must(capture::CaptureWriter::create(file, info));
   EXPECT_TRUE(writer->write_stimulus(stimulus));
   std::vector<T> plane(geometry.pixels());
   for (int k = 0; k < frames; ++k) {

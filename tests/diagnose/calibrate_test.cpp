@@ -1,19 +1,9 @@
 // The fit of pulses on signals that are made here, by the closed form, and of still fields.
 #include "src/diagnose/calibrate.hpp"
-
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <memory>
-#include <random>
-
 #include "src/diagnose/calibrate/pulses.hpp"
 #include "tests/refusal.hpp"
 
-namespace bolo::diagnose {
-namespace {
+namespace bolo::diagnose::calibrate_test {
 
 constexpr double kTau = 0.011;
 
@@ -37,13 +27,15 @@ double answer(double t_s, const Pulses& pulses = {}, double tau_s = kTau) {
   return value;
 }
 
+double alike(std::size_t, double t_s) { return answer(t_s); }
+
 struct Made {
   Geometry geometry{12, 9};
   std::size_t frames = 180;
   double period_s = 0.005;
   double noise = 0.03;
   double step = 0.01;
-  std::function<double(std::size_t p, double t_s)> value;  // without noise
+  std::function<double(std::size_t p, double t_s)> value = alike;  // without noise
   unsigned seed = 1;
 };
 
@@ -70,13 +62,8 @@ FrameSeries series_of(const Made& made) {
   return series;
 }
 
-Made all_alike() {
-  Made made;
-  made.value = [](std::size_t, double t) { return answer(t); };
-  return made;
-}
-
 PulseFit fitted(const FrameSeries& series) { return fit_pulses(series, quiet).value(); }
+PulseFit fitted(const Made& made) { return fitted(series_of(made)); }
 
 // Whether the true value lies within the interval.
 bool holds(const Estimate& estimate, double truth) { return estimate.low < truth && truth < estimate.high; }
@@ -112,7 +99,7 @@ TEST(Intervals, AreCutAtTheSwitches) {
 }
 
 TEST(FitPulses, FindsTauSwitchesAndLevelsOfWhatItIsNotTold) {
-  const PulseFit fit = fitted(series_of(all_alike()));
+  const PulseFit fit = fitted(Made{});
   EXPECT_NEAR(fit.tau_s.value, kTau, 2e-5);
   EXPECT_TRUE(holds(fit.tau_s, kTau));
   EXPECT_LT(fit.tau_s.high - fit.tau_s.low, 1e-4);
@@ -132,10 +119,8 @@ TEST(FitPulses, FindsTauSwitchesAndLevelsOfWhatItIsNotTold) {
 }
 
 TEST(FitPulses, MapsPixelsOfTheirOwnTau) {
-  Made made = all_alike();
   const auto tau_of = [](std::size_t p) { return kTau * (1.0 + 0.05 * std::sin(1.7 * static_cast<double>(p))); };
-  made.value = [tau_of](std::size_t p, double t) { return answer(t, {}, tau_of(p)); };
-  const PulseFit fit = fitted(series_of(made));
+  const PulseFit fit = fitted(Made{.value = [&](std::size_t p, double t) { return answer(t, {}, tau_of(p)); }});
   ASSERT_TRUE(fit.spread_significant);
   EXPECT_NEAR(fit.tau_spread, 0.05 / std::sqrt(2.0), 0.004);
   double mean = 0.0;
@@ -148,14 +133,12 @@ TEST(FitPulses, MapsPixelsOfTheirOwnTau) {
 }
 
 TEST(FitPulses, FollowsABladeThatSweeps) {
-  Made made = all_alike();
-  made.geometry = {24, 6};
-  made.value = [](std::size_t p, double t) {
+  const auto swept = [](std::size_t p, double t) {
     Pulses pulses;
     for (double& at : pulses.at_s) at += 0.003 * (static_cast<double>(p % 24) + 0.5) / 24.0;
     return answer(t, pulses);
   };
-  const PulseFit fit = fitted(series_of(made));
+  const PulseFit fit = fitted(Made{.geometry = {24, 6}, .value = swept});
   EXPECT_NEAR(fit.sweep_x_s.value, 0.003, 5e-5);
   EXPECT_NEAR(fit.sweep_y_s.value, 0.0, 5e-5);
   EXPECT_TRUE(holds(fit.tau_s, kTau));
@@ -163,40 +146,35 @@ TEST(FitPulses, FollowsABladeThatSweeps) {
 }
 
 TEST(FitPulses, OnlyTakesThePixelsThatSeeThePulses) {
-  Made made = all_alike();
-  made.value = [](std::size_t p, double t) {
+  const auto part = [](std::size_t p, double t) {
     const double seen = answer(t);
     return p % 12 < 6 ? 299.0 : p % 12 == 6 ? 590.0 - seen : seen;  // a wall, an edge that is upside down, the board
   };
-  const PulseFit fit = fitted(series_of(made));
+  const PulseFit fit = fitted(Made{.value = part});
   EXPECT_EQ(fit.pixels, 54U);
   EXPECT_NEAR(fit.tau_s.value, kTau, 3e-5);
 }
 
 TEST(FitPulses, NamesDeadPixels) {
-  Made made = all_alike();
-  const auto alike = made.value;
-  made.value = [alike](std::size_t p, double t) {
-    if (p == 40) return 301.0;                                            // silent but for noise
-    if (p == 65) return alike(p, t) + 2.0 * std::sin(1e5 * t * t + 3.0);  // noisy
-    return alike(p, t);
+  const auto with_dead = [](std::size_t p, double t) {
+    if (p == 40) return 301.0;                                          // silent but for noise
+    if (p == 65) return answer(t) + 2.0 * std::sin(1e5 * t * t + 3.0);  // noisy
+    return answer(t);
   };
-  const PulseFit fit = fitted(series_of(made));
+  const PulseFit fit = fitted(Made{.value = with_dead});
   EXPECT_EQ(fit.dead[40], DeadPixel::kSilent);
   EXPECT_EQ(fit.dead[65], DeadPixel::kNoisy);
   EXPECT_EQ(std::ranges::count(fit.dead, DeadPixel::kGood), 106);
 }
 
 TEST(FitPulses, OnePixelWillDo) {
-  Made made = all_alike();
-  made.geometry = {1, 1};
-  const PulseFit fit = fitted(series_of(made));
+  const PulseFit fit = fitted(Made{.geometry = {1, 1}});
   EXPECT_NEAR(fit.tau_s.value, kTau, 2e-4);
   EXPECT_TRUE(holds(fit.tau_s, kTau));
 }
 
 TEST(FitPulses, LostFramesAreTimesWithoutASample) {
-  FrameSeries series = series_of(all_alike());
+  FrameSeries series = series_of({});
   const auto read = series.read;
   std::vector<std::size_t> kept;
   std::vector<double> t;
@@ -216,86 +194,52 @@ TEST(FitPulses, TheIntervalHoldsInMostOfManyDraws) {
   int inside = 0;
   constexpr int kDraws = 40;
   for (unsigned seed = 1; seed <= kDraws; ++seed) {
-    Made made = all_alike();
-    made.geometry = {6, 5};
-    made.noise = 0.5;
-    made.seed = seed;
-    const PulseFit fit = fitted(series_of(made));
+    const PulseFit fit = fitted(Made{.geometry = {6, 5}, .noise = 0.5, .seed = seed});
     inside += holds(fit.tau_s, kTau) ? 1 : 0;
     EXPECT_LT(std::abs(fit.tau_s.value / kTau - 1.0), 0.05);
   }
   EXPECT_GE(inside, 34);
 }
 
-struct Refused {
-  const char* name;
-  Made made;
-  const char* says;
-};
-
-std::vector<Refused> refused() {
-  std::vector<Refused> all;
-  Made made = all_alike();
-  made.value = [](std::size_t, double) { return 300.0; };
-  all.push_back({"constant", made, "nothing switches"});
-  made.noise = 0.0;
-  all.push_back({"constant without noise", made, "nothing switches"});
-  made = all_alike();
-  made.frames = 10;
-  all.push_back({"too few frames", made, "has 10 frames"});
-  made = all_alike();
-  made.value = [](std::size_t, double t) { return 300.0 + 5.0 * std::sin(40.0 * t) + 3.0 * std::sin(97.0 * t); };
-  all.push_back({"changes all the time", made, "no rectangular pulses"});
-  made = all_alike();
-  const auto alike = made.value;
-  made.noise = 0.0;
-  made.step = 0.0;
-  made.value = [alike](std::size_t p, double t) { return std::min(312.0, alike(p, t) + 0.03 * std::sin(1e6 * t * t)); };
-  all.push_back({"clipped", made, "clipped"});
-  made = all_alike();
-  made.period_s = 0.11;
-  made.value = [](std::size_t, double t) {
+TEST(FitPulses, RefusesWhatHasNoPulsesInOneLine) {
+  const auto constant = [](std::size_t, double) { return 300.0; };
+  const auto restless = [](std::size_t, double t) {
+    return 300.0 + 5.0 * std::sin(40.0 * t) + 3.0 * std::sin(97.0 * t);
+  };
+  const auto clipped = [](std::size_t, double t) { return std::min(312.0, answer(t) + 0.03 * std::sin(1e6 * t * t)); };
+  const auto slow = [](std::size_t, double t) {
     Pulses pulses;
     for (double& at : pulses.at_s) at *= 20.0;
     return answer(t, pulses);
   };
-  all.push_back({"slow frames", made, "doesn't tell tau"});
-  return all;
-}
-
-TEST(FitPulses, RefusesWhatHasNoPulsesInOneLine) {
-  for (const Refused& one : refused()) {
-    const auto fit = fit_pulses(series_of(one.made), quiet);
-    SCOPED_TRACE(one.name);
-    expect_refused(fit, {one.says});
-    EXPECT_EQ(fit.error().message.find('\n'), std::string::npos);
-  }
+  expect_refused(fit_pulses(series_of({.value = constant}), quiet), {"nothing switches"});
+  expect_refused(fit_pulses(series_of({.noise = 0.0, .value = constant}), quiet), {"nothing switches"});
+  expect_refused(fit_pulses(series_of({.frames = 10}), quiet), {"has 10 frames"});
+  expect_refused(fit_pulses(series_of({.value = restless}), quiet), {"no rectangular pulses"});
+  expect_refused(fit_pulses(series_of({.noise = 0.0, .step = 0.0, .value = clipped}), quiet), {"clipped"});
+  expect_refused(fit_pulses(series_of({.period_s = 0.11, .value = slow}), quiet), {"doesn't tell tau"});
 }
 
 TEST(FitPulses, StopsWhenAsked) {
-  const auto fit = fit_pulses(series_of(all_alike()), [](const std::string&, double) { return false; });
+  const auto fit = fit_pulses(series_of({}), [](const std::string&, double) { return false; });
   ASSERT_FALSE(fit);
   EXPECT_EQ(fit.error().kind, ErrorKind::kFailed);
 }
 
 TEST(FitStill, MeasuresNoisePatternAndDeadPixels) {
-  Made made;
-  made.geometry = {40, 30};
-  made.frames = 100;
   const auto offset_of = [](std::size_t p) { return 0.05 * std::sin(0.37 * static_cast<double>(p)); };
-  made.value = [offset_of](std::size_t p, double t) {
+  const auto still = [&](std::size_t p, double t) {
     if (p == 100) return 300.0 + 1.5 * std::sin(1e6 * t * t + 1.0);
     return 300.0 + offset_of(p);
   };
-  FrameSeries series = series_of(made);
+  FrameSeries series = series_of({.geometry = {40, 30}, .frames = 100, .value = still});
   const auto read = series.read;
   series.read = [read](std::size_t k, std::span<float> out) {
     Status status = read(k, out);
     out[200] = 297.5F;  // frozen
     return status;
   };
-  const auto fit = fit_still(series, quiet);
-  ASSERT_TRUE(fit) << fit.error().message;
+  const auto fit = must(fit_still(series, quiet));
   EXPECT_NEAR(fit->noise_k, 0.0301, 0.001);
   EXPECT_NEAR(fit->offset_rms_k, 0.05 / std::sqrt(2.0), 0.002);
   EXPECT_EQ(fit->dead[100], DeadPixel::kNoisy);
@@ -310,14 +254,10 @@ TEST(FitStill, MeasuresNoisePatternAndDeadPixels) {
 }
 
 TEST(FitStill, NoPatternIsNoMap) {
-  Made made;
-  made.value = [](std::size_t, double) { return 300.0; };
-  const auto fit = fit_still(series_of(made), quiet);
-  ASSERT_TRUE(fit) << fit.error().message;
+  const auto fit = must(fit_still(series_of({.value = [](std::size_t, double) { return 300.0; }}), quiet));
   EXPECT_TRUE(fit->offset_k.empty());
 }
 
-TEST(FitStill, RefusesWhatMoves) { expect_refused(fit_still(series_of(all_alike()), quiet), {"no still field"}); }
+TEST(FitStill, RefusesWhatMoves) { expect_refused(fit_still(series_of({}), quiet), {"no still field"}); }
 
-}  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::calibrate_test

@@ -1,17 +1,11 @@
 // Events that are made here, and what is found of them.
 #include "src/diagnose/stages.hpp"
 
-#include <gtest/gtest.h>
-
-#include <limits>
-#include <random>
-
 #include <Eigen/Dense>
 
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose::events_test {
-namespace {
 
 using testing::kHeight;
 using testing::kWidth;
@@ -147,12 +141,9 @@ TEST_F(Events, AJumpIsFoundThatLevelsHaveTakenUpInPart) {
   EXPECT_NEAR(jump->global_k, 0.5, 0.005);
 }
 
-TEST_F(Events, ASlowChangeIsNoJump) {
+TEST_F(Events, SlowChangesAndFlickerAreNoJump) {
   EXPECT_TRUE(jumps(shutter([](int k, int, int) { return 0.3 * k / kFrames; })).empty());
   EXPECT_TRUE(jumps(shutter([](int k, int, int) { return 0.2 * std::sin(0.05 * k); })).empty());
-}
-
-TEST_F(Events, FlickerIsNoJump) {
   std::vector<double> frame;
   for (int k = 0; k < kFrames; ++k) frame.push_back(noise(0.015));
   EXPECT_TRUE(jumps(shutter([&](int k, int, int) { return frame[static_cast<std::size_t>(k)]; })).empty());
@@ -218,12 +209,9 @@ TEST_F(Events, PixelsThatHopBetweenTwoCoarseValuesDoNotJump) {
   EXPECT_FALSE(bad.jumping.empty());
 }
 
-TEST_F(Events, ACoarseStepIsFound) {
+TEST_F(Events, ACoarseStepIsFoundAndOneWithoutAnyChangeIsNotKnown) {
   const auto coarse = [this](int, int, int) { return noise(0.08); };
   EXPECT_NEAR(find_step(testing::session_of({testing::shutter(kFrames, coarse, 0.1)})), 0.1, 1e-6);
-}
-
-TEST_F(Events, AStepWithoutAnyChangeIsNotKnown) {
   EXPECT_EQ(find_step(testing::session_of({testing::shutter(kFrames, [](int, int, int) { return 0.0; })})), 0.0);
 }
 
@@ -233,5 +221,4 @@ TEST_F(Events, ValuesThatPileUpAtTheTopAreACeiling) {
   EXPECT_NEAR(find_ceiling(r, 0.01), 312.0, 1e-3);
 }
 
-}  // namespace
 }  // namespace bolo::diagnose::events_test

@@ -2,14 +2,7 @@
 // by itself.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <memory>
-#include <string>
-#include <vector>
-
-#include "src/sim/scene.hpp"
+#include "src/sim/field.hpp"
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose::bed {

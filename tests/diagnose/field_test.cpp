@@ -1,14 +1,8 @@
 // What is said of simulated recordings without a bench, with and without a fault.
 #include "src/diagnose/field.hpp"
-
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
 #include "tests/diagnose/field_bed.hpp"
 
-namespace bolo::diagnose {
-namespace {
+namespace bolo::diagnose::field_test {
 
 using bed::Shot;
 using testing::told;
@@ -77,11 +71,22 @@ TEST_F(FieldRecording, NamesTheEffectOrSaysThatSomethingIsLeft) {
 
 TEST_F(FieldRecording, NamesTheFrameThatJumped) {
   for (Shot shot : {still(), hand()}) {
-    shot.effects = {"offset_jump:jump_k=2,at_s=0.75"};
+    // Far below what moves before each pixel.
+    shot.effects = {"offset_jump:jump_k=-0.4,at_s=0.75"};
     const Report report = diagnosed(shot);
     EXPECT_EQ(told(report), "explained: offset_jump");
     ASSERT_EQ(report.observations.front().jumps.size(), 1U);
     EXPECT_EQ(report.observations.front().jumps[0].frame, 150U);
+  }
+}
+
+// The offsets that a shutter leaves are its own: no fixed pattern of the camera.
+TEST_F(FieldRecording, NamesTheShutterAlone) {
+  for (const char* when : {"1.2", "0.5"}) {
+    Shot shot = hand();
+    shot.frames = 400;
+    shot.effects = {"nuc_freeze:freeze_frames=40,offset_k=0.08,at_s=" + std::string(when)};
+    EXPECT_EQ(told(diagnosed(shot)), "explained: nuc_freeze") << when;
   }
 }
 
@@ -94,5 +99,15 @@ TEST_F(FieldRecording, NamesTheFramesBeforeWhichOthersWereLost) {
   EXPECT_EQ(report.observations.front().lost_before, (std::vector<std::size_t>{60, 119}));
 }
 
-}  // namespace
-}  // namespace bolo::diagnose
+// Also where all of the recording's frames would not fit into memory.
+TEST_F(FieldRecording, FollowsTheWholeOfALargeRecording) {
+  Shot shot = pan();
+  shot.view = {640, 240};
+  shot.frames = 360;
+  shot.lost = {340};
+  const Report report = diagnosed(shot);
+  EXPECT_EQ(told(report), "explained: frame_loss");
+  EXPECT_EQ(report.observations.front().lost_before, (std::vector<std::size_t>{340}));
+}
+
+}  // namespace bolo::diagnose::field_test

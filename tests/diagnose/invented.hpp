@@ -2,6 +2,7 @@
 #pragma once
 
 #include "src/diagnose/report.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::diagnose::test {
 

@@ -1,14 +1,9 @@
 // What is left: trends in maps of pixels, and the stage that misfits point to.
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose::left_over_test {
-namespace {
 
 using testing::kHeight;
 using testing::kWidth;
@@ -59,5 +54,4 @@ TEST(StageOfMisfits, AsksOnlyThoseThatAreClear) {
   EXPECT_EQ(stage_of_misfits(misfits), "pixel");
 }
 
-}  // namespace
 }  // namespace bolo::diagnose::left_over_test

@@ -1,14 +1,8 @@
 // Noise that is made here, by the standard library's generators, and what the statistics say of it.
 #include "src/diagnose/stages.hpp"
-
-#include <gtest/gtest.h>
-
-#include <random>
-
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose::noise_test {
-namespace {
 
 using testing::kHeight;
 using testing::kWidth;
@@ -62,13 +56,10 @@ TEST(MeasureNoise, NominalNoiseIsNoiseAndNothingElse) {
   EXPECT_GT(n.drift_p, 1e-4);
 }
 
-TEST(MeasureNoise, WithoutAShutterNothingIsKnown) {
+TEST(MeasureNoise, WithoutAShutterNothingIsKnownAndOneWithoutNoiseIsFinite) {
   Session session = testing::session_of({testing::empty_shutter(kFrames)});
   session.recordings[0].kind = Kind::kChopper;
   EXPECT_EQ(measure_noise(session, kNoNoise).frames, 0U);
-}
-
-TEST(MeasureNoise, AShutterWithoutAnyNoiseIsFinite) {
   const NoiseStatistics n = measured([](int, int, int) { return 0.0; });
   EXPECT_EQ(n.total_k, 0.0);
   EXPECT_FALSE(n.flicker.z > 5.0);
@@ -215,5 +206,4 @@ TEST(IsStill, ToldFromMotion) {
   EXPECT_FALSE(is_still(session, session.recordings[1]));
 }
 
-}  // namespace
 }  // namespace bolo::diagnose::noise_test

@@ -1,14 +1,9 @@
 // The closed-form predictions against the simulator, which steps every pixel through time.
-#include <gtest/gtest.h>
-
-#include <functional>
-#include <numeric>
-
 #include "src/diagnose/model.hpp"
 #include "tests/diagnose/bench.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::diagnose::response_test {
-namespace {
 
 using testing::ideal_camera;
 
@@ -21,8 +16,6 @@ struct Case {
   double tolerance_k = 0.003;
   sim::StimulusError error{};  // of the chopper
 };
-
-std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.name; }
 
 std::vector<Case> cases() {
   sim::StimulusError blade;
@@ -83,9 +76,7 @@ class Prediction : public ::testing::TestWithParam<Case> {
     const Case& c = GetParam();
     sim::CameraSettings camera = ideal_camera();
     for (const std::string& text : c.effects) {
-      auto effect = sim::parse_effect(text);
-      EXPECT_TRUE(effect) << effect.error().message;
-      camera.effects.push_back(*effect);
+      camera.effects.push_back(*must(sim::parse_effect(text)));
     }
     const Session session = testing::session_of({testing::record(camera, stimulus, frames, error)});
     State state = nominal_state(session, {});
@@ -116,19 +107,13 @@ class Prediction : public ::testing::TestWithParam<Case> {
   }
 };
 
-TEST_P(Prediction, AgreesOnAChopperWithPulsesAtOddTimes) {
+TEST_P(Prediction, AgreesOnPulsesAtOddTimesAndOnBarsThatMoveOrStand) {
   EXPECT_LT(largest(testing::odd_chopper(), 240, GetParam().error), GetParam().tolerance_k);
+  for (const double velocity : {68.3, -317.9}) {
+    EXPECT_LT(largest(testing::slanted_bars(velocity), 60), GetParam().tolerance_k) << velocity;
+  }
+  EXPECT_LT(largest(testing::slanted_bars(0.0), 4), GetParam().tolerance_k);
 }
-
-TEST_P(Prediction, AgreesOnBarsThatMoveSlowlyForwards) {
-  EXPECT_LT(largest(testing::slanted_bars(68.3), 60), GetParam().tolerance_k);
-}
-
-TEST_P(Prediction, AgreesOnBarsThatMoveFastBackwards) {
-  EXPECT_LT(largest(testing::slanted_bars(-317.9), 60), GetParam().tolerance_k);
-}
-
-TEST_P(Prediction, AgreesOnAStillTarget) { EXPECT_LT(largest(testing::slanted_bars(0.0), 4), GetParam().tolerance_k); }
 
 INSTANTIATE_TEST_SUITE_P(OfCameras, Prediction, ::testing::ValuesIn(cases()),
                          [](const auto& made) { return made.param.name; });
@@ -192,5 +177,57 @@ TEST(BarTable, EdgesAreRampsAndGaussians) {
   }
 }
 
-}  // namespace
+// Planck's law over the band by Simpson's rule, ten times as fine as the table's.
+double band_radiance(double temperature_k) {
+  constexpr int kParts = 640;
+  constexpr double kWidth = (14e-6 - 7.5e-6) / kParts;
+  double sum = 0.0;
+  for (int i = 0; i <= kParts; ++i) {
+    const double um = 7.5e-6 + kWidth * i;
+    const double weight = i == 0 || i == kParts ? 1.0 : (i % 2 == 1 ? 4.0 : 2.0);
+    sum += weight / (std::pow(um * 1e5, 5.0) * std::expm1(0.014387768775 / (um * temperature_k)));
+  }
+  return sum * kWidth / 3.0;
+}
+
+TEST(BandSignal, FollowsPlancksLawInKelvinOfItsOwn) {
+  const double slope = (band_radiance(300.01) - band_radiance(299.99)) / 0.02;
+  for (const double t : {230.0, 273.15, 290.03, 300.0, 319.87, 350.0, 420.0}) {
+    const double expected = 300.0 + (band_radiance(t) - band_radiance(300.0)) / slope;
+    EXPECT_NEAR(band_signal(t), expected, 2e-4 * std::max(1.0, std::abs(t - 300.0))) << t;
+  }
+  EXPECT_NEAR(band_signal(300.0), 300.0, 1e-6);
+}
+
+TEST(BandSignal, RisesAndBendsUpwards) {
+  for (double t = 210.0; t < 600.0; t += 7.3) {
+    const double below = band_signal(t) - band_signal(t - 1.0);
+    const double above = band_signal(t + 1.0) - band_signal(t);
+    EXPECT_GT(below, 0.0) << t;
+    EXPECT_GT(above, below) << t;
+  }
+}
+
+TEST(BandTemperature, UndoesBandSignal) {
+  for (double t = 205.0; t < 650.0; t += 3.7) EXPECT_NEAR(band_temperature(band_signal(t)), t, 1e-5) << t;
+}
+
+TEST(MixedTemperature, UndoesMixedSignalForEveryShare) {
+  for (const double share : {0.0, 0.3, 1.0, 1.5}) {
+    for (double t = 260.0; t < 400.0; t += 13.7) {
+      EXPECT_NEAR(mixed_temperature(mixed_signal(t, share), share), t, 1e-5) << share << " " << t;
+    }
+  }
+  EXPECT_EQ(mixed_signal(333.3, 0.0), 333.3);
+  EXPECT_NEAR(mixed_signal(333.3, 1.0), band_signal(333.3), 1e-9);
+}
+
+TEST(TemperatureTable, IsOffByLessThanTwentyMicrokelvinAndFiniteForASingleValue) {
+  const double low = mixed_signal(290.0, 1.0);
+  const double high = mixed_signal(330.0, 1.0);
+  const TemperatureTable table(1.0, low, high);
+  for (double s = low; s <= high; s += 0.0317) EXPECT_NEAR(table.at(s), mixed_temperature(s, 1.0), 20e-6) << s;
+  EXPECT_NEAR(TemperatureTable(1.0, 300.0, 300.0).at(300.0), 300.0, 1e-3);
+}
+
 }  // namespace bolo::diagnose::response_test

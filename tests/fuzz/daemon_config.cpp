@@ -1,5 +1,4 @@
 // The daemon's configuration.
-#include "src/deblur/isa.hpp"
 #include "tests/fuzz/input.hpp"
 #include "tools/bolod/config.hpp"
 

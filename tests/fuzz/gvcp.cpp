@@ -1,7 +1,7 @@
 // Packets to the fake camera's control server, from two peers, over time.
 #include "drivers/fakecam/camera_features.hpp"
-#include "drivers/fakecam/command_handler.hpp"
-#include "src/core/geometry.hpp"
+#include "drivers/fakecam/network.hpp"
+#include "src/core/frame.hpp"
 #include "tests/fuzz/input.hpp"
 
 using namespace bolo;

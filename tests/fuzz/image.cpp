@@ -1,6 +1,6 @@
 // A picture for a scene or to convert: PNG, JPEG, TIFF. The libraries' own parsing is theirs; what is made of it is
 // ours.
-#include "src/sim/scene.hpp"
+#include "src/sim/field.hpp"
 #include "tests/fuzz/input.hpp"
 #include "tools/convert/picture.hpp"
 

@@ -1,12 +1,7 @@
 #include "src/model/bolometer.hpp"
+#include "tests/test.hpp"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <vector>
-
-namespace bolo::model {
-namespace {
+namespace bolo::model::bolometer_test {
 
 constexpr double kTau = 0.011;
 
@@ -84,5 +79,4 @@ TEST(Reduction, BoundFollowsItsClosedForm) {
   EXPECT_GT(fine_column_bound(16, 1.0 / 30.0, 0.010), 1.0);
 }
 
-}  // namespace
-}  // namespace bolo::model
+}  // namespace bolo::model::bolometer_test

@@ -1,15 +1,12 @@
 // What a table of keys accepts, what it refuses and in which words.
-#include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <array>
-#include <cmath>
-#include <fstream>
-
+#include "src/model/camera_profile.hpp"
 #include "src/model/strict_toml.hpp"
+#include "tests/refusal.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::model::profile_strict_toml_test {
-namespace {
 
 enum class Fruit { kApple, kPear };
 constexpr std::array<std::pair<std::string_view, Fruit>, 2> kFruits{{{"apple", Fruit::kApple}, {"pear", Fruit::kPear}}};
@@ -69,13 +66,6 @@ class StrictToml : public testing::Test {
   Things things_;
 };
 
-TEST_F(StrictToml, AnEmptyFileKeepsTheDefaults) {
-  EXPECT_EQ(complaint(""), "");
-  EXPECT_EQ(things_.weight, 1.5);
-  EXPECT_FALSE(things_.extra.has_value());
-  EXPECT_EQ(things_.fruit, Fruit::kPear);
-}
-
 TEST_F(StrictToml, EveryKindOfValueIsRead) {
   EXPECT_EQ(complaint("weight = 2\nlabel = 'x'\n[box]\ncount = 9\nextra = 0.25\nspare = 0\nmode = 0o600\ncpus = []\n"
                       "ripe = false\nfile = 'sub/y.h5'\nfruit = 'apple'\nsecond = 'pear'\n"),
@@ -91,6 +81,10 @@ TEST_F(StrictToml, EveryKindOfValueIsRead) {
   EXPECT_EQ(things_.file, std::filesystem::path(file_).parent_path() / "sub/y.h5");
   EXPECT_EQ(things_.fruit, Fruit::kApple);
   EXPECT_EQ(things_.second, Fruit::kPear);
+  for (const std::string stays : {"/a/b.h5", ""}) {
+    EXPECT_EQ(complaint("[box]\nfile = '" + stays + "'\n"), "");
+    EXPECT_EQ(things_.file, stays);
+  }
 }
 
 // They are read and freed one within the other, on the stack.
@@ -105,12 +99,6 @@ TEST_F(StrictToml, TablesInTablesWithoutEndAreRefused) {
   EXPECT_EQ(complaint("numbers = [" + numbers + "]\n").find("so many parts"), std::string::npos);
 }
 
-TEST_F(StrictToml, WhatTheDiskDoesNotGiveIsNotTakenForNothing) {
-  const Status status = things_.keys().read("/proc/self/mem");  // opens, and cannot be read
-  ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().message, "/proc/self/mem: cannot be read: Input/output error");
-}
-
 TEST_F(StrictToml, ANumberMayBeAWord) {
   EXPECT_EQ(complaint("share = 1\n"), "");
   EXPECT_EQ(things_.share, 1.0);
@@ -122,14 +110,7 @@ TEST_F(StrictToml, ANumberMayBeAWord) {
   EXPECT_NE(things_.keys().document().find("share = \"any\"\n"), std::string::npos);
 }
 
-TEST_F(StrictToml, FileNamesStayAbsoluteOrEmpty) {
-  EXPECT_EQ(complaint("[box]\nfile = '/a/b.h5'\n"), "");
-  EXPECT_EQ(things_.file, "/a/b.h5");
-  EXPECT_EQ(complaint("[box]\nfile = ''\n"), "");
-  EXPECT_TRUE(things_.file.empty());
-}
-
-TEST_F(StrictToml, WrongValuesAreNamedWithLineRangeAndUnit) {
+TEST_F(StrictToml, WhatIsWrongIsNamedWithLineRangeAndUnit) {
   const std::vector<std::pair<std::string, std::string>> cases{
       {"weight = 11", "1:10: weight = 11 is out of range: 0 to 10 kg"},
       {"weight = -0.5", "1:10: weight = -0.5 is out of range: 0 to 10 kg"},
@@ -158,12 +139,6 @@ TEST_F(StrictToml, WrongValuesAreNamedWithLineRangeAndUnit) {
       {"[box]\nsecond = 1", "2:10: box.second must be one of \"apple\" | \"pear\""},
       {"[box]\ncount = 2020-01-01", "2:9: box.count must be a whole number: 1 to 9 pieces"},
       {"[box.count]\nx = 1", "1:1: box.count must be a whole number: 1 to 9 pieces"},
-  };
-  for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
-}
-
-TEST_F(StrictToml, UnknownKeysNameTheNearestOne) {
-  const std::vector<std::pair<std::string, std::string>> cases{
       {"weigth = 1", "1:1: unknown key 'weigth'; did you mean 'weight'?"},
       {"[box]\ncuont = 1", "2:1: unknown key 'box.cuont'; did you mean 'box.count'?"},
       {"count = 1", "1:1: unknown key 'count'; did you mean 'box.count'?"},
@@ -171,13 +146,9 @@ TEST_F(StrictToml, UnknownKeysNameTheNearestOne) {
       {"temperature = 1", "1:1: unknown key 'temperature'"},
       {"box = 3", "1:1: 'box' is a section: write [box]"},
       {"[[box]]\ncount = 1", "1:3: 'box' is a section: write [box]"},
+      {"[box]\nfruit = 3\ncount = 10\nx = 1", "2:9: box.fruit must be one of \"apple\" | \"pear\" (and 2 more wrong)"},
   };
   for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
-}
-
-TEST_F(StrictToml, TheFirstOfManyMistakesIsToldWithTheirNumber) {
-  EXPECT_EQ(complaint("[box]\nfruit = 3\ncount = 10\nx = 1\n"),
-            "2:9: box.fruit must be one of \"apple\" | \"pear\" (and 2 more wrong)");
 }
 
 TEST_F(StrictToml, NothingIsStoredWhenAnythingIsWrong) {
@@ -199,6 +170,8 @@ TEST_F(StrictToml, FilesThatCannotBeReadAreNamed) {
   KeyTable keys = things_.keys();
   EXPECT_EQ(keys.read("/nonexistent/x.toml").error().message, "/nonexistent/x.toml: no such file");
   EXPECT_EQ(keys.read("/tmp").error().message, "/tmp: is a folder, not a file");
+  // Opens, and cannot be read.
+  EXPECT_EQ(keys.read("/proc/self/mem").error().message, "/proc/self/mem: cannot be read: Input/output error");
   EXPECT_TRUE(complaint(std::string((1 << 20) + 1, '\n')).ends_with("is larger than the 1 MiB that it may be"));
 }
 
@@ -223,6 +196,8 @@ TEST_F(StrictToml, TheDocumentReadsBackAsTheDefaults) {
   things_.weight = 7.0;
   things_.mode = 0600;
   things_.cpus = {};
+  EXPECT_EQ(complaint(""), "");
+  EXPECT_EQ(things_.weight, 7.0) << "what no key names stays";
   EXPECT_EQ(complaint(document), "");
   EXPECT_EQ(things_.weight, 1.5);
   EXPECT_EQ(things_.mode, 0644U);
@@ -231,5 +206,78 @@ TEST_F(StrictToml, TheDocumentReadsBackAsTheDefaults) {
   EXPECT_FALSE(things_.extra.has_value());
 }
 
-}  // namespace
+const std::string kShipped = std::string(BOLO_SOURCE_DIR) + "/config/a655sc.toml";
+
+Result<CameraProfile> read_text(const std::string& text) {
+  const std::string file = testing::TempDir() + "profile-" + std::to_string(getpid()) + ".toml";
+  std::ofstream(file) << text;
+  auto profile = read_profile(file);
+  std::remove(file.c_str());
+  return profile;
+}
+
+TEST(Profile, FourNumbersSuffice) {
+  const auto profile = must(read_text("tau_s = 0.009\nframe_period_s = 0.02\nnoise_k = 0.05\nquantisation_k = 0.1\n"));
+  EXPECT_DOUBLE_EQ(profile->tau_s, 0.009);
+  EXPECT_DOUBLE_EQ(profile->frame_period_s, 0.02);
+  EXPECT_DOUBLE_EQ(profile->noise_k, 0.05);
+  EXPECT_DOUBLE_EQ(profile->quantisation_k, 0.1);
+  EXPECT_EQ(profile->model, CameraProfile().model) << "the rest keeps its default";
+}
+
+TEST(Profile, IdentityAndTransportAreRead) {
+  const auto profile =
+      must(read_text("[camera]\nmodel = 'A65'\nserial = '7'\n[transport]\nbyte_order = 'big'\nmetadata_rows = 3\n"));
+  EXPECT_EQ(profile->model, "A65");
+  EXPECT_EQ(profile->serial, "7");
+  EXPECT_TRUE(profile->big_endian_pixels);
+  EXPECT_EQ(profile->metadata_rows, 3);
+}
+
+TEST(Profile, MistakesAreNamed) {
+  expect_refused(read_text("tau = 0.011"), {":1:1: unknown key 'tau'; did you mean 'tau_s'?"});
+  expect_refused(read_text("tau_s = 11"), {":1:9: tau_s = 11 is out of range: 0.0001 to 1 s"});
+  expect_refused(read_text("tau_s = 0"), {"out of range"});
+  expect_refused(read_text("[transport]\nbyte_order = 'middle'"),
+                 {":2:14: transport.byte_order = \"middle\" is none of"});
+}
+
+TEST(Profile, TheShippedProfileIsTheDocumentedDefault) {
+  std::ifstream in(kShipped);
+  std::stringstream text;
+  text << in.rdbuf();
+  EXPECT_EQ(text.str(), document_profile(CameraProfile())) << "config/a655sc.toml is out of date";
+}
+
+TEST(Profile, TheShippedProfileReadsAsTheDefaults) {
+  const auto profile = must(read_profile(kShipped));
+  EXPECT_EQ(document_profile(*profile), document_profile(CameraProfile()));
+}
+
+TEST(Profile, WhatIsUndoneReadsBackAsItWasWritten) {
+  CameraProfile profile;
+  profile.maps = "maps of one camera.h5";
+  profile.undo = {FrameFilter::kBox, 0.75, 0.02, 0.21, 0.04, 0.003, true, 0.96, 288.5, 311.25, 0.012, true, true};
+  const auto read = must(read_text(document_profile(profile)));
+  EXPECT_EQ(read->undo, profile.undo);
+  EXPECT_EQ(read->maps, std::filesystem::path(testing::TempDir()) / "maps of one camera.h5");
+}
+
+TEST(Profile, SaysWhereValuesComeFromAndWhatChanged) {
+  CameraProfile profile;
+  profile.tau_s = 0.011 * 1.1;  // and dust
+  profile.undo.emissivity = 0.96;
+  const std::string text = document_profile(profile, {{"noise_k", "measured"}});
+  EXPECT_NE(text.find("default 0.011\ntau_s = 0.0121\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("; measured\nnoise_k = 0.03\n"), std::string::npos) << text;
+  EXPECT_EQ(changes({}, profile), (std::vector<std::string>{"radiometry.emissivity = 0.96", "tau_s = 0.0121"}));
+  EXPECT_TRUE(changes(profile, profile).empty());
+}
+
+TEST(Profile, ABoxThatCannotBeUndoneIsRefused) {
+  expect_refused(read_text("[firmware]\nframe_filter = 'box'\nframe_filter_weight = 0.5\n"),
+                 {":3:23: frame_filter_weight of a box must be above 0.5"});
+  EXPECT_TRUE(read_text("[firmware]\nframe_filter = 'recursive'\nframe_filter_weight = 0.5\n"));
+}
+
 }  // namespace bolo::model::profile_strict_toml_test

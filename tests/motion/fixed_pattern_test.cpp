@@ -1,13 +1,7 @@
 #include "src/motion/fixed_pattern.hpp"
-
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "tests/motion/scenes.hpp"
 
 namespace bolo::motion::fixed_pattern_test {
-namespace {
 
 using namespace testing;
 
@@ -141,5 +135,4 @@ TEST(FixedPattern, SmallFramesAreLeftAlone) {
   for (const float f : plane) EXPECT_EQ(f, 7.0F);
 }
 
-}  // namespace
 }  // namespace bolo::motion::fixed_pattern_test

@@ -1,12 +1,9 @@
 // What a gyro is worth to the solver `motion`, and what one that is wrong costs it.
-#include <gtest/gtest.h>
-
 #include "src/core/clock.hpp"
 #include "src/motion/gyro_motion.hpp"
 #include "tests/motion/stream.hpp"
 
-namespace bolo::deblur {
-namespace {
+namespace bolo::deblur::gyro_test {
 
 using namespace testing;
 
@@ -75,18 +72,16 @@ Seen watch_with(Stream& stream, double noise, int from, Gyro* gyro, double told_
   Settings settings = settings_of(method, noise);
   settings.gyro = gyro;
   settings.gyro_setup = {kFocal, 0.0, 0.0, told_delay_s};
-  auto solver = *Solver::create(settings, format_of(PixelType::kUint16), PixelType::kFloat32);
-  std::vector<float> out(kFrame.pixels());
+  const auto solver = solver_of(settings);
   Seen seen;
   for (int k = kWindow; k < stream.frames(); ++k) {
     WindowView window = stream.window_ending_at(k, 0);
     window.meta.camera_ns = to_ns(kFirst_s + k * kPeriod);
-    solver->prepare(window);
-    if (k < from) continue;
-    solver->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
-    Picture got;
-    for (const float v : out) got.push_back(static_cast<double>(v) - 300.0);
-    seen.errors.push_back(rmse(got, stream.truth(k)));
+    if (k < from) {
+      solver->prepare(window);
+      continue;
+    }
+    seen.errors.push_back(rmse(solved(*solver, window), stream.truth(k)));
     seen.rms += seen.errors.back() * seen.errors.back();
     seen.used += solver->gyro_use() == GyroUse::kUsed ? 1 : 0;
   }
@@ -216,5 +211,4 @@ TEST(GyroMotion, WhereSamplesAreMissingItIsSilent) {
   EXPECT_FALSE(motion.find(samples, std::int64_t{1} << 62, told));
 }
 
-}  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::gyro_test

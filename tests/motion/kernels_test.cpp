@@ -1,15 +1,8 @@
 // Every instruction set's kernels against their definitions, on a frame that is no whole number of blocks.
 #include "src/motion/kernels.hpp"
-
-#include <random>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "tests/motion/reference.hpp"
 
-namespace bolo::motion {
-namespace {
+namespace bolo::motion::kernels_test {
 
 constexpr Geometry kFrame{45, 29};
 
@@ -371,6 +364,35 @@ TEST_P(MotionKernels, Covariance) {
   EXPECT_NEAR(kernels_.covariance(time.data(), share.data(), time.size(), 2.0, -3.0, 1.7, 0.4), want, 1e-12);
 }
 
+TEST_P(MotionKernels, WhatTwoTrailsHaveInCommon) {
+  SceneTrail a;
+  SceneTrail b;
+  for (int i = 0; i < 21; ++i) {
+    SceneTrail& t = i < 4 ? a : b;
+    const auto v = static_cast<float>(i);
+    t.x[t.count] = 0.9F * v;
+    t.y[t.count] = 0.03F * v * v;
+    t.doubt[t.count] = 0.1F * v;
+    t.blur[t.count] = 0.02F * v;
+    t.share[t.count++] = 1.0F / (1.0F + v);
+  }
+  double got[3];
+  kernels_.correlate(a, b, {0.4F, -1.0F}, -1, 3, got);
+  for (int j = -1; j <= 1; ++j) {
+    double want = 0.0;
+    for (int n = 0; n < a.count; ++n) {
+      for (int m = 0; m < b.count; ++m) {
+        const double x = a.x[n] - b.x[m] + 0.4F * static_cast<float>(j);
+        const double y = a.y[n] - b.y[m] - static_cast<float>(j);
+        const double r = std::hypot(x, y, a.doubt[n] - b.doubt[m]);
+        const double distance = std::sqrt(r * r + a.blur[n] + b.blur[m] + 0.36) - 0.6;
+        want += a.share[n] * b.share[m] * 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
+      }
+    }
+    EXPECT_NEAR(got[j + 1], want, 1e-5 * want) << j;
+  }
+}
+
 // The instruction sets that are built in and that this processor runs.
 std::vector<std::string_view> isas() {
   std::vector<std::string_view> found;
@@ -383,5 +405,4 @@ std::vector<std::string_view> isas() {
 INSTANTIATE_TEST_SUITE_P(Isas, MotionKernels, testing::ValuesIn(isas()),
                          [](const auto& each) { return std::string(each.param); });
 
-}  // namespace
-}  // namespace bolo::motion
+}  // namespace bolo::motion::kernels_test

@@ -1,19 +1,14 @@
 // The parts of the motion estimate, each on scenes whose motion is known.
-#include <algorithm>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "src/core/statistics.hpp"
 #include "src/motion/block_field.hpp"
 #include "src/motion/global_motion.hpp"
 #include "src/motion/local_motion.hpp"
 #include "src/motion/path.hpp"
+#include "src/motion/path_weights.hpp"
 #include "src/motion/weights.hpp"
 #include "tests/motion/scenes.hpp"
 
 namespace bolo::motion::parts_test {
-namespace {
 
 using testing::add_noise;
 using testing::padded;
@@ -52,6 +47,20 @@ Affine global_of(const Pair& pair, double noise) {
   Alone alone;
   return global.find(best_kernels(), Inertia(kTau), pair.a, pair.b, noise, alone);
 }
+
+// What blocks move by: all as the global motion has it, and each for itself.
+struct Local {
+  VectorField field{blocks_over(kFrame.width), blocks_over(kFrame.height)};
+  LocalMotion local{kFrame};
+  VectorField own;
+
+  Local(const Pair& pair, double noise) {
+    spread(global_of(pair, noise), kFrame, 1, field);
+    Alone alone;
+    own = local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, noise, 1e3F, alone);
+  }
+  Vec2 at(int column, int row) const { return field.at(column, row) + own.at(column, row); }
+};
 
 TEST(Innovation, IsTheSceneOfOneFrame) {
   // Constant input: what the frame before knew does not matter.
@@ -131,21 +140,14 @@ TEST(LocalMotion, FindsAMoverAgainstThePan) {
   const Pair pair(scene, 0.03);
   const Affine global = global_of(pair, 0.03);
   EXPECT_NEAR(global.at(0, 0).x, 3.0, 0.3);
-  VectorField field(blocks_over(kFrame.width), blocks_over(kFrame.height));
-  spread(global, kFrame, 1, field);
-  LocalMotion local(kFrame);
-  Alone alone;
-  const VectorField& found = local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, 0.03, 1e3F, alone);
-  const Vec2 inside = field.at(9, 6) + found.at(9, 6);
-  const Vec2 outside = field.at(2, 6) + found.at(2, 6);
-  EXPECT_NEAR(inside.x, -3.0, 0.4);
-  EXPECT_NEAR(outside.x, 3.0, 0.2);
-  EXPECT_NEAR(inside.y, 0.0, 0.3);
+  const Local found(pair, 0.03);
+  EXPECT_NEAR(found.at(9, 6).x, -3.0, 0.4);
+  EXPECT_NEAR(found.at(2, 6).x, 3.0, 0.2);
+  EXPECT_NEAR(found.at(9, 6).y, 0.0, 0.3);
   // Blocks about its edge have either's velocity, no mixture: those matched elsewhere do not count.
   int clean = 0;
   for (int r = 2; r < 10; ++r) {
-    for (int c = 4; c < 16; ++c)
-      clean += std::abs(std::abs(field.at(c, r).x + found.at(c, r).x) - 3.0F) < 0.06F ? 1 : 0;
+    for (int c = 4; c < 16; ++c) clean += std::abs(std::abs(found.at(c, r).x) - 3.0F) < 0.06F ? 1 : 0;
   }
   EXPECT_GT(clean, 50) << "of 96";
 }
@@ -157,20 +159,16 @@ TEST(LocalMotion, FollowsTwoDepths) {
   const Texture near(8, 4.0);
   const Pair pair([&](double x, double y, double t) { return y < 46.0 ? far(x - t, y) : near(x - 2.6 * t, y); },
                   kNoise);
-  VectorField field(blocks_over(kFrame.width), blocks_over(kFrame.height));
-  spread(global_of(pair, kNoise), kFrame, 1, field);
-  LocalMotion local(kFrame);
-  Alone alone;
-  const VectorField& found = local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, kNoise, 1e3F, alone);
+  const Local found(pair, kNoise);
   double error = 0.0;
   double global_error = 0.0;
   int blocks = 0;
-  for (int r = 0; r < field.down(); ++r) {
+  for (int r = 0; r < found.field.down(); ++r) {
     if (std::abs(r * kBlock + kBlock / 2 - 46) < 14) continue;  // windows that see both
-    for (int c = 2; c < field.across() - 2; ++c, ++blocks) {
+    for (int c = 2; c < found.field.across() - 2; ++c, ++blocks) {
       const double want = r * kBlock < 46 ? 1.0 : 2.6;
-      error += std::abs(field.at(c, r).x + found.at(c, r).x - want);
-      global_error += std::abs(field.at(c, r).x - want);
+      error += std::abs(found.at(c, r).x - want);
+      global_error += std::abs(found.field.at(c, r).x - want);
     }
   }
   EXPECT_LT(error / blocks, 0.185);
@@ -178,15 +176,8 @@ TEST(LocalMotion, FollowsTwoDepths) {
 }
 
 TEST(LocalMotion, StaysWithTheGlobalMotionInNoise) {
-  const Pair pair(pan(1.5, 0.0), 0.5);
-  VectorField field(blocks_over(kFrame.width), blocks_over(kFrame.height));
-  spread(global_of(pair, 0.5), kFrame, 1, field);
-  LocalMotion local(kFrame);
-  Alone alone;
   double largest = 0.0;
-  for (const Vec2& d : local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, 0.5, 1e3F, alone)) {
-    largest = std::max<double>(largest, std::hypot(d.x, d.y));
-  }
+  for (const Vec2& d : Local({pan(1.5, 0.0), 0.5}, 0.5).own) largest = std::max<double>(largest, std::hypot(d.x, d.y));
   EXPECT_LT(largest, 0.5);
 }
 
@@ -241,6 +232,39 @@ TEST(Weights, SumToOneAndPromiseLessErrorWithLookahead) {
         EXPECT_NEAR(sum_late, 1.0, 2e-3) << speed << " " << contrast;
         EXPECT_GT(a.w[FilterWeights::kError], 0.0F) << speed << " " << contrast;
         EXPECT_LE(b.w[FilterWeights::kError], 1.02F * a.w[FilterWeights::kError]) << speed << " " << contrast;
+      }
+    }
+  }
+}
+
+// Weights of a path that is as good as straight are those of the table.
+TEST(PathWeights, OfAStraightPathAreTheTables) {
+  const Inertia inertia(kTau);
+  Alone alone;
+  for (const bool ahead : {false, true}) {
+    const auto table = WeightTable::of(kTau, ahead ? 1 : 0);
+    for (const double speed : {0.5, 2.0, 6.0}) {
+      Path path = path_of(inertia, history_of([&](double t) { return speed * t; }), ahead);
+      PathWeights weights(inertia, ahead ? 1 : 0);
+      weights.follow(best_kernels(), path, alone);
+      EXPECT_FALSE(weights.bent());
+      path.spans.back().p[0] *= 1.1;  // seven frames ago
+      weights.follow(best_kernels(), path, alone);
+      ASSERT_TRUE(weights.bent());
+      EXPECT_NEAR(weights.lag_factor(), table->lag_factor(static_cast<float>(speed)), 0.03) << speed;
+      std::array<bool, WeightTable::kKinds> wanted{};
+      std::fill(wanted.begin(), wanted.end(), true);
+      weights.make(wanted, alone);
+      for (const float contrast : {1.0F, 100.0F, 10000.0F}) {
+        for (const float uncertainty : {0.031F, 0.09F}) {
+          SCOPED_TRACE(::testing::Message() << speed << " " << contrast << " " << uncertainty);
+          const WeightTable::Place place = table->place_of(static_cast<float>(speed), contrast, uncertainty);
+          const double errors = table->near_error(place, &weights, 1.0F) / table->near_error(place);
+          EXPECT_NEAR(errors, 1.0, speed > 3.0 ? 0.5 : 0.08);  // steps of time show where there is hardly any noise
+          FilterWeights along;
+          table->find(best_kernels(), place, 0.0F, along, &weights, 1.0F);
+          EXPECT_NEAR(std::accumulate(along.w, along.w + FilterWeights::kError, 0.0), 1.0, 2e-3);
+        }
       }
     }
   }
@@ -320,5 +344,4 @@ TEST(MedianOf9, IsThatOfTheSortedNeighbours) {
   }
 }
 
-}  // namespace
 }  // namespace bolo::motion::parts_test

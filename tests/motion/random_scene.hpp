@@ -1,10 +1,6 @@
 // Scenes by chance: what moves, how, before what, in how much noise.
 #pragma once
 
-#include <cmath>
-#include <functional>
-#include <random>
-
 #include "tests/motion/scenes.hpp"
 
 namespace bolo::motion::testing {

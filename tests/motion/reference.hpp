@@ -2,11 +2,8 @@
 // looked up with the frame's border repeated.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-
 #include "src/motion/kernels.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::motion::reference {
 

@@ -1,14 +1,9 @@
 // What the solver `motion` does where the motion cannot be trusted: against mmae, frame by frame and tile by tile.
-#include <thread>
-
-#include <gtest/gtest.h>
-
 #include "src/deblur/motion_solver.hpp"
 #include "tests/motion/random_scene.hpp"
 #include "tests/motion/stream.hpp"
 
-namespace bolo::deblur {
-namespace {
+namespace bolo::deblur::safety_test {
 
 using namespace testing;
 
@@ -25,24 +20,18 @@ struct Worst {
 
 class Run {
  public:
-  Run(Stream& stream, Method method, double noise)
-      : stream_(stream),
-        solver_(*Solver::create(settings_of(method, noise), format_of(PixelType::kUint16), PixelType::kFloat32)),
-        out_(kFrame.pixels()) {}
+  Run(Stream& stream, Method method, double noise) : stream_(stream), solver_(solver_of(settings_of(method, noise))) {}
   // Squared errors of a frame, by pixel.
   Picture errors(int k) {
-    const WindowView window = stream_.window_ending_at(k, 0);
-    solver_->prepare(window);
-    solver_->solve(window, {0, 0, kFrame.width, kFrame.height}, out_.data());
+    const Picture got = solved(*solver_, stream_.window_ending_at(k, 0));
     Picture e = stream_.truth(k);
-    for (std::size_t i = 0; i < e.size(); ++i) e[i] = std::pow(static_cast<double>(out_[i]) - 300.0 - e[i], 2);
+    for (std::size_t i = 0; i < e.size(); ++i) e[i] = std::pow(got[i] - e[i], 2);
     return e;
   }
 
  private:
   Stream& stream_;
   std::unique_ptr<Solver> solver_;
-  std::vector<float> out_;
 };
 
 double sum_of(const Picture& p, int x0, int y0, int width, int height) {
@@ -112,11 +101,14 @@ TEST(MotionSafety, AnInstantStop) {
   }
 }
 
-TEST(MotionSafety, ACutToAnotherScene) {
-  const Scene before = pan(4.0, 0.5);
-  const Scene after = pan(-2.0, 0.3, 17);
-  expect_safe([&](double x, double y, double t) { return t < kEvent - 0.7 ? before(x, y, t) : after(x, y, t); }, 0.03);
+// A scene until this time, another one from then on.
+Scene cut_at(double time) {
+  return [time, before = pan(4.0, 0.5), after = pan(-2.0, 0.3, 17)](double x, double y, double t) {
+    return t < time ? before(x, y, t) : after(x, y, t);
+  };
 }
+
+TEST(MotionSafety, ACutToAnotherScene) { expect_safe(cut_at(kEvent - 0.7), 0.03); }
 
 TEST(MotionSafety, Movers) {
   expect_safe(object_before(pan(0.0, 0.0), 2.9), 0.1);
@@ -163,21 +155,15 @@ TEST(MotionSafety, SquaresThatRepeat) {
 
 // Twelve frames after a cut nothing is left of it.
 TEST(MotionSafety, ACutIsForgotten) {
-  const Scene before = pan(4.0, 0.5);
-  const Scene after = pan(-2.0, 0.3, 17);
-  const Scene cut = [&](double x, double y, double t) { return t < kEvent ? before(x, y, t) : after(x, y, t); };
   const Settings settings = settings_of(Method::kMotion, 0.05);
-  Stream disturbed(cut, 0.05, kEvent + 13);
-  Stream fresh(after, 0.05, kEvent + 13);
+  Stream disturbed(cut_at(kEvent), 0.05, kEvent + 13);
+  Stream fresh(cut_at(-100.0), 0.05, kEvent + 13);
   EXPECT_LT(disturbed.error(settings, kEvent + 12), 1.05 * fresh.error(settings, kEvent + 12));
 }
 
 // Motion is known from the second frame after a cut, and nothing from before it is used.
 TEST(MotionSafety, ANewSceneIsSharpAtOnce) {
-  const Scene before = pan(4.0, 0.5);
-  const Scene after = pan(-2.0, 0.3, 17);
-  Stream stream([&](double x, double y, double t) { return t < kEvent ? before(x, y, t) : after(x, y, t); }, 0.05,
-                kFrames);
+  Stream stream(cut_at(kEvent), 0.05, kFrames);
   EXPECT_LT(worst_of(stream, 0.05, kEvent + 2).frame, 0.75);
 }
 
@@ -197,17 +183,15 @@ TEST(MotionSolverCrew, AnyNumberOfWorkersMakesTheSame) {
   Stream stream(object_before(pan(2.0, 0.4), -1.5), 0.05, 24);
   std::vector<float> alone;
   for (const int count : {1, 2, 5}) {
-    auto solver =
-        Solver::create(settings_of(Method::kMotion, 0.05), format_of(PixelType::kUint16), PixelType::kFloat32);
+    const auto solver = solver_of(settings_of(Method::kMotion, 0.05));
     const WindowView window = stream.window_ending_at(23, 0);
     Threads crew(count);
-    (*solver)->prepare(window, crew);
+    solver->prepare(window, crew);
     std::vector<float> out(kFrame.pixels());
-    (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
+    solver->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
     if (count == 1) alone = out;
     EXPECT_EQ(out, alone) << count;
   }
 }
 
-}  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::safety_test

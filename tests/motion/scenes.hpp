@@ -1,16 +1,11 @@
 // Scenes that move, seen through thermal inertia: for tests.
 #pragma once
 
-#include <cmath>
-#include <cstdint>
-#include <functional>
-#include <random>
-#include <vector>
-
 #include <Eigen/Core>
 
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/motion/padded_plane.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::motion::testing {
 

@@ -1,12 +1,7 @@
 // Streams in memory, and what solvers make of them.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <memory>
-#include <vector>
-
-#include "src/deblur/solver.hpp"
+#include "tests/deblur/solve.hpp"
 #include "tests/motion/scenes.hpp"
 
 namespace bolo::deblur::testing {
@@ -24,20 +19,23 @@ inline constexpr int kWindow = 17;
 inline constexpr double kScale = 0.01;
 
 inline Settings settings_of(Method method, double noise_k, int lookahead = 0) {
-  Settings s;
-  s.method = method;
-  s.noise_k = noise_k;
-  s.lookahead = lookahead;
-  return s;
+  return {.method = method, .noise_k = noise_k, .lookahead = lookahead};
 }
 
 inline StreamFormat format_of(PixelType type) {
-  StreamFormat f;
-  f.geometry = kFrame;
-  f.type = type;
-  f.scale.unit = Unit::kKelvin;
-  f.scale.scale = type == PixelType::kUint16 ? kScale : 1.0;
-  return f;
+  return {kFrame, type, {Unit::kKelvin, type == PixelType::kUint16 ? kScale : 1.0, 0.0}};
+}
+
+// Of this scene's frames in counts, kelvin out.
+inline std::unique_ptr<Solver> solver_of(const Settings& settings, double row_delay_s = 0.0) {
+  return make(settings, format_of(PixelType::kUint16), PixelType::kFloat32, row_delay_s);
+}
+
+// What a scene's pictures are compared with.
+inline Picture solved(Solver& solver, const WindowView& window) {
+  Picture p;
+  for (const float v : whole_frame(solver, window, kFrame)) p.push_back(static_cast<double>(v) - 300.0);
+  return p;
 }
 
 // A stream in memory, and what a solver makes of it.
@@ -76,17 +74,11 @@ class Stream {
   }
   // Frame k as a solver that has seen the stream from `first` on makes it, K.
   Picture estimate(const Settings& settings, int k, int first = kWindow - 1) {
-    auto solver = Solver::create(settings, format_of(PixelType::kUint16), PixelType::kFloat32);
-    std::vector<float> out(kFrame.pixels());
-    for (int j = first; j <= k + settings.lookahead; ++j) {
-      if (counts(j - settings.lookahead).empty()) continue;
-      const WindowView window = window_ending_at(j, settings.lookahead);
-      (*solver)->prepare(window);
-      if (j == k + settings.lookahead) (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
+    const auto solver = solver_of(settings);
+    for (int j = first; j < k + settings.lookahead; ++j) {
+      if (!counts(j - settings.lookahead).empty()) solver->prepare(window_ending_at(j, settings.lookahead));
     }
-    Picture p;
-    for (const float v : out) p.push_back(static_cast<double>(v) - 300.0);
-    return p;
+    return solved(*solver, window_ending_at(k + settings.lookahead, settings.lookahead));
   }
   Picture truth(int k) const { return picture_of(scene_, kFrame, k); }
   double error(const Settings& settings, int k) { return rmse(estimate(settings, k), truth(k)); }

@@ -1,24 +1,11 @@
 // Counts what the whole program allocates while frames flow. A program of its own, for its allocator is replaced.
-#include <gtest/gtest.h>
-
-#include <array>
-#include <atomic>
-#include <cstdint>
-#include <cstdlib>
-#include <cstring>
-#include <memory>
-#include <vector>
-
 #include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/count_allocations.hpp"
 #include "tests/pipeline/fakes.hpp"
 
 namespace bolo::pipeline::allocation_test {
-namespace {
 
-using test::run_of;
 using test::Script;
-using test::ScriptedSource;
 
 constexpr std::uint64_t kFirstArmed = 40;
 constexpr std::uint64_t kLastArmed = 180;
@@ -30,45 +17,11 @@ class ArmingSink final : public FrameSink {
   void publish(const PublishedFrame& frame, const PipelineStats&) noexcept override {
     if (frame.meta.frame_id == kFirstArmed) bolo::test::arm_allocation_count();
     if (frame.meta.frame_id == kLastArmed) bolo::test::disarm_allocation_count();
+    moving += frame.motion != nullptr ? 1 : 0;
   }
   void close() noexcept override { bolo::test::disarm_allocation_count(); }
-};
 
-// Does what shared memory does: a ring of slots taken at open(), planes copied, a sequence around them.
-class RingSink final : public FrameSink {
- public:
-  Status open(const SinkFormat& format) override {
-    raw_bytes_ = plane_bytes(format.source.format.geometry, format.source.format.type);
-    deblurred_bytes_ = plane_bytes(format.source.format.geometry, format.deblurred_type);
-    motion_bytes_ = format.motion ? motion_blocks(format.source.format.geometry).pixels() * sizeof(BlockMotion) : 0;
-    for (Slot& slot : slots_) slot.planes.resize(raw_bytes_ + deblurred_bytes_ + motion_bytes_);
-    return {};
-  }
-  void publish(const PublishedFrame& frame, const PipelineStats& stats) noexcept override {
-    const std::uint64_t n = stats.published.value();
-    Slot& slot = slots_[n % slots_.size()];
-    slot.sequence.store(2 * n + 1, std::memory_order_relaxed);
-    std::memcpy(slot.planes.data(), frame.raw, raw_bytes_);
-    std::memcpy(slot.planes.data() + raw_bytes_, frame.deblurred, deblurred_bytes_);
-    if (frame.motion != nullptr) {
-      std::memcpy(slot.planes.data() + raw_bytes_ + deblurred_bytes_, frame.motion->blocks.data(), motion_bytes_);
-      ++moving_;
-    }
-    slot.sequence.store(2 * n + 2, std::memory_order_release);  // partner: a reader, of which there is none
-  }
-  void close() noexcept override {}
-  int moving() const { return moving_; }  // frames that told the scene's motion
-
- private:
-  struct Slot {
-    std::atomic<std::uint64_t> sequence{0};
-    std::vector<std::byte> planes;
-  };
-  std::array<Slot, 4> slots_;
-  std::size_t raw_bytes_ = 0;
-  std::size_t deblurred_bytes_ = 0;
-  std::size_t motion_bytes_ = 0;
-  int moving_ = 0;
+  int moving = 0;  // frames that told the scene's motion
 };
 
 std::unique_ptr<int> g_kept;  // seen by the whole program: the compiler cannot leave the allocation out
@@ -86,7 +39,7 @@ class AllocatingSink final : public FrameSink {
 Script eventful(std::uint64_t frames = 200) {
   Script script;
   script.info = test::small_source(64, 12);
-  script.frames = run_of(0, frames);
+  script.frames = test::run_of(0, frames);
   script.frames[120].restart = true;
   script.frames.erase(script.frames.begin() + 80);
   script.frames.erase(script.frames.begin() + 84);  // two in one window: no operator is ready for that
@@ -97,30 +50,21 @@ Script eventful(std::uint64_t frames = 200) {
   return script;
 }
 
-std::uint64_t allocations_of(Script script, const PipelineOptions& options, std::vector<FrameSink*> more_sinks = {}) {
+std::uint64_t allocations_of(Script script, const PipelineOptions& options, const std::vector<FrameSink*>& more = {}) {
   ArmingSink arming;
-  RingSink ring;
-  std::vector<FrameSink*> sinks{&arming, &ring};
-  sinks.insert(sinks.end(), more_sinks.begin(), more_sinks.end());
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(std::move(script)), sinks, options);
-  EXPECT_TRUE(pipeline) << pipeline.error().message;
-  if (!pipeline) return 0;
-  const std::atomic<bool> never{false};
+  std::vector<FrameSink*> sinks{&arming};
+  sinks.insert(sinks.end(), more.begin(), more.end());
   bolo::test::reset_allocation_count();
-  EXPECT_TRUE((*pipeline)->run(never));
-  EXPECT_EQ((*pipeline)->stats().restarts.value(), 1U);
-  EXPECT_GT((*pipeline)->stats().gap_frames.value(), 0U);
-  EXPECT_EQ(ring.moving() > 100, options.deblur.method == deblur::Method::kMotion);
+  test::play(std::move(script), sinks, options, [](const Pipeline& pipeline) {
+    EXPECT_EQ(pipeline.stats().restarts.value(), 1U);
+    EXPECT_GT(pipeline.stats().gap_frames.value(), 0U);
+  });
+  EXPECT_EQ(arming.moving > 100, options.deblur.method == deblur::Method::kMotion);
   return bolo::test::allocation_count();
 }
 
-PipelineOptions options_of(deblur::Method method, int lookahead, PixelType output) {
-  PipelineOptions options;
-  options.deblur.method = method;
-  options.deblur.lookahead = lookahead;
-  options.output = output;
-  options.workers = 3;
-  return options;
+PipelineOptions options_of(deblur::Method method, int lookahead = 0, PixelType output = PixelType::kUint16) {
+  return {.deblur = {.method = method, .lookahead = lookahead}, .output = output, .workers = 3};
 }
 
 TEST(Allocation, NoneWhileFramesFlow) {
@@ -139,27 +83,27 @@ TEST(Allocation, NoneAlongTheMotion) {
   for (const int lookahead : {0, 1}) {
     Script script = eventful();
     script.info = test::small_source(96, 72);  // smaller pictures show no motion
-    EXPECT_EQ(allocations_of(script, options_of(deblur::Method::kMotion, lookahead, PixelType::kUint16)), 0U);
+    EXPECT_EQ(allocations_of(script, options_of(deblur::Method::kMotion, lookahead)), 0U);
   }
 }
 
 TEST(Allocation, NoneWithAutomaticLambda) {
   for (const auto method : {deblur::Method::kAdmm, deblur::Method::kDual, deblur::Method::kExact}) {
-    PipelineOptions options = options_of(method, 1, PixelType::kUint16);
+    PipelineOptions options = options_of(method, 1);
     options.deblur.auto_lambda = true;
     EXPECT_EQ(allocations_of(eventful(), options), 0U) << deblur::name(method);
   }
 }
 
 TEST(Allocation, NoneWhileFramesAreUndone) {
-  PipelineOptions options = options_of(deblur::Method::kAdmm, 1, PixelType::kUint16);
+  PipelineOptions options = options_of(deblur::Method::kAdmm, 1);
   options.undo = {model::FrameFilter::kBox, 0.75, 0.02, 0.2, 0.04, 0.002, true, 0.96, 295.0, 320.0, 0.01, true, true};
   EXPECT_EQ(allocations_of(eventful(), options), 0U);
 }
 
 TEST(Allocation, OneOnThePipelineThreadIsSeen) {
   AllocatingSink allocating;
-  EXPECT_GE(allocations_of(eventful(), options_of(deblur::Method::kAdmm, 0, PixelType::kUint16), {&allocating}), 1U);
+  EXPECT_GE(allocations_of(eventful(), options_of(deblur::Method::kAdmm), {&allocating}), 1U);
 }
 
 TEST(Allocation, OneOnTheSourcesThreadIsSeen) {
@@ -168,7 +112,7 @@ TEST(Allocation, OneOnTheSourcesThreadIsSeen) {
     fill(slot, format);
     if (slot.meta.frame_id == 110) g_kept = std::make_unique<int>(2);
   };
-  EXPECT_GE(allocations_of(script, options_of(deblur::Method::kAdmm, 0, PixelType::kUint16)), 1U);
+  EXPECT_GE(allocations_of(script, options_of(deblur::Method::kAdmm)), 1U);
 }
 
 TEST(Allocation, AMallocIsSeen) {
@@ -181,5 +125,4 @@ TEST(Allocation, AMallocIsSeen) {
   EXPECT_GE(bolo::test::allocation_count(), 1U);
 }
 
-}  // namespace
 }  // namespace bolo::pipeline::allocation_test

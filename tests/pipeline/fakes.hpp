@@ -1,22 +1,11 @@
 // A source that plays a script and a sink that remembers, for tests of the pipeline.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <cstdint>
-#include <cstring>
-#include <functional>
-#include <memory>
-#include <string>
-#include <thread>
-#include <utility>
-#include <vector>
-
 #include "src/core/clock.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "src/pipeline/sink.hpp"
 #include "src/pipeline/source.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::pipeline::test {
 
@@ -160,21 +149,20 @@ class MemorySink final : public FrameSink {
   int idled = 0;
 };
 
-// Runs the script to its end; fails the test when the pipeline does not come up.
-inline void play(Script script, MemorySink& sink, const PipelineOptions& options,
-                 const std::function<void(const Pipeline&)>& afterwards = {}) {
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(std::move(script)), {&sink}, options);
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  const std::atomic<bool> never{false};
-  const Status status = (*pipeline)->run(never);
-  ASSERT_TRUE(status) << status.error().message;
-  if (afterwards) afterwards(**pipeline);
+inline Result<std::unique_ptr<Pipeline>> create(Script script, const std::vector<FrameSink*>& sinks,
+                                                const PipelineOptions& options = {},
+                                                std::atomic<bool>* played = nullptr) {
+  return Pipeline::create(std::make_unique<ScriptedSource>(std::move(script), played), sinks, options);
 }
 
-inline PipelineOptions with_workers(int workers) {
-  PipelineOptions options;
-  options.workers = workers;
-  return options;
+inline const std::atomic<bool> kNever{false};
+
+// Runs the script to its end, or until it is stopped; fails the test when the pipeline does not come up.
+inline void play(Script script, const std::vector<FrameSink*>& sinks, const PipelineOptions& options = {},
+                 const std::function<void(const Pipeline&)>& afterwards = {}, const std::atomic<bool>& stop = kNever) {
+  auto pipeline = must(create(std::move(script), sinks, options));
+  must((*pipeline)->run(stop));
+  if (afterwards) afterwards(**pipeline);
 }
 
 }  // namespace bolo::pipeline::test

@@ -1,20 +1,10 @@
 // Whether the camera does what its profile says: told from its own stream, and not told where nothing can tell.
 #include "src/pipeline/gap_watch.hpp"
-
-#include <gtest/gtest.h>
-
-#include <chrono>
-#include <cmath>
-#include <numbers>
-#include <thread>
-#include <vector>
-
 #include "src/pipeline/pipeline.hpp"
 #include "tests/motion/scenes.hpp"
 #include "tests/pipeline/fakes.hpp"
 
-namespace bolo::pipeline {
-namespace {
+namespace bolo::pipeline::gap_watch_test {
 
 using deblur::GapFigures;
 using deblur::GapMeter;
@@ -29,12 +19,7 @@ constexpr int kSwing = 48;  // frames of a hand's way to and fro
 
 using Planes = std::vector<std::vector<std::uint16_t>>;
 
-StreamFormat format() {
-  StreamFormat f;
-  f.geometry = kFrame;
-  f.scale = {Unit::kKelvin, kScale, 0.0};
-  return f;
-}
+constexpr StreamFormat kFormat{.geometry = kFrame, .scale = {Unit::kKelvin, kScale, 0.0}};
 
 // A texture before a hand that goes `reach` px to and fro, more across than down, or before a steady pan.
 Scene hand(std::uint32_t seed, double reach) {
@@ -60,7 +45,7 @@ Planes planes_of(const Scene& scene, double tau, double noise_k, int count = Gap
 }
 
 GapFigures measure(const Planes& planes) {
-  GapMeter meter(format(), kTau * kPeriodS);
+  GapMeter meter(kFormat, kTau * kPeriodS);
   std::vector<const void*> pointers;
   for (const auto& plane : planes) pointers.push_back(plane.data());
   return meter.measure(pointers, kPeriodS);
@@ -143,7 +128,7 @@ TEST(GapTrend, NoiseIsToldByStillPicturesAlone) {
 // What a pipeline says of a stream once `bursts` were looked at. `hole`: so often a frame is lost; 0: never.
 std::vector<Notice> notices_of(const Planes& planes, std::uint64_t bursts, std::uint64_t hole = 0) {
   test::Script script;
-  script.info.format = format();
+  script.info.format = kFormat;
   script.frames.clear();
   for (std::uint64_t id = 0; id < 2'000'000; ++id) {
     if (hole == 0 || id % hole != 0) script.frames.push_back({id});
@@ -152,12 +137,9 @@ std::vector<Notice> notices_of(const Planes& planes, std::uint64_t bursts, std::
     const auto& plane = planes[slot.meta.frame_id % planes.size()];
     std::copy(plane.begin(), plane.end(), slot.u16());
   };
-  PipelineOptions options;
-  options.deblur.method = deblur::Method::kInverse;
-  options.deblur.tau_s = kTau * kPeriodS;
-  options.watch_gap_s = 0.001;
-  auto made = Pipeline::create(std::make_unique<test::ScriptedSource>(std::move(script)), {}, options);
-  EXPECT_TRUE(made) << made.error().message;
+  auto made = must(
+      test::create(std::move(script), {},
+                   {.deblur = {.method = deblur::Method::kInverse, .tau_s = kTau * kPeriodS}, .watch_gap_s = 0.001}));
   std::atomic<bool> stop{false};
   std::thread runner([&] { EXPECT_TRUE((*made)->run(stop)); });
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(hole == 0 ? 60 : 1);
@@ -181,5 +163,4 @@ TEST(GapWatch, BurstsHaveNoHoles) {
   EXPECT_TRUE(notices_of(planes_of(hand(61, 16.0), kTau, 0.03, kSwing), 1, GapMeter::kFrames).empty());
 }
 
-}  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::gap_watch_test

@@ -1,14 +1,8 @@
 // HostClock: offset and drift from arrivals that are late by chance, and jumps.
 #include "src/pipeline/host_clock.hpp"
-
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdlib>
-#include <random>
+#include "tests/test.hpp"
 
 namespace bolo::pipeline::host_clock_test {
-namespace {
 
 constexpr double kPeriodS = 0.005;
 constexpr std::int64_t kPeriodNs = 5'000'000;
@@ -101,5 +95,4 @@ TEST(HostClock, SeesAJumpOfTheCamerasClockAndBeginsAnew) {
   }
 }
 
-}  // namespace
 }  // namespace bolo::pipeline::host_clock_test

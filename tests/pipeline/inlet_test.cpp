@@ -1,23 +1,14 @@
 #include "src/pipeline/inlet.hpp"
-
-#include <gtest/gtest.h>
-
-#include <thread>
-#include <vector>
+#include "tests/test.hpp"
 
 namespace bolo::pipeline::inlet_test {
-namespace {
 
 constexpr std::int64_t kNoWait = 0;
 
-StreamFormat small_format() {
-  StreamFormat format;
-  format.geometry = {4, 2};
-  return format;
-}
+constexpr StreamFormat kSmall{.geometry = {4, 2}};
 
 TEST(FrameInlet, HandsFramesOnInOrder) {
-  FrameInlet inlet(small_format(), 3, 4);
+  FrameInlet inlet(kSmall, 3, 4);
   for (std::uint64_t id = 1; id <= 3; ++id) {
     rt::FrameSlot* slot = inlet.borrow();
     ASSERT_NE(slot, nullptr);
@@ -35,7 +26,7 @@ TEST(FrameInlet, HandsFramesOnInOrder) {
 }
 
 TEST(FrameInlet, ABorrowedSlotBringsNothingOfItsLastFrame) {
-  FrameInlet inlet(small_format(), 0, 1);
+  FrameInlet inlet(kSmall, 0, 1);
   for (int round = 0; round < 8; ++round) {
     rt::FrameSlot* slot = inlet.borrow();
     ASSERT_NE(slot, nullptr);
@@ -49,7 +40,7 @@ TEST(FrameInlet, ABorrowedSlotBringsNothingOfItsLastFrame) {
 
 // While the window holds nothing yet, a source that waits for slots may run ahead by all of them.
 TEST(FrameInlet, EverySlotThatCanBeBorrowedCanBeCommitted) {
-  FrameInlet inlet(small_format(), 8, 2);
+  FrameInlet inlet(kSmall, 8, 2);
   std::uint64_t committed = 0;
   while (rt::FrameSlot* slot = inlet.borrow()) {
     ASSERT_TRUE(inlet.commit(*slot));
@@ -60,14 +51,8 @@ TEST(FrameInlet, EverySlotThatCanBeBorrowedCanBeCommitted) {
   EXPECT_EQ(inlet.losses().value(LossCause::kQueueFull), 0U);
 }
 
-TEST(FrameInlet, NextDoesNotWaitOnceTheSourceHasFinished) {
-  FrameInlet inlet(small_format(), 1, 1);
-  inlet.finish();
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(inlet.next(3'600'000'000'000).slot, nullptr);
-}
-
 TEST(FrameInlet, AnEmptyPoolCountsEachFrameOnce) {
-  FrameInlet inlet(small_format(), 1, 1);
+  FrameInlet inlet(kSmall, 1, 1);
   std::vector<rt::FrameSlot*> held;
   while (rt::FrameSlot* slot = inlet.borrow()) held.push_back(slot);
   EXPECT_GE(held.size(), 2U);
@@ -76,19 +61,12 @@ TEST(FrameInlet, AnEmptyPoolCountsEachFrameOnce) {
   EXPECT_EQ(inlet.losses().value(LossCause::kPoolExhausted), 2U);
 }
 
-TEST(FrameInlet, CancelCountsNothing) {
-  FrameInlet inlet(small_format(), 1, 1);
-  rt::FrameSlot* slot = inlet.borrow();
-  inlet.cancel(*slot);
-  EXPECT_EQ(inlet.losses().total(), 0U);
-  EXPECT_EQ(inlet.borrow(), slot);
-}
-
 TEST(FrameInlet, ARestartWaitsForTheNextCommittedFrameAndHoldsForItAlone) {
-  FrameInlet inlet(small_format(), 4, 4);
+  FrameInlet inlet(kSmall, 4, 4);
   ASSERT_TRUE(inlet.commit(*inlet.borrow()));
   inlet.restart_window();
-  inlet.cancel(*inlet.borrow());  // a frame that turned out bad: the restart is still to come
+  inlet.cancel(*inlet.borrow());  // a frame that turned out bad: no loss, and the restart is still to come
+  EXPECT_EQ(inlet.losses().total(), 0U);
   EXPECT_FALSE(inlet.next(kNoWait).restart_window);
   ASSERT_TRUE(inlet.commit(*inlet.borrow()));
   EXPECT_TRUE(inlet.next(kNoWait).restart_window);
@@ -97,7 +75,7 @@ TEST(FrameInlet, ARestartWaitsForTheNextCommittedFrameAndHoldsForItAlone) {
 }
 
 TEST(FrameInlet, BorrowWaitEndsWhenStopIsRequested) {
-  FrameInlet inlet(small_format(), 1, 1);
+  FrameInlet inlet(kSmall, 1, 1);
   while (inlet.borrow() != nullptr) continue;
   std::atomic<bool> stop{false};
   std::thread stopper([&] { stop.store(true); });
@@ -106,7 +84,7 @@ TEST(FrameInlet, BorrowWaitEndsWhenStopIsRequested) {
 }
 
 TEST(FrameInlet, FinishEndsAWaitAndLosesNoFrame) {
-  FrameInlet inlet(small_format(), 4, 64);
+  FrameInlet inlet(kSmall, 4, 64);
   constexpr int kFrames = 50;
   std::thread source([&] {
     for (int i = 0; i < kFrames; ++i) {
@@ -127,7 +105,7 @@ TEST(FrameInlet, FinishEndsAWaitAndLosesNoFrame) {
   }
   source.join();
   EXPECT_EQ(arrived, kFrames);
+  EXPECT_EQ(inlet.next(3'600'000'000'000).slot, nullptr) << "nor does it wait any more";
 }
 
-}  // namespace
 }  // namespace bolo::pipeline::inlet_test

@@ -1,18 +1,10 @@
 // Overload in a real pipeline: what is done to a frame is what its flag says.
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <chrono>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include "src/deblur/solver.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::pipeline::overload_test {
-namespace {
 
 using test::MemorySink;
 using test::play;
@@ -61,19 +53,6 @@ std::vector<std::byte> solved(const std::vector<MemorySink::Frame>& frames, std:
   return plane;
 }
 
-deblur::Settings one_sweep() {
-  deblur::Settings settings;
-  settings.method = deblur::Method::kDual;
-  settings.iterations = 1;
-  return settings;
-}
-
-deblur::Settings inverse() {
-  deblur::Settings settings;
-  settings.method = deblur::Method::kInverse;
-  return settings;
-}
-
 // Frame 17 is the last one in peace; behind the three after it 8, 16 and 32 wait.
 TEST(Overload, IsMetInOrderAndEachFrameTellsIt) {
   Gate gate;
@@ -85,14 +64,10 @@ TEST(Overload, IsMetInOrderAndEachFrameTellsIt) {
     if (frame.meta.frame_id == 19) gate.let_wait(stats, 32);
     if (frame.meta.frame_id == 20) gate.let_all();
   };
-  PipelineOptions options;
-  options.degrade = true;
-  play(gate.script(60), sink, options, [](const Pipeline& pipeline) {
+  play(gate.script(60), {&sink}, {.degrade = true}, [](const Pipeline& pipeline) {
     const PipelineStats& stats = pipeline.stats();
-    EXPECT_EQ(stats.by_effort[0].value(), 2U);
-    EXPECT_EQ(stats.by_effort[1].value(), 1U);
-    EXPECT_EQ(stats.by_effort[2].value(), 1U);
-    EXPECT_EQ(stats.by_effort[3].value(), 40U);
+    const std::array<std::uint64_t, kQualityLevels> expected{2, 1, 1, 40};
+    for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_EQ(stats.by_effort[i].value(), expected[i]) << i;
     EXPECT_EQ(stats.inlet.losses().total(), 0U);
   });
   ASSERT_EQ(sink.frames.size(), 60U);
@@ -102,8 +77,8 @@ TEST(Overload, IsMetInOrderAndEachFrameTellsIt) {
   EXPECT_EQ(flags(19), flag_of(QualityLevel::kInverse));
   for (std::size_t i = 20; i < 60; ++i) EXPECT_EQ(flags(i), flag_of(QualityLevel::kRaw)) << i;
   EXPECT_EQ(sink.frames[17].deblurred, solved(sink.frames, 17, {}));
-  EXPECT_EQ(sink.frames[18].deblurred, solved(sink.frames, 18, one_sweep()));
-  EXPECT_EQ(sink.frames[19].deblurred, solved(sink.frames, 19, inverse()));
+  EXPECT_EQ(sink.frames[18].deblurred, solved(sink.frames, 18, {.method = deblur::Method::kDual, .iterations = 1}));
+  EXPECT_EQ(sink.frames[19].deblurred, solved(sink.frames, 19, {.method = deblur::Method::kInverse}));
   EXPECT_EQ(sink.frames[20].deblurred, sink.frames[20].raw);
 }
 
@@ -120,9 +95,7 @@ TEST(Overload, PassesAndAllIsSpentAgain) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
     if (stats.taken.value() == stats.inlet.received()) gate.let_wait(stats, 0);
   };
-  PipelineOptions options;
-  options.degrade = true;
-  play(gate.script(2000), sink, options);
+  play(gate.script(2000), {&sink}, {.degrade = true});
   ASSERT_GE(order.size(), 5U);
   order.resize(5);
   EXPECT_EQ(order, (std::vector<QualityLevel>{QualityLevel::kFull, QualityLevel::kRaw, QualityLevel::kInverse,
@@ -137,26 +110,20 @@ TEST(Overload, NothingIsSparedUnlessAsked) {
     if (frame.meta.frame_id == 17) gate.let_wait(stats, 40);
     if (frame.meta.frame_id == 18) gate.let_all();
   };
-  play(gate.script(60), sink, {});
+  play(gate.script(60), {&sink});
   for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kQualityFlags, 0U) << frame.meta.frame_id;
 }
 
 // A second of work a frame, and more, on any processor.
 Script slow_camera(std::uint64_t frames) {
-  Script script;
-  script.info = test::small_source(800, 480);
-  script.frames = run_of(0, frames);
-  script.waits_for_slots = false;
-  script.ends = false;
-  return script;
+  return {.info = test::small_source(800, 480), .frames = run_of(0, frames), .waits_for_slots = false, .ends = false};
 }
 
-PipelineOptions exactly() {
-  PipelineOptions options;
-  options.deblur.method = deblur::Method::kExact;
-  options.deblur.lambda = 0.01;
-  options.workers = 1;
-  return options;
+PipelineOptions exactly(bool must_keep_up, bool degrade) {
+  return {.deblur = {.method = deblur::Method::kExact, .lambda = 0.01},
+          .workers = 1,
+          .degrade = degrade,
+          .must_keep_up = must_keep_up};
 }
 
 // Runs a camera of 17 frames, the last of which is the first with a whole window, and stops in the midst of that one.
@@ -164,27 +131,24 @@ void stop_amidst(const PipelineOptions& options, MemorySink& sink) {
   Gate gate;
   Script script = slow_camera(kWindow);
   script.fill = gate.script(kWindow).fill;
+  std::atomic<bool> stop{false};
+  std::jthread stopper;
   sink.on_publish = [&](const PublishedFrame& frame, const PipelineStats& stats) {
     if (frame.meta.frame_id + 1 < kWindow) gate.let_wait(stats, 0);
+    if (stopper.joinable()) return;
+    stopper = std::jthread([&] {
+      while (stats.taken.value() < kWindow) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      stop.store(true);
+    });
   };
-  auto pipeline = Pipeline::create(std::make_unique<test::ScriptedSource>(script), {&sink}, options);
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  std::atomic<bool> stop{false};
-  std::thread stopper([&] {
-    while ((*pipeline)->stats().taken.value() < kWindow) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    stop.store(true);
-  });
-  EXPECT_TRUE((*pipeline)->run(stop));
-  stopper.join();
+  play(script, {&sink}, options, {}, stop);
   sink.on_publish = {};
 }
 
 TEST(Overload, TheEndDoesNotWaitForASlowFrame) {
-  PipelineOptions options = exactly();
-  options.degrade = true;
   MemorySink sink;
-  stop_amidst(options, sink);
+  stop_amidst(exactly(false, true), sink);
   ASSERT_EQ(sink.frames.size(), std::size_t{kWindow});
   EXPECT_EQ(sink.frames.back().meta.flags & kQualityFlags, flag_of(QualityLevel::kRaw));
   EXPECT_EQ(sink.frames.back().deblurred, sink.frames.back().raw);
@@ -193,7 +157,7 @@ TEST(Overload, TheEndDoesNotWaitForASlowFrame) {
 // What a file gets is solved as asked, or not there.
 TEST(Overload, TheEndLeavesOutWhatIsNotSolvedUnlessItMayDegrade) {
   MemorySink sink;
-  stop_amidst(exactly(), sink);
+  stop_amidst(exactly(false, false), sink);
   ASSERT_EQ(sink.frames.size(), std::size_t{kWindow - 1});
   EXPECT_EQ(sink.frames.back().meta.flags & kQualityFlags, 0U);
 }
@@ -202,12 +166,11 @@ TEST(Overload, ASolverThatCannotKeepUpIsReplacedFromTheStart) {
   Script script = slow_camera(40);
   script.ends = true;
   script.waits_for_slots = true;
-  PipelineOptions options = exactly();
-  options.must_keep_up = options.degrade = true;
+  PipelineOptions options = exactly(true, true);
   std::vector<std::string> warnings;
   options.warn = [&](const std::string& text) { warnings.push_back(text); };
   MemorySink sink;
-  play(script, sink, options);
+  play(script, {&sink}, options);
   ASSERT_EQ(warnings.size(), 1U);
   EXPECT_NE(warnings[0].find("exact"), std::string::npos) << warnings[0];
   EXPECT_NE(warnings[0].find("a frame of 800x480, but frames come every 5 ms: effort is \""), std::string::npos)
@@ -217,30 +180,23 @@ TEST(Overload, ASolverThatCannotKeepUpIsReplacedFromTheStart) {
 }
 
 TEST(Overload, ASolverThatCannotKeepUpIsRefusedWhereNothingMayReplaceIt) {
-  PipelineOptions options = exactly();
-  options.must_keep_up = true;
   MemorySink sink;
-  const auto pipeline = Pipeline::create(std::make_unique<test::ScriptedSource>(slow_camera(20)), {&sink}, options);
-  ASSERT_FALSE(pipeline);
-  EXPECT_EQ(pipeline.error().kind, ErrorKind::kBadInput);
-  EXPECT_NE(pipeline.error().message.find("choose a faster solver"), std::string::npos) << pipeline.error().message;
+  expect_refused(test::create(slow_camera(20), {&sink}, exactly(true, false)), {"choose a faster solver"});
 }
 
 TEST(Overload, ASolverThatKeepsUpIsLeftAlone) {
   Gate gate;
   Script script = gate.script(20);
   script.info.format.frame_period_s = 1.0 / 60.0;
-  PipelineOptions options;
-  options.must_keep_up = options.degrade = true;
+  PipelineOptions options{.degrade = true, .must_keep_up = true};
   options.warn = [&](const std::string& text) { ADD_FAILURE() << text; };
   MemorySink sink;
   sink.on_publish = [&](const PublishedFrame&, const PipelineStats& stats) {
     stats.taken.value() < 19 ? gate.let_wait(stats, 0) : gate.let_all();
   };
-  play(script, sink, options);
+  play(script, {&sink}, options);
   ASSERT_EQ(sink.frames.size(), 20U);
   for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kQualityFlags, 0U) << frame.meta.frame_id;
 }
 
-}  // namespace
 }  // namespace bolo::pipeline::overload_test

@@ -1,13 +1,10 @@
 // The deblurred planes bit for bit: the solver's own, with any number of workers, and of parts as of the whole.
-#include <gtest/gtest.h>
-
-#include <cstring>
-
 #include "src/deblur/solver.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::pipeline::pipeline_bits_test {
-namespace {
 
 using namespace test;
 
@@ -17,12 +14,10 @@ constexpr std::uint64_t kWarmUp = kWindow - 1;
 // The pipeline adds nothing to what the solver makes of the same window.
 TEST(Pipeline, FullFramesAreTheSolversOwn) {
   MemorySink sink;
-  PipelineOptions options = with_workers(2);
-  options.output = PixelType::kFloat32;
-  play({}, sink, options);
+  const PipelineOptions options{.output = PixelType::kFloat32};
+  play({}, {&sink}, options);
   ASSERT_EQ(sink.frames.size(), 40U);
-  auto solver = deblur::Solver::create(options.deblur, test::small_source().format, PixelType::kFloat32);
-  ASSERT_TRUE(solver) << solver.error().message;
+  auto solver = must(deblur::Solver::create(options.deblur, test::small_source().format, PixelType::kFloat32));
   for (std::size_t i = kWarmUp; i < 40; ++i) {
     std::vector<const void*> planes;
     for (std::size_t k = i - kWarmUp; k <= i; ++k) planes.push_back(sink.frames[k].raw.data());
@@ -38,11 +33,11 @@ TEST(Pipeline, FullFramesAreTheSolversOwn) {
 // `options` are those of one worker.
 void expect_the_same_bits(const Script& script, PipelineOptions options, const std::vector<int>& numbers_of_workers) {
   MemorySink expected;
-  play(script, expected, options);
+  play(script, {&expected}, options);
   for (const int workers : numbers_of_workers) {
     options.workers = workers;
     MemorySink sink;
-    play(script, sink, options);
+    play(script, {&sink}, options);
     ASSERT_EQ(sink.frames.size(), expected.frames.size());
     for (std::size_t i = 0; i < sink.frames.size(); ++i) {
       ASSERT_EQ(sink.frames[i].deblurred, expected.frames[i].deblurred) << workers << " workers, frame " << i;
@@ -57,9 +52,7 @@ TEST_P(PipelineTypes, TheNumberOfWorkersChangesNoBit) {
   Script script;
   script.info.format.type = input;
   if (input == PixelType::kFloat32) script.info.format.scale = {Unit::kKelvin, 1.0, 0.0};
-  PipelineOptions options = with_workers(1);
-  options.output = output;
-  expect_the_same_bits(script, options, {2, 3, 9});  // 9: more than the 7 rows
+  expect_the_same_bits(script, {.output = output, .workers = 1}, {2, 3, 9});  // 9: more than the 7 rows
 }
 
 INSTANTIATE_TEST_SUITE_P(All, PipelineTypes,
@@ -77,9 +70,7 @@ class PipelinePixels : public testing::TestWithParam<deblur::Method> {
  protected:
   // Maps of everything, so that pixels depend on their surroundings.
   static PipelineOptions options() {
-    PipelineOptions options = with_workers(1);
-    options.deblur.method = GetParam();
-    options.output = PixelType::kFloat32;
+    PipelineOptions options{.deblur = {.method = GetParam()}, .output = PixelType::kFloat32, .workers = 1};
     for (std::size_t i = 0; i < test::small_source().format.geometry.pixels(); ++i) {
       options.maps.tau_s.push_back(0.010F + 2e-5F * static_cast<float>(i % 90));
       options.maps.dead.push_back(i % 11 == 5 ? 1 : 0);
@@ -93,7 +84,7 @@ TEST_P(PipelinePixels, ARegionAndPointsAreTheWholeFramesBits) {
   const Geometry geometry = test::small_source().format.geometry;
   const auto width = static_cast<std::size_t>(geometry.width);
   MemorySink whole;
-  play({}, whole, options());
+  play({}, {&whole}, options());
   const Region region{3, 1, 17, 5};
   std::vector<std::uint32_t> points;
   for (std::uint32_t i = 0; i < 300; ++i) points.push_back(i * 59 % static_cast<std::uint32_t>(geometry.pixels()));
@@ -102,11 +93,11 @@ TEST_P(PipelinePixels, ARegionAndPointsAreTheWholeFramesBits) {
     few.workers = workers;
     few.region = region;
     MemorySink of_region;
-    play({}, of_region, few);
+    play({}, {&of_region}, few);
     few.region.reset();
     few.points = points;
     MemorySink of_points;
-    play({}, of_points, few);
+    play({}, {&of_points}, few);
     ASSERT_EQ(of_region.frames.size(), whole.frames.size());
     ASSERT_EQ(of_points.frames.size(), whole.frames.size());
     EXPECT_EQ(of_points.format.points, points);
@@ -134,27 +125,75 @@ INSTANTIATE_TEST_SUITE_P(Methods, PipelinePixels,
 
 // Its picture is large enough for workers to share what is done before they solve.
 TEST(Pipeline, MotionGivesTheSameBitsWithAnyWorkers) {
-  Script script;
-  script.info = test::small_source(96, 72);
-  PipelineOptions options = with_workers(1);
-  options.deblur.method = deblur::Method::kMotion;
-  expect_the_same_bits(script, options, {2, 3, 5});
+  const PipelineOptions options{.deblur = {.method = deblur::Method::kMotion}, .workers = 1};
+  expect_the_same_bits({.info = test::small_source(96, 72)}, options, {3});
 }
 
 TEST(Pipeline, PixelsOutsideTheFrameAreRefused) {
-  for (const Region& region : {Region{0, 0, 25, 1}, Region{-1, 0, 3, 3}, Region{0, 5, 3, 3}, Region{0, 0, 0, 1}}) {
-    PipelineOptions options = with_workers(1);
-    options.region = region;
-    MemorySink sink;
-    const auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(Script{}), {&sink}, options);
-    ASSERT_FALSE(pipeline);
-    EXPECT_NE(pipeline.error().message.find("not inside the frame of 24x7"), std::string::npos);
-  }
-  PipelineOptions options = with_workers(1);
-  options.points = {0, 168};
   MemorySink sink;
-  EXPECT_FALSE(Pipeline::create(std::make_unique<ScriptedSource>(Script{}), {&sink}, options));
+  for (const Region& region : {Region{0, 0, 25, 1}, Region{-1, 0, 3, 3}, Region{0, 5, 3, 3}, Region{0, 0, 0, 1}}) {
+    expect_refused(create({}, {&sink}, {.region = region}), {"not inside the frame of 24x7"});
+  }
+  EXPECT_FALSE(create({}, {&sink}, {.points = {0, 168}}));
 }
 
-}  // namespace
+std::vector<test::MemorySink::Frame> published(test::Script script, const model::Undo& undo) {
+  test::MemorySink sink;
+  test::play(std::move(script), {&sink}, {.undo = undo});
+  return std::move(sink.frames);
+}
+
+TEST(PipelineCorrections, PublishesRawFramesAsTheyCame) {
+  const auto plain = published({}, {});
+  const auto undone =
+      published({}, {.filter = model::FrameFilter::kRecursive, .filter_weight = 0.7, .emissivity = 0.95});
+  ASSERT_EQ(plain.size(), undone.size());
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    EXPECT_EQ(plain[i].raw, undone[i].raw) << i;
+    EXPECT_NE(plain[i].deblurred, undone[i].deblurred) << i;
+  }
+}
+
+// A filter that is undone leaves what the solver makes of the frames before the filter, but for rounding to counts.
+TEST(PipelineCorrections, SeesThroughAFilter) {
+  constexpr double kWeight = 0.75;
+  test::Script script;
+  std::vector<double> before;
+  script.fill = [&before](rt::FrameSlot& slot, const StreamFormat& format) {
+    test::fill_moving_bar(slot, format);
+    if (before.empty()) before.assign(slot.u16(), slot.u16() + format.geometry.pixels());
+    for (std::size_t p = 0; p < before.size(); ++p) {
+      before[p] = kWeight * slot.u16()[p] + (1.0 - kWeight) * before[p];
+      slot.u16()[p] = static_cast<std::uint16_t>(std::lround(before[p]));
+    }
+  };
+  const auto wanted = published({}, {});
+  const auto seen = published(script, {.filter = model::FrameFilter::kRecursive, .filter_weight = kWeight});
+  ASSERT_EQ(wanted.size(), seen.size());
+  double squares = 0.0;
+  double count = 0.0;
+  for (std::size_t i = 20; i < wanted.size(); ++i) {
+    const auto* a = reinterpret_cast<const std::uint16_t*>(wanted[i].deblurred.data());
+    const auto* b = reinterpret_cast<const std::uint16_t*>(seen[i].deblurred.data());
+    for (std::size_t p = 0; p < before.size(); ++p, ++count) squares += std::pow(double{1.0} * a[p] - b[p], 2);
+  }
+  EXPECT_LT(std::sqrt(squares / count), 2.0) << "counts; the bar is 900 high";
+}
+
+TEST(PipelineCorrections, RepeatedFramesCountAsLost) {
+  test::Script script;
+  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
+    const std::uint64_t id = slot.meta.frame_id;
+    slot.meta.frame_id = id == 25 ? 24 : id;
+    test::fill_moving_bar(slot, format);
+    slot.meta.frame_id = id;
+  };
+  const auto kept = published(script, {});
+  const auto dropped = published(script, {.drop_repeated = true});
+  EXPECT_EQ(kept.size(), dropped.size() + 1);
+  const auto gap = std::find_if(dropped.begin(), dropped.end(), [](const auto& f) { return f.meta.frame_id == 26; });
+  ASSERT_NE(gap, dropped.end());
+  EXPECT_NE(gap->meta.flags & kFlagGap, 0U);
+}
+
 }  // namespace bolo::pipeline::pipeline_bits_test

@@ -1,25 +1,29 @@
 #include "src/pipeline/pipeline.hpp"
-
-#include <gtest/gtest.h>
-
-#include <chrono>
-#include <numeric>
-#include <thread>
-
-#include "src/core/utc_clock.hpp"
+#include "src/core/clock.hpp"
+#include "src/pipeline/host_clock.hpp"
+#include "src/pipeline/notices.hpp"
+#include "src/pipeline/source.hpp"
 #include "tests/pipeline/fakes.hpp"
+#include "tests/refusal.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::pipeline::pipeline_test {
-namespace {
 
 using namespace test;
 
 constexpr int kWindow = 17;
 constexpr std::uint64_t kWarmUp = kWindow - 1;
 
-TEST(Pipeline, PublishesEachFrameOnceInOrder) {
+// Whether exactly those frames have the flag whose place in the stream says so.
+void expect_flag(const MemorySink& sink, std::uint32_t flag, const std::function<bool(std::uint64_t)>& has_it) {
+  for (const MemorySink::Frame& frame : sink.frames) {
+    EXPECT_EQ((frame.meta.flags & flag) != 0, has_it(frame.meta.frame_id)) << frame.meta.frame_id;
+  }
+}
+
+TEST(Pipeline, PublishesEachFrameOnceInOrderAndTheFirstOnesUnsolved) {
   MemorySink sink;
-  play({}, sink, with_workers(2), [](const Pipeline& pipeline) {
+  play({}, {&sink}, {}, [](const Pipeline& pipeline) {
     EXPECT_EQ(pipeline.stats().published.value(), 40U);
     EXPECT_EQ(pipeline.stats().warm_up.value(), kWarmUp);
     EXPECT_EQ(pipeline.stats().gap_frames.value(), 0U);
@@ -30,99 +34,67 @@ TEST(Pipeline, PublishesEachFrameOnceInOrder) {
   });
   ASSERT_EQ(sink.frames.size(), 40U);
   for (std::size_t i = 0; i < 40; ++i) {
-    EXPECT_EQ(sink.frames[i].meta.frame_id, i);
-    EXPECT_EQ(sink.frames[i].meta.camera_ns, static_cast<std::int64_t>(i) * test::kPeriodNs);
-    EXPECT_GE(sink.frames[i].publish_ns, sink.frames[i].meta.receive_ns);
     const FrameMeta& meta = sink.frames[i].meta;
+    EXPECT_EQ(meta.frame_id, i);
+    EXPECT_EQ(meta.camera_ns, static_cast<std::int64_t>(i) * test::kPeriodNs);
+    EXPECT_GE(sink.frames[i].publish_ns, meta.receive_ns);
     EXPECT_EQ(meta.utc_ns - meta.receive_ns, sink.frames[0].meta.utc_ns - sink.frames[0].meta.receive_ns);
     EXPECT_LT(std::abs(meta.utc_ns + monotonic_ns() - meta.receive_ns - realtime_ns()), 1'000'000'000) << "it is UTC";
     EXPECT_GE(meta.utc_uncertainty_ns, kPeriodNs);
-    EXPECT_EQ(sink.frames[i].meta.flags, i < kWarmUp ? kFlagWarmUp : kFlagNone) << i;
+    EXPECT_EQ(meta.flags, i < kWarmUp ? kFlagWarmUp : kFlagNone) << i;
+    EXPECT_EQ(sink.frames[i].deblurred == sink.frames[i].raw, i < kWarmUp) << i;
   }
   EXPECT_EQ(sink.opened, 1);
   EXPECT_EQ(sink.closed, 1);
 }
 
-TEST(Pipeline, WarmUpFramesShowTheRawValues) {
-  MemorySink sink;
-  play({}, sink, with_workers(2));
-  ASSERT_EQ(sink.frames.size(), 40U);
-  for (std::size_t i = 0; i < kWarmUp; ++i) EXPECT_EQ(sink.frames[i].deblurred, sink.frames[i].raw) << i;
-  for (std::size_t i = kWarmUp; i < 40; ++i) EXPECT_NE(sink.frames[i].deblurred, sink.frames[i].raw) << i;
-}
-
 TEST(Pipeline, LookaheadPublishesAllAndTheLastOnesUnsolved) {
   MemorySink sink;
-  PipelineOptions options = with_workers(2);
-  options.deblur.lookahead = 3;
-  play({}, sink, options);
+  play({}, {&sink}, {.deblur = {.lookahead = 3}});
   ASSERT_EQ(sink.frames.size(), 40U);
-  for (std::size_t i = 0; i < 40; ++i) {
-    EXPECT_EQ(sink.frames[i].meta.frame_id, i);
-    const bool full = i >= kWarmUp - 3 && i < 37;
-    EXPECT_EQ((sink.frames[i].meta.flags & kFlagWarmUp) == 0, full) << i;
-  }
+  for (std::size_t i = 0; i < 40; ++i) EXPECT_EQ(sink.frames[i].meta.frame_id, i);
+  expect_flag(sink, kFlagWarmUp, [](std::uint64_t id) { return id < kWarmUp - 3 || id >= 37; });
 }
 
 TEST(Pipeline, ALostFrameMarksEveryWindowItIsMissingFrom) {
-  Script script;
-  script.frames = run_of(0, 60);
+  Script script{.frames = run_of(0, 60)};
   script.frames.erase(script.frames.begin() + 30);
   MemorySink sink;
-  play(script, sink, with_workers(2), [](const Pipeline& pipeline) {
+  play(script, {&sink}, {}, [](const Pipeline& pipeline) {
     EXPECT_EQ(pipeline.stats().gap_frames.value(), kWarmUp);
     EXPECT_EQ(pipeline.stats().warm_up.value(), kWarmUp);
     EXPECT_EQ(pipeline.stats().restarts.value(), 0U);
   });
   ASSERT_EQ(sink.frames.size(), 59U);
-  for (const MemorySink::Frame& frame : sink.frames) {
-    const bool gap = frame.meta.frame_id > 30 && frame.meta.frame_id <= 30 + kWarmUp;
-    EXPECT_EQ((frame.meta.flags & kFlagGap) != 0, gap) << frame.meta.frame_id;
-  }
+  expect_flag(sink, kFlagGap, [](std::uint64_t id) { return id > 30 && id <= 30 + kWarmUp; });
 }
 
 TEST(Pipeline, ARestartEmptiesTheWindow) {
   Script script;
   script.frames[20].restart = true;
   MemorySink sink;
-  play(script, sink, with_workers(2), [](const Pipeline& pipeline) {
+  play(script, {&sink}, {}, [](const Pipeline& pipeline) {
     EXPECT_EQ(pipeline.stats().restarts.value(), 1U);
     EXPECT_EQ(pipeline.stats().warm_up.value(), 2 * kWarmUp);
   });
   ASSERT_EQ(sink.frames.size(), 40U);
-  for (std::size_t i = 0; i < 40; ++i) {
-    const bool warm_up = i < kWarmUp || (i >= 20 && i < 20 + kWarmUp);
-    EXPECT_EQ((sink.frames[i].meta.flags & kFlagWarmUp) != 0, warm_up) << i;
-  }
+  expect_flag(sink, kFlagWarmUp, [](std::uint64_t id) { return id < kWarmUp || (id >= 20 && id < 20 + kWarmUp); });
 }
 
-TEST(Pipeline, SaturationIsToldOfTheFrameThatHasIt) {
+TEST(Pipeline, FlagsAreToldOfTheFrameThatHasThem) {
   for (const int row : {0, 3, 6}) {
     Script script;
     script.fill = [row](rt::FrameSlot& slot, const StreamFormat& format) {
       test::fill_moving_bar(slot, format);
       if (slot.meta.frame_id == 5 || slot.meta.frame_id == 25) slot.u16()[row * format.geometry.width + 23] = 65'535;
+      if (slot.meta.frame_id == 30) slot.meta.flags |= kFlagNuc;  // by the driver
     };
     MemorySink sink;
-    play(script, sink, with_workers(3));
+    play(script, {&sink}, {.workers = 3});
     ASSERT_EQ(sink.frames.size(), 40U);
-    for (std::size_t i = 0; i < 40; ++i) {
-      EXPECT_EQ((sink.frames[i].meta.flags & kFlagSaturated) != 0, i == 5 || i == 25)
-          << "frame " << i << " row " << row;
-    }
+    expect_flag(sink, kFlagSaturated, [](std::uint64_t id) { return id == 5 || id == 25; });
+    expect_flag(sink, kFlagNuc, [](std::uint64_t id) { return id == 30; });
   }
-}
-
-TEST(Pipeline, FlagsOfTheDriverReachTheSinks) {
-  Script script;
-  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
-    test::fill_moving_bar(slot, format);
-    if (slot.meta.frame_id == 30) slot.meta.flags |= kFlagNuc;
-  };
-  MemorySink sink;
-  play(script, sink, with_workers(1));
-  ASSERT_EQ(sink.frames.size(), 40U);
-  for (std::size_t i = 0; i < 40; ++i) EXPECT_EQ((sink.frames[i].meta.flags & kFlagNuc) != 0, i == 30) << i;
 }
 
 TEST(Pipeline, EverySinkGetsEveryFrameInTheOrderOfTheSinks) {
@@ -131,10 +103,7 @@ TEST(Pipeline, EverySinkGetsEveryFrameInTheOrderOfTheSinks) {
   std::vector<int> order;
   first.on_publish = [&](const PublishedFrame&, const PipelineStats&) { order.push_back(1); };
   second.on_publish = [&](const PublishedFrame&, const PipelineStats&) { order.push_back(2); };
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(Script{}), {&first, &second}, with_workers(2));
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  const std::atomic<bool> never{false};
-  ASSERT_TRUE((*pipeline)->run(never));
+  play({}, {&first, &second});
   ASSERT_EQ(order.size(), 80U);
   for (std::size_t i = 0; i < order.size(); ++i) ASSERT_EQ(order[i], i % 2 == 0 ? 1 : 2);
 }
@@ -143,7 +112,7 @@ TEST(Pipeline, TheSourcesOwnPeriodIsTheGrid) {
   Script script;
   script.info.format.frame_period_s = 1.0 / 60.0;
   MemorySink sink;
-  play(script, sink, with_workers(1), [](const Pipeline& pipeline) {
+  play(script, {&sink}, {}, [](const Pipeline& pipeline) {
     EXPECT_DOUBLE_EQ(pipeline.settings().period_s, 1.0 / 60.0);
     EXPECT_EQ(pipeline.stats().gap_frames.value(), 0U);
     EXPECT_EQ(pipeline.stats().restarts.value(), 0U);
@@ -154,10 +123,7 @@ TEST(Pipeline, TheSourcesOwnPeriodIsTheGrid) {
 
 TEST(Pipeline, TheHistogramCountsEachFrameAndTheTextFitsSharedMemory) {
   MemorySink sink;
-  PipelineOptions options = with_workers(1);
-  options.deblur.lambda = 1.0 / 3.0;
-  options.deblur.iterations = 1000;
-  play({}, sink, options, [](const Pipeline& pipeline) {
+  play({}, {&sink}, {.deblur = {.lambda = 1.0 / 3.0, .iterations = 1000}}, [](const Pipeline& pipeline) {
     const auto counts = pipeline.stats().latency.counts();
     EXPECT_EQ(std::accumulate(counts.begin(), counts.end(), std::uint64_t{0}), 40U);
     EXPECT_LT(pipeline.solver_text().size(), 64U) << pipeline.solver_text();
@@ -169,33 +135,23 @@ TEST(Pipeline, TheHistogramCountsEachFrameAndTheTextFitsSharedMemory) {
 }
 
 TEST(Pipeline, ASlowSinkLosesNothingOfASourceThatWaits) {
-  Script script;
-  script.frames = run_of(0, 60);
   MemorySink sink;
   sink.on_publish = [](const PublishedFrame&, const PipelineStats&) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   };
-  PipelineOptions options = with_workers(1);
-  options.queue_frames = 1;
-  play(script, sink, options);
+  play({.frames = run_of(0, 60)}, {&sink}, {.workers = 1, .queue_frames = 1});
   EXPECT_EQ(sink.frames.size(), 60U);
 }
 
 TEST(Pipeline, ABlockedSinkLosesFramesOfACameraAndEachIsCountedOnce) {
-  Script script;
-  script.frames = run_of(0, 200);
-  script.waits_for_slots = false;
   std::atomic<bool> played{false};
   MemorySink sink;
   sink.on_publish = [&](const PublishedFrame&, const PipelineStats&) {
     while (!played.load()) std::this_thread::yield();
   };
-  PipelineOptions options = with_workers(1);
-  options.queue_frames = 4;
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(script, &played), {&sink}, options);
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  const std::atomic<bool> never{false};
-  ASSERT_TRUE((*pipeline)->run(never));
+  const Script script{.frames = run_of(0, 200), .waits_for_slots = false};
+  auto pipeline = must(create(script, {&sink}, {.workers = 1, .queue_frames = 4}, &played));
+  ASSERT_TRUE((*pipeline)->run(kNever));
   const PipelineStats& stats = (*pipeline)->stats();
   EXPECT_GT(stats.inlet.losses().total(), 0U);
   EXPECT_EQ(stats.inlet.received() + stats.inlet.losses().total(), 200U);
@@ -204,17 +160,12 @@ TEST(Pipeline, ABlockedSinkLosesFramesOfACameraAndEachIsCountedOnce) {
 }
 
 TEST(Pipeline, SilenceIsToldToTheSinksUntilStopIsRequested) {
-  Script script;
-  script.frames = run_of(0, 20);
-  script.ends = false;
   std::atomic<bool> stop{false};
   MemorySink sink;
   sink.on_idle = [&] {
     if (sink.idled == 3) stop.store(true);
   };
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(script), {&sink}, with_workers(2));
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  ASSERT_TRUE((*pipeline)->run(stop));
+  play({.frames = run_of(0, 20), .ends = false}, {&sink}, {}, {}, stop);
   EXPECT_GE(sink.idled, 3);
   EXPECT_EQ(sink.frames.size(), 20U);
   EXPECT_EQ(sink.closed, 1);
@@ -222,18 +173,16 @@ TEST(Pipeline, SilenceIsToldToTheSinksUntilStopIsRequested) {
 
 // A camera whose frames come every 5 ms and not, as configured, every 5.5.
 TEST(Pipeline, ThePeriodMayTurnOutToBeAnother) {
-  Script script;
-  script.frames = run_of(0, 60);
+  Script script{.frames = run_of(0, 60)};
   MemorySink right;
-  play(script, right, with_workers(2));
+  play(script, {&right});
   script.info.format.frame_period_s = 5.5e-3;
   script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
     slot.meta.camera_ns = static_cast<std::int64_t>(slot.meta.frame_id) * test::kPeriodNs;
     test::fill_moving_bar(slot, format);
   };
   MemorySink sink;
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(script), {&sink}, with_workers(2));
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
+  auto pipeline = must(create(script, {&sink}));
   EXPECT_FALSE((*pipeline)->set_period(-1.0));
   ASSERT_TRUE((*pipeline)->set_period(5.4e-3)) << "taken back before a frame came";
   ASSERT_TRUE((*pipeline)->set_period(5e-3));
@@ -241,8 +190,7 @@ TEST(Pipeline, ThePeriodMayTurnOutToBeAnother) {
   sink.on_publish = [&](const PublishedFrame& frame, const PipelineStats&) {
     if (frame.meta.frame_id == 30 && !again) again = (*pipeline)->set_period(5e-3).has_value();
   };
-  const std::atomic<bool> never{false};
-  ASSERT_TRUE((*pipeline)->run(never));
+  ASSERT_TRUE((*pipeline)->run(kNever));
   ASSERT_EQ(sink.frames.size(), 60U);
   EXPECT_TRUE(again);
   for (std::size_t i = 0; i < 60; ++i) {
@@ -254,44 +202,30 @@ TEST(Pipeline, ThePeriodMayTurnOutToBeAnother) {
 }
 
 TEST(Pipeline, StopDrainsWhatHadCome) {
-  Script script;
-  script.frames = run_of(0, 100'000);
   std::atomic<bool> stop{false};
   MemorySink sink;
   sink.on_publish = [&](const PublishedFrame& frame, const PipelineStats&) {
     if (frame.meta.frame_id == 50) stop.store(true);
   };
-  PipelineOptions options = with_workers(2);
-  options.degrade = true;  // should the machine be too busy to solve them in time
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(script), {&sink}, options);
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  ASSERT_TRUE((*pipeline)->run(stop));
+  const PipelineOptions options{.degrade = true};  // should the machine be too busy to solve them in time
+  const auto all_came = [&](const Pipeline& pipeline) {
+    EXPECT_EQ(sink.frames.size(), pipeline.stats().inlet.received());
+  };
+  play({.frames = run_of(0, 100'000)}, {&sink}, options, all_came, stop);
   EXPECT_GT(sink.frames.size(), 50U);
   EXPECT_LT(sink.frames.size(), 100'000U);
-  EXPECT_EQ(sink.frames.size(), (*pipeline)->stats().inlet.received());
 }
 
 TEST(Pipeline, ErrorsOfTheSourceComeThrough) {
-  Script script;
-  script.open_status = bad_input("no camera");
   MemorySink sink;
-  const auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(script), {&sink}, with_workers(1));
-  ASSERT_FALSE(pipeline);
-  EXPECT_EQ(pipeline.error().message, "no camera");
-  EXPECT_EQ(sink.opened, 0);
-  EXPECT_EQ(sink.closed, 0);
+  expect_refused(create({.open_status = bad_input("no camera")}, {&sink}), {"no camera"});
+  EXPECT_EQ(sink.opened + sink.closed, 0);
 }
 
 TEST(Pipeline, ASourceThatDoesNotStartClosesTheSinks) {
-  Script script;
-  script.start_status = failed("cable");
   MemorySink sink;
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(script), {&sink}, with_workers(1));
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  const std::atomic<bool> never{false};
-  const Status status = (*pipeline)->run(never);
-  ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().message, "cable");
+  auto pipeline = must(create({.start_status = failed("cable")}, {&sink}));
+  expect_error((*pipeline)->run(kNever), {"cable"});
   EXPECT_EQ(sink.closed, 1);
 }
 
@@ -300,10 +234,7 @@ TEST(Pipeline, ASinkThatDoesNotOpenClosesThoseBeforeIt) {
   MemorySink second;
   MemorySink third;
   second.open_status = bad_input("name is taken");
-  const auto pipeline =
-      Pipeline::create(std::make_unique<ScriptedSource>(Script{}), {&first, &second, &third}, with_workers(1));
-  ASSERT_FALSE(pipeline);
-  EXPECT_EQ(pipeline.error().message, "name is taken");
+  expect_refused(create({}, {&first, &second, &third}), {"name is taken"});
   EXPECT_EQ(first.closed, 1);
   EXPECT_EQ(second.closed, 0);
   EXPECT_EQ(third.opened + third.closed, 0);
@@ -311,41 +242,102 @@ TEST(Pipeline, ASinkThatDoesNotOpenClosesThoseBeforeIt) {
 
 TEST(Pipeline, APipelineThatNeverRanClosesItsSinksOnce) {
   MemorySink sink;
-  { ASSERT_TRUE(Pipeline::create(std::make_unique<ScriptedSource>(Script{}), {&sink}, with_workers(2))); }
+  { ASSERT_TRUE(create({}, {&sink})); }
   EXPECT_EQ(sink.opened, 1);
   EXPECT_EQ(sink.closed, 1);
 }
 
 TEST(Pipeline, WrongOptionsAreNamed) {
-  const auto refusal = [](const PipelineOptions& options) -> std::string {
-    MemorySink sink;
-    const auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(Script{}), {&sink}, options);
-    EXPECT_EQ(sink.opened, 0);
-    if (pipeline) return "accepted";
-    EXPECT_EQ(pipeline.error().kind, ErrorKind::kBadInput);
-    return pipeline.error().message;
-  };
-  EXPECT_NE(refusal(with_workers(0)).find("workers = 0"), std::string::npos);
-  EXPECT_NE(refusal(with_workers(65)).find("workers = 65"), std::string::npos);
-  PipelineOptions queue;
-  queue.queue_frames = 0;
-  EXPECT_NE(refusal(queue).find("queue_frames = 0"), std::string::npos);
-  PipelineOptions tau;
-  tau.deblur.tau_s = -1.0;
-  EXPECT_NE(refusal(tau).find("tau"), std::string::npos);
+  MemorySink sink;
+  expect_refused(create({}, {&sink}, {.workers = 0}), {"workers = 0"});
+  expect_refused(create({}, {&sink}, {.workers = 65}), {"workers = 65"});
+  expect_refused(create({}, {&sink}, {.queue_frames = 0}), {"queue_frames = 0"});
+  expect_refused(create({}, {&sink}, {.deblur = {.tau_s = -1.0}}), {"tau"});
+  EXPECT_EQ(sink.opened, 0);
 }
 
 TEST(Pipeline, ARefusedPlaceIsToldAndTheFramesFlow) {
   MemorySink sink;
   std::vector<std::string> warnings;
-  PipelineOptions options = with_workers(2);
-  options.thread = {.name = "deblur", .realtime_priority = 0, .cpus = {1023}};
-  options.warn = [&](const std::string& line) { warnings.push_back(line); };
-  play({}, sink, options);
+  play({}, {&sink}, {.thread = {.name = "deblur", .cpus = {1023}}, .warn = [&](const std::string& line) {
+                       warnings.push_back(line);
+                     }});
   EXPECT_EQ(sink.frames.size(), 40U);
   ASSERT_EQ(warnings.size(), 2U);  // the helper's, at creation, and the pipeline thread's own
   for (const std::string& line : warnings) EXPECT_NE(line.find("CPUs 1023 refused"), std::string::npos) << line;
 }
 
-}  // namespace
+constexpr std::int64_t kMs = 1'000'000;
+
+TEST(WatchLimits, AreWhatWasAskedForOrTwentyPeriodsOfASlowCamera) {
+  const WatchLimits limits = watch_limits(200, 2000, 0.005);
+  EXPECT_EQ(limits.stall_ns, 200 * kMs);
+  EXPECT_EQ(limits.lost_ns, 2000 * kMs);
+  const WatchLimits slow = watch_limits(200, 2000, 0.25);
+  EXPECT_EQ(slow.stall_ns, 5000 * kMs);
+  EXPECT_EQ(slow.lost_ns, 5000 * kMs);
+}
+
+TEST(FramesBetween, CountsNeitherTheLastNorTheFirst) {
+  EXPECT_EQ(frames_between(0, 50 * kMs, 0.005), 9u);
+  EXPECT_EQ(frames_between(0, 52 * kMs, 0.005), 9u) << "the first may come a little late";
+  EXPECT_EQ(frames_between(0, 5 * kMs, 0.005), 0u);
+  EXPECT_EQ(frames_between(5 * kMs, 0, 0.005), 0u);
+}
+
+TEST(Notices, KeepTheSameThingOnceAlsoWhenItWasTaken) {
+  Notices notices;
+  notices.report(true, "lost");
+  notices.report(true, "lost");
+  ASSERT_EQ(notices.take().size(), 1u);
+  notices.report(true, "lost");
+  EXPECT_TRUE(notices.take().empty());
+  notices.forget_last();
+  notices.report(true, "lost");
+  notices.report(false, "back");
+  const std::vector<Notice> taken = notices.take();
+  ASSERT_EQ(taken.size(), 2u);
+  EXPECT_TRUE(taken[0].warning);
+  EXPECT_EQ(taken[1].text, "back");
+}
+
+TEST(Notices, OfVeryManyTheOldestGo) {
+  Notices notices;
+  for (int i = 0; i < 300; ++i) notices.report(false, std::to_string(i));
+  const std::vector<Notice> taken = notices.take();
+  ASSERT_EQ(taken.size(), 256u);
+  EXPECT_EQ(taken.back().text, "299");
+}
+
+// The last measurement of frames so many ns apart, with ids as given.
+double measure(double period_s, int frames, PeriodMeter& meter, std::uint64_t lost_every = 0, int pause_at = -1) {
+  double measured = 0.0;
+  std::uint64_t id = 100;
+  double time_s = 7.0;
+  for (int i = 0; i < frames; ++i) {
+    const std::uint64_t step = lost_every != 0 && i % static_cast<int>(lost_every) == 0 ? 3 : 1;
+    id += step;
+    time_s += static_cast<double>(step) * period_s + (i == pause_at ? 0.4 : 0.0);
+    if (const double m = meter.add(id, static_cast<std::int64_t>(time_s * 1e9)); m > 0.0) measured = m;
+  }
+  return measured;
+}
+
+TEST(PeriodMeterTest, MeasuresWhatTheClockSaysWithoutLostFramesAndPauses) {
+  for (const double period_s : {0.005, 0.0052, 0.114}) {
+    PeriodMeter meter;
+    EXPECT_NEAR(measure(period_s, 33, meter), period_s, 1e-8);
+    meter.restart();
+    EXPECT_NEAR(measure(period_s, 33, meter, 5, 17), period_s, 1e-8);
+  }
+}
+
+TEST(PeriodMeterTest, SaysNothingBeforeItKnows) {
+  PeriodMeter meter;
+  EXPECT_EQ(measure(0.005, 32, meter), 0.0);
+  meter.restart();
+  EXPECT_EQ(measure(0.005, 32, meter), 0.0);
+  EXPECT_EQ(meter.add(1, 0), 0.0) << "a counter that began anew";
+}
+
 }  // namespace bolo::pipeline::pipeline_test

@@ -1,16 +1,8 @@
 #include "src/pipeline/quality_level.hpp"
 #include "src/pipeline/solver_ladder.hpp"
-
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cstdint>
-#include <ctime>
-#include <random>
-#include <vector>
+#include "tests/test.hpp"
 
 namespace bolo::pipeline::quality_level_test {
-namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kPeriodNs = 5 * kMs;
@@ -67,15 +59,6 @@ class Machine {
   std::int64_t next_frame_ns_ = 0;
   std::uint64_t waiting_ = 0;
 };
-
-TEST(QualityLevel, NamesAndFlags) {
-  EXPECT_EQ(name(QualityLevel::kFull), "full");
-  EXPECT_EQ(name(QualityLevel::kRaw), "raw");
-  EXPECT_EQ(flag_of(QualityLevel::kFull), 0U);
-  EXPECT_EQ(flag_of(QualityLevel::kReduced), 32U);
-  EXPECT_EQ(flag_of(QualityLevel::kInverse), 64U);
-  EXPECT_EQ(flag_of(QualityLevel::kRaw), 128U);
-}
 
 TEST(QualityControl, AFastMachineSpendsAllOnEveryFrame) {
   Machine machine;
@@ -159,12 +142,9 @@ TEST(QualityControl, AShortQueueHasItsStepsToo) {
 
 // In processor time: what the first window costs, which is all new, is not what a frame costs.
 TEST(SolverLadder, MeasuresAFrameOfAStreamThatFlows) {
-  deblur::Settings settings;
-  settings.method = deblur::Method::kMotion;
-  StreamFormat format;
-  format.geometry = {320, 64};
-  auto ladder = SolverLadder::create(settings, format, PixelType::kUint16, 0.0, false);
-  ASSERT_TRUE(ladder) << ladder.error().message;
+  const deblur::Settings settings{.method = deblur::Method::kMotion};
+  const StreamFormat format{.geometry = {320, 64}};
+  auto ladder = must(SolverLadder::create(settings, format, PixelType::kUint16, 0.0, false));
   const double frame_s = ladder->measure(settings, format, PixelType::kUint16, 1).full_s;
   std::minstd_rand random(1);
   std::vector<std::vector<std::uint16_t>> planes(static_cast<std::size_t>(settings.window));
@@ -181,5 +161,4 @@ TEST(SolverLadder, MeasuresAFrameOfAStreamThatFlows) {
   EXPECT_LT(frame_s, 0.6 * first_s);
 }
 
-}  // namespace
 }  // namespace bolo::pipeline::quality_level_test

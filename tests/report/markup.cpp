@@ -2,10 +2,6 @@
 
 #include <glib.h>
 
-#include <cstdio>
-
-#include <gtest/gtest.h>
-
 #include "src/report/text.hpp"
 
 namespace bolo::plot::test {

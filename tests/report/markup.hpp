@@ -1,9 +1,7 @@
 // Drawings and pages as a program that reads markup sees them.
 #pragma once
 
-#include <map>
-#include <string>
-#include <vector>
+#include "tests/test.hpp"
 
 namespace bolo::plot::test {
 

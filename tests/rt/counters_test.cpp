@@ -1,49 +1,13 @@
 #include "src/rt/counters.hpp"
-
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <random>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include "bolo/shm_layout.h"
+#include "tests/test.hpp"
 
 namespace bolo::rt::counters_test {
-namespace {
 
-TEST(Counter, AddsFromManyThreads) {
-  Counter counter;
-  std::vector<std::thread> threads;
-  for (int t = 0; t < 3; ++t) {
-    threads.emplace_back([&] {
-      for (int i = 0; i < 10'000; ++i) counter.add();
-    });
-  }
-  for (std::thread& thread : threads) thread.join();
-  counter.add(5);
-  EXPECT_EQ(counter.value(), 30'005U);
-}
-
-TEST(LossCounters, KeepsTheCausesApart) {
-  LossCounters losses;
-  losses.add(LossCause::kMissing, 3);
-  losses.add(LossCause::kQueueFull);
-  EXPECT_EQ(losses.value(LossCause::kMissing), 3U);
-  EXPECT_EQ(losses.value(LossCause::kQueueFull), 1U);
-  EXPECT_EQ(losses.value(LossCause::kDriver), 0U);
-  EXPECT_EQ(losses.total(), 4U);
-}
-
-TEST(LossCounters, FitIntoSharedMemoryAndAllHaveNames) {
+TEST(Counters, FitIntoSharedMemoryAndAllLossesHaveNames) {
+  EXPECT_EQ(LatencyHistogram::kBuckets, BOLO_SHM_LATENCY_BUCKETS);
   EXPECT_LE(kLossCauses, BOLO_SHM_LOSS_CAUSES);
   for (std::size_t i = 0; i < kLossCauses; ++i) EXPECT_FALSE(name(static_cast<LossCause>(i)).empty());
-}
-
-TEST(LatencyHistogram, HasAsManyBucketsAsSharedMemory) {
-  EXPECT_EQ(LatencyHistogram::kBuckets, BOLO_SHM_LATENCY_BUCKETS);
 }
 
 TEST(LatencyHistogram, BucketsFollowTheLayoutsRule) {
@@ -95,5 +59,4 @@ TEST(LatencyHistogram, PercentileOfOneAndOfNone) {
   }
 }
 
-}  // namespace
 }  // namespace bolo::rt::counters_test

@@ -1,23 +1,12 @@
-#include <gtest/gtest.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <array>
-#include <cstdio>
-#include <cstdlib>
-#include <functional>
-#include <set>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include "src/rt/thread.hpp"
-#include "src/rt/worker_team.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::rt::worker_team_test {
-namespace {
 
 TEST(WorkerTeam, RunsTheJobOnceOnEachWorkerAndEachOnItsOwnThread) {
   for (const int workers : {1, 2, 5}) {
@@ -43,11 +32,6 @@ TEST(WorkerTeam, RunsTheJobOnceOnEachWorkerAndEachOnItsOwnThread) {
     EXPECT_EQ(threads.size(), static_cast<std::size_t>(workers));
     EXPECT_EQ(seen.thread[0], std::this_thread::get_id());
   }
-}
-
-TEST(WorkerTeam, FewerThanOneWorkerIsOne) {
-  WorkerTeam team(0, {});
-  EXPECT_EQ(team.size(), 1);
 }
 
 // Plain, not atomic: the barrier alone orders the rounds, which the thread sanitizer checks.
@@ -84,20 +68,6 @@ TEST(WorkerTeam, NamesItsThreads) {
   EXPECT_STREQ(name.data(), "solve-1");
 }
 
-TEST(WorkerTeam, TellsARefusalAndWorksOn) {
-  WorkerTeam team(2, {.name = "solve", .realtime_priority = 0, .cpus = {1023}});
-  ASSERT_FALSE(team.status());
-  EXPECT_NE(team.status().error().message.find("thread 'solve-1': CPUs 1023 refused"), std::string::npos)
-      << team.status().error().message;
-  int calls = 0;
-  team.run(
-      [](void* context, int worker) {
-        if (worker == 1) ++*static_cast<int*>(context);
-      },
-      &calls);
-  EXPECT_EQ(calls, 1);
-}
-
 // The options would stay on the thread that runs the tests.
 void on_own_thread(const std::function<void()>& check) { std::thread(check).join(); }
 
@@ -116,8 +86,7 @@ TEST(ApplyToThisThread, PlacesTheThread) {
     ASSERT_EQ(pthread_getaffinity_np(pthread_self(), sizeof allowed, &allowed), 0);
     int cpu = 0;
     while (!CPU_ISSET(static_cast<std::size_t>(cpu), &allowed)) ++cpu;
-    const Status status = apply_to_this_thread({.name = "", .realtime_priority = 0, .cpus = {cpu}});
-    ASSERT_TRUE(status) << status.error().message;
+    ASSERT_TRUE(apply_to_this_thread({.name = "", .realtime_priority = 0, .cpus = {cpu}}));
     cpu_set_t now;
     ASSERT_EQ(pthread_getaffinity_np(pthread_self(), sizeof now, &now), 0);
     EXPECT_EQ(CPU_COUNT(&now), 1);
@@ -125,20 +94,13 @@ TEST(ApplyToThisThread, PlacesTheThread) {
   });
 }
 
-TEST(ApplyToThisThread, RefusesPrioritiesOutOfRange) {
+TEST(ApplyToThisThread, RefusesWhatCannotBe) {
   for (const int priority : {-1, 100}) {
-    const Status status = apply_to_this_thread({.name = "t", .realtime_priority = priority});
-    ASSERT_FALSE(status);
-    EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
-    EXPECT_NE(status.error().message.find("1 to 99"), std::string::npos) << status.error().message;
+    expect_refused(apply_to_this_thread({.name = "t", .realtime_priority = priority}), {"1 to 99"});
   }
-}
-
-TEST(ApplyToThisThread, RefusesCpusThatCannotBe) {
   for (const int cpu : {-1, 1 << 20}) {
-    const Status status = apply_to_this_thread({.name = "t", .realtime_priority = 0, .cpus = {cpu}});
-    ASSERT_FALSE(status);
-    EXPECT_NE(status.error().message.find("CPU " + std::to_string(cpu)), std::string::npos);
+    const ThreadOptions options{.name = "t", .realtime_priority = 0, .cpus = {cpu}};
+    expect_error(apply_to_this_thread(options), {"CPU " + std::to_string(cpu)});
   }
 }
 
@@ -158,7 +120,5 @@ TEST(ApplyToThisThread, ARefusedPriorityNamesTheLimitToRaise) {
               "thread 'bolo-deblur': SCHED_FIFO priority 20 refused .*, RLIMIT_RTPRIO is 0; set LimitRTPRIO=20 in the "
               "systemd unit, or 'ulimit -r 20'");
 }
-
-}  // namespace
 
 }  // namespace bolo::rt::worker_team_test

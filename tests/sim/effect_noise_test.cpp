@@ -1,11 +1,9 @@
 // Effects that are random in time.
 #include <complex>
-#include <numbers>
 
 #include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim::effect_noise_test {
-namespace {
 
 using namespace testing;
 
@@ -137,5 +135,4 @@ TEST(DeadPixels, AreStuckOrNothingButNoise) {
   }
 }
 
-}  // namespace
 }  // namespace bolo::sim::effect_noise_test

@@ -1,11 +1,7 @@
 // Effects of optics, radiometry and pixels against closed forms and brute force.
-#include <functional>
-#include <numbers>
-
 #include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim::effect_pixel_test {
-namespace {
 
 using namespace testing;
 
@@ -278,5 +274,4 @@ TEST(LensGhost, ShowsAFaintCopy) {
   EXPECT_NEAR(at(mirrored.shown[0], 60, 57, 3), 286.0, 1e-3);
 }
 
-}  // namespace
 }  // namespace bolo::sim::effect_pixel_test

@@ -1,10 +1,7 @@
 // Effects of the read-out and of the firmware: patterns, limits, filters, corrections.
-#include <numbers>
-
 #include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim::effect_readout_test {
-namespace {
 
 using namespace testing;
 
@@ -109,8 +106,7 @@ TEST(CoarseQuantisation, OnlyMultiplesOfTheStepAreStored) {
   CameraSettings camera = with(noisy_camera({32, 16}), {"coarse_quantisation:step_k=0.1"});
   camera.readout.type = PixelType::kUint16;
   camera.readout.quantisation_k = 0.01;
-  auto simulator = Simulator::create(camera, make_uniform(300.04));
-  ASSERT_TRUE(simulator);
+  auto simulator = must(Simulator::create(camera, make_uniform(300.04)));
   EXPECT_EQ((*simulator)->format().scale, (LinearScale{Unit::kKelvin, 0.01, 0.0}));
   std::vector<std::uint16_t> plane(camera.geometry.pixels());
   (*simulator)->next(plane.data(), nullptr);
@@ -205,5 +201,4 @@ TEST(OffsetJump, IsAStepOfAllPixels) {
   EXPECT_NEAR(stats({pixel.shown[10].begin(), pixel.shown[10].end()}).rms, 2.0, 0.15);
 }
 
-}  // namespace
 }  // namespace bolo::sim::effect_readout_test

@@ -1,12 +1,6 @@
 // What the tests of the effects share: runs with effects, and a scene that tells the time.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <initializer_list>
-#include <numeric>
-#include <string_view>
-
 #include "tests/sim/support.hpp"
 
 namespace bolo::sim::testing {
@@ -15,11 +9,7 @@ inline constexpr double kTau = 0.011;
 inline constexpr double kPeriod = 0.005;
 
 inline CameraSettings with(CameraSettings camera, std::initializer_list<std::string_view> effects) {
-  for (const std::string_view text : effects) {
-    const auto effect = parse_effect(text);
-    EXPECT_TRUE(effect) << effect.error().message;
-    if (effect) camera.effects.push_back(*effect);
-  }
+  for (const std::string_view text : effects) camera.effects.push_back(*must(parse_effect(text)));
   return camera;
 }
 

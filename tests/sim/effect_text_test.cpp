@@ -1,14 +1,8 @@
 // Effects as text: what is read, what is refused and how, what is drawn.
 #include "src/sim/effect.hpp"
-
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <set>
+#include "tests/test.hpp"
 
 namespace bolo::sim::effect_text_test {
-namespace {
 
 std::string refusal(std::string_view text) {
   const auto effect = parse_effect(text);
@@ -21,16 +15,11 @@ TEST(EffectDescriptions, TheCatalogueAndWhatIsOutsideIt) {
   const std::set<std::string_view> outside{"clipped_range", "column_crosstalk", "gain_drift",    "lens_ghost",
                                            "mains_hum",     "split_readout",    "tau_asymmetry", "torn_frames"};
   std::set<std::string_view> unknown;
-  std::size_t catalogue = 0;
   for (const EffectDescription& effect : effect_descriptions()) {
-    if (effect.in_catalogue) {
-      ++catalogue;
-    } else {
-      unknown.insert(effect.name);
-    }
+    if (!effect.in_catalogue) unknown.insert(effect.name);
   }
   EXPECT_EQ(unknown, outside);
-  EXPECT_EQ(catalogue, 29U);
+  EXPECT_EQ(effect_descriptions().size() - unknown.size(), 29U);
   EXPECT_TRUE(std::ranges::is_sorted(effect_descriptions(), {}, &EffectDescription::name));
 }
 
@@ -50,11 +39,9 @@ TEST(EffectDescriptions, StandardAndRealisticValuesAreAccepted) {
 }
 
 TEST(ParseEffect, ReadsNamesKeysAndForms) {
-  const auto bare = parse_effect("iir");
-  ASSERT_TRUE(bare);
+  const auto bare = must(parse_effect("iir"));
   EXPECT_EQ(*bare, (EffectSpec{"iir", "", {}}));
-  const auto full = parse_effect("iir:alpha=0.6,form=box");
-  ASSERT_TRUE(full) << full.error().message;
+  const auto full = must(parse_effect("iir:alpha=0.6,form=box"));
   EXPECT_EQ(*full, (EffectSpec{"iir", "box", {{"alpha", 0.6}}}));
   EXPECT_EQ(parse_effect("row_delay:row_delay_s=2.8e-5")->values.at("row_delay_s"), 2.8e-5);
 }
@@ -118,5 +105,4 @@ TEST(DrawEffect, UsesTheWholeRange) {
   EXPECT_NEAR(below_geometric_mean, kDraws / 2, 60);
 }
 
-}  // namespace
 }  // namespace bolo::sim::effect_text_test

@@ -2,7 +2,6 @@
 #include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim::effect_time_test {
-namespace {
 
 using namespace testing;
 
@@ -158,5 +157,4 @@ TEST(TornFrames, TheLowerPartIsTheFrameBefore) {
   EXPECT_NEAR(count, 20, 12);
 }
 
-}  // namespace
 }  // namespace bolo::sim::effect_time_test

@@ -1,13 +1,8 @@
 // Paths, and the trajectory files that they follow.
 #include "src/sim/path.hpp"
-
-#include <algorithm>
-#include <cmath>
-
 #include "tests/sim/support.hpp"
 
 namespace bolo::sim::path_test {
-namespace {
 
 TEST(SteadyPan, MovesWhatIsSeenAlongX) {
   const Path pan = steady_pan(300.0);
@@ -76,8 +71,7 @@ std::string refusal(const std::string& content) {
 TEST(ReadTrajectory, TakesCommentsBlankLinesAndCarriageReturns) {
   const Scratch scratch;
   const auto points =
-      read_trajectory(scratch.text("t.csv", "# hand\nt_s,x_px,y_px\r\n0, 1.5,-2\r\n\n# more\n0.1,2e0,3\n"));
-  ASSERT_TRUE(points) << points.error().message;
+      must(read_trajectory(scratch.text("t.csv", "# hand\nt_s,x_px,y_px\r\n0, 1.5,-2\r\n\n# more\n0.1,2e0,3\n")));
   ASSERT_EQ(points->size(), 2U);
   EXPECT_EQ((*points)[0].y_px, -2.0);
   EXPECT_EQ((*points)[1].t_s, 0.1);
@@ -101,8 +95,7 @@ TEST(ReadTrajectory, RefusesBadFilesByLine) {
 
 TEST(FollowTrajectory, PassesThroughThePointsAndStartsAtZero) {
   const std::vector<PathPoint> points{{0, 5, 1}, {1, 8, 3}, {2, 4, 2}, {3, 4, -1}};
-  const auto path = follow_trajectory(points, {2.0, 1.0, -1.0, 2.0, 0.125});
-  ASSERT_TRUE(path) << path.error().message;
+  const auto path = must(follow_trajectory(points, {2.0, 1.0, -1.0, 2.0, 0.125}));
   EXPECT_NEAR(path->at(0.0).x_px, 0.0, 1e-12);
   EXPECT_NEAR(path->at(-1.0).x_px, 2.0 * (5 - 8), 1e-12);
   EXPECT_NEAR(path->at(1.0).y_px, 2.0 * (2 - 3), 1e-12);
@@ -112,8 +105,7 @@ TEST(FollowTrajectory, PassesThroughThePointsAndStartsAtZero) {
 // For the values 0, 1, 0 at 0, 1, 2 the natural spline is x = 1.5 t - 0.5 t^3 up to t = 1.
 TEST(FollowTrajectory, IsTheNaturalCubicSpline) {
   const std::vector<PathPoint> points{{0, 0, 0}, {1, 1, 0}, {2, 0, 0}};
-  const auto path = follow_trajectory(points, {1.0, 0.0, -0.5, 2.0, 0.25});
-  ASSERT_TRUE(path) << path.error().message;
+  const auto path = must(follow_trajectory(points, {1.0, 0.0, -0.5, 2.0, 0.25}));
   EXPECT_NEAR(path->at(0.5).x_px, 1.5 * 0.5 - 0.5 * 0.125, 1e-12);
   EXPECT_NEAR(path->at(1.5).x_px, 1.5 * 0.5 - 0.5 * 0.125, 1e-12);
   EXPECT_NEAR(path->at(-0.5).x_px, -0.75, 1e-12);  // straight on before the first point
@@ -126,5 +118,4 @@ TEST(FollowTrajectory, RefusesACaptureThatOutlivesIt) {
   EXPECT_FALSE(follow_trajectory(points, {1.0, -0.1, -0.1, 0.5, 0.01}));
 }
 
-}  // namespace
 }  // namespace bolo::sim::path_test

@@ -1,14 +1,9 @@
 // The simulated camera against closed forms and against brute force.
 #include "src/sim/simulator.hpp"
-
-#include <cmath>
-#include <functional>
-#include <numbers>
-
+#include "src/sim/random.hpp"
 #include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim::simulator_test {
-namespace {
 
 using namespace testing;
 
@@ -66,17 +61,12 @@ TEST(Simulator, AStepOnAFramesTimeIsInItsTruthButNotYetInTheFrame) {
 }
 
 TEST(Simulator, ARampLagsByTheTimeConstantFromTheFirstFrameOn) {
-  constexpr double kSpeed = 300.0;
-  constexpr double kSlope = 0.2;  // K a pixel
-  const auto scene = make_still_scene(columns(200, 2, [](int x) { return 280.0 + kSlope * x; }));
-  auto field = pan_over(*scene, steady_pan(kSpeed), {100, 0}, {20, 2}, -0.2, 0.1);
-  ASSERT_TRUE(field);
-  const auto frames = run(ideal_camera({20, 2}), std::move(*field), 20);
+  const auto frames = run(ideal_camera({20, 2}), Ramp::field({20, 2}, 0.1), 20);
   for (std::size_t k = 0; k < 20; ++k) {
     for (std::size_t x = 0; x < 20; ++x) {
-      const double seen = 280.0 + kSlope * (100.0 + static_cast<double>(x) - kSpeed * kPeriod * static_cast<double>(k));
-      EXPECT_NEAR(frames.truth[k][x], seen, 1e-4);
-      EXPECT_NEAR(frames.shown[k][x], seen + kTau * kSlope * kSpeed, 1e-4) << "frame " << k << " x " << x;
+      const double t = kPeriod * static_cast<double>(k);
+      EXPECT_NEAR(Ramp::time_of(static_cast<double>(frames.truth[k][x]), x), t, 2e-6);
+      EXPECT_NEAR(Ramp::time_of(static_cast<double>(frames.shown[k][x]), x), t - kTau, 2e-6) << k << " x " << x;
     }
   }
 }
@@ -177,26 +167,19 @@ TEST(Simulator, AVisibleStepIsSharedOverTheFrameItFallsIn) {
 }
 
 TEST(Simulator, TheResultDoesNotDependOnTheThreads) {
-  CameraSettings camera;
-  camera.geometry = {50, 23};
-  std::vector<std::vector<std::uint16_t>> results;
+  CameraSettings camera = noisy_camera({50, 23});
+  std::vector<std::vector<std::vector<float>>> results;
   for (const int threads : {1, 2, 5, 40}) {
     camera.threads = threads;
-    const auto scene = make_street(camera.geometry, 9);
-    auto field = pan_over(*scene, steady_pan(250), {0, 0}, camera.geometry, -0.2, 0.1);
+    auto field = pan_over(*make_street(camera.geometry, 9), steady_pan(250), {0, 0}, camera.geometry, -0.2, 0.1);
     ASSERT_TRUE(field);
-    auto simulator = Simulator::create(camera, std::move(*field));
-    ASSERT_TRUE(simulator) << simulator.error().message;
-    std::vector<std::uint16_t> plane(camera.geometry.pixels());
-    for (int k = 0; k < 5; ++k) (*simulator)->next(plane.data(), nullptr);
-    results.push_back(plane);
+    results.push_back(run(camera, std::move(*field), 5).shown);
   }
-  for (const auto& plane : results) EXPECT_EQ(plane, results.front());
+  for (const auto& shown : results) EXPECT_EQ(shown, results.front());
 }
 
 TEST(Simulator, TheSeedChangesTheNoiseOnly) {
-  CameraSettings camera = ideal_camera({40, 20});
-  camera.readout.noise_k = 0.03;
+  CameraSettings camera = noisy_camera({40, 20});
   const auto frames = [&camera](std::uint64_t seed) {
     camera.readout.seed = seed;
     return run(camera, make_uniform(300.0), 3);
@@ -280,5 +263,74 @@ TEST(ExposureStep, AddsTheMeanOfAQuadraticInput) {
   EXPECT_NEAR(w.start * quadratic(0) + w.middle * quadratic(0.5) + w.end * quadratic(1), 0.4 * mean, 1e-12);
 }
 
-}  // namespace
+using namespace testing;
+
+// --- Noise and stored values.
+
+std::vector<double> normal(std::uint64_t seed, std::uint64_t frame, std::uint64_t row, std::size_t size) {
+  std::vector<double> values(size);
+  fill_normal(seed, frame, row, values);
+  return values;
+}
+
+constexpr std::size_t kMany = 200'000;
+constexpr double kFiveSigma = 5.0 / 447.2;  // of a mean of kMany values
+
+TEST(FillNormal, IsStandardNormal) {
+  const auto values = normal(1, 0, 0, kMany);
+  const Stats m = stats(values);
+  EXPECT_NEAR(m.mean, 0.0, kFiveSigma);
+  EXPECT_NEAR(m.rms * m.rms, 1.0, kFiveSigma * std::sqrt(2.0));
+  EXPECT_NEAR(m.kurtosis, 3.0, kFiveSigma * std::sqrt(24.0));
+  const auto beyond_two = std::ranges::count_if(values, [](double v) { return std::abs(v) > 2.0; });
+  EXPECT_NEAR(static_cast<double>(beyond_two) / kMany, 0.0455, 5.0 * std::sqrt(0.0455 / kMany));
+}
+
+TEST(FillNormal, FramesRowsSeedsAndNeighboursAreIndependent) {
+  const auto base = normal(1, 10, 20, kMany);
+  EXPECT_NEAR(correlation(base, normal(1, 11, 20, kMany)), 0.0, kFiveSigma);
+  EXPECT_NEAR(correlation(base, normal(1, 10, 21, kMany)), 0.0, kFiveSigma);
+  EXPECT_NEAR(correlation(base, normal(2, 10, 20, kMany)), 0.0, kFiveSigma);
+  EXPECT_NEAR(correlation(base, normal(1, 20, 10, kMany)), 0.0, kFiveSigma);
+  std::vector<double> next(base.begin() + 1, base.end());
+  next.push_back(0.0);
+  EXPECT_NEAR(correlation(base, next), 0.0, kFiveSigma);
+}
+
+TEST(FillNormal, AnOddRowIsTheStartOfAnEvenOne) {
+  const auto odd = normal(1, 2, 3, 7);
+  auto even = normal(1, 2, 3, 8);
+  even.pop_back();
+  EXPECT_EQ(odd, even);
+}
+
+template <typename T>
+std::vector<T> stored(const ReadoutSettings& settings, std::vector<double> kelvin) {
+  std::vector<double> noise(kelvin.size());
+  std::vector<T> out(kelvin.size());
+  read_row(settings, 0, 0, kelvin, noise, out.data());
+  return out;
+}
+
+TEST(ReadRow, RoundsToTheNearestCountAndClips) {
+  const ReadoutSettings settings{0.0, 0.01, PixelType::kUint16, 1};
+  EXPECT_EQ(stored<std::uint16_t>(settings, {300.0, 300.0049, 300.0051, -3.0, 655.35, 700.0}),
+            (std::vector<std::uint16_t>{30000, 30000, 30001, 0, 65535, 65535}));
+  EXPECT_EQ(readout_scale(settings), (LinearScale{Unit::kKelvin, 0.01, 0.0}));
+}
+
+TEST(ReadRow, FloatKeepsKelvinOrMultiplesOfTheStep) {
+  EXPECT_EQ(stored<float>({0.0, 0.0, PixelType::kFloat32, 1}, {300.123456}), std::vector<float>{300.123456F});
+  EXPECT_EQ(stored<float>({0.0, 0.1, PixelType::kFloat32, 1}, {300.16}), std::vector<float>{300.2F});
+  EXPECT_EQ(readout_scale({0.0, 0.1, PixelType::kFloat32, 1}), (LinearScale{Unit::kKelvin, 1.0, 0.0}));
+}
+
+TEST(ReadRow, NoiseHasItsRmsBesideTheQuantisations) {
+  const ReadoutSettings settings{0.03, 0.01, PixelType::kUint16, 5};
+  const auto counts = stored<std::uint16_t>(settings, std::vector<double>(kMany, 300.0));
+  const Stats m = stats({counts.begin(), counts.end()});
+  EXPECT_NEAR(0.01 * m.mean, 300.0, 0.0004);
+  EXPECT_NEAR(0.01 * m.rms, std::sqrt(0.03 * 0.03 + 0.01 * 0.01 / 12.0), 0.0003);
+}
+
 }  // namespace bolo::sim::simulator_test

@@ -1,21 +1,13 @@
 // A bench that differs from what it says.
 #include "src/sim/stimulus_error.hpp"
-
-#include <numbers>
-
 #include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim::stimulus_error_test {
-namespace {
 
 using namespace testing;
 
 std::unique_ptr<const Field> with(std::unique_ptr<const Field> nominal, std::string_view text, int width = 32) {
-  const auto error = parse_stimulus_error(text);
-  EXPECT_TRUE(error) << error.error().message;
-  auto field = with_errors(std::move(nominal), *error, {width, 8});
-  EXPECT_TRUE(field) << field.error().message;
-  return std::move(*field);
+  return *must(with_errors(std::move(nominal), *must(parse_stimulus_error(text)), {width, 8}));
 }
 
 std::vector<float> row_at(const Field& field, double t_s, int row = 0, std::size_t width = 32) {
@@ -32,8 +24,7 @@ std::string refusal(std::string_view text, std::unique_ptr<const Field> field) {
 }
 
 TEST(StimulusErrorText, IsReadAndRefused) {
-  const auto error = parse_stimulus_error("sweep_s=-0.002,level_k=0.5");
-  ASSERT_TRUE(error);
+  const auto error = must(parse_stimulus_error("sweep_s=-0.002,level_k=0.5"));
   EXPECT_EQ(error->sweep_s, -0.002);
   EXPECT_EQ(stimulus_error_text(*error), "sweep_s=-0.002,level_k=0.5");
   EXPECT_EQ(stimulus_error_text({}), "");
@@ -155,5 +146,4 @@ TEST(ImperfectScene, OnlyReflects) {
   EXPECT_EQ(refusal("level_k=1", Ramp::field({8, 4}, 0.1)), "level_k has no meaning with this stimulus; leave it out");
 }
 
-}  // namespace
 }  // namespace bolo::sim::stimulus_error_test

@@ -1,17 +1,8 @@
 // What the simulator's tests share.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <memory>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "src/sim/simulator.hpp"
+#include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 
 namespace bolo::sim::testing {
@@ -40,8 +31,7 @@ struct Frames {
 };
 
 inline Frames run(const CameraSettings& camera, std::unique_ptr<const Field> field, std::size_t frames) {
-  auto simulator = Simulator::create(camera, std::move(field));
-  EXPECT_TRUE(simulator) << simulator.error().message;
+  auto simulator = must(Simulator::create(camera, std::move(field)));
   Frames result;
   for (std::size_t k = 0; simulator && k < frames; ++k) {
     result.shown.emplace_back(camera.geometry.pixels());

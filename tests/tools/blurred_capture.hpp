@@ -1,16 +1,7 @@
 // Captures as a pixel of known inertia makes them, for tests of what deblurs them.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <filesystem>
-#include <limits>
-#include <vector>
-
-#include "src/capture/capture.hpp"
+#include "tests/tools/small_capture.hpp"
 
 namespace bolo::tools::test {
 
@@ -30,6 +21,10 @@ struct Blurred {
   int width = kWidth;
   int height = kHeight;
   double period_s = kPeriod;  // that of /t and frame_period_s; the blur is always that of kPeriod
+  struct {
+    std::size_t frame;
+    float value;
+  } odd{~std::size_t{0}, 0.0F};  // of a single pixel (1,1), of floats
 };
 
 // A bar 12 K above 295 K that stands for 8 frames in each place, so that its edges are blurred.
@@ -40,14 +35,12 @@ inline double scene_k(std::size_t frame, int x, int y) {
 
 // The exact answer of a pixel to a scene that is constant between frames, written as a capture.
 inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
-  capture::CaptureInfo info;
-  info.format.geometry = {b.width, b.height};
+  capture::CaptureInfo info = small_info({b.width, b.height});
   info.format.type = b.type;
   info.format.scale = b.scale;
   info.format.frame_period_s = b.period_s;
   info.camera_model = "a camera";
-  auto writer = capture::CaptureWriter::create(file, info, {.truth = b.truth, .replace = Replace::kExisting});
-  ASSERT_TRUE(writer) << writer.error().message;
+  auto writer = must(capture::CaptureWriter::create(file, info, {.truth = b.truth, .replace = Replace::kExisting}));
   const std::size_t pixels = info.format.geometry.pixels();
   const double decay = std::exp(-kPeriod / kTau);
   std::vector<double> y(pixels, 298.0);
@@ -64,6 +57,7 @@ inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
       values[i] = static_cast<float>(y[i]);
       counts[i] = static_cast<std::uint16_t>(std::lround((y[i] - b.scale.offset) / 0.01));
     }
+    if (n == b.odd.frame) values[static_cast<std::size_t>(b.width) + 1] = b.odd.value;
     if (std::find(b.lost.begin(), b.lost.end(), n) != b.lost.end()) continue;
     const void* plane = b.type == PixelType::kUint16 ? static_cast<const void*>(counts.data()) : values.data();
     ASSERT_TRUE(
@@ -73,24 +67,7 @@ inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
   if (!std::holds_alternative<capture::NoStimulus>(b.stimulus)) {
     ASSERT_TRUE(writer->write_stimulus(b.stimulus));
   }
-  const Status closed = writer->close();
-  ASSERT_TRUE(closed) << closed.error().message;
-}
-
-// 3x2 pixels of 300 K, of which one is `value` in frame `bad`.
-inline void write_with_one(const std::filesystem::path& file, std::uint64_t frames, std::uint64_t bad, float value) {
-  capture::CaptureInfo info;
-  info.format.geometry = {3, 2};
-  info.format.type = PixelType::kFloat32;
-  info.format.scale = {Unit::kKelvin, 1.0, 0.0};
-  auto writer = capture::CaptureWriter::create(file, info, {.replace = Replace::kExisting});
-  ASSERT_TRUE(writer) << writer.error().message;
-  for (std::uint64_t n = 0; n < frames; ++n) {
-    std::vector<float> plane(6, 300.0F);
-    if (n == bad) plane[4] = value;
-    ASSERT_TRUE(writer->append(static_cast<double>(n) * kPeriod, n, plane.data()));
-  }
-  ASSERT_TRUE(writer->close());
+  (void)must(writer->close());
 }
 
 }  // namespace bolo::tools::test

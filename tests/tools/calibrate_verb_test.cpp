@@ -1,18 +1,11 @@
 // `bolo calibrate` as its users meet it.
-#include <gtest/gtest.h>
-
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <regex>
-#include <sstream>
-
 #include "src/capture/pixel_maps_io.hpp"
 #include "src/model/camera_profile.hpp"
 #include "tests/tools/program.hpp"
 
-namespace bolo::tools::test {
-namespace {
+namespace bolo::tools::test::calibrate_verb_test {
 
 namespace fs = std::filesystem;
 
@@ -20,21 +13,16 @@ class Calibrate : public ProgramTest {
  protected:
   Calibrate() : ProgramTest({BOLO_PROGRAM}) {}
 
-  void simulate(const std::string& name, std::vector<std::string> more) const {
-    std::vector<std::string> words{"simulate", "-o", file(name),   "--width",       "32",
-                                   "--height", "24", "--no-truth", "--camera-seed", "5"};
-    words.insert(words.end(), more.begin(), more.end());
-    done(words);
+  void simulate(const std::string& name, const std::string& line) const {
+    done(words("simulate -o @" + name + " --width 32 --height 24 --no-truth --camera-seed 5 " + line));
   }
 };
 
 TEST_F(Calibrate, WritesProfileMapsAndPicture) {
-  simulate("chopper.h5", {"--stimulus", "chopper", "--effect", "tau_spread:rms=0.05", "--tau", "0.0105"});
-  simulate("shutter.h5", {"--stimulus", "uniform", "--effect", "fpn_offset", "--frames", "100"});
-  const Outcome fitted = run({"calibrate", file("chopper.h5"), file("shutter.h5"), "-o", file("mine.toml"), "--plot",
-                              file("fit.svg"), "--json"});
-  ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
-  const auto json = nlohmann::json::parse(fitted.out);
+  simulate("chopper.h5", "--stimulus chopper --effect tau_spread:rms=0.05 --tau 0.0105");
+  simulate("shutter.h5", "--stimulus uniform --effect fpn_offset --frames 100");
+  const auto json =
+      nlohmann::json::parse(printed(words("calibrate @chopper.h5 @shutter.h5 -o @mine.toml --plot @fit.svg --json")));
   const double tau_s = json.at("tau_s");
   EXPECT_NEAR(tau_s, 0.0105, 1e-4);
   ASSERT_EQ(json.at("tau_ci95").size(), 2U);
@@ -46,67 +34,52 @@ TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   EXPECT_EQ(json.at("edges").get<int>(), 22);
   EXPECT_NEAR(json.at("tau_spread").get<double>(), 0.05, 0.005);
 
-  const auto profile = model::read_profile(file("mine.toml"));
-  ASSERT_TRUE(profile) << profile.error().message;
+  const auto profile = must(model::read_profile(file("mine.toml")));
   const double low = json.at("tau_ci95")[0];
   const double high = json.at("tau_ci95")[1];
   EXPECT_NEAR(profile->tau_s, tau_s, 0.05 * (high - low));
-  std::stringstream text;
-  text << std::ifstream(file("mine.toml")).rdbuf();
-  EXPECT_NE(text.str().find("# 0.0001 to 1 s; measured, 95 % interval 0.01"), std::string::npos) << text.str();
-  EXPECT_NE(text.str().find("# 0 to 100 K; measured\n"), std::string::npos) << text.str();
-  EXPECT_NE(text.str().find("; default \"FLIR A655sc\"\nmodel = \"Bolo"), std::string::npos) << text.str();
-  EXPECT_FALSE(std::regex_search(text.str(), std::regex("\\.[0-9]{11}")))
-      << "more digits than are known: " << text.str();
+  const std::string text = contents(file("mine.toml"));
+  expect_parts(text, {"# 0.0001 to 1 s; measured, 95 % interval 0.01", "# 0 to 100 K; measured\n",
+                      "; default \"FLIR A655sc\"\nmodel = \"Bolo"});
+  EXPECT_FALSE(std::regex_search(text, std::regex("\\.[0-9]{11}"))) << "more digits than are known: " << text;
   EXPECT_EQ(profile->maps.filename(), "mine-maps.h5");
-  const auto maps = capture::read_profile_maps(*profile);
-  ASSERT_TRUE(maps) << maps.error().message;
+  const auto maps = must(capture::read_profile_maps(*profile));
   EXPECT_EQ(maps->tau_s.size(), 32U * 24U);
   EXPECT_EQ(maps->offset.size(), 32U * 24U);
   EXPECT_GT(fs::file_size(file("fit.svg")), 10000U);
 
   // What was written is what the deblurring takes.
-  done({"deblur", file("chopper.h5"), "-o", file("sharp.h5"), "--profile", file("mine.toml")});
+  done(words("deblur @chopper.h5 -o @sharp.h5 --profile @mine.toml"));
 }
 
 TEST_F(Calibrate, StartsFromAProfileAndPutsMapsWhereAsked) {
-  simulate("chopper.h5", {"--stimulus", "chopper", "--effect", "tau_spread"});
+  simulate("chopper.h5", "--stimulus chopper --effect tau_spread");
   write("old.toml", "row_delay_s = 2.5e-5\n");
-  const Outcome fitted = run({"calibrate", file("chopper.h5"), "-o", file("mine.toml"), "--profile", file("old.toml"),
-                              "--maps", file("pixels.h5")});
-  ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
-  EXPECT_NE(fitted.out.find("tau  "), std::string::npos);
-  const auto profile = model::read_profile(file("mine.toml"));
-  ASSERT_TRUE(profile) << profile.error().message;
+  expect_parts(printed(words("calibrate @chopper.h5 -o @mine.toml --profile @old.toml --maps @pixels.h5")), {"tau  "});
+  const auto profile = must(model::read_profile(file("mine.toml")));
   EXPECT_EQ(profile->row_delay_s, 2.5e-5);
   EXPECT_TRUE(fs::exists(file("pixels.h5")));
   EXPECT_EQ(fs::weakly_canonical(profile->maps), fs::weakly_canonical(file("pixels.h5")));
 }
 
 TEST_F(Calibrate, SaysWhatIsWrongInOneLine) {
-  simulate("shutter.h5", {"--stimulus", "uniform", "--frames", "60"});
-  simulate("pan.h5", {"--frames", "120"});
-  simulate("bigger.h5", {"--width", "40", "--stimulus", "uniform", "--frames", "20"});
-  simulate("chopper.h5", {"--stimulus", "chopper", "--frames", "120"});
-  struct Case {
-    std::vector<std::string> words;
-    std::string says;
-  };
-  const std::string out = file("never.toml");
-  const std::vector<Case> cases{
-      {{"calibrate"}, "give -o"},
-      {{"calibrate", "-o", out}, "which captures"},
-      {{"calibrate", file("none.h5"), "-o", out}, "none.h5"},
-      {{"calibrate", file("shutter.h5"), "-o", out}, "no capture with pulses"},
-      {{"calibrate", file("pan.h5"), "-o", out}, "no rectangular pulses"},
-      {{"calibrate", file("chopper.h5"), file("bigger.h5"), "-o", out}, "another size"},
-      {{"calibrate", file("chopper.h5"), file("pan.h5"), "-o", out}, "no still field"},
-      {{"calibrate", file("chopper.h5"), "-o", out, "--profile", file("none.toml")}, "none.toml"},
-      {{"calibrate", file("chopper.h5"), "-o", file("nowhere/mine.toml")}, "nowhere/mine.toml"},
-      {{"calibrate", file("chopper.h5"), "-o", out, "--threads", "2"}, "threads"}};
-  for (const Case& one : cases) refused(one.words, one.says);
-  EXPECT_FALSE(fs::exists(out));
+  simulate("shutter.h5", "--stimulus uniform --frames 60");
+  simulate("pan.h5", "--frames 120");
+  simulate("bigger.h5", "--width 40 --stimulus uniform --frames 20");
+  simulate("chopper.h5", "--stimulus chopper --frames 120");
+  for (const auto& [line, says] : {std::pair{"", "give -o"},
+                                   {"-o @never.toml", "which captures"},
+                                   {"-o @never.toml @none.h5", "none.h5"},
+                                   {"-o @never.toml @shutter.h5", "no capture with pulses"},
+                                   {"-o @never.toml @pan.h5", "no rectangular pulses"},
+                                   {"-o @never.toml @chopper.h5 @bigger.h5", "another size"},
+                                   {"-o @never.toml @chopper.h5 @pan.h5", "no still field"},
+                                   {"-o @never.toml @chopper.h5 --profile @none.toml", "none.toml"},
+                                   {"-o @nowhere/mine.toml @chopper.h5", "nowhere/mine.toml"},
+                                   {"-o @never.toml @chopper.h5 --threads 2", "threads"}}) {
+    refused(words(std::string("calibrate ") + line), says);
+  }
+  EXPECT_FALSE(fs::exists(file("never.toml")));
 }
 
-}  // namespace
-}  // namespace bolo::tools::test
+}  // namespace bolo::tools::test::calibrate_verb_test

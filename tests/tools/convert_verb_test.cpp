@@ -1,25 +1,14 @@
 // `bolo convert` as its user meets it. Radiometric stills are put together here by the structure that exiftool
 // documents for FLIR's APP1 segments, and exiftool itself reads them.
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include <algorithm>
-#include <array>
-#include <chrono>
-#include <cmath>
-#include <cstdlib>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
-
-#include "src/capture/capture.hpp"
 #include "tests/tools/program.hpp"
+#include "tests/tools/small_capture.hpp"
+#include "tools/cli/process.hpp"
 #include "tools/convert/flir_still.hpp"
 #include "tools/convert/picture.hpp"
-#include "tools/convert/program.hpp"
 
-namespace bolo::tools {
-namespace {
+namespace bolo::tools::convert_verb_test {
 
 namespace fs = std::filesystem;
 using test::Outcome;
@@ -39,29 +28,22 @@ class ConvertVerb : public test::ProgramTest {
 
   // kelvin = 0.01 v, frame numbers with a gap, an event.
   void write_capture(const std::string& name, std::size_t frames) const {
-    capture::CaptureInfo info;
-    info.format.geometry = {kWidth, kHeight};
-    info.format.scale = {Unit::kKelvin, 0.01, 0.0};
-    info.format.frame_period_s = 0.005;
-    auto writer = capture::CaptureWriter::create(file(name), info);
-    ASSERT_TRUE(writer) << writer.error().message;
-    std::vector<std::uint16_t> plane(kPixels);
+    test::SmallCapture capture(file(name), test::small_info({kWidth, kHeight}));
     for (std::size_t i = 0; i < frames; ++i) {
-      for (std::size_t p = 0; p < kPixels; ++p) plane[p] = value_at(i, p);
-      ASSERT_TRUE(writer->append(1.0 + 0.005 * static_cast<double>(i), 7 + 2 * i, plane.data()));
+      capture.append(1.0 + 0.005 * static_cast<double>(i), 7 + 2 * i, [i](std::size_t p) { return value_at(i, p); });
     }
-    ASSERT_TRUE(writer->add_event({1.0, "nuc"}));
-    ASSERT_TRUE(writer->close());
+    ASSERT_TRUE(capture->add_event({1.0, "nuc"}));
+    capture.close();
   }
 
-  capture::CaptureReader open(const std::string& name) const {
-    auto reader = capture::CaptureReader::open(file(name));
-    EXPECT_TRUE(reader) << reader.error().message;
-    return std::move(*reader);
-  }
+  capture::CaptureReader open(const std::string& name) const { return *must(capture::CaptureReader::open(file(name))); }
 
-  void expect_values(const std::string& name, std::size_t frames) const {
-    const capture::CaptureReader reader = open(name);
+  capture::CaptureReader expect_values(const std::string& name, std::size_t frames) const {
+    capture::CaptureReader reader = open(name);
+    expect_values(reader, frames);
+    return reader;
+  }
+  static void expect_values(const capture::CaptureReader& reader, std::size_t frames) {
     ASSERT_EQ(reader.info().frames, frames);
     ASSERT_EQ(reader.info().format.type, PixelType::kUint16);
     std::vector<std::uint16_t> plane(kPixels);
@@ -74,62 +56,59 @@ class ConvertVerb : public test::ProgramTest {
 
 TEST_F(ConvertVerb, PicturesOf16BitsAndBackAreTheSameCounts) {
   write_capture("a.h5", 3);
-  const Outcome outcome = run({file("a.h5"), "-o", file("p.png")});
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  EXPECT_NE(outcome.out.find("kelvin = 0.01 * value + 0"), std::string::npos) << outcome.out;
-  const std::vector<std::string> pictures{file("p_000000.png"), file("p_000001.png"), file("p_000002.png")};
-  done({pictures[0], pictures[1], pictures[2], "-o", file("b.h5"), "--rate", "200", "--scale", "0.01"});
-  expect_values("b.h5", 3);
-  const capture::CaptureReader reader = open("b.h5");
+  expect_parts(
+      printed(words("@a.h5 -o @p.png")),
+      {"kelvin = 0.01 * value + 0", "3 files, " + file("p_000000.png") + " to p_000002.png: 3 frames of 40x24\n"});
+  done(words("@p_000000.png @p_000001.png @p_000002.png -o @b.h5 --rate 200 --scale 0.01"));
+  const capture::CaptureReader reader = expect_values("b.h5", 3);
   EXPECT_EQ(reader.info().format.scale.unit, Unit::kKelvin);
   EXPECT_EQ(reader.info().format.scale.scale, 0.01);
   EXPECT_NEAR(reader.t()[2], 0.010, 1e-12);
-  done({pictures[0], "-o", file("c.h5")});
+  done(words("@p_000000.png -o @c.h5"));
   EXPECT_EQ(open("c.h5").info().format.scale.unit, Unit::kCount) << "nobody said what a count is";
+  const std::string one = printed(words("@a.h5 -o @one.png --frame 1"));
+  EXPECT_TRUE(one.starts_with(file("one.png") + ": 1 frame of 40x24\n")) << one;
+  EXPECT_EQ(test::contents(file("one.png")), test::contents(file("p_000001.png")));
+  refused(words("@a.h5 -o @none.png --frame 3"), "--frame 3: there are frames 0 to 2");
 }
 
-TEST_F(ConvertVerb, SaysWhichPicturesItWroteAndTakesOneFrame) {
-  write_capture("a.h5", 3);
-  const Outcome all = run({file("a.h5"), "-o", file("p.png")});
-  EXPECT_NE(all.out.find("3 files, " + file("p_000000.png") + " to p_000002.png: 3 frames of 40x24\n"),
-            std::string::npos)
-      << all.out;
-  const Outcome one = run({file("a.h5"), "-o", file("one.png"), "--frame", "1"});
-  ASSERT_EQ(one.exit_code, 0) << one.err;
-  EXPECT_TRUE(one.out.starts_with(file("one.png") + ": 1 frame of 40x24\n")) << one.out;
-  EXPECT_EQ(test::contents(file("one.png")), test::contents(file("p_000001.png")));
-  refused({file("a.h5"), "-o", file("none.png"), "--frame", "3"}, "--frame 3: there are frames 0 to 2");
-  done({file("a.h5"), "-o", file("one.h5"), "--frame", "2"});
-  const capture::CaptureReader reader = open("one.h5");
-  EXPECT_EQ(reader.info().frames, 1U);
-  EXPECT_NEAR(reader.t()[0], 1.010, 1e-12);
-  EXPECT_EQ(reader.events().size(), 0U);
+TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
+  write_capture("a.h5", 5);
+  fs::copy(file("a.h5"), file("a.mat"));  // what such a file holds is tests/capture/capture_variants_test.cpp's
+  done(words("@a.mat -o @b.h5"));
+  const capture::CaptureReader a = open("a.h5");
+  const capture::CaptureReader b = expect_values("b.h5", 5);
+  EXPECT_EQ(a.t(), b.t());
+  EXPECT_EQ(a.frame_id(), b.frame_id());
+  ASSERT_EQ(b.events().size(), 1U);
+  EXPECT_EQ(b.events()[0].kind, "nuc");
+  done(words("@a.h5 -o @one.h5 --frame 2"));
+  const capture::CaptureReader one = open("one.h5");
+  EXPECT_EQ(one.info().frames, 1U);
+  EXPECT_NEAR(one.t()[0], 1.010, 1e-12);
+  EXPECT_EQ(one.events().size(), 0U);
 }
 
 TEST_F(ConvertVerb, PreviewsOfARangeHaveTheSameGreysInEveryFrame) {
   write_capture("a.h5", 40);
-  const Outcome made = run({file("a.h5"), "-o", file("p.png"), "--preview", "--range", "290.5,315.5"});
-  ASSERT_EQ(made.exit_code, 0) << made.err;
-  EXPECT_NE(made.out.find("black at 290.5, white at 315.5 K"), std::string::npos) << made.out;
+  expect_parts(printed(words("@a.h5 -o @p.png --preview --range 290.5,315.5")), {"black at 290.5, white at 315.5 K"});
   for (const std::size_t frame : {0U, 39U}) {
-    const auto picture = read_png_picture(file(frame == 0 ? "p_000000.png" : "p_000039.png"));
-    ASSERT_TRUE(picture) << picture.error().message;
+    const auto picture = must(read_png_picture(file(frame == 0 ? "p_000000.png" : "p_000039.png")));
     for (std::size_t p = 0; p < kPixels; ++p) {
       const double level = (0.01 * value_at(frame, p) - 290.5) / 25.0 * 255.0;
       ASSERT_NEAR(picture->u16[p] / 257, std::clamp(level, 0.0, 255.0), 1.01) << frame << " " << p;  // read as 16 bits
     }
   }
-  refused({file("a.h5"), "-o", file("q.png"), "--preview", "--range", "300"}, "--range must be LOW,HIGH");
-  refused({file("a.h5"), "-o", file("q.png"), "--preview", "--range", "300,290"}, "LOW below HIGH");
-  refused({file("a.h5"), "-o", file("q.png"), "--range", "290,300"}, "add --preview");
+  refused(words("@a.h5 -o @q.png --preview --range 300"), "--range must be LOW,HIGH");
+  refused(words("@a.h5 -o @q.png --preview --range 300,290"), "LOW below HIGH");
+  refused(words("@a.h5 -o @q.png --range 290,300"), "add --preview");
 }
 
 // Each page leads to the next only: to look for each from the first one took minutes.
 TEST_F(ConvertVerb, AFilmOfThousandsOfPagesIsGoneThroughOnce) {
   constexpr std::size_t kPages = 6000;
   const std::vector<std::uint16_t> plane(64, 30000);
-  auto writer = TiffWriter::create(file("long.tiff"));
-  ASSERT_TRUE(writer);
+  auto writer = must(TiffWriter::create(file("long.tiff")));
   for (std::size_t i = 0; i < kPages; ++i) ASSERT_TRUE(writer->write({8, 8}, PixelType::kUint16, plane.data()));
   ASSERT_TRUE(writer->close());
   const auto begin = std::chrono::steady_clock::now();
@@ -142,22 +121,17 @@ TEST_F(ConvertVerb, AFilmOfThousandsOfPagesIsGoneThroughOnce) {
 TEST_F(ConvertVerb, RefusesWhatIsNoFile) {
   for (const char* name : {"p.png", "p.tiff", "p.jpg", "p.cptv", "p.mcap", "p.h5"}) {
     ASSERT_EQ(mkfifo(file(name).c_str(), 0600), 0);
-    const Outcome outcome = run({file(name), "-o", file("out.h5")});
-    EXPECT_EQ(outcome.exit_code, 2) << name;
-    EXPECT_TRUE(outcome.err.find("is a pipe, not a file") != std::string::npos ||
-                outcome.err.find("is not a regular file") != std::string::npos)
-        << outcome.err;
+    refused({file(name), "-o", file("out.h5")},
+            std::string(name) == "p.h5" ? "is not a regular file" : "is a pipe, not a file");
   }
 }
 
 TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
   write_capture("a.h5", 4);
-  done({file("a.h5"), "-o", file("a.tiff")});
-  const auto pages = count_tiff_pages(file("a.tiff"));
-  ASSERT_TRUE(pages);
+  done(words("@a.h5 -o @a.tiff"));
+  const auto pages = must(count_tiff_pages(file("a.tiff")));
   EXPECT_EQ(*pages, 4U);
-  auto book = TiffReader::open(file("a.tiff"));
-  ASSERT_TRUE(book);
+  auto book = must(TiffReader::open(file("a.tiff")));
   for (const std::size_t i : {0U, 2U, 1U, 1U}) {  // there and back
     const auto one = read_tiff_page(file("a.tiff"), i);
     const auto read = book->read(i);
@@ -166,17 +140,15 @@ TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
     EXPECT_EQ(read->f32, one->f32) << i;
   }
   EXPECT_FALSE(book->read(4));
-  const auto page = read_tiff_page(file("a.tiff"), 2);
-  ASSERT_TRUE(page) << page.error().message;
+  const auto page = must(read_tiff_page(file("a.tiff"), 2));
   for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(page->f32[p], 0.01 * value_at(2, p), 1e-4);
-  done({file("a.tiff"), "-o", file("b.h5"), "--rate", "200"});
+  done(words("@a.tiff -o @b.h5 --rate 200"));
   const capture::CaptureReader reader = open("b.h5");
   EXPECT_EQ(reader.info().frames, 4U);
   EXPECT_EQ(reader.info().format.type, PixelType::kFloat32);
   // And pictures from floating point, by the scale that is asked for.
-  done({file("a.tiff"), "-o", file("p.png"), "--scale", "0.01", "--offset", "0"});
-  const auto picture = read_png_picture(file("p_000002.png"));
-  ASSERT_TRUE(picture) << picture.error().message;
+  done(words("@a.tiff -o @p.png --scale 0.01 --offset 0"));
+  const auto picture = must(read_png_picture(file("p_000002.png")));
   for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(picture->u16[p], value_at(2, p), 1);
 }
 
@@ -192,142 +164,75 @@ TEST_F(ConvertVerb, RawDumpsInEitherByteOrder) {
       }
     }
     out.close();
-    done({file("dump.bin"), "--raw", big ? "40x24:u16be" : "40x24", "--skip", "16", "-o", file("a.h5"), "--overwrite"});
-    expect_values("a.h5", 3);
+    done(words(std::string("@dump.bin --raw ") + (big ? "40x24:u16be" : "40x24") + " --skip 16 -o @a.h5 --overwrite"));
+    (void)expect_values("a.h5", 3);
   }
-  refused({file("dump.bin"), "--raw", "41x24", "-o", file("b.h5")}, "not whole frames");
-  refused({file("dump.bin"), "--raw", "41", "-o", file("b.h5")}, "--raw '41'");
-  refused({file("dump.bin"), "--raw", "40x24:u8", "-o", file("b.h5")}, "none of u16le");
+  refused(words("@dump.bin --raw 41x24 -o @b.h5"), "not whole frames");
+  refused(words("@dump.bin --raw 41 -o @b.h5"), "--raw '41'");
+  refused(words("@dump.bin --raw 40x24:u8 -o @b.h5"), "none of u16le");
 }
 
-TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
-  write_capture("a.h5", 5);
-  done({file("a.h5"), "-o", file("b.h5")});
-  expect_values("b.h5", 5);
-  const capture::CaptureReader a = open("a.h5");
-  const capture::CaptureReader b = open("b.h5");
-  EXPECT_EQ(a.t(), b.t());
-  EXPECT_EQ(a.frame_id(), b.frame_id());
-  ASSERT_EQ(b.events().size(), 1U);
-  EXPECT_EQ(b.events()[0].kind, "nuc");
-}
-
-// As MATLAB writes frames(n, x, y): dimensions in reverse, 512 bytes of its own before HDF5's.
-TEST_F(ConvertVerb, TheAuthorsMatlabFileBecomesACapture) {
-  const std::string script = R"(
-import h5py, numpy, sys
-with h5py.File(sys.argv[1], 'w', userblock_size=512) as f:
-    n, y, x = numpy.meshgrid(numpy.arange(6), numpy.arange(24), numpy.arange(40), indexing='ij')
-    f['frames'] = numpy.ascontiguousarray((290 + n + 0.25 * y + 0.5 * x).astype('f4').transpose(1, 2, 0))
-    f['t'] = (0.005 * numpy.arange(6)).reshape(6, 1)
-with open(sys.argv[1], 'r+b') as f:
-    f.write(b'MATLAB 7.3 MAT-file')
-)";
-  const Outcome made = Program({"/usr/bin/python3", "-c", script, file("a.mat")}, file("made")).outcome();
-  if (made.err.find("No module named") != std::string::npos) GTEST_SKIP() << "python3-h5py is not installed";
-  ASSERT_EQ(made.exit_code, 0) << made.err;
-  done({file("a.mat"), "-o", file("b.h5")});
-  const capture::CaptureReader reader = open("b.h5");
-  ASSERT_EQ(reader.info().frames, 6U);
-  ASSERT_EQ(reader.info().format.geometry, (Geometry{kWidth, kHeight}));
-  ASSERT_EQ(reader.info().format.type, PixelType::kFloat32);
-  EXPECT_NEAR(reader.t()[5], 0.025, 1e-9);
-  std::vector<float> plane(kPixels);
-  ASSERT_TRUE(reader.read_frame(3, plane.data()));
-  for (std::size_t i = 0; i < kPixels; ++i) {
-    ASSERT_EQ(plane[i], 293.0F + 0.25F * static_cast<float>(i / kWidth) + 0.5F * static_cast<float>(i % kWidth));
-  }
-}
-
-TEST_F(ConvertVerb, AFilmHasAllFrames) {
-  if (!output_of({"ffprobe", "-version"}, "ffmpeg")) GTEST_SKIP() << "ffmpeg is not installed";
+TEST_F(ConvertVerb, AFilmHasAllFramesAndNeedsItsEncoder) {
   write_capture("a.h5", 30);
-  done({file("a.h5"), "-o", file("a.mp4")});
-  const auto frames = output_of({"ffprobe", "-v", "error", "-count_frames", "-show_entries",
-                                 "stream=nb_read_frames,width,height", "-of", "csv=p=0", file("a.mp4")},
-                                "ffmpeg");
-  ASSERT_TRUE(frames) << frames.error().message;
-  EXPECT_EQ(*frames, "40,24,30\n");
-}
-
-TEST_F(ConvertVerb, WithoutTheEncoderItIsSaid) {
-  write_capture("a.h5", 2);
   const std::string path = std::getenv("PATH");
   setenv("PATH", "/nonexistent", 1);
-  refused({file("a.h5"), "-o", file("a.mp4")}, "ffmpeg is not installed");
+  refused(words("@a.h5 -o @a.mp4"), "ffmpeg is not installed");
   setenv("PATH", path.c_str(), 1);
+  if (!output_of({"ffprobe", "-version"}, "ffmpeg")) GTEST_SKIP() << "ffmpeg is not installed";
+  done(words("@a.h5 -o @a.mp4"));
+  const auto frames = must(output_of(
+      words("ffprobe -v error -count_frames -show_entries stream=nb_read_frames,width,height -of csv=p=0 @a.mp4"),
+      "ffmpeg"));
+  EXPECT_EQ(contents(frames->file), "40,24,30\n");
 }
 
 TEST_F(ConvertVerb, WrongUsageIsOneLine) {
   write_capture("a.h5", 2);
-  refused({"-o", file("b.h5")}, "which files");
-  refused({file("a.h5")}, "where to");
-  refused({file("a.h5"), "-o", file("b.gif")}, "must end in");
-  refused({file("a.h5"), "-o", file("a.h5"), "--overwrite"}, "both read and written");
-  refused({file("a.h5"), file("a.h5"), "-o", file("b.h5")}, "one capture at a time");
-  refused({file("absent.h5"), "-o", file("b.h5")}, "No such file");
-  refused({file("absent.png"), "-o", file("b.h5")}, "absent.png");
-  refused({file("notes.txt"), "-o", file("b.h5")}, "--raw");
-  refused({file("a.h5"), "-o", file("b.h5"), "--scale", "0"}, "--scale");
+  refused(words("-o @b.h5"), "which files");
+  refused(words("@a.h5"), "where to");
+  refused(words("@a.h5 -o @b.gif"), "must end in");
+  refused(words("@a.h5 -o @a.h5 --overwrite"), "both read and written");
+  refused(words("@a.h5 @a.h5 -o @b.h5"), "one capture at a time");
+  refused(words("@absent.h5 -o @b.h5"), "No such file");
+  refused(words("@absent.png -o @b.h5"), "absent.png");
+  refused(words("@notes.txt -o @b.h5"), "--raw");
+  refused(words("@a.h5 -o @b.h5 --scale 0"), "--scale");
   refused({write("bad.tiff", "no TIFF"), "-o", file("b.h5")}, "bad.tiff");
-  refused({write("bad.jpg", "no JPEG"), "-o", file("b.h5")}, "bad.jpg");
+  refused({write("bad.jpg", "no JPEG"), "-o", file("b.h5")}, "bad.jpg: is no JPEG");
+  fs::resize_file(write("huge.jpg", "\xff\xd8\xff"), std::uintmax_t{1} << 40U);
+  refused({file("huge.jpg"), "-o", file("b.h5")}, "huge.jpg: is larger than a still can be");
 }
 
 // --- radiometric stills ---
 
-void put16(std::string& out, std::size_t at, std::uint32_t v, bool big) {
-  for (std::size_t i = 0; i < 2; ++i) out[at + i] = static_cast<char>(v >> (8 * (big ? 1 - i : i)));
+// So many bytes of a number, little-endian or `big`.
+void put(std::string& out, std::size_t at, std::size_t bytes, std::uint32_t v, bool big = false) {
+  for (std::size_t i = 0; i < bytes; ++i) out[at + i] = static_cast<char>(v >> (8 * (big ? bytes - 1 - i : i)));
 }
-void put32(std::string& out, std::size_t at, std::uint32_t v, bool big) {
-  for (std::size_t i = 0; i < 4; ++i) out[at + i] = static_cast<char>(v >> (8 * (big ? 3 - i : i)));
-}
-void put_float(std::string& out, std::size_t at, double v) {
-  const auto f = static_cast<float>(v);
-  std::uint32_t bits = 0;
-  std::memcpy(&bits, &f, sizeof bits);
-  put32(out, at, bits, false);
-}
-
-FlirConstants constants() {
-  FlirConstants c;
-  c.planck_r1 = 21106.77;
-  c.planck_r2 = 0.012545258;
-  c.planck_b = 1501.0;
-  c.planck_f = 1.0;
-  c.planck_o = -7340.0;
-  c.emissivity = 0.95;
-  c.distance_m = 2.0;
-  c.reflected_k = 295.0;
-  c.atmosphere_k = 293.0;
-  c.window_k = 294.0;
-  c.window_transmission = 0.9;
-  c.humidity = 0.5;
-  return c;
-}
+constexpr FlirConstants kConstants{.planck_r1 = 21106.77,
+                                   .planck_r2 = 0.012545258,
+                                   .planck_b = 1501.0,
+                                   .planck_o = -7340.0,
+                                   .emissivity = 0.95,
+                                   .distance_m = 2.0,
+                                   .reflected_k = 295.0,
+                                   .atmosphere_k = 293.0,
+                                   .window_k = 294.0,
+                                   .window_transmission = 0.9};
 
 // Record 0x20, little-endian.
 std::string camera_info(const FlirConstants& c) {
   std::string out(0x480, '\0');
-  put16(out, 0, 2, false);
-  for (const auto& [at, value] : std::initializer_list<std::pair<std::size_t, double>>{{0x20, c.emissivity},
-                                                                                       {0x24, c.distance_m},
-                                                                                       {0x28, c.reflected_k},
-                                                                                       {0x2c, c.atmosphere_k},
-                                                                                       {0x30, c.window_k},
-                                                                                       {0x34, c.window_transmission},
-                                                                                       {0x3c, c.humidity},
-                                                                                       {0x58, c.planck_r1},
-                                                                                       {0x5c, c.planck_b},
-                                                                                       {0x60, c.planck_f},
-                                                                                       {0x70, c.alpha1},
-                                                                                       {0x74, c.alpha2},
-                                                                                       {0x78, c.beta1},
-                                                                                       {0x7c, c.beta2},
-                                                                                       {0x80, c.x},
-                                                                                       {0x30c, c.planck_r2}}) {
-    put_float(out, at, value);
-  }
-  put32(out, 0x308, static_cast<std::uint32_t>(static_cast<std::int32_t>(c.planck_o)), false);
+  put(out, 0, 2, 2);
+  const std::map<std::size_t, double> floats{
+      {0x20, c.emissivity},   {0x24, c.distance_m}, {0x28, c.reflected_k},
+      {0x2c, c.atmosphere_k}, {0x30, c.window_k},   {0x34, c.window_transmission},
+      {0x3c, c.humidity},     {0x58, c.planck_r1},  {0x5c, c.planck_b},
+      {0x60, c.planck_f},     {0x70, c.alpha1},     {0x74, c.alpha2},
+      {0x78, c.beta1},        {0x7c, c.beta2},      {0x80, c.x},
+      {0x30c, c.planck_r2}};
+  for (const auto& [at, value] : floats) put(out, at, 4, std::bit_cast<std::uint32_t>(static_cast<float>(value)));
+  put(out, 0x308, 4, static_cast<std::uint32_t>(static_cast<std::int32_t>(c.planck_o)));
   out.replace(0xd4, 11, "FLIR A655sc");
   out.replace(0x104, 8, "55001234");
   return out;
@@ -336,9 +241,9 @@ std::string camera_info(const FlirConstants& c) {
 // Record 1, little-endian: a head of 32 bytes, then the PNG or the values.
 std::string raw_data(const std::string& image) {
   std::string out(0x20, '\0');
-  put16(out, 0, 2, false);
-  put16(out, 2, kWidth, false);
-  put16(out, 4, kHeight, false);
+  put(out, 0, 2, 2);
+  put(out, 2, 2, kWidth);
+  put(out, 4, 2, kHeight);
   return out + image;
 }
 
@@ -348,15 +253,15 @@ std::string fff(const std::string& raw, const std::string& info) {
   constexpr std::size_t kEntry = 0x20;
   std::string out(kHead + 2 * kEntry, '\0');
   out.replace(0, 3, "FFF");
-  put32(out, 0x14, 101, true);
-  put32(out, 0x18, kHead, true);
-  put32(out, 0x1c, 2, true);
+  put(out, 0x14, 4, 101, true);
+  put(out, 0x18, 4, kHead, true);
+  put(out, 0x1c, 4, 2, true);
   std::size_t position = out.size();
   std::size_t entry = kHead;
   for (const auto& [type, record] : {std::pair{0x01U, &raw}, {0x20U, &info}}) {
-    put16(out, entry, type, true);
-    put32(out, entry + 0x0c, static_cast<std::uint32_t>(position), true);
-    put32(out, entry + 0x10, static_cast<std::uint32_t>(record->size()), true);
+    put(out, entry, 2, type, true);
+    put(out, entry + 0x0c, 4, static_cast<std::uint32_t>(position), true);
+    put(out, entry + 0x10, 4, static_cast<std::uint32_t>(record->size()), true);
     position += record->size();
     entry += kEntry;
   }
@@ -366,56 +271,41 @@ std::string fff(const std::string& raw, const std::string& info) {
 // A JPEG of nothing but the segments: start, FLIR's APP1 in one part, end.
 std::string jpeg(const std::string& block) {
   std::string out = "\xFF\xD8\xFF\xE1";
-  std::string head(2, '\0');
-  put16(head, 0, static_cast<std::uint32_t>(block.size() + 10), true);
-  out += head;
-  out += std::string("FLIR\0\x01\0\0", 8);
+  out += std::string("\0\0FLIR\0\x01\0\0", 10);
+  put(out, 4, 2, static_cast<std::uint32_t>(block.size() + 10), true);
   return out + block + "\xFF\xD9";
 }
 
 double scene_k(std::size_t pixel) { return 290.0 + 0.05 * static_cast<double>(pixel % kWidth); }
 
-class FlirStills : public ConvertVerb, public ::testing::WithParamInterface<const char*> {
- protected:
-  void SetUp() override {
-    ConvertVerb::SetUp();
-    if (!output_of({"exiftool", "-ver"}, "libimage-exiftool-perl")) GTEST_SKIP() << "exiftool is not installed";
-  }
-
-  // The raw image as this kind of camera stores it.
-  std::string image(const std::vector<std::uint16_t>& raw) const {
-    const std::string kind = GetParam();
-    if (kind == "Values") return {reinterpret_cast<const char*>(raw.data()), 2 * raw.size()};
-    std::vector<std::uint16_t> stored = raw;
-    if (kind == "SwappedPng") {
-      for (std::uint16_t& v : stored) v = static_cast<std::uint16_t>(v << 8U | v >> 8U);
-    }
-    EXPECT_TRUE(write_png16(file("raw.png"), {kWidth, kHeight}, stored.data()));
-    return test::contents(file("raw.png"));
-  }
-};
-
-TEST_P(FlirStills, BecomeKelvin) {
-  std::vector<std::uint16_t> raw(kPixels);
+// The raw image as a PNG, as one with its bytes swapped, and as mere values: cameras of each kind are about.
+TEST_F(ConvertVerb, RadiometricStillsBecomeKelvin) {
+  if (!output_of({"exiftool", "-ver"}, "libimage-exiftool-perl")) GTEST_SKIP() << "exiftool is not installed";
+  std::vector<std::uint16_t> raw;
+  std::vector<std::uint16_t> swapped;
   for (std::size_t p = 0; p < kPixels; ++p) {
-    raw[p] = static_cast<std::uint16_t>(std::lround(flir_raw(scene_k(p), constants())));
+    raw.push_back(static_cast<std::uint16_t>(std::lround(flir_raw(scene_k(p), kConstants))));
+    swapped.push_back(static_cast<std::uint16_t>(raw[p] << 8U | raw[p] >> 8U));
   }
-  done({write("a.jpg", jpeg(fff(raw_data(image(raw)), camera_info(constants())))), "-o", file("a.h5")});
-  const capture::CaptureReader reader = open("a.h5");
-  EXPECT_EQ(reader.info().camera_model, "FLIR A655sc");
-  EXPECT_EQ(reader.info().camera_serial, "55001234");
-  EXPECT_EQ(reader.info().format.scale.unit, Unit::kKelvin);
-  std::vector<float> plane(kPixels);
-  ASSERT_TRUE(reader.read_frame(0, plane.data()));
-  for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(plane[p], scene_k(p), 0.02) << "a count is about 0.03 K";
+  ASSERT_TRUE(write_png16(file("raw.png"), {kWidth, kHeight}, raw.data()));
+  ASSERT_TRUE(write_png16(file("swapped.png"), {kWidth, kHeight}, swapped.data()));
+  for (const std::string& image : {test::contents(file("raw.png")), test::contents(file("swapped.png")),
+                                   std::string(reinterpret_cast<const char*>(raw.data()), 2 * kPixels)}) {
+    write("a.jpg", jpeg(fff(raw_data(image), camera_info(kConstants))));
+    done(words("@a.jpg -o @a.h5 --overwrite"));
+    const capture::CaptureReader reader = open("a.h5");
+    EXPECT_EQ(reader.info().camera_model, "FLIR A655sc");
+    EXPECT_EQ(reader.info().camera_serial, "55001234");
+    EXPECT_EQ(reader.info().format.scale.unit, Unit::kKelvin);
+    std::vector<float> plane(kPixels);
+    ASSERT_TRUE(reader.read_frame(0, plane.data()));
+    for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(plane[p], scene_k(p), 0.02) << "a count is about 0.03 K";
+  }
 }
-
-INSTANTIATE_TEST_SUITE_P(Kinds, FlirStills, ::testing::Values("Png", "SwappedPng", "Values"),
-                         [](const auto& kind) { return std::string(kind.param); });
 
 // By hand: with everything transparent and black it is Planck's formula alone.
 TEST(FlirKelvin, AgreesWithTheFormulaWithoutSurroundings) {
-  FlirConstants c = constants();
+  FlirConstants c = kConstants;
   c.emissivity = 1.0;
   c.distance_m = 0.0;
   c.window_transmission = 1.0;
@@ -427,7 +317,7 @@ TEST(FlirKelvin, AgreesWithTheFormulaWithoutSurroundings) {
 
 // A black body as warm as all that surrounds it looks the same through anything.
 TEST(FlirKelvin, SurroundingsOfTheSameTemperatureDoNotShow) {
-  FlirConstants c = constants();
+  FlirConstants c = kConstants;
   c.reflected_k = c.atmosphere_k = c.window_k = 300.0;
   c.emissivity = 0.6;
   c.distance_m = 50.0;
@@ -439,7 +329,6 @@ TEST(FlirKelvin, SurroundingsOfTheSameTemperatureDoNotShow) {
   EXPECT_GT(atmosphere_transmission(c), 0.5);
 }
 
-TEST(FlirKelvin, TellsNoTemperatureFromBelowTheScale) { EXPECT_TRUE(std::isnan(flir_kelvin(-1e6, constants()))); }
+TEST(FlirKelvin, TellsNoTemperatureFromBelowTheScale) { EXPECT_TRUE(std::isnan(flir_kelvin(-1e6, kConstants))); }
 
-}  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::convert_verb_test

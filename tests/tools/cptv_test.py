@@ -20,6 +20,7 @@ except ImportError as missing:
 
 BOLO = sys.argv.pop(1)
 WIDTH, HEIGHT = 7, 5
+ZERO = np.zeros((HEIGHT, WIDTH), np.uint16)
 
 
 def field(code, data):
@@ -68,7 +69,7 @@ class Cptv(unittest.TestCase):
                        for low, high in ((3000, 3010), (2990, 3050), (0, 65535), (65535 - 9, 65535), (30000, 30001), (7, 9))]
 
     def film(self, **keys):
-        text, before = header(**keys), np.zeros((HEIGHT, WIDTH), np.uint16)
+        text, before = header(**keys), ZERO
         for n, plane in enumerate(self.planes):
             text += frame(plane, before, 5000 + 115 * n, ffc_ms=100 if n < 3 else 5300)
             before = plane
@@ -79,6 +80,11 @@ class Cptv(unittest.TestCase):
         run = [BOLO, "convert", self.folder / "a.cptv", "-o", self.folder / "a.h5", "--overwrite", *options]
         return subprocess.run(run, capture_output=True, text=True, timeout=60)
 
+    def converted(self, text, *options):
+        done = self.convert(text, *options)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return h5py.File(self.folder / "a.h5")
+
     def refused(self, text, part, **how):
         done = self.convert(text, **how)
         self.assertEqual(done.returncode, 2, done.stderr)
@@ -87,47 +93,33 @@ class Cptv(unittest.TestCase):
         self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
 
     def test_every_value_and_time_comes_back(self):
-        done = self.convert(self.film())
-        self.assertEqual(done.returncode, 0, done.stderr)
-        with h5py.File(self.folder / "a.h5") as capture:
+        with self.converted(self.film()) as capture:
             self.assertTrue((capture["frames"][:] == np.stack(self.planes)).all())
             np.testing.assert_allclose(capture["t"][:], 5.0 + 0.115 * np.arange(6), atol=1e-9)
             self.assertAlmostEqual(capture.attrs["frame_period_s"], 0.115, 9)
-            self.assertEqual(capture.attrs["unit"].decode(), "count")
-            self.assertEqual(capture.attrs["camera_model"].decode(), "lepton3.5")
-            self.assertEqual(capture.attrs["camera_serial"].decode(), "1234")
-            self.assertEqual(capture.attrs["recorded_at"].decode(), "2019-07-23T23:57:42.123Z")
+            for key, value in (("unit", "count"), ("camera_model", "lepton3.5"), ("camera_serial", "1234"),
+                               ("recorded_at", "2019-07-23T23:57:42.123Z")):
+                self.assertEqual(capture.attrs[key].decode(), value)
             self.assertEqual([(round(e["t"], 3), e["kind"].decode()) for e in capture["events"][:]], [(5.345, "nuc")])
-
-    def test_a_correction_long_ago_is_no_event(self):
-        zero = np.zeros((HEIGHT, WIDTH), np.uint16)
-        text = header() + b"".join(frame(zero, zero, 60_000 + 115 * n, ffc_ms=30_000 + 115 * n) for n in range(4))
-        self.assertEqual(self.convert(text).returncode, 0)
-        with h5py.File(self.folder / "a.h5") as capture:
-            self.assertNotIn("events", capture)
-
-    def test_a_scale_makes_kelvin_of_it(self):
-        self.assertEqual(self.convert(self.film(), "--scale", "0.01").returncode, 0)
-        with h5py.File(self.folder / "a.h5") as capture:
+        with self.converted(self.film(), "--scale", "0.01") as capture:
             self.assertEqual((capture.attrs["unit"].decode(), capture.attrs["scale"]), ("kelvin", 0.01))
 
+    def test_a_correction_long_ago_is_no_event(self):
+        text = header() + b"".join(frame(ZERO, ZERO, 60_000 + 115 * n, ffc_ms=30_000 + 115 * n) for n in range(4))
+        with self.converted(text) as capture:
+            self.assertNotIn("events", capture)
+
     def test_a_background_frame_is_no_frame_but_counts_for_the_next(self):
-        zero = np.zeros((HEIGHT, WIDTH), np.uint16)
-        text = header() + frame(self.planes[0], zero, 0, background=True) + frame(self.planes[1], self.planes[0], 5000)
-        text += frame(self.planes[2], self.planes[1], 5115)
-        self.assertEqual(self.convert(text).returncode, 0)
-        with h5py.File(self.folder / "a.h5") as capture:
+        text = header() + frame(self.planes[0], ZERO, 0, background=True) + frame(self.planes[1], self.planes[0], 5000)
+        with self.converted(text + frame(self.planes[2], self.planes[1], 5115)) as capture:
             self.assertTrue((capture["frames"][:] == np.stack(self.planes[1:3])).all())
 
     def test_times_that_do_not_rise_give_way_to_the_rate(self):
-        zero = np.zeros((HEIGHT, WIDTH), np.uint16)
-        self.assertEqual(self.convert(header() + frame(zero, zero, 7) + frame(zero, zero, 7)).returncode, 0)
-        with h5py.File(self.folder / "a.h5") as capture:
+        with self.converted(header() + frame(ZERO, ZERO, 7) + frame(ZERO, ZERO, 7)) as capture:
             np.testing.assert_allclose(capture["t"][:], [0, 1 / 9])
 
     def test_what_is_wrong_is_said_in_one_line(self):
         film = self.film()
-        zero = np.zeros((HEIGHT, WIDTH), np.uint16)
         self.refused(b"", "it is no CPTV file")
         self.refused(b"CPTX" + film[4:], "it is no CPTV file")
         self.refused(self.film(version=1), "it is CPTV version 1; 2 is read")
@@ -136,8 +128,8 @@ class Cptv(unittest.TestCase):
         self.refused(header(width=1 << 20), "its frames are 1048576x5")
         self.refused(header(), "it has no frame")
         self.refused(film + b"G\x00", "something other than a frame")
-        self.refused(film + frame(zero, zero, 9000, bits=40), "has 40 bits a pixel")
-        self.refused(header() + frame(zero[:2], zero[:2], 1), "a frame of 7x5 with 1 bits a pixel has 6 bytes")
+        self.refused(film + frame(ZERO, ZERO, 9000, bits=40), "has 40 bits a pixel")
+        self.refused(header() + frame(ZERO[:2], ZERO[:2], 1), "a frame of 7x5 with 1 bits a pixel has 6 bytes")
         over = frame(np.full((HEIGHT, WIDTH), 65535), np.full((HEIGHT, WIDTH), -1), 9000)
         self.refused(film + over, "frame 6 has a value beyond 16 bits")
         self.refused(film, "it is cut off", packs=lambda text: gzip.compress(text)[:-40])

@@ -1,18 +1,10 @@
 // `bolo deblur`: parts of the frame, single pixels, their motion and their maps.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <fstream>
-#include <string>
-#include <vector>
-
 #include <nlohmann/json.hpp>
 
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/tools/deblur_verb.hpp"
 
 namespace bolo::tools::deblur_pixels_test {
-namespace {
 
 using namespace test;
 
@@ -27,26 +19,14 @@ TEST_F(DeblurVerb, ARegionIsTheSamePixelsBitForBit) {
   scene.y_px = {0.0, 0.25};
   blurred.stimulus = scene;
   write_blurred(file("in.h5"), blurred);
-  const auto whole = deblurred({}, "whole.h5");
-  const auto part = deblurred({"--roi", "3,1,21,4"}, "part.h5");
+  const auto whole = deblurred("", "whole.h5");
+  const auto part = deblurred("--roi 3,1,21,4", "part.h5");
   ASSERT_EQ(part.info().format.geometry, (Geometry{21, 4}));
-  ASSERT_EQ(part.info().frames, whole.info().frames);
-  std::vector<float> truth(21 * 4);
-  std::vector<float> whole_truth(static_cast<std::size_t>(kWidth * kHeight));
-  for (std::size_t n = 0; n < part.info().frames; ++n) {
-    const auto small = frame_of(part, n);
-    const auto large = frame_of(whole, n);
-    ASSERT_TRUE(part.read_truth(n, truth.data()));
-    ASSERT_TRUE(whole.read_truth(n, whole_truth.data()));
-    for (std::size_t i = 0; i < small.size(); ++i) {
-      const std::size_t j = (i / 21 + 1) * static_cast<std::size_t>(kWidth) + i % 21 + 3;
-      ASSERT_EQ(small[i], large[j]) << "frame " << n << " pixel " << i;
-      ASSERT_EQ(truth[i], whole_truth[j]);
-    }
-  }
+  std::vector<capture::Point> places;
+  for (int i = 0; i < 21 * 4; ++i) places.push_back({3 + i % 21, 1 + i / 21});
+  expect_pixels_of(whole, places, part);
   EXPECT_EQ(attribute<std::string>(part, "roi"), "3,1,21,4");
-  const auto stimulus = part.stimulus();
-  ASSERT_TRUE(stimulus);
+  const auto stimulus = must(part.stimulus());
   const auto& seen = std::get<capture::SceneStimulus>(*stimulus);
   EXPECT_EQ(seen.x_px, (std::vector<double>{3.5, 4.0}));
   EXPECT_EQ(seen.y_px, (std::vector<double>{1.0, 1.25}));
@@ -56,65 +36,40 @@ class DeblurVerbPoints : public DeblurVerb, public testing::WithParamInterface<c
 
 TEST_P(DeblurVerbPoints, AreTheWholeFramesBits) {
   write_blurred(file("in.h5"), {.stimulus = capture::Uniform{300.0}});
-  std::ofstream(file("p.csv")) << "x,y\n# comment\n3, 1\n\n39,5\r\n0.4,0\n2.5,4.49\n3,1\n";
+  write("p.csv", "x,y\n# comment\n3, 1\n\n39,5\r\n0.4,0\n2.5,4.49\n3,1\n");
   const std::vector<capture::Point> places{{3, 1}, {39, 5}, {0, 0}, {3, 4}, {3, 1}};
-  const auto whole = deblurred({"--solver", GetParam()}, "whole.h5");
-  const auto part = deblurred({"--solver", GetParam(), "--points", file("p.csv"), "--json"}, "points.h5");
-  const auto json = nlohmann::json::parse(last_.out);
-  EXPECT_EQ(json["points"], 5);
-  EXPECT_TRUE(json["roi"].is_null());
+  const std::string solver = std::string("--solver ") + GetParam();
+  const auto whole = deblurred(solver, "whole.h5");
+  const auto part = deblurred(solver + " --points @p.csv", "points.h5");
+  EXPECT_EQ(told()["points"], 5);
+  EXPECT_TRUE(told()["roi"].is_null());
   ASSERT_EQ(part.info().format.geometry, (Geometry{5, 1}));
-  ASSERT_EQ(part.info().frames, whole.info().frames);
   ASSERT_TRUE(part.points());
   EXPECT_EQ(*part.points(), places);
   EXPECT_TRUE(whole.points()->empty());
   EXPECT_EQ(attribute<std::string>(part, "points_file"), "p.csv");
-  std::vector<float> truth(5);
-  std::vector<float> whole_truth(static_cast<std::size_t>(kWidth * kHeight));
-  for (std::size_t n = 0; n < part.info().frames; ++n) {
-    const auto few = frame_of(part, n);
-    const auto all = frame_of(whole, n);
-    ASSERT_TRUE(part.read_truth(n, truth.data()));
-    ASSERT_TRUE(whole.read_truth(n, whole_truth.data()));
-    for (std::size_t i = 0; i < places.size(); ++i) {
-      const auto at = static_cast<std::size_t>(places[i].y * kWidth + places[i].x);
-      ASSERT_EQ(few[i], all[at]) << "frame " << n << " point " << i;
-      ASSERT_EQ(truth[i], whole_truth[at]);
-    }
-  }
-  const Outcome info = Program({BOLO_PROGRAM, "info", file("points.h5")}, file("log")).outcome();
-  EXPECT_EQ(info.exit_code, 0) << info.err;
-  EXPECT_NE(info.out.find("5 single pixels"), std::string::npos) << info.out;
+  expect_pixels_of(whole, places, part);
+  expect_parts(Program(words(BOLO_PROGRAM " info @points.h5"), file("info")).outcome().out, {"5 single pixels"});
 }
 
 // A texture that moves 1.5 px a frame to the right and 0.5 down; frame 40 is lost.
 void write_pan(const std::filesystem::path& file) {
-  capture::CaptureInfo info;
-  info.format.geometry = {100, 60};
-  info.format.scale = {Unit::kKelvin, 0.01, 0.0};
-  info.format.frame_period_s = kPeriod;
-  auto writer = capture::CaptureWriter::create(file, info);
-  ASSERT_TRUE(writer);
+  SmallCapture capture(file, small_info({100, 60}));
   const double decay = std::exp(-kPeriod / kTau);
-  std::vector<double> y(info.format.geometry.pixels(), 300.0);
-  std::vector<std::uint16_t> counts(y.size());
+  std::vector<double> y(100 * 60, 300.0);
   for (std::size_t n = 0; n < 60; ++n) {
     for (std::size_t i = 0; i < y.size(); ++i) {
       const double column = static_cast<double>(i % 100) - 1.5 * static_cast<double>(n);
       const double row = static_cast<double>(i / 100) - 0.5 * static_cast<double>(n);
       double x = 300.0;  // waves of many directions and lengths, so that nothing repeats
       for (int k = 1; k <= 16; ++k) {
-        const double across = 0.05 * k * std::cos(2.4 * k);
-        const double down = 0.05 * k * std::sin(2.4 * k);
-        x += 1.5 * std::sin(across * column + down * row + 1.7 * k);
+        x += 1.5 * std::sin(0.05 * k * (std::cos(2.4 * k) * column + std::sin(2.4 * k) * row) + 1.7 * k);
       }
       y[i] = decay * y[i] + (1.0 - decay) * x;
-      counts[i] = static_cast<std::uint16_t>(std::lround(y[i] / 0.01));
     }
-    if (n == 40) continue;
-    ASSERT_TRUE(writer->append(0.005 * static_cast<double>(n), n, counts.data()));
+    if (n != 40) capture.append(kPeriod * static_cast<double>(n), n, [&](auto i) { return std::lround(y[i] / 0.01); });
   }
-  ASSERT_TRUE(writer->close());
+  capture.close();
 }
 
 std::vector<BlockMotion> motion_of(const capture::CaptureReader& reader, std::size_t index) {
@@ -125,7 +80,7 @@ std::vector<BlockMotion> motion_of(const capture::CaptureReader& reader, std::si
 
 TEST_F(DeblurVerb, MotionIsWrittenBesideTheFrames) {
   write_pan(file("in.h5"));
-  const auto out = deblurred({"--solver", "motion", "--noise", "0.03"});
+  const auto out = deblurred("--solver motion --noise 0.03");
   ASSERT_TRUE(out.info().has_motion);
   for (std::size_t n = 3; n < out.info().frames; ++n) {
     const std::uint64_t id = out.frame_id()[n];
@@ -144,24 +99,22 @@ TEST_F(DeblurVerb, MotionIsWrittenBesideTheFrames) {
       ASSERT_LE(blocks[i].confidence, 1.0F);
     }
   }
-  const Outcome info = Program({BOLO_PROGRAM, "info", file("out.h5")}, file("log")).outcome();
-  EXPECT_NE(info.out.find("velocity and confidence"), std::string::npos) << info.out;
+  expect_parts(Program(words(BOLO_PROGRAM " info @out.h5"), file("info")).outcome().out, {"velocity and confidence"});
 }
 
 TEST_F(DeblurVerb, MotionOfARegionIsThatOfItsPlaceAndOtherwiseAbsent) {
   write_pan(file("in.h5"));
-  const auto whole = deblurred({"--solver", "motion"}, "whole.h5");
-  const auto part = deblurred({"--solver", "motion", "--roi", "18,9,33,20"}, "part.h5");
+  const auto whole = deblurred("--solver motion", "whole.h5");
+  const auto part = deblurred("--solver motion --roi 18,9,33,20", "part.h5");
   ASSERT_TRUE(part.info().has_motion);
   const auto all = motion_of(whole, 10);
   const auto some = motion_of(part, 10);
   ASSERT_EQ(some.size(), 5U * 3U);
   EXPECT_EQ(some[0].x, all[13 * 1 + 2].x) << "its middle, 22,13, lies in block 2,1";
   EXPECT_EQ(some[5 * 2 + 4].y, all[13 * 3 + 6].y) << "54,29 in block 6,3";
-  std::ofstream(file("p.csv")) << "3,1\n50,30\n";
-  EXPECT_FALSE(deblurred({"--solver", "motion", "--points", file("p.csv")}, "points.h5").info().has_motion);
-  for (const char* solver : {"admm", "mmae", "inverse"}) {
-    EXPECT_FALSE(deblurred({"--solver", solver}, "other.h5").info().has_motion) << solver;
+  write("p.csv", "3,1\n50,30\n");
+  for (const char* other : {"motion --points @p.csv", "admm", "mmae", "inverse"}) {
+    EXPECT_FALSE(deblurred(std::string("--solver ") + other).info().has_motion) << other;
   }
 }
 
@@ -170,18 +123,16 @@ INSTANTIATE_TEST_SUITE_P(Solvers, DeblurVerbPoints, testing::Values("admm", "dua
 
 TEST_F(DeblurVerb, TakesMapsFromTheProfileAndFillsDeadPixels) {
   write_blurred(file("in.h5"), {});
-  const auto plain = deblurred({"--solver", "inverse"}, "plain.h5");
+  const auto plain = deblurred("--solver inverse", "plain.h5");
   model::PixelMaps maps;
   maps.geometry = {kWidth, kHeight};
   maps.offset.assign(maps.geometry.pixels(), 0.5F);
   maps.dead.assign(maps.geometry.pixels(), 0);
   maps.dead[static_cast<std::size_t>(kWidth) + 4] = 1;
   ASSERT_TRUE(capture::write_pixel_maps({file("maps.h5")}, maps));
-  std::ofstream(file("p.toml")) << "maps = \"maps.h5\"\n";
-  for (const std::vector<std::string>& words : {std::vector<std::string>{}, {"--roi", "0,0,20,3"}}) {
-    std::vector<std::string> all{"--solver", "inverse", "--profile", file("p.toml")};
-    all.insert(all.end(), words.begin(), words.end());
-    const auto mapped = deblurred(all, "mapped.h5");
+  write("p.toml", "maps = \"maps.h5\"\n");
+  for (const std::string part : {"", " --roi 0,0,20,3"}) {
+    const auto mapped = deblurred("--solver inverse --profile @p.toml" + part);
     EXPECT_EQ(attribute<std::string>(mapped, "maps"), "maps.h5");
     const auto width = static_cast<std::size_t>(mapped.info().format.geometry.width);
     const auto before = frame_of(plain, 3);
@@ -198,5 +149,4 @@ TEST_F(DeblurVerb, TakesMapsFromTheProfileAndFillsDeadPixels) {
   }
 }
 
-}  // namespace
 }  // namespace bolo::tools::deblur_pixels_test

@@ -1,17 +1,10 @@
 // `bolo deblur` as its user meets it, for its tests.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <cstdint>
-#include <filesystem>
-#include <optional>
-#include <stdexcept>
-#include <string>
 #include <variant>
-#include <vector>
 
-#include "src/capture/capture.hpp"
+#include <nlohmann/json.hpp>
+
 #include "tests/tools/blurred_capture.hpp"
 #include "tests/tools/program.hpp"
 
@@ -24,18 +17,17 @@ class DeblurVerb : public ProgramTest {
   DeblurVerb() : ProgramTest({BOLO_PROGRAM, "deblur"}) {}
 
   // Runs on in.h5 with `more` options, expects success, and opens the output.
-  capture::CaptureReader deblurred(const std::vector<std::string>& more = {}, const std::string& name = "out.h5") {
-    std::vector<std::string> words{file("in.h5"), "-o", file(name), "--overwrite"};
-    words.insert(words.end(), more.begin(), more.end());
-    last_ = run(words);
-    EXPECT_EQ(last_.exit_code, 0) << last_.err;
+  capture::CaptureReader deblurred(const std::string& more = "", const std::string& name = "out.h5") {
+    told_ = printed(words("@in.h5 -o @" + name + " --overwrite --json " + more));
     EXPECT_FALSE(fs::exists(file(name + ".part")));
-    auto reader = capture::CaptureReader::open(file(name));
-    if (!reader) throw std::runtime_error(reader.error().message);
-    return std::move(*reader);
+    return *must(capture::CaptureReader::open(file(name)));
   }
+  // What it told of the last run, and an error among that.
+  nlohmann::json told() const { return nlohmann::json::parse(told_); }
+  double rmse(const char* which) const { return told()["rmse"][which].get<double>(); }
 
-  Outcome last_;
+ private:
+  std::string told_;
 };
 
 inline std::vector<float> frame_of(const capture::CaptureReader& reader, std::size_t index) {
@@ -49,6 +41,31 @@ inline std::vector<float> frame_of(const capture::CaptureReader& reader, std::si
   EXPECT_TRUE(reader.read_frame(index, counts.data()));
   for (std::size_t i = 0; i < pixels; ++i) values[i] = static_cast<float>(counts[i]);
   return values;
+}
+
+inline void expect_same_frames(const capture::CaptureReader& one, const capture::CaptureReader& other) {
+  ASSERT_EQ(one.frame_id(), other.frame_id());
+  ASSERT_EQ(one.t(), other.t());
+  for (std::size_t n = 0; n < one.info().frames; ++n) ASSERT_EQ(frame_of(one, n), frame_of(other, n)) << n;
+}
+
+// The pixels of `part` are those of `whole` at these places, truth included, bit for bit.
+inline void expect_pixels_of(const capture::CaptureReader& whole, const std::vector<capture::Point>& places,
+                             const capture::CaptureReader& part) {
+  ASSERT_EQ(part.info().format.geometry.pixels(), places.size());
+  ASSERT_EQ(part.info().frames, whole.info().frames);
+  std::vector<float> truth(places.size());
+  std::vector<float> whole_truth(whole.info().format.geometry.pixels());
+  for (std::size_t n = 0; n < part.info().frames; ++n) {
+    const auto few = frame_of(part, n);
+    const auto all = frame_of(whole, n);
+    ASSERT_TRUE(part.read_truth(n, truth.data()) && whole.read_truth(n, whole_truth.data()));
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const auto at = static_cast<std::size_t>(places[i].y * whole.info().format.geometry.width + places[i].x);
+      ASSERT_EQ(few[i], all[at]) << "frame " << n << " pixel " << i;
+      ASSERT_EQ(truth[i], whole_truth[at]);
+    }
+  }
 }
 
 template <typename T>

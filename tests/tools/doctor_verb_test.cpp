@@ -1,15 +1,9 @@
 // bolo doctor through its executable, on the machine that it runs on.
-#include <gtest/gtest.h>
-
-#include <set>
-#include <string>
-
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"
 
-namespace bolo::tools::test {
-namespace {
+namespace bolo::tools::test::doctor_verb_test {
 
 struct DoctorVerb : ProgramTest {
   DoctorVerb() : ProgramTest({BOLO_PROGRAM, "doctor"}) {}
@@ -54,5 +48,4 @@ TEST_F(DoctorVerb, AWrongConfigurationIsOneLineAndExitCode2) {
   refused({"--config", write("bolod.toml", "[shm]\nslotz = 1\n")});
 }
 
-}  // namespace
-}  // namespace bolo::tools::test
+}  // namespace bolo::tools::test::doctor_verb_test

@@ -1,20 +1,16 @@
 #!/usr/bin/env python3
-"""`bolo convert` to MCAP and back, seen by another reader: one written here from https://mcap.dev/spec, the ros2msg
-definitions that the file itself carries, and the rules of CDR.
+"""`bolo convert` to MCAP and back, seen by another reader (mcap_file.py).
 
 usage: mcap_test.py BOLO. Exit code 77 where h5py is missing.
 """
 
-import ctypes
 import os
 import random
-import re
 import struct
 import subprocess
 import sys
 import tempfile
 import unittest
-import zlib
 
 try:
     import h5py
@@ -22,215 +18,9 @@ try:
 except ImportError:
     sys.exit(77)
 
+from mcap_file import MAGIC, File, pack
+
 BOLO = os.path.abspath(sys.argv.pop(1))
-MAGIC = b"\x89MCAP0\r\n"
-zstd = ctypes.CDLL("libzstd.so.1")
-for function in (zstd.ZSTD_decompress, zstd.ZSTD_compress, zstd.ZSTD_compressBound):
-    function.restype = ctypes.c_size_t
-
-
-def unpack(data, size):
-    out = ctypes.create_string_buffer(size)
-    done = zstd.ZSTD_decompress(out, ctypes.c_size_t(size), data, ctypes.c_size_t(len(data)))
-    assert done == size, done
-    return out.raw
-
-
-def pack(data):
-    out = ctypes.create_string_buffer(len(data) // 100 + 1000 + len(data))
-    done = zstd.ZSTD_compress(out, ctypes.c_size_t(len(out)), data, ctypes.c_size_t(len(data)), 3)
-    return out.raw[:done]
-
-
-class Fields:
-    def __init__(self, data):
-        self.data, self.at = data, 0
-
-    def take(self, code):
-        values = struct.unpack_from("<" + code, self.data, self.at)
-        self.at += struct.calcsize("<" + code)
-        return values[0] if len(values) == 1 else values
-
-    def bytes(self):
-        size = self.take("I")
-        self.at += size
-        assert self.at <= len(self.data)
-        return self.data[self.at - size:self.at]
-
-    def text(self):
-        return self.bytes().decode()
-
-    def pairs(self, key, value):
-        inside, out = Fields(self.bytes()), {}
-        while inside.at < len(inside.data):
-            k = inside.text() if key == "s" else inside.take(key)
-            out[k] = inside.text() if value == "s" else inside.take(value)
-        return out
-
-
-def records(data, at, end):
-    """(code, fields, offset) of what lies there."""
-    while at < end:
-        code, size = struct.unpack_from("<BQ", data, at)
-        yield code, data[at + 9:at + 9 + size], at
-        at += 9 + size
-    assert at == end
-
-
-class Cdr:
-    """Messages by the definitions in a ros2msg schema."""
-
-    SIZES = {"bool": "B", "byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "uint64": "Q", "float64": "d"}
-
-    def __init__(self, name, text):
-        parts = re.split(r"={80}\nMSG: (\S+)\n", text)
-        self.types = {name.replace("/msg/", "/"): parts[0]}
-        self.types.update(zip(parts[1::2], parts[2::2]))
-        self.top = name.replace("/msg/", "/")
-
-    def read(self, data):
-        assert data[:4] == b"\0\1\0\0"
-        self.data, self.at = data[4:], 0
-        value = self.message(self.top)
-        assert self.at == len(self.data), "bytes left over"
-        return value
-
-    def number(self, code):
-        size = struct.calcsize(code)
-        self.at += -self.at % size
-        self.at += size
-        return struct.unpack_from("<" + code, self.data, self.at - size)[0]
-
-    def one(self, kind, package):
-        if kind in self.SIZES:
-            return self.number(self.SIZES[kind])
-        if kind == "string":
-            size = self.number("I")
-            self.at += size
-            assert self.data[self.at - 1] == 0
-            return self.data[self.at - size:self.at - 1].decode()
-        return self.message(kind if "/" in kind else package + "/" + kind)
-
-    def message(self, kind):
-        out = {}
-        for line in self.types[kind].splitlines():
-            line = line.split("#")[0].strip()
-            if not line or "=" in line:
-                continue
-            field, name = line.split()
-            base, _, length = field.partition("[")
-            if not length:
-                out[name] = self.one(base, kind.split("/")[0])
-                continue
-            count = self.number("I") if length == "]" else int(length[:-1])
-            if base == "uint8":
-                self.at += count
-                out[name] = self.data[self.at - count:self.at]
-            else:
-                out[name] = [self.one(base, kind.split("/")[0]) for _ in range(count)]
-        return out
-
-
-class File:
-    """A whole file, by its index; everything that the specification lets a reader rely on is looked at."""
-
-    def __init__(self, name):
-        with open(name, "rb") as f:
-            self.data = data = f.read()
-        assert data[:8] == MAGIC and data[-8:] == MAGIC
-        code, size, start, offsets, crc = struct.unpack("<BQQQI", data[-37:-8])
-        assert (code, size) == (2, 20)
-        assert zlib.crc32(data[start:-12]) == crc
-        self.schemas, self.channels, self.metadata, self.messages = {}, {}, {}, []
-        self.indexes, groups, self.statistics = [], {}, None
-        for code, fields, at in records(data, start, offsets):
-            groups.setdefault(code, [at, at])[1] = at + 9 + len(fields)
-            self.summary_record(code, Fields(fields))
-        for code, fields, _ in records(data, offsets, len(data) - 37):
-            assert code == 14
-            group, begin, length = struct.unpack("<BQQ", fields)
-            assert groups.pop(group) == [begin, begin + length]
-        assert not groups, "a group without its offset"
-        self.walk(start)
-        for index in self.indexes:
-            self.read_chunk(index)
-        assert self.statistics["messages"] == len(self.messages)
-        assert self.statistics["chunks"] == len(self.indexes)
-        assert self.statistics["counts"] == {c: sum(m[0] == c for m in self.messages) for c in self.channels}
-        assert self.statistics["times"] == (min(m[2] for m in self.messages), max(m[2] for m in self.messages))
-
-    def summary_record(self, code, f):
-        if code == 3:
-            number = f.take("H")
-            self.schemas[number] = name, encoding, text = f.text(), f.text(), f.text()
-            assert encoding == "ros2msg", (name, text)
-        elif code == 4:
-            number, schema = f.take("HH")
-            self.channels[number] = f.text(), self.schemas[schema]
-            assert f.text() == "cdr" and f.pairs("s", "s").keys() == {"offered_qos_profiles"}
-        elif code == 8:
-            self.indexes.append((f.take("QQQQ"), f.pairs("H", "Q"), f.take("Q"), f.text(), f.take("QQ")))
-        elif code == 11:
-            messages, schemas, channels, attachments, metadata, chunks, first, last = f.take("QHIIIIQQ")
-            assert (schemas, channels, attachments) == (len(self.schemas), len(self.channels), 0)
-            self.statistics = {"messages": messages, "chunks": chunks, "times": (first, last),
-                               "metadata": metadata, "counts": f.pairs("H", "Q")}
-        elif code == 13:
-            at, _ = f.take("QQ")
-            f_code, size = struct.unpack_from("<BQ", self.data, at)
-            inside = Fields(self.data[at + 9:at + 9 + size])
-            assert f_code == 12 and inside.text() == f.text()
-            pairs = inside.pairs("s", "s")
-            self.metadata[pairs["topic"]] = pairs
-        else:
-            raise AssertionError(code)
-
-    def walk(self, end):
-        """The records before the summary, in order."""
-        seen = []
-        for code, fields, at in records(self.data, 8, end):
-            seen.append(code)
-            if code == 1:
-                f = Fields(fields)
-                assert f.text() == "ros2" and f.text().startswith("bolo ")
-            if code == 15:
-                assert struct.unpack("<I", fields)[0] == zlib.crc32(self.data[:at])
-        assert seen[0] == 1 and seen[-1] == 15 and seen.count(6) == len(self.indexes)
-
-    def read_chunk(self, index):
-        (first, last, at, length), places, index_bytes, compression, (packed, size) = index
-        code, inside = struct.unpack_from("<BQ", self.data, at)
-        assert code == 6 and inside + 9 == length
-        f = Fields(self.data[at + 9:at + length])
-        assert f.take("QQQ") == (first, last, size)
-        crc, name, bytes_ = f.take("I"), f.text(), f.take("Q")
-        assert (name, compression, bytes_) == ("zstd", "zstd", packed)
-        chunk = unpack(f.data[f.at:], size)
-        assert zlib.crc32(chunk) == crc
-        found = {}
-        for code, fields, offset in records(chunk, 0, len(chunk)):
-            assert code == 5
-            channel, sequence, log, publish = struct.unpack_from("<HIQQ", fields)
-            assert log == publish and first <= log <= last
-            found.setdefault(channel, []).append((log, offset))
-            self.messages.append((channel, sequence, log, fields[22:]))
-        assert places.keys() == found.keys()
-        for channel, place in places.items():
-            assert at + length <= place < at + length + index_bytes
-            code, _ = struct.unpack_from("<BQ", self.data, place)
-            f = Fields(self.data[place + 9:])
-            assert code == 7 and f.take("H") == channel
-            entries = f.bytes()
-            assert [struct.unpack_from("<QQ", entries, i) for i in range(0, len(entries), 16)] == found[channel]
-
-    def topic(self, topic):
-        """[(sequence, log time, message)]"""
-        out = []
-        for channel, sequence, log, data in self.messages:
-            name, (kind, _, text) = self.channels[channel]
-            if name == topic:
-                out.append((sequence, log, Cdr(kind, text).read(data)))
-        return out
 
 
 class Mcap(unittest.TestCase):
@@ -305,11 +95,8 @@ class Mcap(unittest.TestCase):
     def assert_same_capture(self, name, other):
         with h5py.File(self.path(name)) as a, h5py.File(self.path(other)) as b:
             for item in a:
-                self.assertEqual(a[item][()].tobytes() if item != "events" else list(a[item]["kind"]),
-                                 b[item][()].tobytes() if item != "events" else list(b[item]["kind"]), item)
                 self.assertEqual(a[item].dtype.kind, b[item].dtype.kind)
-            if "events" in a:
-                self.assertEqual(list(a["events"]["t"]), list(b["events"]["t"]))
+                self.assertTrue((a[item][()] == b[item][()]).all(), item)
             for key, value in a.attrs.items():
                 other = b.attrs[key]
                 self.assertEqual(value, other.decode() if isinstance(other, bytes) else other, key)
@@ -335,20 +122,16 @@ class Mcap(unittest.TestCase):
     def test_a_capture_survives_the_way_there_and_back(self):
         for name in ("counts.h5", "kelvin.h5", "linear.h5", "utc.h5", "sharp.h5"):
             self.convert(name, "b.mcap")
+            self.assert_images("b.mcap", "/thermal/image_" + ("deblurred" if name == "sharp.h5" else "raw"), name)
             self.convert("b.mcap", "b.h5")
             self.assert_same_capture(name, "b.h5")
 
-    def test_kelvin_is_32fc1(self):
-        self.convert("kelvin.h5", "k.mcap")
-        self.assert_images("k.mcap", "/thermal/image_raw", "kelvin.h5")
-
     def test_stamps_begin_when_the_recording_did(self):
         self.convert("linear.h5", "l.mcap")
-        times = self.assert_images("l.mcap", "/thermal/image_raw", "linear.h5")
+        times = np.array(self.assert_images("l.mcap", "/thermal/image_raw", "linear.h5"))
         self.assertAlmostEqual(times[0] * 1e-9, 1795437296.789, places=5)
         with h5py.File(self.path("linear.h5")) as f:
-            for i, time in enumerate(times):
-                self.assertLessEqual(abs(time - times[0] - (f["t"][i] - f["t"][0]) * 1e9), 1.0)
+            np.testing.assert_allclose(times - times[0], (f["t"][:] - f["t"][0]) * 1e9, rtol=0, atol=1.0)
 
     def test_stamps_are_utc_where_the_capture_has_it(self):
         self.convert("utc.h5", "u.mcap")
@@ -379,19 +162,14 @@ class Mcap(unittest.TestCase):
         self.bolo(self.path("linear.h5"), self.path("sharp.h5"), "-o", self.path("two.tiff"), code=2)
         self.assertFalse(os.path.exists(self.path("two.mcap")))
 
-    def test_what_is_there_is_kept(self):
-        with open(self.path("kept.mcap"), "w", encoding="utf-8") as f:
-            f.write("mine")
-        self.bolo(self.path("kelvin.h5"), "-o", self.path("kept.mcap"), code=2, says="is there already")
-        with open(self.path("kept.mcap"), encoding="utf-8") as f:
-            self.assertEqual(f.read(), "mine")
+    def test_names_that_are_no_topics_are_refused(self):
         for bad in ("", "9", "a//b", "a/", "é", "a b"):
             self.bolo(self.path("kelvin.h5"), "-o", self.path("n.mcap"), "--name", bad, code=2, says="--name")
 
-    def hostile(self, data, says="", code=2):
+    def hostile(self, data, says=""):
         with open(self.path("hostile.mcap"), "wb") as f:
             f.write(data)
-        done = self.bolo(self.path("hostile.mcap"), "-o", self.path("hostile.h5"), "--overwrite", code=code, says=says)
+        done = self.bolo(self.path("hostile.mcap"), "-o", self.path("hostile.h5"), "--overwrite", code=2, says=says)
         self.assertIn("hostile.mcap: ", done.stderr)
 
     def test_damaged_files_are_refused_in_one_line(self):
@@ -410,19 +188,21 @@ class Mcap(unittest.TestCase):
             self.hostile(bytes(bad))  # a checksum at the latest
 
     def chunked(self, chunk, compression=b"zstd", size=None, crc=0):
-        def record(code, data):
+        def record(code, *fields):
+            data = b"".join(fields)
             return struct.pack("<BQ", code, len(data)) + data
 
         def text(t):
             return struct.pack("<I", len(t)) + t
 
         packed = pack(chunk) if compression == b"zstd" else chunk
-        head = record(1, text(b"ros2") + text(b"x"))
-        schema = record(3, struct.pack("<H", 1) + text(b"sensor_msgs/msg/Image") + text(b"ros2msg") + text(b""))
-        channel = record(4, struct.pack("<HH", 0, 1) + text(b"/a/image_raw") + text(b"cdr") + text(b""))
-        body = struct.pack("<QQQI", 0, 0, len(chunk) if size is None else size, crc) + text(compression)
-        body += struct.pack("<Q", len(packed)) + packed
-        return MAGIC + head + schema + channel + record(6, body) + record(15, struct.pack("<I", 0))
+        return b"".join((
+            MAGIC, record(1, text(b"ros2"), text(b"x")),
+            record(3, struct.pack("<H", 1), text(b"sensor_msgs/msg/Image"), text(b"ros2msg"), text(b"")),
+            record(4, struct.pack("<HH", 0, 1), text(b"/a/image_raw"), text(b"cdr"), text(b"")),
+            record(6, struct.pack("<QQQI", 0, 0, len(chunk) if size is None else size, crc), text(compression),
+                   struct.pack("<Q", len(packed)), packed),
+            record(15, struct.pack("<I", 0))))
 
     @staticmethod
     def message(data, log=0, sequence=0, channel=0):
@@ -438,22 +218,25 @@ class Mcap(unittest.TestCase):
 
     def test_files_that_lie_are_refused(self):
         image = self.image(2, 2, 4, bytes(8))
-        self.hostile(self.chunked(self.message(image), size=2**62), "a chunk of")
-        self.hostile(self.chunked(self.message(image), size=4), "a chunk")
-        self.hostile(self.chunked(self.message(image), crc=7), "checksum")
-        self.hostile(self.chunked(self.message(image), compression=b"lz4"), "packed by 'lz4'")
-        self.hostile(self.chunked(bytes(300 << 20)), "a chunk of")  # 300 MiB in 30 kB
-        self.hostile(self.chunked(struct.pack("<BQ", 5, 2**63) + bytes(50)), "damaged")
-        self.hostile(self.chunked(self.message(image, channel=7)), "no topic")
-        self.hostile(self.chunked(self.message(self.image(2, 2, 4, bytes(7)))), "cannot be")
-        self.hostile(self.chunked(self.message(self.image(0, 2, 4, bytes(8)))), "cannot be")
-        self.hostile(self.chunked(self.message(self.image(2**31, 2**31, 4, bytes(8)))), "cannot be")
-        self.hostile(self.chunked(self.message(self.image(2, 2, 4, bytes(8), b"bgr8\0"))), "bgr8")
-        self.hostile(self.chunked(self.message(b"\0\0\0\0" + image[4:])), "little-endian")
-        self.hostile(self.chunked(self.message(image[:20])), "shorter")
-        self.hostile(self.chunked(2 * self.message(image)), "no time of its own")
-        self.hostile(self.chunked(self.message(image) + self.message(self.image(1, 2, 2, bytes(4)), 9)), "one size")
-        self.hostile(self.chunked(b""), "has no images")
+        message = self.message(image)
+        for chunk, says in (
+                (bytes(300 << 20), "a chunk of"),  # 300 MiB in 30 kB
+                (struct.pack("<BQ", 5, 2**63) + bytes(50), "damaged"),
+                (self.message(image, channel=7), "no topic"),
+                (self.message(self.image(2, 2, 4, bytes(7))), "cannot be"),
+                (self.message(self.image(0, 2, 4, bytes(8))), "cannot be"),
+                (self.message(self.image(2**31, 2**31, 4, bytes(8))), "cannot be"),
+                (self.message(self.image(2, 2, 4, bytes(8), b"bgr8\0")), "bgr8"),
+                (self.message(b"\0\0\0\0" + image[4:]), "little-endian"),
+                (self.message(image[:20]), "shorter"),
+                (2 * message, "no time of its own"),
+                (message + self.message(self.image(1, 2, 2, bytes(4)), 9), "one size"),
+                (b"", "has no images")):
+            self.hostile(self.chunked(chunk), says)
+        self.hostile(self.chunked(message, size=2**62), "a chunk of")
+        self.hostile(self.chunked(message, size=4), "a chunk")
+        self.hostile(self.chunked(message, crc=7), "checksum")
+        self.hostile(self.chunked(message, compression=b"lz4"), "packed by 'lz4'")
         self.hostile(MAGIC + struct.pack("<BQ", 6, 2**40), "a record of")
 
     def test_other_programs_files_are_read(self):

@@ -73,6 +73,7 @@ class Scripts(unittest.TestCase):
             (self.root / name).symlink_to(f"usr/{name}")
         for name in ("getent", "systemctl", "systemd-sysusers", "deb-systemd-invoke", "userdel", "groupdel"):
             self.stand_in(name, f'echo "{name} $*" >>/called')
+        self.stand_in("getent", "echo bolo:x:998:998:Bolo camera daemon:/var/lib/bolo:/usr/sbin/nologin")
 
     def stand_in(self, name, text):
         script = self.root / "stand-ins" / name
@@ -85,41 +86,31 @@ class Scripts(unittest.TestCase):
         file.write_text(text)
         return file
 
-    def run_script(self, name, *arguments):
+    def run_script(self, name, *arguments, before=""):
         """The system's programs are there to read; /usr/lib/sysctl.d has our file only."""
         shutil.copy(SOURCE / "cmake/packaging/bolo" / name, self.root / "script")
         shutil.copy(SOURCE / "systemd/sysctl.conf", self.root / "00-bolo.conf")
-        into_it = """set -e
+        into_it = f"""set -e
             mount --rbind /usr "$0/usr"
             mount -t tmpfs none "$0/usr/lib/sysctl.d"
             cp "$0/00-bolo.conf" "$0/usr/lib/sysctl.d"
-            exec chroot "$0" /usr/bin/env PATH=/stand-ins:/usr/sbin:/usr/bin sh /script "$@\""""
+            {before}
+            chroot "$0" /usr/bin/env PATH=/stand-ins:/usr/sbin:/usr/bin sh /script "$@\""""
         run = ["unshare", "--mount", *([] if os.geteuid() == 0 else ["--map-root-user"]), "sh", "-c", into_it]
         return subprocess.run([*run, self.root, *arguments], capture_output=True, text=True)
 
-    def receive_buffer_after_install(self, before):
-        limit = self.write("proc/sys/net/core/rmem_max", f"{before}\n")
-        done = self.run_script("postinst", "configure")
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return int(limit.read_text())
-
     def test_the_receive_buffer_is_raised_and_never_lowered(self):
-        self.assertEqual(self.receive_buffer_after_install(212992), 8388608)
-        self.assertEqual(self.receive_buffer_after_install(16777216), 16777216)
+        for before, after in ((212992, 8388608), (16777216, 16777216)):
+            limit = self.write("proc/sys/net/core/rmem_max", f"{before}\n")
+            done = self.run_script("postinst", "configure")
+            self.assertEqual((done.returncode, int(limit.read_text())), (0, after), done.stderr)
 
     def test_purging_leaves_nothing_that_the_manual_tells_to_make(self):
         system = "etc/systemd/system"
-        ours = [
-            self.write(name)
-            for name in (
-                "etc/bolo/front.toml",
-                "etc/modprobe.d/bolo-v4l2loopback.conf",
-                f"{system}/bolod@front.service.d/override.conf",
-                f"{system}/bolod@.service.d/override.conf",
-                f"{system}/bolo-fakecam.service.d/override.conf",
-                f"{system}/multi-user.target.wants/bolod@front.service",
-            )
-        ]
+        ours = [self.write(name) for name in (
+            "etc/bolo/front.toml", "etc/modprobe.d/bolo-v4l2loopback.conf",
+            f"{system}/bolod@front.service.d/override.conf", f"{system}/bolod@.service.d/override.conf",
+            f"{system}/bolo-fakecam.service.d/override.conf", f"{system}/multi-user.target.wants/bolod@front.service")]
         others = [self.write(f"{system}/other.service.d/override.conf"), self.write("etc/modprobe.d/other.conf")]
         self.assertEqual(self.run_script("postrm", "remove").returncode, 0)
         self.assertTrue(all(file.exists() for file in ours), "removing is not purging")
@@ -136,6 +127,26 @@ class Scripts(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("userdel bolo failed: user bolo is used by process 1", done.stderr)
         self.assertIn("systemctl daemon-reload", (self.root / "called").read_text())
+
+    def test_purging_leaves_disks_that_are_mounted_in_its_folders(self):
+        for place in ("var/lib/bolo", "var/lib/bolo/drives"):
+            with self.subTest(place):
+                state = self.write("var/lib/bolo/state")
+                (self.root / place).mkdir(exist_ok=True)
+                mount = f"""mount -t tmpfs none "$0/{place}"; echo mine >"$0/{place}/drive.h5"
+                    trap 'cp "$0/{place}/drive.h5" "$0/saved"' EXIT"""
+                done = self.run_script("postrm", "purge", before=mount)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertTrue((self.root / "saved").exists(), done.stderr)
+                self.assertEqual(state.exists(), place == "var/lib/bolo", "what is on the package's own disk goes")
+                (self.root / "saved").unlink()
+
+    def test_purging_leaves_somebody_of_its_users_name(self):
+        self.stand_in("getent", "echo bolo:x:1000:1000:Bolo:/home/bolo:/bin/bash")
+        self.assertEqual(self.run_script("postrm", "purge").returncode, 0)
+        called = (self.root / "called").read_text()
+        self.assertNotIn("userdel", called)
+        self.assertNotIn("groupdel", called)
 
 
 if __name__ == "__main__":

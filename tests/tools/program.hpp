@@ -2,21 +2,10 @@
 #pragma once
 
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <chrono>
-#include <csignal>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
-#include <string>
-#include <thread>
-#include <utility>
-#include <vector>
-
+#include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 
 namespace bolo::tools::test {
@@ -134,6 +123,12 @@ class ProgramTest : public ::testing::Test {
   }
   Outcome run(const std::vector<std::string>& more) const { return start(more).outcome(); }
 
+  // What it printed; expects success.
+  std::string printed(const std::vector<std::string>& more) const {
+    const Outcome outcome = run(more);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    return outcome.out;
+  }
   // Expects success.
   void done(const std::vector<std::string>& more) const {
     const Outcome outcome = run(more);
@@ -145,10 +140,23 @@ class ProgramTest : public ::testing::Test {
     const std::string last = more.empty() ? "nothing" : more.back();
     EXPECT_EQ(outcome.exit_code, 2) << last << ": " << outcome.err;
     EXPECT_EQ(outcome.out, "") << last;
-    EXPECT_NE(outcome.err.find(part), std::string::npos) << part << "\nis not in: " << outcome.err;
+    expect_parts(outcome.err, {part});
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << last << ": " << outcome.err;
   }
 
+  // Each of these lines of words, behind the `usual` ones.
+  template <typename... Lines>
+  void refused_each(const std::string& usual, const Lines&... lines) const {
+    (refused(words(usual + ' ' + lines)), ...);
+  }
+
+  // Words apart by blanks; "@NAME" is the file of that name in the test's folder.
+  std::vector<std::string> words(const std::string& line) const {
+    std::vector<std::string> all;
+    std::istringstream in(line);
+    for (std::string word; in >> word;) all.push_back(word.starts_with('@') ? file(word.substr(1)) : word);
+    return all;
+  }
   std::string file(const std::string& name) const { return folder_ / name; }
   std::string write(const std::string& name, const std::string& text) const {
     std::ofstream(folder_ / name, std::ios::binary) << text;

@@ -1,7 +1,10 @@
-"""What tests of running programs share: waiting for what they do, addresses and ports of a test's own."""
+"""What tests of running programs share: waiting for what they do, addresses of a test's own, camera and daemon."""
 
+import atexit
 import os
+import pathlib
 import socket
+import subprocess
 import time
 
 
@@ -17,10 +20,54 @@ def free_port():
         return server.getsockname()[1]
 
 
-def wait_for(look, what, hang_guard_s=60.0):
+def wait_for(look, what, hang_guard_s=120.0):
     """What look() finds, once it finds something."""
     end = time.monotonic() + hang_guard_s
     while not (found := look()):
         assert time.monotonic() < end, f"{what} did not come"
         time.sleep(0.01)
     return found
+
+
+class Programs:
+    """A camera, a daemon and what else a test starts, in `folder`. `keys`: of the daemon, beginning in [source]."""
+
+    def __init__(self, bolo, bolod, folder, name, size=(160, 48), keys="", number=0):
+        self.bolo, self.bolod, self.folder, self.name, self.size = bolo, bolod, pathlib.Path(folder), name, size
+        self.address = own_address(number)
+        self.config = self.folder / f"{name}.toml"
+        self.config.write_text(f'name = "{name}"\n[control]\nsocket = "{folder}/{name}.sock"\n[source]\n'
+                               f'address = "{self.address}"\nwidth = {size[0]}\nheight = {size[1]}\n{keys}')
+        self.running = {}
+        atexit.register(self.end)  # whatever becomes of the test
+
+    def simulate(self, *options):
+        capture = self.folder / f"{self.name}.h5"
+        subprocess.run([self.bolo, "simulate", "-o", capture, "--no-truth", f"--width={self.size[0]}",
+                        f"--height={self.size[1]}", *options], check=True, stdout=subprocess.DEVNULL)
+        return capture
+
+    def start(self, what, *command, **how):
+        """Its log is kept under the name `what`."""
+        with open(self.folder / f"{self.name}-{what}.log", "w", encoding="utf-8") as log:
+            self.running[what] = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, **how)
+        return self.running[what]
+
+    def start_camera(self, capture, *options):
+        self.start("camera", self.bolo, "fakecam", capture, "--loop", "--interface", self.address, *options)
+        wait_for(lambda: "serving" in self.log("camera"), "the fake camera")
+
+    def start_daemon(self, **how):
+        return self.start("daemon", self.bolod, "--config", self.config, **how)
+
+    def log(self, what):
+        return (self.folder / f"{self.name}-{what}.log").read_text(encoding="utf-8")
+
+    def logs(self):
+        return "".join(self.log(what)[-2000:] for what in self.running)
+
+    def end(self):
+        for process in reversed(self.running.values()):
+            process.terminate()
+            process.wait()
+        pathlib.Path(f"/dev/shm/bolo.{self.name}").unlink(missing_ok=True)

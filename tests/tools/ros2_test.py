@@ -18,6 +18,8 @@ import time
 import unittest
 import zlib
 
+from programs import wait_for
+
 BOLO, BOLOD, SUBSCRIBER = sys.argv[1:4]
 del sys.argv[1:4]
 try:
@@ -38,12 +40,6 @@ def running(parent):
     found = subprocess.run(["pgrep", "-P", str(parent), "bolo-ros2"], capture_output=True, text=True, check=False)
     return [int(line) for line in found.stdout.split()]
 
-
-def wait_for(what, seconds=10):
-    end = time.monotonic() + seconds
-    while not what() and time.monotonic() < end:
-        time.sleep(0.02)
-    return what()
 
 
 class Ros2(unittest.TestCase):
@@ -85,6 +81,12 @@ domain = {DOMAIN}
         with open(self.folder / "bolod.log", "w") as log:
             self.running.append(subprocess.Popen([BOLOD, "--config", self.config(ros2)], stderr=log))
         return self.running[-1]
+
+    def child_of(self, daemon, other_than=()):
+        return wait_for(lambda: set(running(daemon.pid)) - set(other_than), "bolo-ros2").pop()
+
+    def assert_good_end(self, daemon):
+        self.assertEqual(daemon.wait(timeout=30), 0)
 
     def log(self):
         return (self.folder / "bolod.log").read_text()
@@ -141,7 +143,7 @@ domain = {DOMAIN}
         draw = random.Random(7)
         subscriber = self.subscribe("image_deblurred")
         daemon = self.daemon()
-        self.assertTrue(wait_for(lambda: running(daemon.pid)))
+        self.child_of(daemon)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             for i in range(6000):
                 junk = draw.randbytes(draw.randrange(1, 1400))
@@ -150,32 +152,28 @@ domain = {DOMAIN}
                 sender.sendto(junk, ("127.0.0.1", PORTS[i % len(PORTS)]))
         images, _ = self.read(subscriber)
         self.assertGreater(len(images), FRAMES // 2)
-        daemon.wait(timeout=30)
-        self.assertEqual(daemon.returncode, 0)
+        self.assert_good_end(daemon)
         self.assertNotIn("bolo-ros2 ended", self.log())
         self.assertIn("bolo-ros2: DDS: more is not shown", self.log())
         self.assertLess(len(self.log()), 10_000)
 
     def test_it_is_started_again_and_the_daemon_goes_on(self):
         daemon = self.daemon()
-        self.assertTrue(wait_for(lambda: running(daemon.pid)))
-        first = running(daemon.pid)
-        os.kill(first[0], signal.SIGKILL)
-        self.assertTrue(wait_for(lambda: running(daemon.pid) not in ([], first)))
-        daemon.wait(timeout=30)
-        self.assertEqual(daemon.returncode, 0)
+        first = self.child_of(daemon)
+        os.kill(first, signal.SIGKILL)
+        self.child_of(daemon, other_than=[first])
+        self.assert_good_end(daemon)
         self.assertIn("bolo-ros2 ended by signal 9; it is started again", self.log())
         self.assertIn(f"ended: {FRAMES} frames in, {FRAMES} out", self.log())
 
     def test_it_ends_with_the_daemon(self):
         for end in (signal.SIGTERM, signal.SIGKILL):
             daemon = self.daemon()
-            self.assertTrue(wait_for(lambda: running(daemon.pid)))
-            child = running(daemon.pid)[0]
+            child = self.child_of(daemon)
             time.sleep(0.3)  # a process that has just begun has not asked for it yet
             daemon.send_signal(end)
             daemon.wait(timeout=10)
-            self.assertTrue(wait_for(lambda: not os.path.exists(f"/proc/{child}")), end)
+            wait_for(lambda: not os.path.exists(f"/proc/{child}"), f"its end after {end}")
 
     def refusal(self, config, program=BOLOD):
         done = subprocess.run([program, "--check-config", "--config", config], capture_output=True, text=True, check=False)

@@ -1,75 +1,54 @@
 // bolo simulate through its executable.
-#include <chrono>
-#include <cmath>
-#include <filesystem>
-#include <thread>
-
 #include <nlohmann/json.hpp>
 
-#include "tests/sim/support.hpp"
+#include "src/capture/capture.hpp"
+#include "src/sim/effect.hpp"
 #include "tests/tools/program.hpp"
 
-namespace bolo::sim {
-namespace {
+namespace bolo::sim::simulate_test {
 
-using testing::Scratch;
 using tools::test::Outcome;
 using tools::test::Program;
 
-// What it prints anywhere is in `out`.
-Outcome run_bolo(const std::string& arguments) {
-  const Scratch scratch;
-  return Program({"/bin/sh", "-c", BOLO_PROGRAM " simulate " + arguments + " 2>&1"}, scratch / "log").outcome();
-}
+class SimulateVerb : public tools::test::ProgramTest {
+ protected:
+  SimulateVerb() : ProgramTest({BOLO_PROGRAM, "simulate"}) {}
 
-// A small capture, written and opened again.
-Result<capture::CaptureReader> simulated(const Scratch& scratch, const std::string& arguments) {
-  const auto file = scratch / "a.h5";
-  const Outcome outcome = run_bolo("-o '" + file.string() + "' --overwrite --width 32 --height 12 " + arguments);
-  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
-  return capture::CaptureReader::open(file);
-}
+  // A small capture, written and opened again.
+  Result<capture::CaptureReader> simulated(const std::string& line, const std::string& name = "a.h5") const {
+    done(words("-o @" + name + " --overwrite --width 32 --height 12 " + line));
+    return capture::CaptureReader::open(file(name));
+  }
+};
 
-TEST(SimulateVerb, TheDefaultsAreThoseOfTheA655sc) {
-  const Scratch scratch;
-  const auto file = scratch / "a.h5";
-  const Outcome outcome = run_bolo("-o '" + file.string() + "' --frames 3");
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.out;
-  EXPECT_EQ(outcome.out.substr(0, outcome.out.find(',')), file.string() + ": 3 frames of 640x120");
-  const auto reader = capture::CaptureReader::open(file);
-  ASSERT_TRUE(reader) << reader.error().message;
+TEST_F(SimulateVerb, TheDefaultsAreThoseOfTheA655sc) {
+  const std::string out = printed(words("-o @a.h5 --frames 3"));
+  EXPECT_EQ(out.substr(0, out.find(',')), file("a.h5") + ": 3 frames of 640x120");
+  const auto reader = must(capture::CaptureReader::open(file("a.h5")));
   EXPECT_EQ(reader->info().format.geometry, (Geometry{640, 120}));
   EXPECT_EQ(reader->info().format.frame_period_s, 0.005);
   EXPECT_EQ(reader->info().format.type, PixelType::kUint16);
   EXPECT_TRUE(reader->info().has_truth);
-  const auto stimulus = reader->stimulus();
-  ASSERT_TRUE(stimulus);
+  const auto stimulus = must(reader->stimulus());
   const auto& scene = std::get<capture::SceneStimulus>(*stimulus);
   EXPECT_NEAR(std::abs((scene.x_px.back() - scene.x_px.front()) / (scene.t_s.back() - scene.t_s.front())), 300.0, 1e-6);
 }
 
-TEST(SimulateVerb, KeepsItsFramesWhenItsTerminalIsClosed) {
-  const Scratch scratch;
-  const std::string file = (scratch / "a.h5").string();
-  Program program({BOLO_PROGRAM, "simulate", "-o", file, "--width", "32", "--height", "12", "--stimulus", "uniform",
-                   "--frames", "1000000"},
-                  scratch / "log");
-  for (int i = 0; i < 3000 && !std::filesystem::exists(file + ".part"); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  }
+TEST_F(SimulateVerb, KeepsItsFramesWhenItsTerminalIsClosed) {
+  Program program = start(words("-o @a.h5 --width 32 --height 12 --stimulus uniform --frames 1000000"));
+  ASSERT_TRUE(tools::test::eventually([&] { return std::filesystem::exists(file("a.h5.part")); }));
   std::this_thread::sleep_for(std::chrono::milliseconds(200));  // some frames
   program.signal(SIGHUP);
   const Outcome outcome = program.outcome();
   EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
-  EXPECT_NE(outcome.err.find("the capture holds the frames until then"), std::string::npos) << outcome.err;
-  EXPECT_FALSE(std::filesystem::exists(file + ".part"));
-  EXPECT_TRUE(capture::CaptureReader::open(file));
+  expect_parts(outcome.err, {"the capture holds the frames until then"});
+  EXPECT_FALSE(std::filesystem::exists(file("a.h5.part")));
+  EXPECT_TRUE(capture::CaptureReader::open(file("a.h5")));
 }
 
-TEST(SimulateVerb, EveryStimulusIsWrittenAsWhatItIs) {
-  const Scratch scratch;
-  const auto stimulus = [&scratch](const std::string& arguments) {
-    const auto reader = simulated(scratch, arguments);
+TEST_F(SimulateVerb, EveryStimulusIsWrittenAsWhatItIs) {
+  const auto stimulus = [this](const std::string& line) {
+    const auto reader = simulated(line);
     EXPECT_TRUE(reader) << reader.error().message;
     return reader->stimulus().value();
   };
@@ -85,12 +64,9 @@ TEST(SimulateVerb, EveryStimulusIsWrittenAsWhatItIs) {
   EXPECT_TRUE(std::holds_alternative<capture::SceneStimulus>(stimulus("--stimulus scene --frames 4")));
 }
 
-TEST(SimulateVerb, FollowsATrajectoryOverAPicture) {
-  const Scratch scratch;
-  const auto csv = scratch.text("t.csv", "t_s,x_px,y_px\n0,0,0\n0.05,4,2\n0.1,9,1\n");
-  const auto reader =
-      simulated(scratch, "--frames 10 --trajectory '" + csv.string() + "' --trajectory-scale 2 --origin 7,3");
-  ASSERT_TRUE(reader) << reader.error().message;
+TEST_F(SimulateVerb, FollowsATrajectoryOverAPicture) {
+  write("t.csv", "t_s,x_px,y_px\n0,0,0\n0.05,4,2\n0.1,9,1\n");
+  const auto reader = must(simulated("--frames 10 --trajectory @t.csv --trajectory-scale 2 --origin 7,3"));
   const auto scene = std::get<capture::SceneStimulus>(reader->stimulus().value());
   std::size_t begin = 0;
   while (scene.t_s[begin] < 0.0) ++begin;
@@ -100,13 +76,10 @@ TEST(SimulateVerb, FollowsATrajectoryOverAPicture) {
   EXPECT_GT(scene.y_px[middle] - scene.y_px[begin], 2.0);
 }
 
-TEST(SimulateVerb, FloatFramesWithoutNoiseAndTruth) {
-  const Scratch scratch;
-  const auto reader =
-      simulated(scratch,
-                "--stimulus uniform --temperature 299.987 --type float32 --noise 0 --no-truth --compress "
-                "--frames 2 --rate 50 --camera visible --exposure 0.02");
-  ASSERT_TRUE(reader) << reader.error().message;
+TEST_F(SimulateVerb, FloatFramesWithoutNoiseAndTruth) {
+  const auto reader = must(simulated(
+      "--stimulus uniform --temperature 299.987 --type float32 --noise 0 --no-truth --compress --frames 2 --rate 50 "
+      "--camera visible --exposure 0.02"));
   EXPECT_FALSE(reader->info().has_truth);
   EXPECT_EQ(reader->t()[1], 0.02);
   std::vector<float> plane(32 * 12);
@@ -114,41 +87,25 @@ TEST(SimulateVerb, FloatFramesWithoutNoiseAndTruth) {
   for (const float k : plane) EXPECT_NEAR(k, 299.987F, 1e-4F);
 }
 
-TEST(SimulateVerb, JsonSaysWhatWasWritten) {
-  const Scratch scratch;
-  const auto file = scratch / "a.h5";
-  const Outcome outcome = run_bolo("-o '" + file.string() + "' --width 8 --height 4 --frames 20 --json");
-  EXPECT_EQ(outcome.exit_code, 0);
-  EXPECT_NE(outcome.out.find("\"frames\":20"), std::string::npos) << outcome.out;
-  EXPECT_NE(outcome.out.find("\"seconds\":0.1"), std::string::npos) << outcome.out;
+TEST_F(SimulateVerb, JsonSaysWhatWasWritten) {
+  expect_parts(printed(words("-o @a.h5 --width 8 --height 4 --frames 20 --json")),
+               {"\"frames\":20", "\"seconds\":0.1"});
 }
 
-class Refused : public ::testing::TestWithParam<const char*> {};
-
-TEST_P(Refused, InOneLineWithExitCodeTwo) {
-  const Scratch scratch;
-  const auto file = scratch / "a.h5";
-  const Outcome outcome = run_bolo("-o '" + file.string() + "' --width 32 --height 12 " + GetParam());
-  EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
-  EXPECT_EQ(outcome.out.find("bolo simulate: "), 0U) << outcome.out;
-  EXPECT_EQ(outcome.out.find('\n'), outcome.out.size() - 1) << outcome.out;
-  EXPECT_FALSE(std::filesystem::exists(file));
-  EXPECT_FALSE(std::filesystem::exists(file.string() + ".part"));
+TEST_F(SimulateVerb, RefusesInOneLineWithExitCodeTwo) {
+  refused_each("-o @a.h5 --width 32 --height 12", "--stimulus nothing", "--stimulus scene --scene bars",
+               "--stimulus bar_target --scene street", "--stimulus uniform --speed 10",
+               "--stimulus chopper --scene street", "--stimulus chopper --frames 3", "--stimulus chopper --pulses 0",
+               "--scene street --hot 320", "--scene bars --cold 320", "--temperature 300", "--scene /nonexistent.png",
+               "--frames 0", "--frames x", "--rate 0", "--tau 0", "--noise -1", "--quantisation 0",
+               "--quantisation 0.001", "--type uint8", "--camera infrared", "--camera visible --tau 0.01",
+               "--camera visible --exposure 1", "--exposure 0.001", "--threads 0", "--speed 1e9", "--effect nothing",
+               "--effect iir:alpha=9", "--effect iir --effect iir:alpha=0.7", "--effect iir --camera visible",
+               "--effect", "--session-start -1", "--camera-seed x", "--stimulus chopper --stimulus-error sweep=1",
+               "--stimulus uniform --stimulus-error sweep_s=0.001", "--stimulus chopper --stimulus-error sweep_s=9",
+               "--trajectory /nonexistent.csv", "--trajectory-scale 2", "--origin 1", "--unknown", "stray");
+  EXPECT_FALSE(std::filesystem::exists(file("a.h5")) || std::filesystem::exists(file("a.h5.part")));
 }
-
-INSTANTIATE_TEST_SUITE_P(
-    Usage, Refused,
-    ::testing::Values(
-        "--stimulus nothing", "--stimulus scene --scene bars", "--stimulus bar_target --scene street",
-        "--stimulus uniform --speed 10", "--stimulus chopper --scene street", "--stimulus chopper --frames 3",
-        "--stimulus chopper --pulses 0", "--scene street --hot 320", "--scene bars --cold 320", "--temperature 300",
-        "--scene /nonexistent.png", "--frames 0", "--frames x", "--rate 0", "--tau 0", "--noise -1", "--quantisation 0",
-        "--quantisation 0.001", "--type uint8", "--camera infrared", "--camera visible --tau 0.01",
-        "--camera visible --exposure 1", "--exposure 0.001", "--threads 0", "--speed 1e9", "--effect nothing",
-        "--effect iir:alpha=9", "--effect iir --effect iir:alpha=0.7", "--effect iir --camera visible", "--effect",
-        "--session-start -1", "--camera-seed x", "--stimulus chopper --stimulus-error sweep=1",
-        "--stimulus uniform --stimulus-error sweep_s=0.001", "--stimulus chopper --stimulus-error sweep_s=9",
-        "--trajectory /nonexistent.csv", "--trajectory-scale 2", "--origin 1", "--unknown", "stray"));
 
 std::vector<std::uint16_t> last_frame(const capture::CaptureReader& reader) {
   std::vector<std::uint16_t> plane(reader.info().format.geometry.pixels());
@@ -157,16 +114,12 @@ std::vector<std::uint16_t> last_frame(const capture::CaptureReader& reader) {
 }
 
 // A blind check reads these files: nothing but the frames may differ.
-TEST(SimulateVerb, TheFileDoesNotSayWhichEffectsThereWere) {
-  const Scratch scratch;
+TEST_F(SimulateVerb, TheFileDoesNotSayWhichEffectsThereWere) {
   const std::string bench = "--stimulus chopper --frames 60 --no-truth --camera-seed 9 ";
-  const auto plain = simulated(scratch, bench);
-  ASSERT_TRUE(plain) << plain.error().message;
-  const Scratch other;
-  const auto hidden = simulated(other, bench +
-                                           "--effect iir:alpha=0.6,form=box --effect fpn_offset "
-                                           "--session-start 40 --stimulus-error sweep_s=0.002,level_k=0.5");
-  ASSERT_TRUE(hidden) << hidden.error().message;
+  const auto plain = must(simulated(bench));
+  const auto hidden = must(simulated(bench + "--effect iir:alpha=0.6,form=box --effect fpn_offset --session-start 40 "
+                                             "--stimulus-error sweep_s=0.002,level_k=0.5",
+                                     "b.h5"));
   EXPECT_NE(last_frame(*hidden), last_frame(*plain));
   EXPECT_EQ(hidden->t(), plain->t());
   EXPECT_EQ(hidden->frame_id(), plain->frame_id());
@@ -186,12 +139,9 @@ TEST(SimulateVerb, TheFileDoesNotSayWhichEffectsThereWere) {
   EXPECT_EQ(stated.cold_k, nominal.cold_k);
 }
 
-TEST(SimulateVerb, ListsTheEffects) {
-  const Outcome table = run_bolo("--list-effects");
-  EXPECT_EQ(table.exit_code, 0);
-  EXPECT_NE(table.out.find("row_delay_s=2.8e-05 s (-0.0001 to 0.0001)"), std::string::npos) << table.out;
-  const Outcome json = run_bolo("--list-effects --json");
-  const auto effects = nlohmann::json::parse(json.out);
+TEST_F(SimulateVerb, ListsTheEffects) {
+  expect_parts(printed({"--list-effects"}), {"row_delay_s=2.8e-05 s (-0.0001 to 0.0001)"});
+  const auto effects = nlohmann::json::parse(printed({"--list-effects", "--json"}));
   ASSERT_EQ(effects.size(), sim::effect_descriptions().size());
   for (const auto& effect : effects) {
     EXPECT_NE(sim::find_effect(effect.at("name").get<std::string>()), nullptr);
@@ -199,19 +149,12 @@ TEST(SimulateVerb, ListsTheEffects) {
   }
 }
 
-TEST(SimulateVerb, NeedsAnOutputThatIsNotAnInput) {
-  const Scratch scratch;
-  EXPECT_EQ(run_bolo("").exit_code, 2);
-  const auto csv = scratch.text("t.csv", "t_s,x_px,y_px\n0,0,0\n9,4,2\n");
-  const auto size = std::filesystem::file_size(csv);
-  const Outcome outcome = run_bolo("-o '" + csv.string() + "' --frames 2 --trajectory '" + csv.string() + "'");
-  EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
-  EXPECT_EQ(std::filesystem::file_size(csv), size);
-  const Outcome overwritten =
-      run_bolo("-o '" + csv.string() + "' --overwrite --frames 2 --trajectory '" + csv.string() + "'");
-  EXPECT_EQ(overwritten.exit_code, 2) << overwritten.out;
-  EXPECT_EQ(std::filesystem::file_size(csv), size);
+TEST_F(SimulateVerb, NeedsAnOutputThatIsNotAnInput) {
+  const std::string text = "t_s,x_px,y_px\n0,0,0\n9,4,2\n";
+  write("t.csv", text);
+  refused_each("", "", "-o @t.csv --frames 2 --trajectory @t.csv",
+               "-o @t.csv --overwrite --frames 2 --trajectory @t.csv");
+  EXPECT_EQ(tools::test::contents(file("t.csv")), text);
 }
 
-}  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::simulate_test

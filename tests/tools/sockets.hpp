@@ -2,18 +2,11 @@
 #pragma once
 
 #include <arpa/inet.h>
-#include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 
-#include <array>
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
-#include <string>
-#include <string_view>
-
 #include "src/core/unique_fd.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::tools::test {
 

@@ -1,15 +1,12 @@
 #include "tools/view/stat_sample.hpp"
-
-#include <gtest/gtest.h>
-
-#include <cstring>
-
-#include "src/pipeline/source_status.hpp"
+#include "src/pipeline/source.hpp"
 #include "src/rt/counters.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
+#include "tests/refusal.hpp"
+#include "tests/test.hpp"
+#include "tools/bolo/stat_history.hpp"
 
 namespace bolo::tools::stat_sample_test {
-namespace {
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 
@@ -50,16 +47,17 @@ StatLook second_look() {
   return look;
 }
 
+std::string table_of(const StatLook& look) { return stat_table("cam", look, compare(first_look(), look)); }
+auto json_of(const StatLook& look) { return stat_json("cam", look, compare(first_look(), look)); }
+
 TEST(StatTable, TellsHowTheHostsClockIsKept) {
   StatLook look = second_look();
-  const auto table = [&look] { return stat_table("front", look, compare(first_look(), look)); };
-  EXPECT_NE(table().find("\nutc      host's clock runs by itself, error not known\n"), std::string::npos) << table();
+  expect_parts(table_of(look), {"\nutc      host's clock runs by itself, error not known\n"});
   look.header.clock_synchronised = 1;
   look.header.clock_error_ns = 1'250'000;
   look.header.clock_steps = 2;
-  EXPECT_NE(table().find("\nutc      host's clock synchronised, to 1.25 ms; set 2 times\n"), std::string::npos)
-      << table();
-  const auto json = stat_json("front", look, compare(first_look(), look));
+  expect_parts(table_of(look), {"\nutc      host's clock synchronised, to 1.25 ms; set 2 times\n"});
+  const auto json = json_of(look);
   EXPECT_EQ(json["clock"]["synchronised"], true);
   EXPECT_DOUBLE_EQ(json["clock"]["error_s"].get<double>(), 0.00125);
   EXPECT_EQ(json["clock"]["steps"], 2);
@@ -81,26 +79,22 @@ TEST(StatSample, RatesAndLatencyAreThoseOfTheInterval) {
   EXPECT_DOUBLE_EQ(s.heartbeat_age_s, 0.5);
 }
 
-TEST(StatSample, NothingHappenedIsAllZero) {
-  const StatSample s = compare(first_look(), first_look());
-  EXPECT_EQ(s.received_hz, 0.0);
-  EXPECT_EQ(s.deblur_ms, 0.0);
-  EXPECT_EQ(s.latency_max_ms, 0.0);
-  EXPECT_EQ(s.lost_total, 5U);
-}
-
 TEST(StatSample, StateTellsAnOrderlyEndFromADeath) {
   StatLook look = first_look();
-  EXPECT_STREQ(compare(look, look).state, "running");
+  const StatSample nothing_happened = compare(look, look);
+  EXPECT_STREQ(nothing_happened.state, "running");
+  EXPECT_EQ(nothing_happened.received_hz, 0.0);
+  EXPECT_EQ(nothing_happened.deblur_ms, 0.0);
+  EXPECT_EQ(nothing_happened.latency_max_ms, 0.0);
   look.closed = true;
   EXPECT_STREQ(compare(look, look).state, "stopped");
   look.header.state = BOLO_SHM_CLOSED;
   EXPECT_STREQ(compare(look, look).state, "closed");
 }
 
-TEST(StatSample, JsonHasEveryCauseByName) {
-  const StatLook after = second_look();
-  const auto json = stat_json("cam", after, compare(first_look(), after));
+TEST(StatSample, JsonHasEveryCauseByNameAndTheTableThoseThatTookFrames) {
+  StatLook look = second_look();
+  const auto json = json_of(look);
   EXPECT_EQ(json["name"], "cam");
   EXPECT_EQ(json["state"], "running");
   EXPECT_EQ(json["lost"]["missing"], 15);
@@ -108,74 +102,60 @@ TEST(StatSample, JsonHasEveryCauseByName) {
   EXPECT_EQ(json["lost"].size(), kLossCauses);
   EXPECT_EQ(json["published"], 1380);
   EXPECT_EQ(json["camera_model"], "Model");
+  expect_parts(table_of(look), {"lost     15 in all\n  missing "});
+  EXPECT_EQ(table_of(look).find("out_of_order"), std::string::npos);
+  look.header.lost[static_cast<std::size_t>(LossCause::kMissing)] = 0;
+  EXPECT_TRUE(stat_table("cam", look, compare(look, look)).ends_with("lost     0 in all\n"));
 }
 
 TEST(StatSample, TellsHowTheCameraDoes) {
   StatLook look = second_look();
-  EXPECT_FALSE(stat_json("cam", look, compare(first_look(), look)).contains("camera"));
+  EXPECT_FALSE(json_of(look).contains("camera"));
   bolo_shm_camera& camera = look.camera.emplace();
   camera.state = BOLO_CAMERA_LOST;
   camera.since_ns = look.at_ns - 3 * kSecondNs;
   camera.lost[static_cast<std::size_t>(pipeline::LostCause::kNoAnswer)] = 2;
   camera.outage_frames = 84;
-  const auto json = stat_json("cam", look, compare(first_look(), look))["camera"];
+  const auto json = json_of(look)["camera"];
   EXPECT_EQ(json["state"], "lost");
   EXPECT_EQ(json["state_age_s"], 3.0);
   EXPECT_EQ(json["lost"]["no_answer"], 2);
   EXPECT_TRUE(json["clock_drift_ppm"].is_null()) << "not known yet";
-  const std::string table = stat_table("cam", look, compare(first_look(), look));
-  EXPECT_NE(table.find("lost for 3.0 s; lost 2 (2 no answer), stalled 0; 84 frames missed"), std::string::npos)
-      << table;
-  EXPECT_EQ(table.find("\nclock "), std::string::npos) << table;
+  EXPECT_TRUE(json["ptp"].is_null() && json["ptp_offset_s"].is_null());
+  expect_parts(table_of(look), {"lost for 3.0 s; lost 2 (2 no answer), stalled 0; 84 frames missed"});
+  EXPECT_EQ(table_of(look).find("\nclock "), std::string::npos);
+  EXPECT_EQ(table_of(look).find("\nptp "), std::string::npos);
   camera.clock_offset_ns = -5;
   camera.clock_drift_ppm = -20.5;
-  EXPECT_NE(stat_table("cam", look, compare(first_look(), look)).find("drift -20.5 ppm"), std::string::npos);
-}
-
-TEST(StatSample, TellsWhetherPtpKeepsTheCamerasClock) {
-  StatLook look = second_look();
-  bolo_shm_camera& camera = look.camera.emplace();
-  const auto json = [&] { return stat_json("cam", look, compare(first_look(), look))["camera"]; };
-  camera.state = BOLO_CAMERA_STREAMING;
-  EXPECT_TRUE(json()["ptp"].is_null() && json()["ptp_offset_s"].is_null());
-  EXPECT_EQ(stat_table("cam", look, compare(first_look(), look)).find("\nptp "), std::string::npos);
   camera.ptp = static_cast<std::uint64_t>(pipeline::PtpStatus::kSlave);
   camera.ptp_offset_ns = -37;
-  EXPECT_EQ(json()["ptp"], "slave");
-  EXPECT_DOUBLE_EQ(json()["ptp_offset_s"], -37e-9);
-  const std::string table = stat_table("cam", look, compare(first_look(), look));
-  EXPECT_NE(table.find("ptp      slave, -37 ns from its master\n"), std::string::npos) << table;
+  EXPECT_EQ(json_of(look)["camera"]["ptp"], "slave");
+  EXPECT_DOUBLE_EQ(json_of(look)["camera"]["ptp_offset_s"], -37e-9);
+  expect_parts(table_of(look), {"drift -20.5 ppm", "ptp      slave, -37 ns from its master\n"});
   camera.ptp = 1234;
-  EXPECT_EQ(json()["ptp"], "unknown");
+  EXPECT_EQ(json_of(look)["camera"]["ptp"], "unknown");
 }
 
 TEST(StatSample, TellsHowThePictureMoves) {
   StatLook look = second_look();
-  EXPECT_TRUE(stat_json("cam", look, compare(first_look(), look))["motion"].is_null());
-  EXPECT_EQ(stat_table("cam", look, compare(first_look(), look)).find("motion"), std::string::npos);
+  EXPECT_TRUE(json_of(look)["motion"].is_null());
+  EXPECT_EQ(table_of(look).find("motion"), std::string::npos);
   look.header.motion_offset = 64;
-  EXPECT_NE(stat_table("cam", look, compare(first_look(), look)).find("motion   not known"), std::string::npos);
+  expect_parts(table_of(look), {"motion   not known"});
   look.motion = {-3.0, 4.0, 0.875};
-  const auto json = stat_json("cam", look, compare(first_look(), look))["motion"];
+  const auto json = json_of(look)["motion"];
   EXPECT_EQ(json["x_px"], -3.0);
   EXPECT_EQ(json["y_px"], 4.0);
   EXPECT_EQ(json["sure_blocks"], 0.875);
-  const std::string table = stat_table("cam", look, compare(first_look(), look));
-  EXPECT_NE(table.find("motion   5.00 px a frame (x -3.00, y +4.00), 88 % of the blocks sure\n"), std::string::npos)
-      << table;
+  expect_parts(table_of(look), {"motion   5.00 px a frame (x -3.00, y +4.00), 88 % of the blocks sure\n"});
 }
 
 TEST(StatSample, MotionIsTheNewestFrames) {
-  const std::string name = shm::unique_name("stat-motion");
-  shm::Writer writer(name);
-  writer.format.motion = true;
-  ASSERT_TRUE(writer.open());
-  const auto reader = shm::ShmReader::open(name);
-  ASSERT_TRUE(reader);
-  EXPECT_FALSE(newest_motion(*reader)) << "no frame yet";
+  shm::Stream stream("stat-motion", {33, 7}, [](shm::Writer& writer) { writer.format.motion = true; });
+  EXPECT_FALSE(newest_motion(*stream.reader)) << "no frame yet";
   for (std::uint64_t n = 0; n < 10; ++n) {
-    writer.publish();
-    const auto motion = newest_motion(*reader);
+    stream.writer.publish();
+    const auto motion = newest_motion(*stream.reader);
     ASSERT_EQ(motion.has_value(), shm::moves(n)) << n;
     if (!motion) continue;
     EXPECT_EQ(motion->x_px, static_cast<double>(n));
@@ -190,8 +170,7 @@ TEST(StatSample, TableShowsWhatIsNotPrintableAsQuestionMarks) {
   std::strcpy(look.header.camera_model, "A655\x1b[2J\xff\r\n\xc2\x9b");
   std::strcpy(look.header.solver, "\xcf\x84 = 11 ms");
   const std::string table = stat_table("a\x1b]0;b\a", look, compare(first_look(), look));
-  EXPECT_NE(table.find("A655?[2J????? "), std::string::npos) << table;
-  EXPECT_NE(table.find("\xcf\x84 = 11 ms"), std::string::npos) << "what is text stays: " << table;
+  expect_parts(table, {"A655?[2J????? ", "\xcf\x84 = 11 ms"});  // what is text stays
   EXPECT_EQ(table.find_first_of("\x1b\r\a\x7f"), std::string::npos);
 }
 
@@ -200,19 +179,86 @@ TEST(StatSample, TableHasWholeLines) {
   StatLook look = second_look();
   std::memset(look.header.solver, 's', sizeof(look.header.solver) - 1);
   for (const auto& stage : pipeline::kStages) look.told["stages"][std::string(stage.name)]["p50_ms"] = 123.456;
-  const std::string table = stat_table("cam", look, compare(first_look(), look));
-  EXPECT_NE(table.find(std::string(look.header.solver) + "\n"), std::string::npos) << table;
-  EXPECT_NE(table.find("publish 123.456 ms (p50 of all)\n"), std::string::npos) << table;
+  expect_parts(table_of(look), {std::string(look.header.solver) + "\n", "publish 123.456 ms (p50 of all)\n"});
 }
 
-TEST(StatSample, TableHasOnlyTheCausesThatTookFrames) {
-  StatLook look = second_look();
-  const std::string table = stat_table("cam", look, compare(first_look(), look));
-  EXPECT_NE(table.find("lost     15 in all\n  missing "), std::string::npos) << table;
-  EXPECT_EQ(table.find("out_of_order"), std::string::npos) << table;
-  look.header.lost[static_cast<std::size_t>(LossCause::kMissing)] = 0;
-  EXPECT_TRUE(stat_table("cam", look, compare(look, look)).ends_with("lost     0 in all\n"));
+StatSample sample(double p50_ms, double p99_ms, double lost_hz = 0.0) {
+  StatSample s;
+  s.interval_s = 0.5;
+  s.latency_frames = p50_ms > 0.0 ? 100 : 0;
+  s.latency_p50_ms = p50_ms;
+  s.latency_p99_ms = p99_ms;
+  s.lost_hz[1] = lost_hz;
+  return s;
 }
 
-}  // namespace
+std::size_t letters(const std::string& line) {
+  std::size_t count = 0;
+  for (const char c : line) count += (static_cast<unsigned char>(c) & 0xC0U) != 0x80U;
+  return count;
+}
+
+StatHistory example() {
+  StatHistory history(0.5);
+  history.add(sample(2.5, 4.0));
+  history.add(sample(0.0, 0.0, 40.0));
+  history.add(sample(2.5, 5.0, 6.0));
+  return history;
+}
+
+TEST(CharacterBars, HaveEighthsAndGaps) {
+  const std::vector<double> values{0.0, 0.5, 1.0, NAN, 7.0};
+  EXPECT_EQ(character_bars(values, 1.0, 1), (std::vector<std::string>{"\u2581\u2584\u2588 \u2588"}));
+  EXPECT_EQ(character_bars(values, 1.0, 2), (std::vector<std::string>{"  \u2588 \u2588", "\u2581\u2588\u2588 \u2588"}));
+  EXPECT_TRUE(character_bars(values, 1.0, 0).empty());
+}
+
+TEST(StatHistory, ShowsLatencyLossesAndTheirScale) {
+  EXPECT_EQ(history_lines(example(), {80, 4}, false),
+            (std::vector<std::string>{"history  1.5 s until now, bars from 0 to 5 ms, gap: no frame",
+                                      "  p99    \u2586 \u2588", "  p50    \u2584 \u2584", "  lost    +3"}));
+  StatHistory silent(1.0);
+  silent.add(sample(0.0, 0.0));
+  EXPECT_EQ(history_lines(silent, {80, 4}, false).at(1), "  p99     ") << "a scale nevertheless";
+}
+
+TEST(StatHistory, KeepsWithinItsSpace) {
+  StatHistory history(1.0);
+  for (int i = 0; i < 300; ++i) history.add(sample(2.0 + i % 7, 5.0 + i % 40, i % 3));
+  EXPECT_EQ(history.columns().size(), 60U);
+  for (const int columns : {10, 40, 69, 200}) {
+    for (const int rows : {4, 7, 30}) {
+      const auto lines = history_lines(history, {columns, rows}, false);
+      EXPECT_FALSE(lines.empty());
+      EXPECT_LE(lines.size(), static_cast<std::size_t>(rows));
+      for (const std::string& line : lines) EXPECT_LE(letters(line), static_cast<std::size_t>(columns)) << line;
+    }
+  }
+  EXPECT_TRUE(history_lines(history, {9, 10}, false).empty());
+  EXPECT_TRUE(history_lines(history, {80, 3}, false).empty());
+  EXPECT_TRUE(history_lines(StatHistory(1.0), {80, 24}, false).empty());
+  StatHistory fast(0.1);
+  for (int i = 0; i < 1000; ++i) fast.add(sample(2.0, 3.0));
+  EXPECT_EQ(fast.columns().size(), 600U);
+}
+
+TEST(StatHistory, HasColourOnlyWhenAsked) {
+  const auto lines = history_lines(example(), {80, 4}, true);
+  EXPECT_EQ(lines[0].find('\x1b'), std::string::npos);
+  for (std::size_t i = 1; i < lines.size(); ++i) EXPECT_TRUE(lines[i].ends_with("\x1b[0m")) << lines[i];
+}
+
+TEST(StatScreen, ALowTerminalCutsTheTableFirst) {
+  const std::string table = "one\ntwo \u00b5s\nthree\n";
+  const std::vector<std::string> below{"a", "b"};
+  EXPECT_EQ(fitted(table, below, {80, 24}), (std::vector<std::string>{"one", "two \u00b5s", "three", "a", "b"}));
+  EXPECT_EQ(fitted(table, below, {5, 5}), (std::vector<std::string>{"one", "two \u00b5", "a", "b"}));
+  EXPECT_EQ(fitted(table, below, {80, 2}), (std::vector<std::string>{"a"}));
+}
+
+TEST(StatScreen, RedrawsWithoutABlankPictureInBetween) {
+  EXPECT_EQ(redrawn({"a", "b"}, 0), "a\x1b[K\nb\x1b[K\n\x1b[J");
+  EXPECT_EQ(redrawn({"c"}, 2), "\x1b[2A\rc\x1b[K\n\x1b[J");
+}
+
 }  // namespace bolo::tools::stat_sample_test

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 
-from programs import wait_for
+from programs import Programs, wait_for
 
 if shutil.which("tmux") is None:
     print("skipped: tmux is not installed")
@@ -51,18 +51,12 @@ def state(terminal):
     return found.groups() if found else ("", "")
 
 
-def replay(bolo, capture, name):
-    return subprocess.Popen([bolo, "replay", capture, "--name", name, "--loop"], stdout=subprocess.DEVNULL,
-                            stderr=subprocess.DEVNULL)
-
-
 def main(bolo):
     name = f"stat-terminal-{os.getpid()}"
     with tempfile.TemporaryDirectory() as folder:
-        capture = f"{folder}/street.h5"
-        subprocess.run([bolo, "simulate", "-o", capture, "--width", "64", "--height", "24", "--frames", "100"],
-                       check=True, stdout=subprocess.DEVNULL)
-        daemon = replay(bolo, capture, name)
+        programs = Programs(bolo, None, folder, name, (64, 24))
+        replay = ("daemon", bolo, "replay", programs.simulate("--frames=100"), "--name", name, "--loop")
+        daemon = programs.start(*replay)
         wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{name}"), "the daemon")
         terminal = Terminal(folder, "first", 100, 40, f"{bolo} stat {name} --interval 0.1")
         try:
@@ -82,7 +76,7 @@ def main(bolo):
             daemon.kill()
             daemon.wait()
             wait_for(lambda: state(terminal)[0] == "stopped", "the end of the daemon")
-            daemon = replay(bolo, capture, name)
+            daemon = programs.start(*replay)
             wait_for(lambda: state(terminal) == ("running", str(daemon.pid)), "the second daemon")
             wait_for(lambda: re.search(f"[{BLOCKS}] +[{BLOCKS}]+$", bars(terminal.lines(), "p50")), "bars after the gap")
 
@@ -99,8 +93,7 @@ def main(bolo):
                 assert "\x1b" not in plain and not any(block in plain for block in BLOCKS)
         finally:
             terminal.close()
-            daemon.terminate()
-            daemon.wait()
+            programs.end()
     print("bolo stat drew its bars, followed the terminal's size and the daemon")
 
 

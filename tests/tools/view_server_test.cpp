@@ -1,24 +1,15 @@
 // What the view's server refuses, what it lets through, and that its bounds hold.
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <atomic>
-#include <filesystem>
-#include <fstream>
-#include <string>
-#include <thread>
-#include <vector>
-
+#include "tests/no_threads.hpp"
+#include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/sockets.hpp"
-#include "tools/view/access.hpp"
 #include "tools/view/page_files.hpp"
 #include "tools/view/site.hpp"
 
-namespace bolo::view {
-namespace {
+namespace bolo::view::view_server_test {
 
 namespace test = tools::test;
 using test::receive_all;
@@ -36,10 +27,9 @@ UniqueFd connected(std::uint16_t port) {
 class ViewServer : public testing::Test {
  protected:
   void serve(HttpServer::Limits limits) { serve(1, limits); }
-  void serve(int cameras = 1, HttpServer::Limits limits = {}) {
-    Access access{.token = kToken};
-    auto server = HttpServer::listen({"127.0.0.1"}, 0, limits, Site::headers());
-    ASSERT_TRUE(server) << server.error().message;
+  void serve(int cameras = 1, HttpServer::Limits limits = {}, const std::string& token = kToken) {
+    Access access{.token = token};
+    auto server = must(HttpServer::listen({"127.0.0.1"}, 0, limits, Site::headers()));
     server_ = std::move(*server);
     access.port = server_->port();
     std::vector<LiveStream*> lent;
@@ -65,6 +55,10 @@ class ViewServer : public testing::Test {
     if (thread_.joinable()) thread_.join();
   }
 
+  // A cookie of this view.
+  std::string cookie(const std::string& token = kToken) const {
+    return "Cookie: bolo_view_" + std::to_string(server_->port()) + "=" + token + "\r\n";
+  }
   // The whole answer to a request line and headers; the connection is closed after it.
   std::string ask_bare(const std::string& request, const std::string& headers, const std::string& host) {
     const UniqueFd fd = connected(server_->port());
@@ -75,7 +69,7 @@ class ViewServer : public testing::Test {
   std::string ask(const std::string& request, const std::string& headers = "", const std::string& host = "localhost") {
     return ask_bare(request, cookie() + headers, host);
   }
-  std::string cookie() const { return "Cookie: bolo_view_" + std::to_string(server_->port()) + "=" + kToken + "\r\n"; }
+
   int status(const std::string& request, const std::string& headers = "", const std::string& host = "localhost") {
     return status_of(ask(request, headers, host));
   }
@@ -99,8 +93,7 @@ TEST_F(ViewServer, ServesThePageAndOnlyIt) {
   serve();
   const std::string page = ask("GET /");
   EXPECT_TRUE(page.starts_with("HTTP/1.1 200")) << page.substr(0, 200);
-  EXPECT_NE(page.find("Content-Security-Policy: default-src 'self'"), std::string::npos);
-  EXPECT_NE(page.find("X-Content-Type-Options: nosniff"), std::string::npos);
+  expect_parts(page, {"Content-Security-Policy: default-src 'self'", "X-Content-Type-Options: nosniff"});
   EXPECT_EQ(page.find("Access-Control-Allow"), std::string::npos);
   for (const PageFile& file : page_files()) {
     const std::string answer = ask("GET /" + std::string(file.name));
@@ -124,8 +117,7 @@ TEST_F(ViewServer, ServesSeveralCamerasEachAtItsPlace) {
   EXPECT_TRUE(ask("GET " + first + "/app.js").ends_with(content("app.js")));
   EXPECT_TRUE(ask("GET /api/cameras").ends_with("[\"" + streams_[0]->name() + "\",\"" + streams_[1]->name() + "\"]"));
   for (const auto& stream : streams_) {
-    EXPECT_NE(ask("GET /camera/" + stream->name() + "/api/status").find("\"name\":\"" + stream->name() + "\""),
-              std::string::npos);
+    expect_parts(ask("GET /camera/" + stream->name() + "/api/status"), {"\"name\":\"" + stream->name() + "\""});
   }
   EXPECT_EQ(status("POST " + first + "/api/nuc", "Origin: http://localhost\r\n"), 202);
   for (const char* path :
@@ -168,18 +160,17 @@ TEST(ViewAccess, BeyondLoopbackAddressesAndTheHostNameAreThisComputer) {
 
 TEST_F(ViewServer, EachRequestNeedsTheToken) {
   serve();
-  const std::string cookie = "bolo_view_" + std::to_string(server_->port()) + "=";
   const std::string good = kToken;
-  for (const char* path : {"/", "/app.js", "/api/status", "/api/frame?epoch=0&after=0"}) {
-    EXPECT_EQ(status_without_cookie(std::string("GET ") + path), 401) << path;
-    EXPECT_EQ(status_without_cookie(std::string("GET ") + path, "Cookie: " + cookie + "wrong\r\n"), 401) << path;
-    EXPECT_EQ(status_without_cookie(std::string("GET ") + path, "Cookie: " + cookie + good + "0\r\n"), 401) << path;
+  for (const std::string path : {"/", "/app.js", "/api/status", "/api/frame?epoch=0&after=0"}) {
+    EXPECT_EQ(status_without_cookie("GET " + path), 401) << path;
+    EXPECT_EQ(status_without_cookie("GET " + path, cookie("wrong")), 401) << path;
+    EXPECT_EQ(status_without_cookie("GET " + path, cookie(good + "0")), 401) << path;
   }
   EXPECT_EQ(status_without_cookie("GET /?token="), 401);
   EXPECT_EQ(status_without_cookie("GET /?token=0123456789abcdef-_XZ"), 401);
-  const std::string entered = ask_bare("GET /?token=" + good, "", "localhost");
-  EXPECT_NE(entered.find("Set-Cookie: " + cookie + good + "; Path=/; HttpOnly; SameSite=Strict"), std::string::npos);
-  EXPECT_EQ(status_without_cookie("GET /api/status", "Cookie: other=1; " + cookie + good + "\r\n"), 200);
+  expect_parts(ask_bare("GET /?token=" + good, "", "localhost"),
+               {"Set-" + cookie().substr(0, cookie().size() - 2) + "; Path=/; HttpOnly; SameSite=Strict"});
+  EXPECT_EQ(status_without_cookie("GET /api/status", "Cookie: other=1; " + cookie().substr(8)), 200);
   EXPECT_EQ(status_without_cookie("POST /api/nuc", "Origin: http://localhost\r\n"), 401);
 }
 
@@ -196,23 +187,33 @@ TEST_F(ViewServer, OtherSitesGetNothing) {
 
 TEST_F(ViewServer, ANucNeedsThePagesOwnOrigin) {
   serve();
-  EXPECT_EQ(status("POST /api/nuc"), 403);
-  EXPECT_EQ(status("POST /api/nuc", "Origin: null\r\n"), 403);
-  EXPECT_EQ(status("POST /api/nuc", "Origin: http://example.com\r\n"), 403);
-  EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost:1\r\n"), 403);
-  EXPECT_EQ(status("POST /api/nuc", "Origin: https://localhost\r\n"), 403);
+  for (const char* origin : {"", "Origin: null\r\n", "Origin: http://example.com\r\n", "Origin: http://localhost:1\r\n",
+                             "Origin: https://localhost\r\n"}) {
+    EXPECT_EQ(status("POST /api/nuc", origin), 403) << origin;
+  }
   EXPECT_EQ(nucs_, 0);
   hold_nuc_ = true;
   EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\n"), 202);
   EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\n"), 409) << "one at a time";
-  EXPECT_NE(ask("GET /api/status").find("\"nuc_asking\":true"), std::string::npos);
+  expect_parts(ask("GET /api/status"), {"\"nuc_asking\":true"});
   hold_nuc_ = false;
   std::string told;
   do {
     told = ask("GET /api/status");
   } while (told.find("\"nuc_asking\":true") != std::string::npos);
-  EXPECT_NE(told.find("the camera does not answer"), std::string::npos) << told;
+  expect_parts(told, {"the camera does not answer"});
   EXPECT_EQ(nucs_, 1);
+}
+
+TEST_F(ViewServer, ANucWithoutAThreadIsToldOf) {
+  serve();
+  {
+    const NoThreads none;
+    EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\n"), 202);
+  }
+  expect_parts(ask("GET /api/status"), {"\"nuc_asking\":false", "no thread can be started"});
+  EXPECT_EQ(nucs_, 0);
+  EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\n"), 202) << "the next one is made";
 }
 
 TEST_F(ViewServer, RefusesBodiesAndNonsense) {
@@ -227,16 +228,11 @@ TEST_F(ViewServer, RefusesBodiesAndNonsense) {
     EXPECT_EQ(status(std::string("GET /api/trace") + query), 400) << query;
   }
   EXPECT_EQ(status("GET /api/trace?x=0&y=0&epoch=0&after=0"), 404) << "no stream";
-  const std::string long_path = "GET /" + std::string(40000, 'a');
-  EXPECT_NE(status(long_path), 200);
+  EXPECT_NE(status("GET /" + std::string(40000, 'a')), 200);
+  EXPECT_EQ(status("GET /api/frame?epoch=0&after=0"), 204) << "a frame that does not come";
   const UniqueFd fd = connected(server_->port());
   send_text(fd, "GET / HTTP/1.1\r\n\r\n");  // without a Host
   EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 400"));
-}
-
-TEST_F(ViewServer, AFrameThatDoesNotComeIsNoContent) {
-  serve();
-  EXPECT_EQ(status("GET /api/frame?epoch=0&after=0"), 204);
 }
 
 TEST_F(ViewServer, RequestsThatWaitAreBounded) {
@@ -273,60 +269,59 @@ TEST_F(ViewServer, ConnectionsAreBoundedAndComeFree) {
   EXPECT_EQ(served, 200);
 }
 
+// Strangers who hold all places, with requests that they never finish, hold them until somebody else comes.
+TEST_F(ViewServer, WhoIsSilentMakesRoom) {
+  serve({.connections = 4});
+  std::vector<UniqueFd> silent;
+  for (int round = 0; round < 3; ++round) {
+    for (int i = 0; i < 24; ++i) {
+      silent.push_back(connected(server_->port()));
+      const std::string_view begun = "GET / HTTP/1.1\r\nHost: ";
+      send(silent.back().get(), begun.data(), begun.size(), MSG_NOSIGNAL);
+    }
+    const UniqueFd fd = test::patient_socket(AF_INET, 5);
+    ASSERT_TRUE(test::connect_to(fd, "127.0.0.1", server_->port()));
+    send_text(fd, "GET /icon.svg HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + cookie() + "\r\n");
+    EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 200"));
+  }
+}
+
 TEST(ViewListen, SaysWhyAnAddressCannotBeListenedOn) {
-  const auto first = HttpServer::listen({"127.0.0.1"}, 0, {}, {});
-  ASSERT_TRUE(first);
-  const auto second = HttpServer::listen({"127.0.0.1", "::1"}, (*first)->port(), {}, {});
-  ASSERT_FALSE(second);
-  EXPECT_EQ(second.error().kind, ErrorKind::kBadInput);
-  EXPECT_NE(second.error().message.find("another program does"), std::string::npos);
+  const auto first = must(HttpServer::listen({"127.0.0.1"}, 0, {}, {}));
+  expect_refused(HttpServer::listen({"127.0.0.1", "::1"}, (*first)->port(), {}, {}), {"another program does"});
   for (const char* address : {"localhost", "", "192.0.2.1", "1.2.3"}) {
-    const auto none = HttpServer::listen({address}, 0, {}, {});
-    ASSERT_FALSE(none) << address;
-    EXPECT_EQ(none.error().kind, ErrorKind::kBadInput) << address;
+    SCOPED_TRACE(address);
+    expect_refused(HttpServer::listen({address}, 0, {}, {}), {});
   }
   EXPECT_TRUE(HttpServer::listen({"192.0.2.1", "127.0.0.1"}, 0, {}, {})) << "an address that is not there is left out";
+  for (const char* address : {"127.0.0.1", "0.0.0.0", "::1", "192.0.2.1"}) EXPECT_TRUE(is_numeric(address)) << address;
+  for (const char* word : {"banana", "", "127.0.0.1:8640", "[::1]:8640", "1.2.3"}) {
+    EXPECT_FALSE(is_numeric(word)) << word;
+  }
 }
 
 // Whoever forgets the token lets nobody in.
-TEST(ViewToken, AnEmptyOneOpensNothing) {
-  auto server = HttpServer::listen({"127.0.0.1"}, 0, {}, {});
-  ASSERT_TRUE(server);
-  std::atomic<bool> end{false};
-  Access none;
-  none.port = (*server)->port();
-  std::thread serving([&] { (*server)->run([&](const Request& request) { return refusal(none, request); }, end); });
-  for (const char* path : {"/", "/?token=", "/?token"}) {
-    const UniqueFd fd = connected((*server)->port());
-    send_text(fd, std::string("GET ") + path + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
-    EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 401")) << path;
+TEST_F(ViewServer, AnEmptyTokenOpensNothing) {
+  serve(1, {}, "");
+  for (const char* request : {"GET /", "GET /?token=", "GET /?token"}) {
+    EXPECT_EQ(status_without_cookie(request), 401) << request;
+    EXPECT_EQ(status_without_cookie(request, cookie("")), 401) << request;
   }
-  end = true;
-  (*server)->wake();
-  serving.join();
 }
 
-TEST(ViewToken, RandomOnesAreGoodAndDiffer) {
+TEST(ViewToken, IsLongEnoughAndOnlyItsOwnersToRead) {
   const auto one = random_token();
   const auto other = random_token();
   ASSERT_TRUE(one && other);
   EXPECT_TRUE(check_token(*one));
   EXPECT_EQ(one->size(), 32U);
   EXPECT_NE(*one, *other);
-}
-
-TEST(ViewListen, OnlyAnAddressIsOne) {
-  for (const char* address : {"127.0.0.1", "0.0.0.0", "::1", "192.0.2.1"}) EXPECT_TRUE(is_numeric(address)) << address;
-  for (const char* word : {"banana", "", "127.0.0.1:8640", "[::1]:8640", "1.2.3"})
-    EXPECT_FALSE(is_numeric(word)) << word;
-}
-
-TEST(ViewToken, IsLongEnoughAndOnlyItsOwnersToRead) {
   EXPECT_TRUE(check_token(kToken));
-  for (const std::string bad : {"", "short", "0123456789abcde", "0123456789abcdef;", "0123456789 abcdef"}) {
+  for (const std::string& bad :
+       {std::string(), std::string("short"), std::string("0123456789abcde"), std::string("0123456789abcdef;"),
+        std::string("0123456789 abcdef"), std::string(129, 'a')}) {
     EXPECT_FALSE(check_token(bad)) << bad;
   }
-  EXPECT_FALSE(check_token(std::string(129, 'a')));
   const Scratch scratch;
   const std::string file = scratch / "token";
   EXPECT_FALSE(read_token(file)) << "no such file";
@@ -337,5 +332,4 @@ TEST(ViewToken, IsLongEnoughAndOnlyItsOwnersToRead) {
   EXPECT_EQ(read_token(file).value_or(""), kToken);
 }
 
-}  // namespace
-}  // namespace bolo::view
+}  // namespace bolo::view::view_server_test

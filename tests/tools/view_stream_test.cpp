@@ -1,31 +1,11 @@
 // What the view holds of a stream: the newest frame, traces of pixels, and what becomes of them when writers change.
-#include <gtest/gtest.h>
-
-#include <chrono>
-#include <cstring>
-#include <memory>
-#include <optional>
-#include <string>
-#include <thread>
-
 #include "tests/drivers/shm/shm_rig.hpp"
+#include "tests/tools/program.hpp"
 #include "tools/view/live_stream.hpp"
 
-namespace bolo::view {
-namespace {
+namespace bolo::view::view_stream_test {
 
-constexpr std::chrono::seconds kPatience{30};  // a guard against hanging
-
-template <typename Condition>
-bool comes_true(const Condition& condition) {
-  const auto end = std::chrono::steady_clock::now() + kPatience;
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return true;
-}
-
+using tools::test::eventually;
 FrameHead head_of(const std::string& frame) {
   FrameHead head;
   std::memcpy(&head, frame.data(), sizeof head);
@@ -42,9 +22,9 @@ std::uint16_t value_at(const std::string& frame, std::size_t plane, std::size_t 
 
 class ViewStream : public testing::Test {
  protected:
-  void start_writer() {
-    writer_.reset();
+  void start_writer(bool motion = false) {
     writer_ = std::make_unique<shm::Writer>(name_);
+    writer_->format.motion = motion;
     ASSERT_TRUE(writer_->open());
   }
   void publish(int count) {
@@ -52,13 +32,13 @@ class ViewStream : public testing::Test {
   }
   std::shared_ptr<const std::string> frame_after(const Place& seen) {
     std::shared_ptr<const std::string> frame;
-    EXPECT_TRUE(comes_true([&] { return (frame = stream_.newest_frame(seen)) != nullptr; }));
+    EXPECT_TRUE(eventually([&] { return (frame = stream_.newest_frame(seen)) != nullptr; }));
     return frame;
   }
   // The trace of a pixel, once it reaches a frame.
   nlohmann::ordered_json trace_up_to(std::uint32_t x, std::uint32_t y, std::uint64_t next, const Place& seen) {
     std::optional<nlohmann::ordered_json> trace;
-    EXPECT_TRUE(comes_true([&] {
+    EXPECT_TRUE(eventually([&] {
       trace = stream_.trace(x, y, seen);
       return trace && (*trace)["next"] == next;
     }));
@@ -96,9 +76,7 @@ TEST_F(ViewStream, GivesTheNewestFrameOnce) {
 }
 
 TEST_F(ViewStream, SendsTheMotionBehindThePlanes) {
-  writer_ = std::make_unique<shm::Writer>(name_);
-  writer_->format.motion = true;
-  ASSERT_TRUE(writer_->open());
+  start_writer(true);
   publish(3);
   const auto frame = frame_after({});
   const FrameHead head = head_of(*frame);
@@ -166,7 +144,7 @@ TEST_F(ViewStream, FollowsTheNextWriter) {
   trace_up_to(1, 1, 4, {});
   EXPECT_EQ(stream_.status()["view"]["stream"], "live");
   writer_.reset();
-  EXPECT_TRUE(comes_true([this] {
+  EXPECT_TRUE(eventually([this] {
     const auto view = stream_.status()["view"];
     return view["stream"] == "gone" && view["obstacle"] != "";
   }));
@@ -180,5 +158,4 @@ TEST_F(ViewStream, FollowsTheNextWriter) {
       << "samples of the old writer don't count as seen";
 }
 
-}  // namespace
-}  // namespace bolo::view
+}  // namespace bolo::view::view_stream_test

@@ -7,7 +7,6 @@ Exit code 77: chromium or chromedriver isn't there.
 
 import array
 import glob
-import http.client
 import json
 import os
 import re
@@ -18,10 +17,11 @@ import sys
 import tempfile
 import time
 import urllib.parse
+import urllib.request
 import zlib
 
 import browser
-from programs import own_address, wait_for
+from programs import Programs, wait_for
 
 if browser.missing():
     print(f"skipped: {browser.missing()} is not installed")
@@ -32,63 +32,43 @@ PATIENCE_S = 60  # a guard against hanging, not an expectation
 HEAD = struct.Struct("<4sHHIIddQQQqdIIIIq")  # FrameHead of tools/view/live_stream.hpp
 
 
-class Programs:
-    """The fake camera, the daemon and the view, in a folder of their own."""
+class View(Programs):
+    """The fake camera, the daemon and the view of it."""
 
     def __init__(self, bolo, bolod, folder, name):
-        self.bolo, self.bolod, self.folder, self.name = bolo, bolod, folder, name
-        self.address = own_address()
-        self.running = []
-        self.config = os.path.join(folder, "bolod.toml")
-        with open(self.config, "w", encoding="utf-8") as f:
-            f.write(f'name = "{self.name}"\n[source]\naddress = "{self.address}"\nwidth = {WIDTH}\nheight = {HEIGHT}\n'
-                    f'rate_hz = {RATE}\n[control]\nsocket = "{folder}/control.sock"\n')
+        super().__init__(bolo, bolod, folder, name, (WIDTH, HEIGHT), f"rate_hz = {RATE}\n")
 
     def begin(self):
-        capture = os.path.join(self.folder, "street.h5")
-        subprocess.run([self.bolo, "simulate", "-o", capture, "--no-truth", f"--width={WIDTH}", f"--height={HEIGHT}",
-                        f"--rate={RATE}", f"--frames={RATE}", f"--speed={WIDTH / 2}"],
-                       check=True, stdout=subprocess.DEVNULL)
-        self.start(self.bolo, "fakecam", capture, "--loop", "--interface", self.address,
-                   "--fault", "loss:rate=0.002,at=5")
-        wait_for(lambda: b"serving" in self.output(), "the camera")
-        self.daemon = self.start(self.bolod, "--config", self.config)
-        self.view = self.start(self.bolo, "view", self.name, "--port", "0", "--json")
-        told = json.loads(wait_for(lambda: re.search(rb'{"url".*}', self.output()), "the view").group())
-        self.entry = told["url"]  # with the token that was made for this run
+        self.capture = self.simulate(f"--rate={RATE}", f"--frames={RATE}", f"--speed={WIDTH / 2}")
+        self.start_camera(self.capture, "--fault", "loss:rate=0.002,at=5")
+        self.start_daemon()
+        self.entry = self.view("view", self.name)["url"]  # with the token that was made for this run
         self.url, self.token = re.fullmatch(r"(.*/)\?token=([0-9a-f]{32})", self.entry).groups()
 
-    def start(self, *words):
-        with open(os.path.join(self.folder, "programs.log"), "ab") as log:
-            self.running.append(subprocess.Popen(words, stdout=log, stderr=log))
-        return self.running[-1]
+    def view(self, what, *words):
+        """What another view tells of itself."""
+        self.start(what, self.bolo, "view", *words, "--port", "0", "--json")
+        return json.loads(wait_for(lambda: re.search(r'{"url".*}', self.log(what)), "the view").group())
 
-    def output(self):
-        with open(os.path.join(self.folder, "programs.log"), "rb") as log:
-            return log.read()
-
-    def get(self, path, expected=200):
-        place = urllib.parse.urlsplit(self.url)
-        connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=PATIENCE_S)
-        connection.request("GET", path, headers={"Host": place.netloc, **self.cookie()})
-        answer = connection.getresponse()
-        body = answer.read()
-        connection.close()
-        assert answer.status == expected, (path, answer.status, body)
-        return body
-
-    def cookie(self):
-        return {"Cookie": f"bolo_view_{urllib.parse.urlsplit(self.url).port}={self.token}"}
-
-    def end(self):
-        for program in reversed(self.running):
-            program.terminate()
-            program.wait()
+    def get(self, path):
+        port = urllib.parse.urlsplit(self.url).port
+        request = urllib.request.Request(urllib.parse.urljoin(self.url, path),
+                                         headers={"Cookie": f"bolo_view_{port}={self.token}"})
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+            return answer.read()
 
 
 def figure(page, selector):
     words = page.run("return document.querySelector(arguments[0])?.firstChild.textContent ?? ''", selector)
     return int(re.sub(r"\D", "", words) or 0)
+
+
+def attribute(page, name, key):
+    return page.run("return document.getElementById(arguments[0]).getAttribute(arguments[1])", name, key)
+
+
+def wait_for_pill(page, words, what):
+    wait_for(lambda: page.text("#pill") == words, what)
 
 
 def box_of(page, name):
@@ -116,7 +96,7 @@ def check_divider(page):
     x, y, width, _ = box_of(page, "divider")
     box = (x + width / 2, y + 20)
     width = page.run("return document.getElementById('picture').clientWidth")
-    now = lambda: int(page.run("return document.getElementById('divider').getAttribute('aria-valuenow')"))
+    now = lambda: int(attribute(page, "divider", "aria-valuenow"))
     page.mouse(box, "down", (box[0] + width / 4, box[1]), "up")
     wait_for(lambda: 74 <= now() <= 76, "the divider by the mouse")
     page.run("document.getElementById('divider').focus()")
@@ -164,12 +144,14 @@ def check_trace(page, programs):
 
 
 def check_choices(page):
+    def value(element):
+        return page.run(f"return document.getElementById('{element}').value")
+
     page.click('#ranges [data-value="fixed"]')
     page.run("const i = document.getElementById('low'); i.value = '-5'; i.dispatchEvent(new Event('change'))")
-    low = lambda: page.run("return document.getElementById('low-thumb').getAttribute('aria-valuenow')")
-    wait_for(lambda: low() == "-5.0", "-5 °C")
+    wait_for(lambda: attribute(page, "low-thumb", "aria-valuenow") == "-5.0", "-5 °C")
     page.click("#unit")
-    wait_for(lambda: page.run("return document.getElementById('low').value") == "268.1", "kelvin")
+    wait_for(lambda: value("low") == "268.1", "kelvin")
     page.click("#unit")
     page.click('#ranges [data-value="auto"]')
     page.click("#zoom-in")
@@ -192,7 +174,7 @@ def check_faults_are_counted(page):
 
 
 def grey_png(file):
-    """Width, height and values of a 16-bit PNG whose rows have no filter."""
+    """Rows of values of a 16-bit PNG whose rows have no filter."""
     with open(file, "rb") as f:
         data = f.read()
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
@@ -205,8 +187,7 @@ def grey_png(file):
     width, height, depth, colour = struct.unpack_from(">IIBB", chunks[b"IHDR"])
     assert (depth, colour) == (16, 0)
     rows = zlib.decompress(chunks[b"IDAT"])
-    stride = 1 + 2 * width
-    return [struct.unpack_from(f">{width}H", rows, y * stride + 1) for y in range(height)]
+    return [struct.unpack_from(f">{width}H", rows, y * (1 + 2 * width) + 1) for y in range(height)]
 
 
 def check_saving(page, folder):
@@ -228,51 +209,50 @@ def check_saving(page, folder):
 
 def check_restart(page, programs):
     """The daemon dies, the page says so, and goes on with the next one."""
-    programs.daemon.kill()
-    programs.daemon.wait()
-    wait_for(lambda: page.text("#pill") == "the daemon is gone", "the words of its end")
+    programs.running["daemon"].kill()
+    programs.running["daemon"].wait()
+    wait_for_pill(page, "the daemon is gone", "the words of its end")
     assert page.run("return !document.getElementById('notice').hidden")
-    programs.daemon = programs.start(programs.bolod, "--config", programs.config)
-    wait_for(lambda: page.text("#pill") == "live", "the next daemon's frames")
+    programs.start_daemon()
+    wait_for_pill(page, "live", "the next daemon's frames")
     check_frames_move(page)
     wait_for(lambda: figure(page, "#followed") == 1, "the restart")
 
 
 def check_motion(page, programs, folder):
     """Arrows on a key: none of a solver that does not estimate motion, and those of one that does."""
-    toast = lambda: page.text("#toast")
-    pressed = lambda: page.run("return document.getElementById('arrows').getAttribute('aria-pressed')")
 
-    def with_arrows_and_without():
-        page.click("#pause")  # a frame that stays; a space would press the button that has the focus
+    def look():
+        """The picture without arrows, with them, and without, of a frame that stays; and the page's words."""
+        page.click("#pause")  # a space would press the button that has the focus
         hashes = [picture_hash(page)]
         for arrows in ("true", "false"):
             page.keys("m")
-            wait_for(lambda: pressed() == arrows, "the button")
+            wait_for(lambda: attribute(page, "arrows", "aria-pressed") == arrows, "the button")
             hashes.append(picture_hash(page))
             if arrows == "true":
-                words = toast()
+                words = page.text("#toast")
         page.click("#pause")
-        before, shown, after = hashes
-        return before == after, shown != before, words
+        return *hashes, words
 
-    def arrows_of_a_frame_that_stays():
-        """Whether some are drawn, and the page's words; the window may have been laid out anew in between."""
-        return wait_for(lambda: (seen := with_arrows_and_without())[0] and seen, "the picture without arrows")[1:]
+    def drawn():
+        """Whether there are arrows, and the page's words; the window may have been laid out anew in between."""
+        before, shown, _, words = wait_for(lambda: (seen := look())[0] == seen[2] and seen, "it without arrows")
+        return shown != before, words
 
-    drawn, words = arrows_of_a_frame_that_stays()
-    assert not drawn and "solver = \"motion\"" in words, words
+    any_drawn, words = drawn()
+    assert not any_drawn and "solver = \"motion\"" in words, words
     assert page.text("#motion") == "–"
-    programs.daemon.terminate()
-    programs.daemon.wait()
+    programs.running["daemon"].terminate()
+    programs.running["daemon"].wait()
     with open(programs.config, "a", encoding="utf-8") as f:
         # On a busy machine, too: what can't keep up would go without motion.
         f.write('[deblur]\nsolver = "motion"\n[pipeline]\ndegrade = false\n')
-    programs.daemon = programs.start(programs.bolod, "--config", programs.config)
+    programs.start_daemon()
     # px a frame, of a street that moves by half a width a second
     wait_for(lambda: (m := re.match(r"([0-9.]+) a frame", page.text("#motion"))) and
              abs(float(m.group(1)) - WIDTH / 2 / RATE) < 0.3, "the street's motion")
-    wait_for(lambda: arrows_of_a_frame_that_stays()[0], "arrows")
+    wait_for(lambda: drawn()[0], "arrows")
     if folder:
         page.keys("m")
         for mode in ("sharp", "divider"):
@@ -315,27 +295,23 @@ def check_phone(page):
 def check_token(page, programs):
     """With a token the page opens by it once; the address forgets it, the browser doesn't."""
     token = "e2e-0123456789abcdef"
-    programs.start(programs.bolo, "view", programs.name, "--port", "0", "--json", "--token", token)
-    said = wait_for(lambda: re.search(rb'{"url":"([^"]*)[?]token=TOKEN"', programs.output()), "the view")
-    assert token.encode() not in programs.output(), "a token that was given is printed"
-    url = said.group(1).decode()
+    url = programs.view("token", programs.name, "--token", token)["url"].removesuffix("?token=TOKEN")
+    assert token not in programs.log("token"), "a token that was given is printed"
     page.open(url)
     assert "a token is needed" in page.run("return document.body.textContent")
     page.open(f"{url}?token={token}")
-    wait_for(lambda: page.text("#pill") == "live", "the page by its token")
+    wait_for_pill(page, "live", "the page by its token")
     assert page.run("return location.href") == url
     page.open(url)
-    wait_for(lambda: page.text("#pill") == "live", "the page by its cookie")
+    wait_for_pill(page, "live", "the page by its cookie")
     page.log("browser")  # the refusal
 
 
 def check_several(page, programs, folder):
     """Two cameras: both side by side with moving pictures and times, and each on a page of its own."""
     other = programs.name + "-rear"
-    programs.start(programs.bolo, "replay", os.path.join(programs.folder, "street.h5"), "--name", other, "--loop")
-    before = programs.output()
-    programs.start(programs.bolo, "view", programs.name, other, "--port", "0", "--json")
-    told = json.loads(wait_for(lambda: re.search(rb'{"url".*}', programs.output()[len(before):]), "the view").group())
+    programs.start("replay", programs.bolo, "replay", programs.capture, "--name", other, "--loop")
+    told = programs.view("several", programs.name, other)
     assert told["name"] == f"{programs.name}, {other}", told
     page.open(told["url"])
     canvas = "document.querySelectorAll('.camera canvas')[arguments[0]]"
@@ -349,18 +325,10 @@ def check_several(page, programs, folder):
     if folder:
         page.screenshot(os.path.join(folder, "view_all.png"))
     page.run("document.querySelectorAll('.camera')[1].click()")
-    wait_for(lambda: page.text("#pill") == "live", "the page of one")
+    wait_for_pill(page, "live", "the page of one")
     wait_for(lambda: page.text("#name") == other, "its name")
     check_frames_move(page)
     page.log("browser")
-
-
-def check_strangers(programs):
-    """Another user of this computer, who can connect but has not seen the address, gets nothing."""
-    known, programs.token = programs.token, "0" * 32
-    for path in ("/", "/api/status", "/api/frame?epoch=0&after=0", "/api/trace?x=0&y=0&epoch=0&after=0"):
-        programs.get(path, expected=401)
-    programs.token = known
 
 
 def check_usage(programs):
@@ -413,7 +381,7 @@ def check_requests(page):
 
 def main(bolo, bolod, pictures):
     with tempfile.TemporaryDirectory() as folder:
-        programs = Programs(bolo, bolod, folder, "front" if pictures else f"test-view-{os.getpid()}")
+        programs = View(bolo, bolod, folder, "front" if pictures else f"test-view-{os.getpid()}")
         page = None
         try:
             programs.begin()
@@ -421,8 +389,8 @@ def main(bolo, bolod, pictures):
             page.open("about:blank")
             page.log("performance")  # the browser's own first page
             page.open(programs.entry)
-            wait_for(lambda: page.text("#pill") == "live", "the page")
-            check_strangers(programs)
+            wait_for_pill(page, "live", "the page")
+
             weight = check_requests(page)
             check_frames_move(page)
             check_divider(page)
@@ -431,7 +399,8 @@ def main(bolo, bolod, pictures):
             check_nuc(page)
             check_saving(page, folder)
             check_faults_are_counted(page)
-            time.sleep(3)  # of pictures without a pause, for the figure
+            if pictures:
+                time.sleep(3)  # without a pause, for the figure
             shown = page.text("#shown")
             check_restart(page, programs)
             check_phone(page)
@@ -443,10 +412,10 @@ def main(bolo, bolod, pictures):
             check_token(page, programs)
             check_several(page, programs, pictures)
             check_usage(programs)
-            programs.view.send_signal(signal.SIGTERM)
-            assert programs.view.wait() == 0
+            programs.running["view"].send_signal(signal.SIGTERM)
+            assert programs.running["view"].wait() == 0
         except BaseException:
-            sys.stderr.write(programs.output().decode()[-3000:])
+            sys.stderr.write(programs.logs())
             if page:
                 page.screenshot(os.path.join(tempfile.gettempdir(), "view_failed.png"))
             raise

@@ -46,7 +46,7 @@ CASES = {
     "calibrate": Case("calibrate {i}/chopper.h5 -o {o}/c.toml --maps {o}/m.h5 --plot {o}/f.svg",
                       ["chopper.h5"], ["c.toml", "m.h5", "f.svg"], ("{o}/m.h5", "chopper.h5"), (0,)),
     "diagnose": Case("diagnose {i}/chopper.h5 {i}/flat.h5 -o {o} --write-profile {o}/p.toml --threads 1",
-                     ["chopper.h5", "flat.h5"], ["report.json", "report.html", "p.toml", "p.h5"],
+                     ["chopper.h5", "flat.h5"], ["report.json", "report.html", "p.toml", "p-maps.h5"],
                      ("{o}/p.toml", "chopper.h5"), (0,)),
     "blind --keep": Case("blind --kind effect-free --sessions 1 --jobs 1 --keep {o}", [],
                          ["answers.json", "nonce.txt", "seal.txt"], None, (0,)),
@@ -103,20 +103,23 @@ class Table:
             self.daemon = subprocess.Popen([self.bolo] + words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{self.name}"), "the daemon")
 
-    def words(self, case, outputs, *more):
-        return [word.format(i=self.inputs, o=outputs, name=self.name) for word in case.words] + list(more)
+    def words(self, words, outputs, *more):
+        return [word.format(i=self.inputs, o=outputs, name=self.name) for word in words] + list(more)
 
-    def old_outputs(self, case, outputs):
-        for name in case.outputs:
+    def old_outputs(self, names, outputs):
+        for name in names:
             with open(f"{outputs}/{name}", "wb") as f:
                 f.write(OLD)
+
+    def contents(self, case):
+        return {name: content(f"{self.inputs}/{name}") for name in case.inputs}
 
     def kept(self, before, what):
         for name, bytes_ in before.items():
             expect(content(f"{self.inputs}/{name}") == bytes_, what, name, "was changed")
 
     def refused(self, case, words, what):
-        before = {name: content(f"{self.inputs}/{name}") for name in case.inputs}
+        before = self.contents(case)
         done = self.run(words)
         expect(done.returncode == 2, what, "exit code", done.returncode, done.stderr)
         expect(done.stderr.count("\n") == 1, what, done.stderr)
@@ -128,38 +131,36 @@ class Table:
         output, name = case.swap
         real = f"{self.inputs}/{name}"
         ending = os.path.splitext(output)[1]
+        given = {"its name": real} if ending == os.path.splitext(name)[1] else {}
         for kind, link in (("soft", os.symlink), ("hard", os.link)):
-            given = f"{outputs}/{kind}{ending}"
-            link(real, given)
-            words = [given if word == output else word for word in case.words]
-            self.refused(case, self.words(Case(" ".join(words), [], []), outputs, "--overwrite"), kind)
-        if ending == os.path.splitext(name)[1]:
-            words = [real if word == output else word for word in case.words]
-            self.refused(case, self.words(Case(" ".join(words), [], []), outputs, "--overwrite"), "its name")
+            given[kind] = f"{outputs}/{kind}{ending}"
+            link(real, given[kind])
+        for kind, file in given.items():
+            words = [file if word == output else word for word in case.words]
+            self.refused(case, self.words(words, outputs, "--overwrite"), kind)
         return "kept"
 
     def existing(self, case, outputs):
         for name in case.outputs:
-            with open(f"{outputs}/{name}", "wb") as f:
-                f.write(OLD)
-            self.refused(case, self.words(case, outputs), f"{name} is there")
+            self.old_outputs([name], outputs)
+            self.refused(case, self.words(case.words, outputs), f"{name} is there")
             expect(content(f"{outputs}/{name}") == OLD, name, "was changed")
             os.remove(f"{outputs}/{name}")
-        self.old_outputs(case, outputs)
-        done = self.run(self.words(case, outputs, "--overwrite"))
+        self.old_outputs(case.outputs, outputs)
+        done = self.run(self.words(case.words, outputs, "--overwrite"))
         expect(done.returncode == 0, "--overwrite", done.returncode, done.stderr)
         replaced = [name for name in case.outputs if content(f"{outputs}/{name}") != OLD]
-        expect(replaced and set(case.outputs) - set(replaced) <= {"p.h5", "m.h5"}, "--overwrite replaced only", replaced)
+        expect(replaced and set(case.outputs) - set(replaced) <= {"p-maps.h5", "m.h5"}, "--overwrite replaced only", replaced)
         return "kept"
 
     def full_disk(self, case, outputs):
         for free_kb in case.free:
-            before = {name: content(f"{self.inputs}/{name}") for name in case.inputs}
+            before = self.contents(case)
             subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", outputs], check=True)
             try:
-                self.old_outputs(case, outputs)
+                self.old_outputs(case.outputs, outputs)
                 fill(outputs, free_kb)
-                done = self.run(self.words(case, outputs, "--overwrite"))
+                done = self.run(self.words(case.words, outputs, "--overwrite"))
                 what = f"{free_kb} kB free:"
                 expect(done.returncode == 1, what, "exit code", done.returncode, done.stderr)
                 lines = [line for line in done.stderr.splitlines() if not line.startswith("diagnose:") and "sealed" not in line]
@@ -178,19 +179,19 @@ class Table:
             return content(file).rstrip().endswith(end)
         if file.endswith(".toml"):
             return b"tau_s" in content(file)
-        if file.endswith(".h5") and os.path.basename(file) not in ("p.h5", "m.h5"):
+        if file.endswith(".h5") and os.path.basename(file) not in ("p-maps.h5", "m.h5"):
             return self.run(["info", file]).returncode == 0
         return len(content(file)) > 0
 
     def kill(self, case, outputs):
-        before = {name: content(f"{self.inputs}/{name}") for name in case.inputs}
-        self.old_outputs(case, outputs)
+        before = self.contents(case)
+        self.old_outputs(case.outputs, outputs)
         begin = time.monotonic()
-        self.run(self.words(case, outputs, "--overwrite"))
+        self.run(self.words(case.words, outputs, "--overwrite"))
         lasts = time.monotonic() - begin
         for k in range(KILLS):
-            self.old_outputs(case, outputs)
-            program = subprocess.Popen([self.program(case.words)] + self.words(case, outputs, "--overwrite"),
+            self.old_outputs(case.outputs, outputs)
+            program = subprocess.Popen([self.program(case.words)] + self.words(case.words, outputs, "--overwrite"),
                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             time.sleep(lasts * (k + 0.9) / KILLS)
             program.send_signal(signal.SIGKILL)

@@ -9,7 +9,7 @@
 
 #include "src/core/statistics.hpp"
 #include "src/deblur/solver.hpp"
-#include "src/rt/worker_team.hpp"
+#include "src/rt/thread.hpp"
 #include "src/sim/simulator.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"

@@ -11,15 +11,13 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "src/capture/pixel_maps_io.hpp"
 #include "src/diagnose/calibrate.hpp"
-#include "src/diagnose/report_output.hpp"
-#include "src/report/sheet.hpp"
-#include "tools/bolo/profile_file.hpp"
+#include "src/diagnose/report.hpp"
+#include "src/report/plot.hpp"
 #include "tools/bolo/pulse_plots.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/json_text.hpp"
-#include "tools/cli/plot_option.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -52,12 +50,6 @@ cxxopts::Options calibrate_options() {
   return options;
 }
 
-std::filesystem::path maps_beside(const std::filesystem::path& profile) {
-  std::filesystem::path maps = profile;
-  maps.replace_filename(profile.stem().string() + "-maps.h5");
-  return maps;
-}
-
 struct ProfileFiles {
   OutputFile profile;
   std::filesystem::path maps;
@@ -66,7 +58,7 @@ struct ProfileFiles {
 ProfileFiles calibrate_files(const Given& given) {
   const std::filesystem::path profile = given["output"].as<std::string>();
   const auto maps =
-      given.count("maps") != 0 ? std::filesystem::path(given["maps"].as<std::string>()) : maps_beside(profile);
+      given.count("maps") != 0 ? std::filesystem::path(given["maps"].as<std::string>()) : capture::maps_beside(profile);
   return {{profile, replace_of(given)}, maps};
 }
 
@@ -186,7 +178,7 @@ Status run_calibrate(const Given& given) {
   if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; nothing was written");
   if (!result) return tl::unexpected(result.error());
   const model::Origins origins = round_measured(*result);
-  RETURN_IF_ERROR(write_profile_files(files.profile, files.maps, result->profile, result->maps, origins));
+  RETURN_IF_ERROR(capture::write_profile_files(files.profile, files.maps, result->profile, result->maps, origins));
   if (!plot->empty()) {
     plot::Sheet sheet{.title = "Calibration of a camera"};
     for (const plot::Plot& part : pulse_plots(result->fit, result->noise_k)) sheet.rows.push_back({part});

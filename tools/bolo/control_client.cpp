@@ -10,6 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "drivers/shm/shm_object.hpp"
 #include "src/core/unique_fd.hpp"
 
 namespace bolo::tools {
@@ -22,6 +23,16 @@ Error unreachable(const std::string& path) {
   if (errno == EAGAIN) return {ErrorKind::kFailed, "control socket " + path + ": the daemon did not answer"};
   return {ErrorKind::kBadInput, "control socket " + path + ": " + std::strerror(errno) +
                                     "; is the daemon running, and may this user use it (control.mode)?"};
+}
+
+// A daemon that ended left its socket's name, and perhaps its folder's, to whoever takes it next.
+Status check_daemon(int fd, const std::string& path) {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && shm::is_believed(peer.uid)) return {};
+  return bad_input("control socket " + path + ": " + shm::user_words(peer.uid) +
+                   " listens there, not bolo, root or this user; if it is your daemon's, set BOLO_USER to that user's "
+                   "name or number");
 }
 
 }  // namespace
@@ -42,8 +53,11 @@ Result<std::string> ask_daemon(const std::string& path, std::string_view request
   setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &kPatience, sizeof kPatience);
   setsockopt(fd.get(), SOL_SOCKET, SO_SNDTIMEO, &kPatience, sizeof kPatience);  // also where it accepts nobody
   const std::string line = std::string(request) + "\n";
-  if (connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
-      send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(line.size())) {
+  if (connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
+    return tl::unexpected<Error>(unreachable(path));
+  }
+  RETURN_IF_ERROR(check_daemon(fd.get(), path));
+  if (send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(line.size())) {
     return tl::unexpected<Error>(unreachable(path));
   }
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(kPatience.tv_sec);

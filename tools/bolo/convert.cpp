@@ -8,7 +8,6 @@
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/convert/footage.hpp"
-#include "tools/convert/footage_sink.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -6,9 +6,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <utility>
@@ -16,12 +14,10 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/report/sheet.hpp"
+#include "src/report/plot.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/plot_option.hpp"
 #include "tools/cli/process.hpp"
-#include "tools/cli/scratch_folder.hpp"
 #include "tools/demo/live_check.hpp"
 
 namespace bolo::tools {
@@ -56,12 +52,6 @@ struct Folder {
   fs::path path;
   std::optional<ScratchFolder> scratch;
 };
-
-std::string contents(const fs::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
 
 class Demonstration {
  public:

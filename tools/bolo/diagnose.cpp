@@ -8,9 +8,9 @@
 
 #include <unistd.h>
 
+#include "src/capture/pixel_maps_io.hpp"
 #include "src/diagnose/diagnose.hpp"
-#include "src/diagnose/report_output.hpp"
-#include "tools/bolo/profile_file.hpp"
+#include "src/diagnose/report.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 
@@ -29,7 +29,7 @@ cxxopts::Options diagnose_options() {
                           "P.toml");
   add_option<Words>(options, "withhold", "Take an effect out of the catalogue; repeatable", nullptr, "EFFECT");
   add_option<std::string>(options, "write-profile",
-                          "Write the profile that undoes what was diagnosed; maps of single pixels go into P2.h5",
+                          "Write the profile that undoes what was diagnosed; maps of single pixels go into P2-maps.h5",
                           nullptr, "P2.toml");
   add_option<int>(options, "threads", "How many work", "2");
   add_option<bool>(options, "json", "Print report.json");
@@ -62,7 +62,7 @@ Files diagnose_files(const Given& given) {
   Files files{given["output"].as<std::string>(), {}, {}, replace_of(given)};
   if (given.count("write-profile") == 0) return files;
   files.profile = given["write-profile"].as<std::string>();
-  files.maps = std::filesystem::path(files.profile).replace_extension(".h5");
+  files.maps = capture::maps_beside(files.profile);
   return files;
 }
 
@@ -128,7 +128,8 @@ Status run_diagnose(const Given& given) {
   const auto& [folder, profile, maps, replace] = files;
   RETURN_IF_ERROR(diagnose::write_report(*report, folder, replace));
   if (!profile.empty()) {
-    RETURN_IF_ERROR(write_profile_files({profile, replace}, maps, report->learned.profile, report->learned.maps));
+    RETURN_IF_ERROR(
+        capture::write_profile_files({profile, replace}, maps, report->learned.profile, report->learned.maps));
   }
   if (given.count("json") != 0) {
     std::cout << diagnose::report_json(*report) << '\n';

@@ -6,11 +6,10 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/core/printable.hpp"
+#include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/json_text.hpp"
 #include "tools/doctor/checks.hpp"
 
 namespace bolo::tools {

@@ -9,12 +9,11 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
-#include "src/core/printable.hpp"
+#include "src/core/clock.hpp"
 #include "src/core/statistics.hpp"
-#include "src/core/utc_clock.hpp"
+#include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/json_text.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -20,9 +20,7 @@
 #include "drivers/shm/shm_object.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/json_text.hpp"
 #include "tools/cli/process.hpp"
-#include "tools/cli/scratch_folder.hpp"
 #include "tools/record/recording.hpp"
 
 namespace bolo::tools {
@@ -137,13 +135,15 @@ cxxopts::Options record_options() {
   add_option<std::vector<std::string>>(options, "name",
                                        "The daemon's name, as in its configuration; several are recorded side by side");
   add_option<std::string>(options, "o,output", "Capture file to write (.h5); of several the folder: FOLDER/NAME.h5");
-  add_option<double>(options, "seconds", "End after so many seconds");
+  add_option<double>(options, "seconds", "End after so many seconds from the first frame on");
   add_option<std::uint64_t>(options, "frames", "End after so many frames");
   add_option<std::string>(options, "planes", "raw or deblurred", "raw");
   add_option<double>(options, "split-minutes", "Begin a new file so often: FILE_001.h5 ...");
   add_option<std::size_t>(options, "buffer-mb", "Memory for frames that the disk is behind by", "256");
   add_option<double>(options, "wait",
-                     "Seconds to wait for a daemon that went away; where it is given, also for one to start", "30");
+                     "Seconds to wait for a daemon that went away, or with --seconds for its first frame; where it "
+                     "is given, also for one to start",
+                     "30");
   add_option<bool>(options, "json", "Print the outcome as JSON");
   add_overwrite_option(options);
   options.parse_positional({"name"});

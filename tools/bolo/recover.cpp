@@ -8,7 +8,6 @@
 #include "src/capture/recovery.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/json_text.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -17,7 +17,6 @@
 #include "tools/bolo/listings.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/json_text.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -14,7 +14,7 @@
 #include "drivers/shm/followed_stream.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "src/core/clock.hpp"
-#include "src/core/printable.hpp"
+#include "src/core/text.hpp"
 #include "tools/bolo/control_client.hpp"
 #include "tools/bolo/stat_history.hpp"
 #include "tools/bolo/verbs.hpp"

@@ -12,11 +12,9 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/usb/devices.hpp"
-#include "drivers/usb/hotplug.hpp"
-#include "src/core/printable.hpp"
+#include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/json_text.hpp"
 
 namespace bolo::tools {
 namespace {

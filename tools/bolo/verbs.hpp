@@ -3,7 +3,7 @@
 
 #include <array>
 
-#include "tools/cli/dispatch.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 

@@ -15,9 +15,9 @@
 #include "src/core/input_file.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/model/strict_toml.hpp"
-#include "src/pipeline/apply_profile.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tools/bolod/control.hpp"
-#include "tools/bolod/metrics_server.hpp"
+#include "tools/bolod/metrics.hpp"
 #include "tools/bolod/reload.hpp"
 
 namespace bolo::daemon {

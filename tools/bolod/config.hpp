@@ -15,7 +15,7 @@
 #include "src/core/result.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
-#include "src/pipeline/sink_section.hpp"
+#include "src/pipeline/sink.hpp"
 #include "tools/bolod/ros2.hpp"
 
 namespace bolo::daemon {
@@ -59,7 +59,7 @@ struct MetricsOptions {
 };
 
 // The sinks that a daemon may have, in the order of their sections in the file, in which they are served: another one
-// is a line in compose.cpp. Thread: any.
+// is a line in daemon.cpp. Thread: any.
 std::vector<std::shared_ptr<pipeline::SinkSection>> sink_sections();
 
 struct DaemonConfig {

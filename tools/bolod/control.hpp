@@ -9,7 +9,10 @@
 #include <string_view>
 #include <utility>
 
+#include <nlohmann/json.hpp>
+
 #include "src/core/result.hpp"
+#include "tools/bolod/config.hpp"
 #include "tools/bolod/request_server.hpp"
 
 namespace bolo::daemon {
@@ -46,5 +49,11 @@ class ControlServer {
   std::pair<dev_t, ino_t> file_;
   RequestServer server_;
 };
+
+// --- The daemon's state as JSON, for the control socket.
+
+// Counts of frames, latency by stage ({"arrival": {"p50_ms": .., "p99_ms": .., "max_ms":
+// ..}, ...}), camera and sinks. Thread: any.
+nlohmann::ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline);
 
 }  // namespace bolo::daemon

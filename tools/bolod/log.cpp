@@ -25,7 +25,7 @@
 #include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/stdout_sinks.h>
 
-#include "src/core/printable.hpp"
+#include "src/core/text.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::daemon {

@@ -7,18 +7,28 @@
 
 #include <cxxopts.hpp>
 
-#include "src/core/printable.hpp"
-#include "src/core/standard_streams.hpp"
+#include "src/core/text.hpp"
+#include "src/core/unique_fd.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/bolod/daemon.hpp"
 #include "tools/bolod/log.hpp"
-#include "tools/bolod/options.hpp"
 
 namespace {
 
 constexpr int kExitDone = 0;
 constexpr int kExitFailed = 1;
 constexpr int kExitUsage = 2;
+
+cxxopts::Options bolod_options() {
+  cxxopts::Options options("bolod", "Deblurs a thermal camera's frames and hands them to other programs.");
+  options.add_options()                                                                             //
+      ("config", "The configuration to run", cxxopts::value<std::string>(), "FILE")                 //
+      ("check-config", "Say whether the configuration is right, and end")                           //
+      ("print-config", "Print the complete default configuration with its documentation, and end")  //
+      ("version", "Print the version")                                                              //
+      ("h,help", "Print this help");
+  return options;
+}
 
 int report(const bolo::Error& error) {
   std::fprintf(stderr, "bolod: %s\n", bolo::printable(error.message).c_str());
@@ -63,7 +73,7 @@ int run(const std::string& file, bool check_only) {
 int main(int argc, char** argv) {
   bolo::hold_standard_streams();
   bolo::daemon::ignore_signals();
-  cxxopts::Options options = bolo::tools::bolod_options();
+  cxxopts::Options options = bolod_options();
   try {
     const cxxopts::ParseResult parsed = options.parse(argc, argv);
     if (!parsed.unmatched().empty()) return usage("unexpected argument '" + parsed.unmatched().front() + "'");

@@ -1,4 +1,5 @@
-// Monitors the running daemon from the main thread, for the log and the service manager.
+// Health of a running daemon: notices for the log (changes of state, not single frames), and the check that frames
+// flow; the main thread monitors it, for the log and the service manager.
 #pragma once
 
 #include <array>
@@ -8,13 +9,108 @@
 
 #include <spdlog/logger.h>
 
+#include "src/core/loss.hpp"
+#include "src/pipeline/notices.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "src/pipeline/stats.hpp"
 #include "src/rt/counters.hpp"
-#include "tools/bolod/health.hpp"
 #include "tools/bolod/service_manager.hpp"
 
 namespace bolo::daemon {
+
+using LossCounts = std::array<std::uint64_t, kLossCauses>;
+
+// Thread: any.
+LossCounts loss_counts(const pipeline::PipelineStats& stats);
+
+// "3 missing, 1 queue_full"; "none" when there is none. Thread: any.
+std::string describe_losses(const LossCounts& losses);
+
+// Adds those that are not zero to the notice's counts, as "lost_missing". Thread: any.
+void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice);
+
+using QualityCounts = std::array<std::uint64_t, pipeline::kQualityLevels>;
+
+// Thread: any.
+QualityCounts quality_counts(const pipeline::PipelineStats& stats);
+
+// State of the pipeline at one moment.
+struct Snapshot {
+  std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
+  std::uint64_t received = 0;  // frames
+  LossCounts losses{};
+  bool watched = false;  // the source itself reports when frames stop and come back
+  QualityCounts by_effort{};
+};
+
+// Turns a series of snapshots into notices. Thread: one at a time.
+class Health {
+ public:
+  // `frame_period_s` decides how long without a frame is too long.
+  explicit Health(double frame_period_s, std::int64_t start_ns);
+
+  // At a few calls a second. Lost frames and overload are logged at most every 10 s, so that a bad link or a slow
+  // machine does not flood the log.
+  std::vector<pipeline::Notice> poll(const Snapshot& now);
+
+ private:
+  void check_flow(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void check_losses(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void check_quality(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+
+  enum class Flow { kWaiting, kFlowing, kStopped };
+  std::int64_t patience_ns_;
+  std::int64_t last_frame_ns_;
+  std::int64_t last_loss_notice_ns_;
+  Flow flow_ = Flow::kWaiting;
+  std::uint64_t received_ = 0;
+  LossCounts logged_{};  // losses already in the log
+  QualityCounts logged_efforts_{};
+  std::int64_t last_effort_notice_ns_;
+  bool overloaded_ = false;
+};
+
+// State of pipeline and source at one moment. Times: CLOCK_MONOTONIC.
+struct Signs {
+  std::int64_t now_ns = 0;
+  std::int64_t polled_ns = 0;   // when the pipeline thread last polled for a frame; 0: it does not run yet
+  std::uint64_t received = 0;   // frames that reached the queue
+  std::uint64_t handled = 0;    // frames published, or dropped as repeats of the one before
+  bool watched = false;         // the source monitors a camera and reports its state:
+  bool streams = false;         // it reports that the camera streams
+  std::int64_t watched_ns = 0;  // when it last checked
+};
+
+// All is well while frames that come are published, or while none comes and the source reports the cause: its camera
+// stalls, is lost or does a NUC, and is being monitored. A source that is not monitored has no frame due when none
+// comes. Thread: one at a time.
+class FlowWatch {
+ public:
+  // stall_ns: after such a silence a monitored source reports that its camera stalls. lookahead: frames that come
+  // before the first is published.
+  FlowWatch(double frame_period_s, int lookahead, std::int64_t stall_ns, std::int64_t start_ns);
+
+  // Empty when all is well, else the fault in words. At several calls a second.
+  std::string check(const Signs& signs);
+
+ private:
+  // A number that should rise, and when it last did.
+  struct Progress {
+    std::uint64_t value = 0;
+    std::int64_t since_ns = 0;
+    void update(std::uint64_t now_value, std::int64_t now_ns) {
+      if (now_value == value) return;
+      value = now_value;
+      since_ns = now_ns;
+    }
+  };
+  const std::int64_t patience_ns_;  // from a frame's arrival to its being published
+  const std::int64_t stall_ns_;
+  Progress received_;
+  Progress handled_;
+};
+
+// --- Monitors the running daemon from the main thread, for the log and the service manager.
 
 // Rate and latency of the time since the last line, losses since the start. Thread: one at a time.
 class StatusLine {

@@ -2,14 +2,23 @@
 
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
+#include <exception>
+#include <fstream>
 #include <iostream>
+#include <new>
+#include <string>
+#include <thread>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "src/core/printable.hpp"
+#include "src/core/text.hpp"
+#include "src/core/unique_fd.hpp"
+#include "src/report/plot.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -33,6 +42,38 @@ std::string option_of(const std::string& message, int argc, char** argv) {
     if (!both && word.find(value) != std::string::npos && argv[i - 1][0] == '-') return argv[i - 1] + std::string(": ");
   }
   return {};
+}
+
+void print_usage(const Program& program, std::span<const Verb> verbs, std::FILE* out) {
+  const std::string name(program.name);
+  std::fprintf(out, "%s: %s\n\nusage: %s VERB [options], %s VERB --help\n\n", name.c_str(),
+               std::string(program.summary).c_str(), name.c_str(), name.c_str());
+  for (const Verb& verb : verbs) {
+    std::fprintf(out, "  %-10.*s %.*s\n", static_cast<int>(verb.name.size()), verb.name.data(),
+                 static_cast<int>(verb.summary.size()), verb.summary.data());
+  }
+}
+
+// Output may have gone to a file on a full disk: that is a failure, too.
+int printed(const std::string& who, int code) {
+  std::cout.flush();
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good()) return code;
+  std::fprintf(stderr, "%s: standard output cannot be written: %s\n", who.c_str(),
+               errno != 0 ? std::strerror(errno) : "the disk took only a part");
+  return code == kExitDone ? kExitFailed : code;
+}
+
+// What a library throws beyond its edge, for want of memory or threads, is a failure that is told, not the end of the
+// process without a word.
+int guarded(const std::string& program, const Verb& verb, int argc, char** argv) {
+  try {
+    return verb.run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "%s %s: not enough memory\n", program.c_str(), std::string(verb.name).c_str());
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "%s %s: %s\n", program.c_str(), std::string(verb.name).c_str(), printable(e.what()).c_str());
+  }
+  return kExitFailed;
 }
 
 }  // namespace
@@ -157,6 +198,59 @@ void Progress::log(std::uint64_t done, std::chrono::steady_clock::time_point now
                static_cast<unsigned long long>(done), static_cast<unsigned long long>(total_),
                total_ > 0 ? 100.0 * static_cast<double>(done) / static_cast<double>(total_) : 100.0,
                static_cast<double>(done) / seconds, seconds);
+}
+
+int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char** argv) {
+  hold_standard_streams();
+  const std::string name(program.name);
+  set_program_name(name);
+  if (argc < 2) {
+    print_usage(program, verbs, stderr);
+    return kExitUsage;
+  }
+  const std::string_view word = argv[1];
+  if (word == "--help" || word == "-h" || word == "help") {
+    print_usage(program, verbs, stdout);
+    return printed(name, kExitDone);
+  }
+  if (word == "--version") {
+    std::printf("%s " BOLO_VERSION "\n", name.c_str());
+    return printed(name, kExitDone);
+  }
+  for (const Verb& verb : verbs) {
+    if (verb.name != word) continue;
+    std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: an error of the write, which is told
+    return printed(name + " " + std::string(verb.name), guarded(name, verb, argc - 1, argv + 1));
+  }
+  std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), argv[1], name.c_str());
+  return kExitUsage;
+}
+
+void add_plot_option(cxxopts::Options& options, const std::string& what) {
+  options.add_options()("plot", what + ": a drawing (.svg) or a page with figures (.html)",
+                        cxxopts::value<std::string>(), "FILE");
+  add_overwrite_option(options);
+}
+
+Result<OutputFile> plot_file_of(const cxxopts::ParseResult& given) {
+  if (given.count("plot") == 0) return OutputFile();
+  OutputFile file(given["plot"].as<std::string>(), replace_of(given));
+  Status good = plot::check_sheet_file(file.path);
+  if (good) good = check_output(file);
+  if (!good) return bad_input("--plot " + good.error().message);
+  return file;
+}
+
+std::string machine_words() {
+  std::string name = "unknown processor";
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);) {
+    const std::size_t colon = line.find(": ");
+    if (!line.starts_with("model name") || colon == std::string::npos) continue;
+    name = line.substr(colon + 2);
+    break;
+  }
+  return name + ", " + std::to_string(std::thread::hardware_concurrency()) + " threads";
 }
 
 }  // namespace bolo::tools

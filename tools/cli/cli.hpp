@@ -7,7 +7,9 @@
 #include <filesystem>
 #include <new>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <cxxopts.hpp>
@@ -108,5 +110,43 @@ class Progress {
   std::uint64_t rate_from_ = 0;
   std::chrono::steady_clock::time_point last_;
 };
+
+// --- From a program's first argument to one of its verbs.
+
+// A verb of a program. argv[0] is the verb itself; `run` returns the exit code.
+struct Verb {
+  std::string_view name;
+  std::string_view summary;
+  int (*run)(int argc, char** argv);
+};
+
+struct Program {
+  std::string_view name;
+  std::string_view summary;
+};
+
+// Runs the verb that argv[1] names, or answers --help and --version. Returns the exit code. Thread: main.
+int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char** argv);
+
+// --- JSON for other programs.
+
+// Whatever bytes names of files and texts of devices hold: what is no UTF-8 becomes U+FFFD, where the library by itself
+// would end the program. `indent`: spaces a level; -1: all on one line. Thread: any.
+template <typename Json>
+std::string json_text(const Json& json, int indent = -1) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+// --- --plot FILE.svg|FILE.html of the verbs that run long: what they measured, drawn.
+
+// With --overwrite. `what`: as in "Draw the table". Thread: setup.
+void add_plot_option(cxxopts::Options& options, const std::string& what);
+
+// The file that was asked for, or none. kBadInput when it ends neither with .svg nor with .html, or may not be written.
+// Thread: any.
+Result<OutputFile> plot_file_of(const cxxopts::ParseResult& given);
+
+// Processor and its number of threads, for what depends on the machine. Thread: any.
+std::string machine_words();
 
 }  // namespace bolo::tools

@@ -12,7 +12,10 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <sstream>
+#include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -30,7 +33,8 @@ void lead(int descriptor, const char* file) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   lead(STDOUT_FILENO, out);
   lead(STDERR_FILENO, err);
-  if (const int null = open("/dev/null", O_RDONLY | O_CLOEXEC); null >= 0) dup2(null, STDIN_FILENO);
+  const int input = command.input >= 0 ? command.input : open("/dev/null", O_RDONLY | O_CLOEXEC);
+  if (input >= 0) dup2(input, STDIN_FILENO);
   if (command.most_file_bytes > 0) {
     ::signal(SIGXFSZ, SIG_IGN);  // writes fail then, as on a full disk
     const rlimit limit{command.most_file_bytes, command.most_file_bytes};
@@ -135,6 +139,52 @@ Result<std::filesystem::path> find_own_program(const std::string& name) {
   std::filesystem::path elsewhere = find_program(name);
   if (!elsewhere.empty()) return elsewhere;
   return bad_input("there is no " + name + " in " + here.string() + " or in PATH; build or install it");
+}
+
+std::string contents(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+Result<ScratchFolder> ScratchFolder::make(std::filesystem::path parent) {
+  std::error_code error;
+  if (parent.empty()) parent = std::filesystem::temp_directory_path(error);
+  if (!error) parent = std::filesystem::absolute(parent, error);
+  std::string name = (parent / "bolo-XXXXXX").string();
+  if (error || mkdtemp(name.data()) == nullptr) {
+    return failed((parent.empty() ? "TMPDIR" : parent.string()) +
+                  ": no folder can be made there; choose another with TMPDIR");
+  }
+  return ScratchFolder(name);
+}
+
+ScratchFolder::~ScratchFolder() {
+  std::error_code ignored;
+  if (!path_.empty()) std::filesystem::remove_all(path_, ignored);
+}
+
+Result<Process> start_foreign(Command command, const std::string& package) {
+  std::string& name = command.words.front();
+  std::filesystem::path file = find_program(name);
+  if (file.empty()) return bad_input(name + " is not installed; install the package " + package);
+  name = std::move(file);
+  return Process::start(command);
+}
+
+Status ended_well(Process& process, const std::string& name) {
+  if (process.wait(std::numeric_limits<double>::infinity()) == 0) return {};
+  std::string said = contents(process.log().string() + ".err");
+  while (!said.empty() && (said.back() == '\n' || said.back() == '\r')) said.pop_back();
+  return failed(name + " failed" + (said.empty() ? "" : ": " + said.substr(said.find_last_of('\n') + 1)));
+}
+
+Result<ForeignOutput> output_of(const std::vector<std::string>& words, const std::string& package) {
+  ASSIGN_OR_RETURN(auto folder, ScratchFolder::make());
+  const std::filesystem::path log = folder.path() / "log";
+  ASSIGN_OR_RETURN(auto process, start_foreign({words, log}, package));
+  RETURN_IF_ERROR(ended_well(process, words.front()));
+  return ForeignOutput{std::move(folder), log.string() + ".out"};
 }
 
 }  // namespace bolo::tools

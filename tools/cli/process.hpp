@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "src/core/result.hpp"
@@ -19,6 +20,7 @@ struct Command {
   std::uint64_t most_file_bytes = 0;  // no file may grow larger (RLIMIT_FSIZE), as on a full disk; 0: any size
   std::filesystem::path folder{};     // it works in; empty: this program's
   std::optional<std::vector<std::string>> variables{};  // all of its environment, "NAME=VALUE"; nothing: this program's
+  int input = -1;                                       // a descriptor that it reads; -1: it has no input
 };
 
 // Ends with its parent, however that ends, and has none of its open files. Thread: one at a time.
@@ -62,5 +64,42 @@ std::filesystem::path find_program(const std::string& name);
 
 // A program of ours: beside this one, else in PATH. kBadInput where it is in neither. Thread: any.
 Result<std::filesystem::path> find_own_program(const std::string& name);
+
+// All of a file; empty where it cannot be read. Thread: any.
+std::string contents(const std::filesystem::path& file);
+
+// --- A folder for a program's own files while it runs.
+
+// A folder of its own, gone afterwards with all that is in it.
+class ScratchFolder {
+ public:
+  // In `parent`, or, where that is empty, where temporary files go. kFailed where none can be made. Thread: any.
+  static Result<ScratchFolder> make(std::filesystem::path parent = {});
+  ScratchFolder(ScratchFolder&& other) noexcept : path_(std::exchange(other.path_, {})) {}
+  ScratchFolder& operator=(ScratchFolder&&) = delete;
+  ~ScratchFolder();
+  const std::filesystem::path& path() const { return path_; }
+  // Gives up the folder: it stays.
+  void keep() { path_.clear(); }
+
+ private:
+  explicit ScratchFolder(std::filesystem::path path) : path_(std::move(path)) {}
+  std::filesystem::path path_;
+};
+
+// --- Programs of others, from PATH.
+
+// kBadInput where it is not installed: it is in the Debian package `package`. Thread: any.
+Result<Process> start_foreign(Command command, const std::string& package);
+
+// Waits for its end, however long. kFailed where that is not a good one, with its last line of error. Thread: any.
+Status ended_well(Process& process, const std::string& name);
+
+// What it writes to its standard output, in a file that goes with this. Errors: those of both. Thread: any.
+struct ForeignOutput {
+  ScratchFolder folder;
+  std::filesystem::path file;
+};
+Result<ForeignOutput> output_of(const std::vector<std::string>& words, const std::string& package);
 
 }  // namespace bolo::tools

@@ -11,10 +11,10 @@
 
 #include <fmt/format.h>
 
+#include "src/core/clock.hpp"
 #include "src/core/input_file.hpp"
-#include "src/core/printable.hpp"
 #include "src/core/statistics.hpp"
-#include "src/core/utc_clock.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -1,12 +1,16 @@
 #include "tools/convert/flir_still.hpp"
 
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <fstream>
 #include <utility>
 
 #include <nlohmann/json.hpp>
 
 #include "src/core/byte_order.hpp"
-#include "tools/convert/program.hpp"
+#include "tools/cli/process.hpp"
+#include "tools/convert/picture.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -14,6 +18,7 @@ namespace {
 using nlohmann::json;
 
 constexpr double kZeroCelsius_k = 273.15;
+constexpr std::uintmax_t kLargestStill = std::uintmax_t{256} << 20U;  // a camera's have some MiB
 constexpr const char* kPackage = "libimage-exiftool-perl";
 
 double radiation(double kelvin, const FlirConstants& c) {
@@ -40,9 +45,8 @@ double kelvin_of(double raw, const Path& path, const FlirConstants& c) {
 }
 
 Result<json> read_tags(const std::filesystem::path& file) {
-  ASSIGN_OR_RETURN(const std::string text,
-                   output_of({"exiftool", "-json", "-n", "-FLIR:all", "--", file.string()}, kPackage));
-  const json tags = json::parse(text, nullptr, false);
+  ASSIGN_OR_RETURN(const auto text, output_of({"exiftool", "-json", "-n", "-FLIR:all", "--", file.string()}, kPackage));
+  const json tags = json::parse(contents(text.file), nullptr, false);
   if (!tags.is_array() || tags.empty() || !tags[0].is_object()) return failed("exiftool said nothing of it");
   return tags[0];
 }
@@ -97,14 +101,12 @@ std::string text_of(const json& tags, const char* name) {
 }
 
 Result<Picture> read_raw(const std::filesystem::path& file, const std::string& type) {
-  ASSIGN_OR_RETURN(const UniqueFd image,
-                   output_file_of({"exiftool", "-b", "-RawThermalImage", "--", file.string()}, kPackage));
-  const std::string name = "/proc/self/fd/" + std::to_string(image.get());
-  if (std::filesystem::file_size(name) == 0) {
+  ASSIGN_OR_RETURN(const auto image, output_of({"exiftool", "-b", "-RawThermalImage", "--", file.string()}, kPackage));
+  if (std::filesystem::file_size(image.file) == 0) {
     return bad_input("there is no raw thermal image in it; not a radiometric still");
   }
-  if (type != "PNG") return read_tiff_page(name, 0);
-  Result<Picture> picture = read_png_picture(name);
+  if (type != "PNG") return read_tiff_page(image.file, 0);
+  Result<Picture> picture = read_png_picture(image.file);
   if (picture && looks_swapped(picture->geometry, picture->u16)) {
     for (std::uint16_t& value : picture->u16) value = swap_bytes(value);
   }
@@ -144,6 +146,11 @@ bool looks_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
 Result<FlirStill> read_flir_still(const std::filesystem::path& file) {
   std::error_code ignored;  // of a name that no file can have
   if (!std::filesystem::is_regular_file(file, ignored)) return bad_input("is not there");
+  // exiftool would look through terabytes for a picture, and takes a file for whatever is in it.
+  if (std::filesystem::file_size(file, ignored) > kLargestStill) return bad_input("is larger than a still can be");
+  std::array<char, 2> begin{};
+  std::ifstream(file, std::ios::binary).read(begin.data(), begin.size());
+  if (begin != std::array<char, 2>{'\xff', '\xd8'}) return bad_input("is no JPEG");
   ASSIGN_OR_RETURN(const json tags, read_tags(file));
   ASSIGN_OR_RETURN(const FlirConstants constants, constants_of(tags));
   ASSIGN_OR_RETURN(Picture raw, read_raw(file, text_of(tags, "RawThermalImageType")));

@@ -1,16 +1,24 @@
-#include "tools/convert/footage_sink.hpp"
+#include "tools/convert/footage.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <limits>
+#include <span>
 #include <sstream>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "src/core/statistics.hpp"
+#include "src/core/unique_fd.hpp"
+#include "tools/cli/process.hpp"
 #include "tools/convert/picture.hpp"
-#include "tools/convert/program.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -243,27 +251,51 @@ class FilmSink final : public FootageSink {
                     format.geometry.width, format.geometry.height, 1.0 / format.frame_period_s));
     for (std::string word; options >> word;) words.push_back(word);
     words.push_back("file:" + file.path().string());
-    ASSIGN_OR_RETURN(FedProgram ffmpeg, FedProgram::start(words, "ffmpeg"));
-    return std::make_unique<FilmSink>(std::move(file), std::move(ffmpeg), format, target.range);
+    ASSIGN_OR_RETURN(ScratchFolder folder, ScratchFolder::make());
+    std::array<int, 2> ends{};
+    if (pipe2(ends.data(), O_CLOEXEC) != 0) return failed(std::string("no pipe: ") + std::strerror(errno));
+    const UniqueFd output(ends[0]);
+    UniqueFd input(ends[1]);
+    Command command{std::move(words), folder.path() / "log"};
+    command.input = output.get();
+    ASSIGN_OR_RETURN(Process ffmpeg, start_foreign(std::move(command), "ffmpeg"));
+    return std::unique_ptr<FootageSink>(
+        new FilmSink(std::move(file), std::move(folder), std::move(input), std::move(ffmpeg), format, target.range));
   }
-  FilmSink(FileBeside file, FedProgram ffmpeg, const StreamFormat& format, const EyeRange& range)
-      : file_(std::move(file)),
-        ffmpeg_(std::move(ffmpeg)),
-        preview_(format, range),
-        meaning_(eye_meaning(format, range, "the scale follows the scene")) {}
+  // SIGPIPE is ignored.
   Status write(const Frame& frame) override {
-    const std::vector<std::uint8_t>& levels = preview_.levels(frame);
-    return ffmpeg_.write(levels.data(), levels.size());
+    for (std::span<const std::uint8_t> left = preview_.levels(frame); !left.empty();) {
+      const ssize_t done = ::write(input_.get(), left.data(), left.size());
+      if (done < 0 && errno == EINTR) continue;
+      if (done < 0) {  // it has ended: its own words say why
+        RETURN_IF_ERROR(ended_well(ffmpeg_, "ffmpeg"));
+        return failed("ffmpeg ended before its input did");
+      }
+      left = left.subspan(static_cast<std::size_t>(done));
+    }
+    return {};
   }
   Status finish() override {
-    Status ended = ffmpeg_.finish();
+    input_ = UniqueFd();
+    Status ended = ended_well(ffmpeg_, "ffmpeg");
     return ended ? file_.publish() : ended;
   }
   std::string meaning() const override { return meaning_; }
 
  private:
+  FilmSink(FileBeside file, ScratchFolder folder, UniqueFd input, Process ffmpeg, const StreamFormat& format,
+           const EyeRange& range)
+      : file_(std::move(file)),
+        folder_(std::move(folder)),
+        input_(std::move(input)),
+        ffmpeg_(std::move(ffmpeg)),
+        preview_(format, range),
+        meaning_(eye_meaning(format, range, "the scale follows the scene")) {}
+
   FileBeside file_;
-  FedProgram ffmpeg_;  // ends before the file goes
+  ScratchFolder folder_;  // for its words
+  UniqueFd input_;
+  Process ffmpeg_;  // ends before the file goes
   Preview preview_;
   std::string meaning_;
 };

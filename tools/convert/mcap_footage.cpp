@@ -9,12 +9,10 @@
 #include <fmt/format.h>
 
 #include "src/core/clock.hpp"
-#include "src/core/parse_text.hpp"
-#include "src/core/printable.hpp"
 #include "src/core/statistics.hpp"
+#include "src/core/text.hpp"
 #include "tools/convert/footage.hpp"
 #include "tools/convert/mcap_reader.hpp"
-#include "tools/convert/mcap_records.hpp"
 #include "tools/convert/ros_messages.hpp"
 
 namespace bolo::tools {

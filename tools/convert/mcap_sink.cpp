@@ -7,10 +7,9 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
-#include "src/core/shortest.hpp"
-#include "tools/convert/footage_sink.hpp"
+#include "src/core/text.hpp"
+#include "tools/convert/footage.hpp"
 #include "tools/convert/mcap_reader.hpp"
-#include "tools/convert/mcap_records.hpp"
 #include "tools/convert/ros_messages.hpp"
 
 namespace bolo::tools {

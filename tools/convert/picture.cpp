@@ -1,8 +1,4 @@
-// PNG and TIFF.
 #include "tools/convert/picture.hpp"
-
-#include <png.h>
-#include <tiffio.h>
 
 #include <cerrno>
 #include <cstring>
@@ -10,8 +6,10 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <png.h>
+#include <tiffio.h>
 
-#include "src/sim/scene.hpp"
+#include "src/sim/field.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -1,12 +1,12 @@
 // Single pictures in files. Errors don't name the file: the caller does.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <memory>
-#include <string>
 #include <vector>
 
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 
 namespace bolo::tools {

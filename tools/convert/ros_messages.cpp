@@ -9,10 +9,8 @@
 
 #include "src/core/byte_order.hpp"
 #include "src/core/clock.hpp"
-#include "src/core/parse_text.hpp"
-#include "src/core/printable.hpp"
-#include "src/core/shortest.hpp"
-#include "tools/convert/mcap_records.hpp"
+#include "src/core/text.hpp"
+#include "tools/convert/mcap_reader.hpp"
 
 namespace bolo::tools::ros {
 namespace {

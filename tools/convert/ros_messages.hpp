@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "src/capture/capture.hpp"
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 
 namespace bolo::tools::ros {
 

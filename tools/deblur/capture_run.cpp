@@ -1,15 +1,62 @@
 #include "tools/deblur/capture_run.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <cstdio>
+#include <string>
+#include <system_error>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "drivers/replay/replay_source.hpp"
+#include "src/capture/commit_records.hpp"
 #include "src/core/clock.hpp"
 #include "src/pipeline/pipeline.hpp"
-#include "tools/deblur/gyro_file.hpp"
+#include "tools/deblur/made_from.hpp"
+#include "tools/deblur/request.hpp"
 
 namespace bolo::tools {
 namespace {
+
+constexpr float kLargestInput = 1e9F;  // no temperature and no count, and sums of squares overflow beyond
+
+// float32 holds kelvin itself; anything else keeps the input's meaning.
+LinearScale scale_of(const LinearScale& input, PixelType output) {
+  if (input.unit == Unit::kKelvin && output == PixelType::kFloat32) return {Unit::kKelvin, 1.0, 0.0};
+  return input;
+}
+
+double value_at(PixelType type, const void* plane, std::size_t i) {
+  return type == PixelType::kUint16 ? static_cast<double>(static_cast<const std::uint16_t*>(plane)[i])
+                                    : static_cast<double>(static_cast<const float*>(plane)[i]);
+}
+
+double square_error(PixelType type, const LinearScale& scale, const void* plane, const std::vector<float>& truth) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    const double error = scale.to_physical(value_at(type, plane, i)) - static_cast<double>(truth[i]);
+    sum += error * error;
+  }
+  return sum;
+}
+
+std::filesystem::path part_of(std::filesystem::path file) { return file += ".part"; }
+
+// The stimulus as chosen pixels see it. In a region the still's pixel (0, 0) is another of the frame; points have no
+// picture, only what is the same everywhere.
+capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& choice) {
+  const bool picture =
+      std::holds_alternative<capture::SceneStimulus>(stimulus) || std::holds_alternative<capture::BarTarget>(stimulus);
+  if (!choice.points().empty() && picture) return capture::NoStimulus{};
+  const Region& region = choice.region();
+  if (auto* scene = std::get_if<capture::SceneStimulus>(&stimulus)) {
+    for (double& x : scene->x_px) x += region.x;
+    for (double& y : scene->y_px) y += region.y;
+  }
+  return stimulus;
+}
 
 // The error that states what was solved before the run was given up.
 Error interruption(DeblurSink& sink, const pipeline::Pipeline& pipeline, const DeblurRequest& request,
@@ -24,6 +71,168 @@ Error interruption(DeblurSink& sink, const pipeline::Pipeline& pipeline, const D
 }
 
 }  // namespace
+
+DeblurSink::DeblurSink(std::filesystem::path input_file, capture::CaptureReader input, PixelChoice choice,
+                       OutputFile output, Heard heard)
+    : input_file_(std::move(input_file)),
+      input_(std::move(input)),
+      choice_(std::move(choice)),
+      output_(std::move(output)),
+      heard_(std::move(heard)) {}
+
+DeblurSink::~DeblurSink() {
+  if (!writer_ || kept_) return;
+  writer_.reset();
+  std::error_code ignored;
+  std::filesystem::remove(part_of(output_.path), ignored);
+  capture::remove_records(part_of(output_.path));
+}
+
+Status DeblurSink::open(const pipeline::SinkFormat& format) {
+  format_ = format;
+  const StreamFormat& in = format.source.format;
+  written_ = input_.info();
+  written_.format = in;
+  written_.format.geometry = choice_.geometry();
+  written_.format.type = format.deblurred_type;
+  written_.format.scale = scale_of(in.scale, format.deblurred_type);
+  if (written_.has_truth) {
+    truth_.resize(written_.format.geometry.pixels());
+    whole_truth_.resize(in.geometry.pixels());
+  }
+  raw_.resize(plane_bytes(written_.format.geometry, in.type));
+  deblurred_.resize(plane_bytes(written_.format.geometry, format.deblurred_type));
+  capture::WriterOptions how;
+  how.truth = written_.has_truth;
+  how.times = written_.has_times;
+  how.motion = format.motion && choice_.points().empty();
+  how.replace = output_.replace;
+  ASSIGN_OR_RETURN(auto writer, capture::CaptureWriter::create(output_.path, written_, how));
+  writer_.emplace(std::move(writer));
+  if (choice_.points().empty()) return {};
+  std::vector<capture::Point> points;
+  for (std::size_t i = 0; i < choice_.points().size(); ++i) points.push_back({choice_.x_of(i), choice_.y_of(i)});
+  return writer_->write_points(points);
+}
+
+void DeblurSink::publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& /*stats*/) noexcept {
+  ++frames_in_;
+  if (status_) status_ = take(frame);
+  if (!status_) stop_requested_.store(true, std::memory_order_relaxed);
+  heard_(frames_in_, status_ && sharp_);
+}
+
+Status DeblurSink::refuse_nan(const pipeline::PublishedFrame& frame) const {
+  if (format_.source.format.type != PixelType::kFloat32) return {};
+  const auto* values = reinterpret_cast<const float*>(raw_.data());
+  for (std::size_t i = 0; i < raw_.size() / sizeof(float); ++i) {
+    if (std::abs(values[i]) < kLargestInput) continue;
+    return bad_input(fmt::format(
+        "{}: frame {}, column {}, row {} of /frames is {:g}; replace such pixels, or leave them out with --roi",
+        input_file_.string(), frame.meta.frame_id, choice_.x_of(i), choice_.y_of(i), values[i]));
+  }
+  return {};
+}
+
+Status DeblurSink::take(const pipeline::PublishedFrame& frame) {
+  const StreamFormat& in = format_.source.format;
+  choice_.take(frame.raw, bytes_of(in.type), raw_.data());
+  RETURN_IF_ERROR(refuse_nan(frame));
+  const std::vector<std::uint64_t>& ids = input_.frame_id();
+  while (index_ < ids.size() && ids[index_] != frame.meta.frame_id) ++index_;
+  sharp_ = (frame.meta.flags & kFlagWarmUp) == 0;
+  if (!sharp_) return {};
+  choice_.take_deblurred(frame.deblurred, bytes_of(format_.deblurred_type), deblurred_.data());
+  if (written_.has_truth) {
+    RETURN_IF_ERROR(input_.read_truth(index_, whole_truth_.data()));
+    choice_.take(whole_truth_.data(), sizeof(float), truth_.data());
+    blurred_squares_ += square_error(in.type, in.scale, raw_.data(), truth_);
+    deblurred_squares_ += square_error(written_.format.type, written_.format.scale, deblurred_.data(), truth_);
+  }
+  ++frames_out_;
+  const std::optional<capture::FrameTimes> times = capture::times_of(input_, index_);
+  return writer_->append(input_.t()[index_], ids[index_], deblurred_.data(),
+                         written_.has_truth ? truth_.data() : nullptr, motion_of(frame), times ? &*times : nullptr);
+}
+
+// The frame's blocks, or those in whose place the blocks of a region lie; null: not known, or for points.
+const BlockMotion* DeblurSink::motion_of(const pipeline::PublishedFrame& frame) {
+  if (frame.motion == nullptr || !choice_.points().empty()) return nullptr;
+  const Region& region = choice_.region();
+  const Geometry blocks = motion_blocks(written_.format.geometry);
+  motion_.clear();
+  for (int row = 0; row < blocks.height; ++row) {
+    for (int column = 0; column < blocks.width; ++column) {
+      const auto place = [](int begin, int block, int most) {
+        return std::min((begin + block * kMotionBlock + kMotionBlock / 2) / kMotionBlock, most - 1);
+      };
+      const int x = place(region.x, column, frame.motion->size.width);
+      const int y = place(region.y, row, frame.motion->size.height);
+      motion_.push_back(frame.motion->blocks[static_cast<std::size_t>(y * frame.motion->size.width + x)]);
+    }
+  }
+  return motion_.data();
+}
+
+std::optional<Rmse> DeblurSink::rmse() const {
+  if (!written_.has_truth || frames_out_ == 0 || written_.format.scale.unit != Unit::kKelvin) return std::nullopt;
+  const double values = static_cast<double>(frames_out_) * static_cast<double>(written_.format.geometry.pixels());
+  return Rmse{std::sqrt(blurred_squares_ / values), std::sqrt(deblurred_squares_ / values)};
+}
+
+Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
+  // A stimulus that is wrong is left out; opening the input has said so.
+  const capture::Stimulus stimulus = seen_through(input_.stimulus().value_or(capture::NoStimulus{}), choice_);
+  Status status;
+  const auto then = [&status](auto&& step) {
+    if (status) status = step();
+  };
+  const auto number = [&](const char* name, double value) {
+    then([&] { return writer_->write_attribute(name, value); });
+  };
+  const auto text = [&](const char* name, std::string_view value) {
+    then([&] { return writer_->write_attribute(name, std::string(value)); });
+  };
+  const deblur::Settings& settings = format_.deblur;
+  if (!std::holds_alternative<capture::NoStimulus>(stimulus)) {
+    then([&] { return writer_->write_stimulus(stimulus); });
+  }
+  for (const capture::Event& event : input_.events()) then([&] { return writer_->add_event(event); });
+  if (written_.has_times) {
+    const auto attributes = input_.attributes();
+    for (const capture::Attribute& attribute : attributes.value_or(std::vector<capture::Attribute>{})) {
+      if (attribute.name == "utc_uncertainty_s") then([&] { return writer_->write_attributes({attribute}); });
+    }
+  }
+  text("solver", deblur::name(settings.method));
+  text("isa", isa);
+  if (choice_.points().empty()) text("roi", in_words(choice_.region()));
+  for (const auto& [name, value] : files) text(name.c_str(), value);
+  number("tau_s", settings.tau_s);
+  number("kappa", settings.kappa);
+  number("lambda", settings.lambda);
+  number("iterations", settings.iterations);
+  number("window", settings.window);
+  number("levels", settings.levels);
+  number("lookahead", settings.lookahead);
+  return status;
+}
+
+Status DeblurSink::finish(std::string_view isa, const Files& files, const std::string& made_from) {
+  Status status = write_settings(isa, files);
+  if (status && !made_from.empty()) status = writer_->write_attribute(kMadeFrom, made_from);
+  if (status) status = writer_->close();
+  // Where another program made the output meanwhile, the part is what the message leads to.
+  std::error_code ignored;
+  kept_ = status || (output_.replace == Replace::kNothing && std::filesystem::exists(output_.path, ignored));
+  return status;
+}
+
+Status DeblurSink::keep_part(std::string_view isa, const Files& files) {
+  kept_ = true;
+  RETURN_IF_ERROR(write_settings(isa, files));
+  return writer_->complete();
+}
 
 CaptureRun::CaptureRun(const DeblurRequest& request, std::filesystem::path file,
                        std::shared_ptr<const capture::CaptureReader> reader, pipeline::PipelineOptions options)

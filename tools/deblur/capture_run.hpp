@@ -2,19 +2,96 @@
 #pragma once
 
 #include <array>
+#include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "src/capture/capture.hpp"
 #include "src/core/result.hpp"
 #include "src/deblur/settings.hpp"
-#include "tools/deblur/deblur_sink.hpp"
+#include "src/pipeline/sink.hpp"
+#include "tools/deblur/pixel_choice.hpp"
 #include "tools/deblur/request.hpp"
 
 namespace bolo::tools {
+
+// --- The sink of `bolo deblur`: writes the sharp frames of a capture into another capture, and judges them where the
+// truth is known.
+
+// Root mean square difference from the truth, K, over all frames written.
+struct Rmse {
+  double blurred_k = 0.0;
+  double deblurred_k = 0.0;
+};
+
+class DeblurSink final : public pipeline::FrameSink {
+ public:
+  // Told of each frame that came: how many there were, and whether this one was solved.
+  using Heard = std::function<void(std::uint64_t, bool)>;
+
+  // `input` (from `input_file`) is read here for /t, /frame_id and /truth: a reader of its own, not the one that
+  // replays.
+  DeblurSink(std::filesystem::path input_file, capture::CaptureReader input, PixelChoice choice, OutputFile output,
+             Heard heard);
+  ~DeblurSink() override;
+
+  Status open(const pipeline::SinkFormat& format) override;
+  void publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& stats) noexcept override;
+  void close() noexcept override {}
+
+  // Copies stimulus and events, writes the settings, and gives the output its name. Without it the destructor removes
+  // what was written. `files`: further root attributes, name and text; `made_from`: the last one, none when empty.
+  // Thread: setup, after the pipeline's run().
+  using Files = std::vector<std::pair<std::string, std::string>>;
+  Status finish(std::string_view isa, const Files& files, const std::string& made_from);
+  // The same for what was written so far, which stays a ".part" and has no `made_from`. Does not wait for the disk.
+  Status keep_part(std::string_view isa, const Files& files);
+
+  // Set when nothing more can come of this run: an error. Thread: any.
+  const std::atomic<bool>& stop_requested() const noexcept { return stop_requested_; }
+  // The error that stopped it, if any. Thread: setup, after the pipeline's run().
+  const Status& status() const noexcept { return status_; }
+  std::uint64_t frames_out() const noexcept { return frames_out_; }
+  std::optional<Rmse> rmse() const;
+
+ private:
+  Status take(const pipeline::PublishedFrame& frame);
+  // kBadInput for a value of the chosen pixels that is no number.
+  Status refuse_nan(const pipeline::PublishedFrame& frame) const;
+  Status write_settings(std::string_view isa, const Files& files);
+  const BlockMotion* motion_of(const pipeline::PublishedFrame& frame);
+
+  std::filesystem::path input_file_;
+  capture::CaptureReader input_;
+  PixelChoice choice_;
+  OutputFile output_;
+  Heard heard_;
+  pipeline::SinkFormat format_;
+  capture::CaptureInfo written_;  // frame size, type and scale of what is written
+  std::optional<capture::CaptureWriter> writer_;
+  // Of the frame in work. All but the first are of the chosen pixels; no truth where the input has none.
+  std::vector<float> whole_truth_;
+  std::vector<float> truth_;
+  std::vector<std::byte> raw_;
+  std::vector<std::byte> deblurred_;
+  std::vector<BlockMotion> motion_;
+  std::size_t index_ = 0;         // in the input; frames come in rising order
+  bool sharp_ = false;            // it was deblurred: not of a window that is still filling
+  double blurred_squares_ = 0.0;  // sums over all frames of (value - truth)^2, K^2
+  double deblurred_squares_ = 0.0;
+  std::uint64_t frames_in_ = 0;
+  std::uint64_t frames_out_ = 0;
+  bool kept_ = false;  // finished, or left as a ".part"
+  Status status_;
+  std::atomic<bool> stop_requested_{false};
+};
 
 // Counts and duration of a run.
 struct RunFacts {

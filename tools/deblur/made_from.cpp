@@ -15,8 +15,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "src/core/frame.hpp"
 #include "src/core/input_file.hpp"
-#include "src/core/plane.hpp"
 #include "src/core/unique_fd.hpp"
 #include "src/deblur/isa.hpp"
 #include "tools/deblur/pixel_choice.hpp"

@@ -9,7 +9,7 @@
 
 #include "drivers/replay/replay_source.hpp"
 #include "src/core/input_file.hpp"
-#include "src/core/parse_text.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::tools {
 namespace {

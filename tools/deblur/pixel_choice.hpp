@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 
 namespace bolo::tools {

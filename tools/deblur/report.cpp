@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/core/clock.hpp"
-#include "tools/cli/json_text.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/deblur/pixel_choice.hpp"
 
 namespace bolo::tools {

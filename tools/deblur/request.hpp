@@ -1,7 +1,9 @@
 // The request to `bolo deblur`.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -14,9 +16,54 @@
 #include "src/core/gyro.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/pipeline.hpp"
-#include "tools/deblur/share.hpp"
 
 namespace bolo::tools {
+
+// --- Which of many captures this process does, where several processes were started for the same ones. They need not
+// know of each other: every N-th capture is each one's own.
+
+struct Share {
+  std::size_t index = 0;
+  std::size_t count = 1;
+  std::string from;  // who says so: the option or the variables; empty for all
+
+  bool has(std::size_t capture) const { return capture % count == index; }
+};
+
+// "I/N", counted from 0 or from 1: N/N is the same as 0/N. kBadInput for anything else. Thread: any.
+Result<Share> share_named(const std::string& text);
+
+// The environment: null for a variable that is not set.
+using Environment = std::function<const char*(const char*)>;
+
+// The share that a scheduler's variables name: this process among the ranks of mpirun (Open MPI, MPICH and all that
+// set PMI's) or srun, times this task among those of a Slurm array. All where none are set. kBadInput for variables
+// that contradict themselves. Thread: any.
+Result<Share> share_of(const Environment& environment);
+
+// Processors for this process: what Slurm gave to it, else `processors` divided by the ranks on this host. At least 1.
+// Thread: any.
+int threads_of(const Environment& environment, int processors);
+
+// --- A gyro's samples from a CSV file, on the clock of a capture.
+
+// Lines t_s,x_rad_s,y_rad_s,z_rad_s, times rising, below a header line of these names that may be left out; empty ones
+// and those that begin with # are passed over. Errors name file and line. Thread: setup.
+Result<std::vector<GyroSample>> read_gyro(const std::filesystem::path& file);
+
+// The samples' times are those of the capture's /t_host where it has them, else of its /t.
+class GyroOfCapture final : public Gyro {
+ public:
+  GyroOfCapture(std::shared_ptr<const std::vector<GyroSample>> samples,
+                std::shared_ptr<const capture::CaptureReader> reader)
+      : samples_(std::move(samples)), reader_(std::move(reader)) {}
+  std::span<const GyroSample> samples() noexcept override { return *samples_; }
+  std::int64_t time_of(const FrameMeta& frame) const noexcept override;
+
+ private:
+  std::shared_ptr<const std::vector<GyroSample>> samples_;
+  std::shared_ptr<const capture::CaptureReader> reader_;
+};
 
 // A capture and what it becomes.
 struct DeblurFile {

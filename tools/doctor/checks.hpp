@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "src/core/utc_clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::tools::doctor {
 

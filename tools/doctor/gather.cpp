@@ -22,7 +22,7 @@
 #include <fmt/format.h>
 #include <hdf5.h>
 
-#include "drivers/genicam/discovery.hpp"
+#include "drivers/genicam/connection.hpp"
 #include "drivers/genicam/network.hpp"
 #include "src/core/unique_fd.hpp"
 #include "src/rt/thread.hpp"

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstring>
 #include <deque>
+#include <exception>
 #include <memory>
 #include <string>
 #include <utility>
@@ -12,11 +13,11 @@
 #include <gst/base/gstbasetransform.h>
 
 #include "src/core/clock.hpp"
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 #include "src/deblur/solver.hpp"
 #include "src/deblur/window.hpp"
-#include "src/rt/worker_team.hpp"
+#include "src/rt/thread.hpp"
 #include "tools/gstreamer/elements.hpp"
 
 namespace bolo::tools {
@@ -65,8 +66,13 @@ class StreamDeblur {
 Result<std::unique_ptr<StreamDeblur>> StreamDeblur::create(const deblur::Settings& settings, const StreamFormat& format,
                                                            int workers) {
   RETURN_IF_ERROR(deblur::validate(settings));
-  ASSIGN_OR_RETURN(auto solver, deblur::Solver::create(settings, format, PixelType::kUint16));
-  return std::unique_ptr<StreamDeblur>(new StreamDeblur(settings, format, workers, std::move(solver)));
+  try {
+    ASSIGN_OR_RETURN(auto solver, deblur::Solver::create(settings, format, PixelType::kUint16));
+    return std::unique_ptr<StreamDeblur>(new StreamDeblur(settings, format, workers, std::move(solver)));
+  } catch (const std::exception& e) {  // for want of memory or threads
+    return failed("frames of " + std::to_string(format.geometry.width) + "x" + std::to_string(format.geometry.height) +
+                  " cannot be deblurred: " + e.what());
+  }
 }
 
 StreamDeblur::StreamDeblur(const deblur::Settings& settings, const StreamFormat& format, int workers,
@@ -264,7 +270,8 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* in, GstCaps* /*out*/) {
 // Its time: the stamp, or a period after the frame before.
 std::int64_t time_of(State& state, GstBuffer* buffer) {
   if (GST_BUFFER_PTS_IS_VALID(buffer)) {
-    state.last_ns = static_cast<std::int64_t>(GST_BUFFER_PTS(buffer));
+    constexpr GstClockTime kMost = GstClockTime{1} << 62U;  // of which differences can be taken
+    state.last_ns = static_cast<std::int64_t>(std::min(GST_BUFFER_PTS(buffer), kMost));
   } else {
     state.last_ns += to_ns(state.period_s);
   }

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstring>
+#include <utility>
 
 namespace bolo::tools {
 
@@ -16,22 +17,23 @@ gboolean register_deblur(GstPlugin* plugin);
 constexpr GParamFlags kProperty = static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS);
 constexpr GParamFlags kReadable = static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS);
 
-// A mapped frame of one plane, for the life of this.
+// A mapped frame of one plane, for the life of this: false where the buffer, as it is laid out, ends before the last
+// row. A buffer that says of its layout that it is larger than the caps has these in its corner.
 class MappedFrame {
  public:
   MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlags flags)
-      : mapped_(gst_video_frame_map(&frame_, &info, buffer, flags) != FALSE) {}
-  ~MappedFrame() {
-    if (mapped_) gst_video_frame_unmap(&frame_);
+      : height_(static_cast<std::size_t>(info.height)),
+        row_bytes_(static_cast<std::size_t>(info.width * GST_VIDEO_INFO_COMP_PSTRIDE(&info, 0))),
+        mapped_(gst_video_frame_map(&frame_, &info, buffer, flags) != FALSE) {
+    if (mapped_ && !fits()) unmap();
   }
+  ~MappedFrame() { unmap(); }
   MappedFrame(const MappedFrame&) = delete;
   MappedFrame& operator=(const MappedFrame&) = delete;
 
   explicit operator bool() const { return mapped_; }
-  std::size_t height() const { return static_cast<std::size_t>(GST_VIDEO_FRAME_HEIGHT(&frame_)); }
-  std::size_t row_bytes() const {
-    return static_cast<std::size_t>(GST_VIDEO_FRAME_WIDTH(&frame_) * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame_, 0));
-  }
+  std::size_t height() const { return height_; }
+  std::size_t row_bytes() const { return row_bytes_; }
   char* row(std::size_t y) const {
     return static_cast<char*>(GST_VIDEO_FRAME_PLANE_DATA(&frame_, 0)) +
            y * static_cast<std::size_t>(GST_VIDEO_FRAME_PLANE_STRIDE(&frame_, 0));
@@ -49,6 +51,20 @@ class MappedFrame {
   }
 
  private:
+  void unmap() {
+    if (std::exchange(mapped_, false)) gst_video_frame_unmap(&frame_);
+  }
+  // GStreamer itself compares only buffers without a layout of their own with what their frame takes.
+  bool fits() const {
+    const std::ptrdiff_t begin = row(0) - reinterpret_cast<const char*>(frame_.map[0].data);
+    const std::ptrdiff_t end = row(height_ - 1) - row(0) + begin + static_cast<std::ptrdiff_t>(row_bytes_);
+    const int stride = GST_VIDEO_FRAME_PLANE_STRIDE(&frame_, 0);
+    return stride >= 0 && static_cast<std::size_t>(stride) >= row_bytes_ && begin >= 0 &&
+           end <= static_cast<std::ptrdiff_t>(frame_.map[0].size);
+  }
+
+  std::size_t height_;
+  std::size_t row_bytes_;
   GstVideoFrame frame_{};
   bool mapped_;
 };

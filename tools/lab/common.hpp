@@ -14,12 +14,12 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 #include "src/core/splitmix.hpp"
 #include "src/report/text.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/scratch_folder.hpp"
+#include "tools/cli/process.hpp"
 
 namespace bolo::tools {
 

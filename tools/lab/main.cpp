@@ -1,5 +1,5 @@
 // `bolo-lab`: measures and tries Bolo itself; never installed, never needed by bolo or bolod.
-#include "tools/cli/dispatch.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/lab/verbs.hpp"
 
 int bolo::tools::eval_main(int argc, char** argv) {

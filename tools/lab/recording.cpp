@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "src/core/clock.hpp"
-#include "src/sim/scene.hpp"
+#include "src/sim/field.hpp"
 
 namespace bolo::tools {
 Result<Recording> record_street(const sim::CameraSettings& camera, const StreetPass& pass) {

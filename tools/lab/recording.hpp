@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/source.hpp"
 #include "src/sim/simulator.hpp"

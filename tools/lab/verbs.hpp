@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "tools/cli/dispatch.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 

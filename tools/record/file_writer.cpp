@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
-#include "src/core/utc_clock.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::tools {
@@ -141,8 +140,11 @@ Status FileWriter::close_current() {
   if (frames_in_file_ == 0) {
     capture_->discard();
   } else if (good = capture_->complete(); good) {
-    auto close = [capture = std::move(*capture_)]() mutable { return capture.close(); };
-    closing_.push_back({current_, std::async(std::launch::async, std::move(close))});
+    const auto close = [capture = std::make_shared<capture::CaptureWriter>(std::move(*capture_))] {
+      return capture->close();
+    };
+    // Where the system has no thread to give, this one closes it, in take_closed().
+    closing_.push_back({current_, std::async(close)});
   }
   capture_.reset();
   return good;
@@ -152,7 +154,7 @@ Status FileWriter::close_current() {
 void FileWriter::take_closed(bool wait) {
   while (!closing_.empty()) {
     Closing& oldest = closing_.front();
-    if (!wait && oldest.outcome.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+    if (!wait && oldest.outcome.wait_for(std::chrono::seconds(0)) == std::future_status::timeout) return;
     if (Status good = oldest.outcome.get(); good) {
       result_.files.push_back(std::move(oldest.file));
     } else if (result_.status) {  // its frames are in its ".part"; those to come have files of their own

@@ -9,7 +9,6 @@
 
 #include "drivers/shm/followed_stream.hpp"
 #include "src/core/clock.hpp"
-#include "src/core/utc_clock.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -20,6 +19,7 @@ using shm::FollowedStream;
 
 constexpr int kReadTimeout_ms = 100;
 constexpr std::int64_t kClocksAgreeWithin_ns = 1'000'000'000;
+constexpr std::int64_t kLongestPauseNs = std::int64_t{1} << 53U;  // a hundred days: beyond, a clock is none
 
 bool same_stream(const bolo_shm_header& a, const bolo_shm_header& b) {
   return a.width == b.width && a.height == b.height && a.unit == b.unit && a.scale == b.scale && a.offset == b.offset &&
@@ -69,9 +69,9 @@ class Recording {
  private:
   bool done() {
     if (request_.frames > 0 && taken_ >= request_.frames) reached_ = true;
-    if (request_.seconds > 0.0 && taken_ > 0 &&
-        static_cast<double>(monotonic_ns() - first_ns_) >= request_.seconds * kNsPerSecond) {
+    if (request_.seconds > 0.0 && static_cast<double>(monotonic_ns() - first_ns_) >= request_.seconds * kNsPerSecond) {
       reached_ = true;
+      if (taken_ == 0) result_.status = failed("the daemon '" + request_.name + "' runs, but no frame came from it");
     }
     return reached_ || stop_.load(std::memory_order_relaxed) || writer_->broken();
   }
@@ -186,7 +186,8 @@ class Recording {
   RecordResult result_;
   rt::FrameSlot* slot_ = nullptr;  // to be filled next; the writer's end takes it back
   std::uint64_t taken_ = 0;
-  std::int64_t first_ns_ = 0;
+  // When the first frame was taken; until then, when it should have come.
+  std::int64_t first_ns_ = monotonic_ns() + static_cast<std::int64_t>(request_.wait_s * kNsPerSecond);
   std::int64_t ended_ns_ = 0;  // since when there is no living daemon; 0: there is one
   std::uint64_t last_id_ = 0;
   std::uint64_t lost_here_ = 0;  // overwritten since the last frame taken
@@ -218,6 +219,7 @@ bool RisingStream::continues(const FrameMeta& meta, bool restarted) const noexce
   if (meta.frame_id <= last_->frame_id || meta.camera_ns <= last_->camera_ns) return false;
   const std::int64_t by_camera_ns = meta.camera_ns - last_->camera_ns;
   const std::int64_t by_host_ns = meta.receive_ns - last_->receive_ns;
+  if (by_camera_ns > kLongestPauseNs) return false;
   return !restarted || std::abs(by_camera_ns - by_host_ns) < kClocksAgreeWithin_ns;
 }
 
@@ -231,7 +233,8 @@ FrameMeta RisingStream::place(FrameMeta meta, bool restarted) noexcept {
   shifted_ = last_ && !continues(meta, restarted);
   if (shifted_) {
     const auto period_ns = static_cast<std::int64_t>(frame_period_s_ * kNsPerSecond);
-    const std::int64_t since_ns = std::max({meta.receive_ns - last_->receive_ns, period_ns, std::int64_t{1}});
+    const std::int64_t since_ns =
+        std::clamp(meta.receive_ns - last_->receive_ns, std::max(period_ns, std::int64_t{1}), kLongestPauseNs);
     const std::int64_t periods =
         std::max<std::int64_t>(1, std::llround(static_cast<double>(since_ns) / kNsPerSecond / frame_period_s_));
     id_shift_ = last_->frame_id + static_cast<std::uint64_t>(periods) - as_it_came.frame_id;

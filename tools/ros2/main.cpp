@@ -26,8 +26,8 @@
 #include "bolo/client.h"
 #include "sensor_msgs.h"
 #include "src/core/clock.hpp"
-#include "src/core/printable.hpp"
 #include "src/core/result.hpp"
+#include "src/core/text.hpp"
 #include "tools/cli/cli.hpp"
 
 namespace bolo::tools {

@@ -116,12 +116,12 @@ Status HttpServer::add_listener(const std::string& address, bool& absent) {
   ASSIGN_OR_RETURN(const UniqueFd fd, listening_socket(address, port_, absent));
   if (port_ == 0) port_ = port_of(fd.get());
   const int copy = fcntl(fd.get(), F_DUPFD_CLOEXEC, 0);  // which the library closes
-  MHD_Daemon* listener =
-      MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr, &HttpServer::on_request, this,
-                       MHD_OPTION_EXTERNAL_LOGGER, &ignore, nullptr, MHD_OPTION_LISTEN_SOCKET, copy,
-                       MHD_OPTION_CONNECTION_LIMIT, limits_.connections, MHD_OPTION_CONNECTION_TIMEOUT, limits_.idle_s,
-                       MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionBytes, MHD_OPTION_STRICT_FOR_CLIENT, 1,
-                       MHD_OPTION_NOTIFY_COMPLETED, &HttpServer::on_completed, this, MHD_OPTION_END);
+  MHD_Daemon* listener = MHD_start_daemon(
+      MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr, &HttpServer::on_request, this,
+      MHD_OPTION_EXTERNAL_LOGGER, &ignore, nullptr, MHD_OPTION_LISTEN_SOCKET, copy, MHD_OPTION_CONNECTION_LIMIT,
+      limits_.connections + kBacklog, MHD_OPTION_CONNECTION_TIMEOUT, limits_.idle_s, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+      kConnectionBytes, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED, &HttpServer::on_completed, this,
+      MHD_OPTION_NOTIFY_CONNECTION, &HttpServer::on_connection, this, MHD_OPTION_END);
   if (listener == nullptr) {
     ::close(copy);
     return failed("cannot serve on " + address);
@@ -170,6 +170,7 @@ MHD_Result HttpServer::on_request(void* self, MHD_Connection* connection, const 
 }
 
 MHD_Result HttpServer::begin(MHD_Connection* connection, const char* path, const char* method, void** exchange) {
+  std::erase(silent_, connection);
   auto made = std::make_unique<Exchange>(Exchange{.request = Request(connection, method, path)});
   const std::string length = made->request.header(MHD_HTTP_HEADER_CONTENT_LENGTH).value_or("0");
   if (length != "0" || made->request.header(MHD_HTTP_HEADER_TRANSFER_ENCODING)) {
@@ -188,8 +189,31 @@ MHD_Result HttpServer::answer_or_wait(MHD_Connection* connection, Exchange& exch
   return MHD_YES;
 }
 
+// Whoever may connect may take all places, and a byte now and then keeps each: the library's limit would leave them to
+// him.
+void HttpServer::on_connection(void* self, MHD_Connection* connection, void** /*unused*/,
+                               MHD_ConnectionNotificationCode code) {
+  auto& server = *static_cast<HttpServer*>(self);
+  if (code == MHD_CONNECTION_NOTIFY_CLOSED) {
+    --server.connections_;
+    std::erase(server.silent_, connection);
+    return;
+  }
+  ++server.connections_;
+  server.silent_.push_back(connection);
+  if (server.connections_ > server.limits_.connections) server.make_room();
+}
+
+// The library closes it when it looks at its sockets next.
+void HttpServer::make_room() {
+  shutdown(MHD_get_connection_info(silent_.front(), MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd, SHUT_RDWR);
+  silent_.erase(silent_.begin());
+}
+
 void HttpServer::on_completed(void* self, MHD_Connection* connection, void** exchange, MHD_RequestTerminationCode) {
-  std::erase(static_cast<HttpServer*>(self)->waiting_, connection);
+  auto& server = *static_cast<HttpServer*>(self);
+  std::erase(server.waiting_, connection);
+  server.silent_.push_back(connection);
   delete static_cast<Exchange*>(*exchange);
   *exchange = nullptr;
 }

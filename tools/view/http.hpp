@@ -63,7 +63,7 @@ class HttpServer {
   using Handler = std::function<std::optional<Answer>(const Request&)>;
 
   struct Limits {
-    unsigned connections = 48;  // open at once on each address; others are closed at once
+    unsigned connections = 48;  // open at once; then the one that has been without a request the longest makes room
     unsigned waiting = 32;      // requests without an answer yet; others get 503
     unsigned idle_s = 30;       // a connection without a request for this long is closed
   };
@@ -91,11 +91,13 @@ class HttpServer {
 
   static MHD_Result on_request(void* self, MHD_Connection* connection, const char* path, const char* method,
                                const char* version, const char* body, std::size_t* body_bytes, void** exchange);
+  static void on_connection(void* self, MHD_Connection* connection, void** unused, MHD_ConnectionNotificationCode code);
   static void on_completed(void* self, MHD_Connection* connection, void** exchange, MHD_RequestTerminationCode code);
   Status add_listener(const std::string& address, bool& absent);
   MHD_Result begin(MHD_Connection* connection, const char* path, const char* method, void** exchange);
   MHD_Result answer_or_wait(MHD_Connection* connection, Exchange& exchange);
   MHD_Result send(MHD_Connection* connection, const Answer& answer) const;
+  void make_room();
   void resume_waiting();
   void wait_for_work() const;
 
@@ -105,6 +107,8 @@ class HttpServer {
   UniqueFd woken_;
   std::vector<MHD_Daemon*> listeners_;
   std::vector<MHD_Connection*> waiting_;
+  std::vector<MHD_Connection*> silent_;  // connections without a request, the longest first
+  std::size_t connections_ = 0;
   const Handler* handler_ = nullptr;
 };
 

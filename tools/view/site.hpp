@@ -10,22 +10,57 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "src/core/result.hpp"
-#include "tools/view/access.hpp"
 #include "tools/view/http.hpp"
 #include "tools/view/live_stream.hpp"
 
 namespace bolo::view {
+
+// --- Who may ask the view for what. A browser sends requests to loopback on behalf of any page that it shows, and any
+// user of this computer can connect, whatever he may read of shared memory and control socket: what is local is not
+// trusted for being local.
+
+struct Access {
+  std::string token;             // that every request has to bring; an empty one lets nobody in
+  bool beyond_loopback = false;  // other computers may connect: they name this one by its address or its host name
+  std::string host_name{};
+  std::uint16_t port = 0;
+};
+
+// Good tokens have 16 to 128 letters, digits, '-' and '_'. Thread: any.
+Status check_token(const std::string& token);
+// 32 letters that nobody can guess. Thread: setup.
+Result<std::string> random_token();
+// The first line of a file that only its owner may read. Thread: setup.
+Result<std::string> read_token(const std::string& file);
+
+// The refusal of a request: 400 (no Host), 403 (a Host that is not this computer: DNS rebinding; another site's
+// page; a change without an Origin that is this page), 401 (no token). Nothing: it may pass. Thread: any.
+std::optional<Answer> refusal(const Access& access, const Request& request);
+
+// The cookie to be set for a request that brought the token as ?token=; nothing otherwise. Thread: any.
+std::optional<std::string> cookie_for(const Access& access, const Request& request);
+
+// True if a Host header ("localhost:8640", "[::1]") names this computer. Thread: any.
+bool is_this_computer(const Access& access, const std::string& host);
+
+// True for an IP address, and no more than that. Thread: any.
+bool is_numeric(const std::string& address);
+
+// True for a numeric address of the loopback interface. Thread: any.
+bool is_loopback(const std::string& address);
 
 // --- Asks for a NUC without holding up who wants it: one at a time.
 
@@ -46,14 +81,11 @@ class NucAsker {
   bool start() {
     if (asking_.exchange(true)) return false;
     if (thread_.joinable()) thread_.join();
-    thread_ = std::thread([this] {
-      const Status done = ask_();
-      {
-        const std::lock_guard lock(mutex_);
-        trouble_ = done ? "" : done.error().message;
-      }
-      asking_.store(false);
-    });
+    try {
+      thread_ = std::thread([this] { note(ask_()); });
+    } catch (const std::system_error& e) {
+      note(failed(std::string("the camera was not asked, no thread can be started: ") + e.what()));
+    }
     return true;
   }
 
@@ -66,6 +98,14 @@ class NucAsker {
   }
 
  private:
+  void note(const Status& done) {
+    {
+      const std::lock_guard lock(mutex_);
+      trouble_ = done ? "" : done.error().message;
+    }
+    asking_.store(false);
+  }
+
   const Ask ask_;
   std::thread thread_;
   std::atomic<bool> asking_{false};

@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 
 #include "drivers/shm/camera_block.hpp"
-#include "src/core/printable.hpp"
+#include "src/core/text.hpp"
 #include "src/pipeline/stats.hpp"
 #include "src/rt/counters.hpp"
 

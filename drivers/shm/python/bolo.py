@@ -28,7 +28,7 @@ import weakref
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Iterable, Iterator, Optional, Sequence, Tuple
+from typing import Callable, Iterator, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -79,48 +79,42 @@ _UNAVAILABLE = {
 }
 
 
-class _Settings(ctypes.Structure):  # struct bolo_shm_settings
-    _fields_ = [(name, ctypes.c_uint32) for name in ("bytes", "method", "flags", "levels", "iterations", "camera_offset")]
-    _fields_ += [(name, ctypes.c_double) for name in ("kappa", "lambda_", "noise_k")]
-    _fields_ += [("isa", ctypes.c_char * 16)]
+_KINDS = {"u32": ctypes.c_uint32, "u64": ctypes.c_uint64, "i64": ctypes.c_int64, "double": ctypes.c_double}
+_KINDS |= {"text": ctypes.c_char_p, "address": ctypes.c_void_p}
+_KINDS |= {"u64x8": ctypes.c_uint64 * 8, "u64x16": ctypes.c_uint64 * 16}
+_KINDS |= {"char16": ctypes.c_char * 16, "char112": ctypes.c_char * 112}
 
 
-class _Camera(ctypes.Structure):  # struct bolo_shm_camera
-    _fields_ = [("bytes", ctypes.c_uint64), ("state", ctypes.c_uint64), ("since_ns", ctypes.c_int64)]
-    _fields_ += [("lost", ctypes.c_uint64 * 8)]
-    _fields_ += [(name, ctypes.c_uint64) for name in ("reopened", "stalls", "outage_frames", "corrections")]
-    _fields_ += [("correction_ns", ctypes.c_int64), ("clock_offset_ns", ctypes.c_int64)]
-    _fields_ += [("clock_drift_ppm", ctypes.c_double), ("clock_jitter_ns", ctypes.c_double)]
-    _fields_ += [(name, ctypes.c_uint64) for name in ("clock_jumps", "received_packets", "missing_packets")]
-    _fields_ += [("resent_packets", ctypes.c_uint64), ("temperature_k", ctypes.c_double)]
-    _fields_ += [("control_socket", ctypes.c_char * 112), ("ptp", ctypes.c_uint64), ("ptp_offset_ns", ctypes.c_int64)]
+def _structure(members: str) -> type:
+    """A structure of the C headers: types, each with the members that have it, in order."""
+    rows = [row.split() for row in members.split(";")]
+    fields = [(name, _KINDS[row[0]]) for row in rows for name in row[1:]]
+    return type("Structure", (ctypes.Structure,), {"_fields_": fields})
 
 
-class _Info(ctypes.Structure):  # struct bolo_client_info
-    _fields_ = [(name, ctypes.c_uint32) for name in ("width", "height", "unit", "row_step")]
-    _fields_ += [(name, ctypes.c_double) for name in ("scale", "offset", "frame_period_s", "tau_s")]
-    _fields_ += [(name, ctypes.c_uint32) for name in ("window", "lookahead", "slot_count", "writer_pid")]
-    _fields_ += [("start_ns", ctypes.c_int64), ("restarts", ctypes.c_uint64)]
-    _fields_ += [(name, ctypes.c_char_p) for name in ("camera_model", "camera_serial", "solver")]
-    _fields_ += [("settings", ctypes.POINTER(_Settings)), ("control_socket", ctypes.c_char_p)]
-    _fields_ += [("row_delay_s", ctypes.c_double)]
-
-
-class _Frame(ctypes.Structure):  # struct bolo_client_frame
-    _fields_ = [(name, ctypes.c_uint64) for name in ("number", "missed", "frame_id")]
-    _fields_ += [(name, ctypes.c_int64) for name in ("camera_ns", "host_ns", "receive_ns", "publish_ns")]
-    _fields_ += [("noise_k", ctypes.c_double)]
-    _fields_ += [(name, ctypes.c_uint32) for name in ("flags", "width", "height", "utc_uncertainty_us")]
-    _fields_ += [(name, ctypes.c_void_p) for name in ("raw", "deblurred", "slot", "motion", "motion_blocks")]
-    _fields_ += [(name, ctypes.c_uint32) for name in ("motion_across", "motion_down")]
-    _fields_ += [("utc_ns", ctypes.c_int64)]
-
-
-class _State(ctypes.Structure):  # struct bolo_client_state
-    _fields_ = [("alive", ctypes.c_uint32), ("clock_synchronised", ctypes.c_uint32), ("heartbeat_age_ns", ctypes.c_int64)]
-    _fields_ += [(name, ctypes.c_uint64) for name in ("published", "received", "restarts", "warm_up", "gap_frames")]
-    _fields_ += [("lost_frames", ctypes.c_uint64), ("lost", ctypes.c_uint64 * 16), ("camera", ctypes.POINTER(_Camera))]
-    _fields_ += [("clock_error_ns", ctypes.c_int64), ("clock_steps", ctypes.c_uint64)]
+_Settings = _structure(  # bolo_shm_settings
+    "u32 bytes method flags levels iterations camera_offset; double kappa lambda_ noise_k; char16 isa"
+)
+_Camera = _structure(  # bolo_shm_camera
+    "u64 bytes state; i64 since_ns; u64x8 lost; u64 reopened stalls outage_frames corrections;"
+    "i64 correction_ns clock_offset_ns; double clock_drift_ppm clock_jitter_ns; u64 clock_jumps received_packets;"
+    "u64 missing_packets resent_packets; double temperature_k; char112 control_socket; u64 ptp; i64 ptp_offset_ns"
+)
+_KINDS |= {"settings": ctypes.POINTER(_Settings), "camera": ctypes.POINTER(_Camera)}
+_Info = _structure(  # bolo_client_info
+    "u32 width height unit row_step; double scale offset frame_period_s tau_s;"
+    "u32 window lookahead slot_count writer_pid; i64 start_ns; u64 restarts; text camera_model camera_serial solver;"
+    "settings settings; text control_socket; double row_delay_s"
+)
+_Frame = _structure(  # bolo_client_frame
+    "u64 number missed frame_id; i64 camera_ns host_ns receive_ns publish_ns; double noise_k;"
+    "u32 flags width height utc_uncertainty_us; address raw deblurred slot motion motion_blocks;"
+    "u32 motion_across motion_down; i64 utc_ns"
+)
+_State = _structure(  # bolo_client_state
+    "u32 alive clock_synchronised; i64 heartbeat_age_ns; u64 published received restarts warm_up gap_frames;"
+    "u64 lost_frames; u64x16 lost; camera camera; i64 clock_error_ns; u64 clock_steps"
+)
 
 
 def _load() -> ctypes.CDLL:
@@ -281,6 +275,19 @@ class _Ring:
         return np.frombuffer(memoryview(words).toreadonly(), np.dtype(kind)).reshape(shape)
 
 
+def _seconds(ns: int) -> float:
+    return ns * 1e-9
+
+
+def _seconds_or_none(ns: int) -> Optional[float]:
+    return ns * 1e-9 if ns else None
+
+
+def _told(name: str, words: str, made: Callable = int) -> property:
+    """What the library says of a frame."""
+    return property(lambda frame: made(getattr(frame._lent, name)), doc=words)
+
+
 class Frame:
     """A frame where it lies in the ring. What is made of it counts only if valid() holds afterwards."""
 
@@ -349,59 +356,25 @@ class Frame:
         other._own = True
         return other
 
-    @property
-    def number(self) -> int:
-        """Publication order of its daemon, from 0."""
-        return self._lent.number
-
-    @property
-    def missed(self) -> int:
-        """Frames published between this and the one given before it that were not given."""
-        return self._lent.missed
-
-    @property
-    def frame_id(self) -> int:
-        """The camera's counter."""
-        return self._lent.frame_id
-
-    @property
-    def camera_time(self) -> float:
-        """When it was taken, s of the camera's clock."""
-        return self._lent.camera_ns * 1e-9
-
-    @property
-    def host_time(self) -> Optional[float]:
-        """When it was taken; None: not known."""
-        return self._lent.host_ns * 1e-9 if self._lent.host_ns else None
-
-    @property
-    def utc_ns(self) -> Optional[int]:
-        """When it was taken, by host_time, or receive_time where that is None: ns since 1970, UTC; None: not known."""
-        return self._lent.utc_ns or None
-
-    @property
-    def utc(self) -> Optional[float]:
-        """The same in seconds, as time.time() has them; a float holds them to 0.2 us."""
-        return self._lent.utc_ns * 1e-9 if self._lent.utc_ns else None
-
-    @property
-    def utc_uncertainty(self) -> float:
-        """How wrong utc is at most, s; 16 and more: nothing disciplines the host's clock, and nothing bounds it."""
-        return self._lent.utc_uncertainty_us * 1e-6
-
-    @property
-    def receive_time(self) -> float:
-        """When its first byte came in."""
-        return self._lent.receive_ns * 1e-9
-
-    @property
-    def publish_time(self) -> float:
-        """When it was put into the ring."""
-        return self._lent.publish_ns * 1e-9
-
-    @property
-    def flags(self) -> Flag:
-        return Flag(self._lent.flags)
+    number = _told("number", "Publication order of its daemon, from 0.")
+    missed = _told("missed", "Frames published between this and the one given before it that were not given.")
+    frame_id = _told("frame_id", "The camera's counter.")
+    flags = _told("flags", "What is special about it.", Flag)
+    camera_time = _told("camera_ns", "When it was taken, s of the camera's clock.", _seconds)
+    host_time = _told("host_ns", "When it was taken; None: not known.", _seconds_or_none)
+    receive_time = _told("receive_ns", "When its first byte came in.", _seconds)
+    publish_time = _told("publish_ns", "When it was put into the ring.", _seconds)
+    utc_ns = _told(
+        "utc_ns",
+        "When it was taken, by host_time, or receive_time where that is None: ns since 1970, UTC; None: not known.",
+        lambda ns: ns or None,
+    )
+    utc = _told("utc_ns", "The same in seconds, as time.time() has them; a float holds them to 0.2 us.", _seconds_or_none)
+    utc_uncertainty = _told(
+        "utc_uncertainty_us",
+        "How wrong utc is at most, s; 16 and more: nothing disciplines the host's clock, and nothing bounds it.",
+        lambda us: us * 1e-6,
+    )
 
 
 class Camera:

@@ -11,10 +11,8 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr std::size_t kGridValues = 16'000'000;
-constexpr int kGridRows = 48;
-constexpr int kGridColumns = 64;
 
-std::vector<std::size_t> grid_of(const FrameSeries& frames) {
+Grid grid_of(const FrameSeries& frames) {
   const auto limit = std::max<std::size_t>(1, kGridValues / frames.t_s.size());
   int rows = std::min(frames.geometry.height, kGridRows);
   int columns = std::min(frames.geometry.width, kGridColumns);
@@ -22,21 +20,14 @@ std::vector<std::size_t> grid_of(const FrameSeries& frames) {
     rows = (rows + 1) / 2;
     columns = (columns + 1) / 2;
   }
-  std::vector<std::size_t> pixels;
-  for (const int y : spread_over(frames.geometry.height, rows)) {
-    for (const int x : spread_over(frames.geometry.width, columns)) {
-      pixels.push_back(static_cast<std::size_t>(y) * static_cast<std::size_t>(frames.geometry.width) +
-                       static_cast<std::size_t>(x));
-    }
-  }
-  return pixels;
+  return {spread_over(frames.geometry.height, rows), spread_over(frames.geometry.width, columns)};
 }
 
-Result<Series> read_grid(const FrameSeries& frames, const std::vector<std::size_t>& pixels, const Progress& progress) {
-  Series values(static_cast<Index>(frames.t_s.size()), static_cast<Index>(pixels.size()));
+Result<Series> read_grid(const FrameSeries& frames, const Progress& progress) {
+  const Grid grid = grid_of(frames);
+  Series values(static_cast<Index>(frames.t_s.size()), grid.pixels());
   RETURN_IF_ERROR(frames.for_each("looking for pulses", progress, [&](std::size_t k, std::span<const float> frame) {
-    Index at = 0;
-    for (const std::size_t p : pixels) values(static_cast<Index>(k), at++) = frame[p];
+    grid.take(frame, frames.geometry.width, static_cast<Index>(k), values);
   }));
   return values;
 }
@@ -92,7 +83,7 @@ struct SignalSums {
   std::uint32_t repeated = 0;
 };
 
-Result<std::vector<SignalSums>> sum_up(const FrameSeries& frames, const std::vector<double>& shape,
+Result<std::vector<SignalSums>> sum_up(const FrameSeries& frames, const Eigen::VectorXf& shape,
                                        const Progress& progress) {
   std::vector<SignalSums> sums(frames.geometry.pixels());
   const auto step = static_cast<float>(frames.step);
@@ -104,7 +95,7 @@ Result<std::vector<SignalSums>> sum_up(const FrameSeries& frames, const std::vec
       const double y = static_cast<double>(v) - s.base;
       s.y += y;
       s.yy += y * y;
-      s.ys += y * shape[k];
+      s.ys += y * shape[static_cast<Index>(k)];
       s.high.add(v, step);
       s.low.add(-v, step);
       s.repeated += k > 0 && v == s.last ? 1U : 0U;
@@ -125,13 +116,10 @@ bool piled_up(const SignalSums& sums, double frames) {
 }  // namespace
 
 Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progress& progress) {
-  const std::vector<std::size_t> grid = grid_of(frames);
-  ASSIGN_OR_RETURN(auto values, read_grid(frames, grid, progress));
-  const Eigen::VectorXf shape = leading(std::move(values));
-  CommonSignal common;
-  common.shape.assign(shape.begin(), shape.end());
-  ASSIGN_OR_RETURN(const auto sums, sum_up(frames, common.shape, progress));
+  ASSIGN_OR_RETURN(auto values, read_grid(frames, progress));
+  ASSIGN_OR_RETURN(const auto sums, sum_up(frames, leading(std::move(values)), progress));
 
+  CommonSignal common;
   const auto n = static_cast<double>(frames.t_s.size());
   const std::size_t pixels = frames.geometry.pixels();
   common.follows.assign(pixels, 0);
@@ -158,7 +146,6 @@ Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progres
   }
   if (balance < 0.0) {
     for (std::int8_t& sign : common.follows) sign = static_cast<std::int8_t>(-sign);
-    for (double& v : common.shape) v = -v;
   }
   common.clipped_share = clipped / static_cast<double>(common.pixels);
   RETURN_IF_ERROR(frames.for_each("the mean of all pixels", progress, [&](std::size_t, std::span<const float> frame) {

@@ -95,8 +95,7 @@ class Pass {
     taus_.tau_s.assign(pixels, std::numeric_limits<float>::quiet_NaN());
     taus_.error.assign(pixels, std::numeric_limits<float>::infinity());
     taus_.sigma.assign(pixels, 0.0F);
-    taus_.delay_s.assign(pixels, 0.0F);
-    taus_.delay_weight.assign(pixels, 0.0F);
+    taus_.delay_s.assign(pixels, std::numeric_limits<float>::quiet_NaN());
     taus_.score = 0.0;
     taus_.score2 = 0.0;
     taus_.information = 0.0;
@@ -114,10 +113,7 @@ class Pass {
       const double step = std::clamp(kept.score / information, -kLongestStep, kLongestStep);
       taus_.tau_s[p] = static_cast<float>(table_.tau_s(taus_.node[p]) * std::exp(step));
       taus_.error[p] = static_cast<float>(std::max(sigma, 1e-9) / std::sqrt(information));
-      if (kept.weight > 0.0) {
-        taus_.delay_s[p] = static_cast<float>(kept.delay / kept.weight);
-        taus_.delay_weight[p] = static_cast<float>(kept.weight);
-      }
+      if (kept.weight > 0.0) taus_.delay_s[p] = static_cast<float>(kept.delay / kept.weight);
     }
   }
 

@@ -78,8 +78,6 @@ Population population(const PixelTaus& taus, const std::vector<std::size_t>& pix
 }
 
 std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
-  const int width = frames.geometry.width;
-  const int height = frames.geometry.height;
   std::vector<DeadPixel> dead(frames.geometry.pixels(), DeadPixel::kGood);
   const std::vector<std::size_t> pixels = following(common.follows);
   const double usual = median(mapped(pixels, [&](std::size_t p) { return taus.sigma[p]; }));
@@ -92,15 +90,13 @@ std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& 
       continue;
     }
     // It says nothing of the pulses: dead when its neighbours do, else it looks elsewhere.
-    const PixelPlace at = place_of(p, width);
-    int seen = -1;  // besides itself
+    const PixelPlace at = place_of(p, frames.geometry.width);
+    int seen = 0;
     int follow = 0;
-    for (int row = std::max(0, at.y - 2); row <= std::min(height - 1, at.y + 2); ++row) {
-      for (int column = std::max(0, at.x - 2); column <= std::min(width - 1, at.x + 2); ++column) {
-        ++seen;
-        follow += common.follows[static_cast<std::size_t>(row * width + column)] != 0 ? 1 : 0;
-      }
-    }
+    visit_around(frames.geometry, at, 2, [&](std::size_t other) {
+      ++seen;
+      follow += common.follows[other] != 0 ? 1 : 0;
+    });
     if (4 * follow < 3 * seen) continue;
     dead[p] = deviation <= 0.0                 ? DeadPixel::kFrozen
               : deviation > kLoudPixel * swing ? DeadPixel::kNoisy
@@ -161,7 +157,7 @@ Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s) 
   Sweep sweep;
   std::vector<std::size_t> pixels;  // whose delay is known
   for (std::size_t p = 0; p < taus.delay_s.size(); ++p) {
-    if (taus.delay_weight[p] > 0.0F) pixels.push_back(p);
+    if (std::isfinite(taus.delay_s[p])) pixels.push_back(p);
   }
   const auto place = [&](std::size_t p) {
     const PixelPlace at = place_of(p, frames.geometry.width);

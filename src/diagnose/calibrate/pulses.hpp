@@ -81,7 +81,6 @@ void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fi
 std::optional<double> crossing(const Decay& before, const Decay& after, double tau_s, double from_s, double to_s);
 
 struct CommonSignal {
-  std::vector<double> shape;         // one value a frame, mean 0, variance 1
   std::vector<std::int8_t> follows;  // of each pixel of the frame: 1, or -1 where it is upside down, 0: does not follow
   std::vector<double> mean;          // one value a frame: the mean of the pixels that follow (signs taken out)
   std::vector<float> deviation;      // of each pixel: rms about its own mean
@@ -135,8 +134,7 @@ struct PixelTaus {
   std::vector<float> tau_s;
   std::vector<float> error;    // standard error of ln tau; infinite where nothing is known
   std::vector<float> sigma;    // rms of the residual
-  std::vector<float> delay_s;  // how much later than the mean the pixel's input switches
-  std::vector<float> delay_weight;
+  std::vector<float> delay_s;  // how much later than the mean the pixel's input switches; NaN: not known
   // Of ln tau, when all pixels share one: the step to it is score / information, its variance score2 / information^2.
   double score = 0.0;
   double score2 = 0.0;

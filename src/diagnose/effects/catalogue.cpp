@@ -91,6 +91,7 @@ std::vector<Effect> scene_and_pixel_effects() {
       // Blur of the optics, as a Gaussian.
       {.name = "optical_psf",
        .stage = "optics",
+       .words = {"Optical blur", "The optics blur the picture", "The optics blur the picture by {sigma_px} (sigma)"},
        .needs = "a bar target, best a still one",
        .told_by = bars,
        .parameters = always({number_of("blur_px2", 0.1, 0.0, 9.0, &Response::blur_px2)}),
@@ -99,6 +100,8 @@ std::vector<Effect> scene_and_pixel_effects() {
       // The gain falls towards the corners, about with the square of the radius: what is smooth is no map of pixels.
       {.name = "vignetting",
        .stage = "optics",
+       .words = {"Vignetting", "Corners receive less than the middle",
+                 "Corners receive {corner_loss} less than the middle"},
        .needs = "flat black bodies at two temperatures",
        .told_by = any_of({Kind::kUniform, Kind::kChopper}),
        .parameters = always({number_of("corner_gain", 0.01, -0.2, 0.2, &CameraModel::corner_gain),
@@ -116,6 +119,7 @@ std::vector<Effect> scene_and_pixel_effects() {
       // The target is mixed with its surroundings.
       {.name = "emissivity",
        .stage = "radiometry",
+       .words = {"Emissivity", "The target is no perfect black body and mirrors its surroundings"},
        .needs = "black bodies at three temperatures or more",
        .told_by = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars, Kind::kMovingBars}),
        .parameters = always({number_of("reflected", 0.03, 0.0, 0.5, &CameraModel::reflected),
@@ -127,6 +131,8 @@ std::vector<Effect> scene_and_pixel_effects() {
       // The pixel follows radiance, not temperature.
       {.name = "radiometric_nonlinearity",
        .stage = "radiometry",
+       .words = {"Radiometric nonlinearity",
+                 "Pixels warm with radiance, not with temperature: rise and fall differ at large contrast"},
        .needs = "a chopper with pulses of two heights, or a pan over bars of high contrast",
        .told_by = changes,
        .parameters = always({number_of("share", 0.5, -0.5, 1.5, &CameraModel::radiance)}),
@@ -136,6 +142,8 @@ std::vector<Effect> scene_and_pixel_effects() {
       // The time constant of all pixels, as a share of the profile's.
       {.name = "tau_global",
        .stage = "pixel",
+       .words = {"Time constant", "All pixels answer with another time constant than the profile says",
+                 "All pixels answer {scale~} {scale?slower|faster} than the profile says"},
        .needs = "a chopper, or a pan over bars, whose temperatures change within a few frames",
        .told_by = changes,
        .parameters =
@@ -147,6 +155,8 @@ std::vector<Effect> scene_and_pixel_effects() {
       // Every pixel has a time constant of its own.
       {.name = "tau_spread",
        .stage = "pixel",
+       .words = {"Spread of time constants", "Pixels differ in their time constant",
+                 "Pixels differ in their time constant by {rms} rms"},
        .needs = "a chopper, which shows all pixels the same",
        .told_by = changes,
        .map = MapKind::kTau,
@@ -155,6 +165,8 @@ std::vector<Effect> scene_and_pixel_effects() {
       // A share of the response follows a second, slower time constant.
       {.name = "slow_pole",
        .stage = "pixel",
+       .words = {"Slow tail", "A part of the answer comes late, through a second, slower heat path",
+                 "{share} of the answer comes late, with a second time constant of {slow_tau_s}"},
        .needs = "a chopper with pulses of several lengths up to 0.3 s",
        .told_by = any_of({Kind::kChopper}),
        .parameters = always(
@@ -171,6 +183,8 @@ std::vector<Effect> scene_and_pixel_effects() {
       // Heat that flows to the neighbours.
       {.name = "crosstalk",
        .stage = "pixel",
+       .words = {"Crosstalk", "Heat flows between neighbouring pixels",
+                 "Heat flows between neighbouring pixels, {coupling} of what leaves each"},
        .needs = "a still bar target and a pan over it",
        .told_by = bars,
        .parameters = always({number_of("coupling", 0.02, 0.0, 0.5, &Response::coupling)}),
@@ -187,6 +201,8 @@ std::vector<Effect> readout_effects() {
       // Rows are sampled one after another.
       {.name = "row_delay",
        .stage = "readout",
+       .words = {"Row delay", "Rows are sampled one after another, not at once",
+                 "Rows are sampled {row_delay_s} after one another, not at once"},
        .needs = "a pan over bars; two of them, in both directions, tell it from an error of the target",
        .told_by = changes,
        .parameters = always({number_of("row_delay_s", 1e-5, -2e-4, 2e-4, &CameraModel::row_delay_s)}),
@@ -197,6 +213,8 @@ std::vector<Effect> readout_effects() {
       // The read-out averages over a part of the frame. Its mean delay is a start phase; its square is what shows.
       {.name = "integration_window",
        .stage = "readout",
+       .words = {"Integration window", "A value is a mean over a part of the frame, not a moment",
+                 "A value is the mean over {window_s}, not a moment"},
        .needs = "a chopper, and pans over bars at two speeds",
        .told_by = changes,
        .parameters = always({square_of(
@@ -206,6 +224,8 @@ std::vector<Effect> readout_effects() {
       // The frame period is not the nominal one. Pans cannot tell it from their own speed; a chopper can.
       {.name = "clock_skew",
        .stage = "transport",
+       .words = {"Clock skew", "The true frame period is not the nominal one",
+                 "The true frame period is {skew?longer|shorter} than the nominal one by {skew}"},
        .needs = "a chopper, or two pans over bars",
        .told_by = changes,
        .parameters = always({number_of("skew", 0.0002, -0.02, 0.02, &CameraModel::clock_skew)}),
@@ -214,20 +234,25 @@ std::vector<Effect> readout_effects() {
       // Every pixel and every column has an offset of its own.
       {.name = "fpn_offset",
        .stage = "readout",
+       .words = {"Fixed offsets", "Pixels and columns carry a fixed offset",
+                 "Pixels carry a fixed offset of {pixel_k} rms and columns one of {column_k}"},
        .needs = "a closed shutter",
        .told_by = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars}),
+       .without_bench = WithoutBench::kMoving,
        .map = MapKind::kOffset,
        .least = 0.0015,
        .report = report_offsets},
       // Every pixel has a gain of its own.
       {.name = "fpn_gain",
        .stage = "readout",
+       .words = {"Fixed gains", "Pixels differ in gain", "Pixels differ in gain by {rms} rms"},
        .needs = "flat black bodies at two temperatures",
        .told_by =
            [](const Session& s) {
              return std::ranges::count(s.recordings, Kind::kUniform, &Recording::kind) > 1 ||
                     has_kind(s, Kind::kChopper);
            },
+       .without_bench = WithoutBench::kMoving,
        .parameters = always({about_reference("reference", &CameraModel::gain_reference_k)}),
        .map = MapKind::kGain,
        .least = 0.00025,
@@ -235,6 +260,8 @@ std::vector<Effect> readout_effects() {
       // Heating by the bias pulse: an offset that grows with the time of the row in the frame.
       {.name = "self_heating",
        .stage = "readout",
+       .words = {"Self-heating", "The read-out heats the pixels, later rows more",
+                 "The read-out heats the pixels, by up to {amplitude_k} in later rows"},
        .needs = "a closed shutter",
        .told_by = any_of({Kind::kUniform}),
        .parameters =
@@ -247,6 +274,7 @@ std::vector<Effect> readout_effects() {
       // The offset of all pixels moves slowly with the temperature of the package.
       {.name = "drift",
        .stage = "package",
+       .words = {"Drift", "The whole picture drifts slowly with the camera's own temperature"},
        .needs = "a closed shutter over a second or more",
        .told_by = any_of({Kind::kUniform, Kind::kChopper}),
        .parameters = cubics,
@@ -256,28 +284,75 @@ std::vector<Effect> readout_effects() {
   };
 }
 
+Effect found_by_statistics(const char* name, const char* stage, Words words, const char* needs, Predicate told_by,
+                           WithoutBench without_bench) {
+  return {name, stage, std::move(words), needs, std::move(told_by), without_bench};
+}
+
 // Effects without a model of the mean: statistics of their own find them, in events.cpp, noise.cpp and transport.cpp.
 std::vector<Effect> statistical_effects() {
+  using enum WithoutBench;
   const Predicate flat = any_of({Kind::kUniform});
   const Predicate pan = any_of({Kind::kMovingBars});
   const Predicate any = [](const Session& s) { return !s.recordings.empty(); };
   const char* const shutter = "a closed shutter or a flat black body";
   const char* const long_shutter = "a closed shutter over a second or more";
   return {
-      {"coarse_quantisation", "firmware", "any capture", any},  // steps coarser than the profile says
-      {"dead_pixels", "pixel", shutter, any},                   // stuck, or nothing but noise
-      {"flicker", "readout", shutter, flat},                    // a new offset for the whole frame, every frame
-      {"frame_loss", "transport", "a pan over bars, or a chopper", any},  // lost or repeated, no gap in the counter
-      {"heavy_tail", "noise", shutter, flat},                             // noise with outliers
-      {"iir", "firmware", shutter, flat},                                 // a frame filter: the noise's colour shows it
-      {"jitter", "transport", "a pan over bars", pan},                    // the sampling time of frames varies
-      {"noise_level", "noise", shutter, flat},                            // more noise than the profile says
-      {"nuc_freeze", "firmware", "a capture in which the shutter closed", any},  // frozen frames, then new offsets
-      {"offset_jump", "firmware", "a capture in which the offset jumped", any},  // a step at one frame, everywhere
-      {"one_over_f", "pixel", long_shutter, flat},                         // noise that grows towards low frequencies
-      {"rts", "pixel", long_shutter, flat},                                // pixels that jump between two levels
-      {"saturation", "readout", "a capture that reaches the limit", any},  // values are clipped at a level
-      {"stripes", "readout", shutter, flat},  // a new offset for each column or row in every frame
+      found_by_statistics("coarse_quantisation", "firmware",
+                          {"Coarse quantisation", "Values come in steps coarser than the profile says",
+                           "Values come in steps of {step_k}"},
+                          "any capture", any, kBoth),
+      found_by_statistics("dead_pixels", "pixel",
+                          {"Dead pixels", "Some pixels are stuck or show only noise",
+                           "{fraction} of the pixels are stuck or show only noise"},
+                          shutter, any, kBoth),
+      found_by_statistics("flicker", "readout",
+                          {"Flicker", "The whole frame gets a new offset each time",
+                           "Each frame as a whole gets a new offset of {sigma_k} rms"},
+                          shutter, flat, kStill),
+      found_by_statistics("frame_loss", "transport",
+                          {"Lost frames", "Frames are lost or repeated although the counter runs on",
+                           "{per_thousand} frames in 1,000 are lost or repeated although the counter runs on"},
+                          "a pan over bars, or a chopper", any, kBoth),
+      found_by_statistics(
+          "heavy_tail", "noise",
+          {"Heavy tails", "The noise has more outliers than a Gaussian",
+           "The noise has more outliers than a Gaussian: Student's t with {degrees} degrees of freedom"},
+          shutter, flat, kStill),
+      found_by_statistics("iir", "firmware",
+                          {"Frame filter", "The camera averages frames before it sends them",
+                           "The camera averages frames before it sends them: a new frame counts {alpha%}"},
+                          shutter, flat, kStill),
+      found_by_statistics("jitter", "transport",
+                          {"Jitter", "The time at which a frame is sampled varies",
+                           "The time at which a frame is sampled varies by {rms_s} rms"},
+                          "a pan over bars", pan, kNever),
+      found_by_statistics("noise_level", "noise",
+                          {"Noise level", "The noise is not as strong as the profile says",
+                           "The noise is {scale~} {scale?stronger|weaker} than the profile says"},
+                          shutter, flat, kStill),
+      found_by_statistics(
+          "nuc_freeze", "firmware",
+          {"Shutter freeze", "The camera closed its shutter in between: frozen frames, then new offsets",
+           "The camera closed its shutter in between: {freeze_frames} frozen frames, then new offsets of {offset_k}"},
+          "a capture in which the shutter closed", any, kBoth),
+      found_by_statistics("offset_jump", "firmware",
+                          {"Offset jump", "At one moment the offset jumps, without a freeze",
+                           "At one moment the offset jumps by {jump_k}, without a freeze"},
+                          "a capture in which the offset jumped", any, kBoth),
+      found_by_statistics("one_over_f", "pixel",
+                          {"1/f noise", "The noise grows towards low frequencies",
+                           "Below {corner_hz} the noise grows towards low frequencies"},
+                          long_shutter, flat, kStill),
+      found_by_statistics("rts", "pixel", {"Telegraph noise", "Some pixels jump between two levels"}, long_shutter,
+                          flat, kNever),
+      found_by_statistics("saturation", "readout",
+                          {"Saturation", "The hottest values are clipped", "Values are clipped at {level_k}"},
+                          "a capture that reaches the limit", any, kBoth),
+      found_by_statistics("stripes", "readout",
+                          {"Stripes", "Columns or rows get a new offset in each frame",
+                           "In each frame columns get a new offset of {column_k} and rows one of {row_k}"},
+                          shutter, flat, kStill),
   };
 }
 

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/diagnose/report_output.hpp"
+#include "src/diagnose/report.hpp"
 
 namespace bolo::diagnose {
 
@@ -89,7 +89,7 @@ std::string report_json(const Report& report) {
   }
   ordered_json captures = ordered_json::object();
   for (const CapturePlots& one : report.captures) {
-    captures[one.file] = {{"kind", one.kind}, {"gap_before", one.before.gap}, {"gap_after", one.after.gap}};
+    captures[one.file] = {{"kind", one.kind}, {"gap_before", one.gap_before}, {"gap_after", one.gap_after}};
   }
   ordered_json observations = ordered_json::object();
   for (const Observation& one : report.observations) observations[one.file] = one;
@@ -136,7 +136,7 @@ Status write_report(const Report& report, const std::filesystem::path& folder, R
   const auto files = report_files(folder);
   Status written = write_file({files[0], replace}, report_json(report) + '\n');
   if (written) written = write_file({files[1], replace}, report_html(report));
-  return written && !report.scene.empty() ? write_file({files[2], replace}, scene_svg(report)) : written;
+  return written && !report.scene.empty() ? write_file({files[2], replace}, plot::to_svg(report.scene)) : written;
 }
 
 }  // namespace bolo::diagnose

@@ -3,8 +3,9 @@
 #include <array>
 #include <cmath>
 
-#include "src/diagnose/report_output.hpp"
-#include "src/report/scale.hpp"
+#include "src/core/statistics.hpp"
+#include "src/diagnose/report.hpp"
+#include "src/report/plot_area.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::diagnose {
@@ -216,9 +217,7 @@ std::string location_part(const Report& report) {
   const std::string times = times_text(where);
   if (!times.empty()) out += "<p class=soft style=\"margin-top:10px\">Times in a capture: " + times + ".</p>";
   if (where.captures.empty()) return out;
-  std::vector<double> gaps;
-  for (const auto& [file, gap] : where.captures) gaps.push_back(gap);
-  const plot::Scale axis = gap_axis(gaps);
+  const plot::Scale axis = gap_axis(mapped(where.captures, [](const auto& one) { return one.second; }));
   out += "<h3 style=\"margin-top:18px\">Gap of each capture before anything was added</h3>";
   for (const auto& [file, gap] : where.captures) {
     out += bar_row(axis, escaped(file), "start", 1.0, gap, gap_text(gap));
@@ -324,8 +323,7 @@ std::string stimulus_part(const Report& report) {
 std::string observed_part(const Report& report) {
   std::string out;
   for (const Observation& one : report.observations) {
-    std::vector<std::string> items;
-    for (const std::string& sentence : describe(one)) items.push_back(escaped(sentence));
+    const std::vector<std::string> items = mapped(describe(one), escaped);
     if (!items.empty()) out += "<h3>" + escaped(one.file) + "</h3>" + list_of(items);
   }
   std::vector<std::string> items;
@@ -350,12 +348,9 @@ std::string limits_part(const Report& report) {
     }
     out += "</table></div>";
   }
-  std::vector<std::string> items;
-  for (const std::string& warning : report.warnings) items.push_back(escaped(warning));
-  if (!items.empty()) out += "<h2>Warnings</h2>" + list_of(items);
-  items.clear();
-  for (const std::string& input : report.inputs) items.push_back("<code>" + escaped(input) + "</code>");
-  if (!items.empty()) out += "<h2>Captures</h2>" + list_of(items);
+  if (!report.warnings.empty()) out += "<h2>Warnings</h2>" + list_of(mapped(report.warnings, escaped));
+  const auto code = [](const std::string& input) { return "<code>" + escaped(input) + "</code>"; };
+  if (!report.inputs.empty()) out += "<h2>Captures</h2>" + list_of(mapped(report.inputs, code));
   return out;
 }
 

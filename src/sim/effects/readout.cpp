@@ -39,29 +39,17 @@ auto fixed_offsets(const EffectSetup& setup) {
   };
 }
 
+double phase_of(std::uint64_t seed) { return SplitMix(seed).between(0.0, 1.0); }  // in turns
+
 // The gain moves within a capture.
-class GainDrift final : public Effect {
- public:
-  explicit GainDrift(const EffectSetup& setup)
-      : amplitude_(setup.number("amplitude")),
-        period_s_(setup.number("period_s")),
-        reference_k_(setup.number("reference_k")),
-        phase_(SplitMix(setup.noise_seed()).between(0.0, 1.0)) {}
-
-  void begin(const FrameInstant& frame) override {
-    excess_ = amplitude_ * std::sin(2.0 * std::numbers::pi * (frame.t_s / period_s_ + phase_));
-  }
-  void row(const FrameInstant&, int, std::span<double> kelvin) noexcept override {
-    for (double& k : kelvin) k += excess_ * (k - reference_k_);
-  }
-
- private:
-  double amplitude_;
-  double period_s_;
-  double reference_k_;
-  double phase_;
-  double excess_ = 0.0;  // gain - 1
-};
+auto drift_gain(const EffectSetup& setup) {
+  return [amplitude = setup.number("amplitude"), period_s = setup.number("period_s"),
+          reference_k = setup.number("reference_k"),
+          phase = phase_of(setup.noise_seed())](const FrameInstant& frame, int, std::span<double> kelvin) {
+    const double excess = amplitude * std::sin(2.0 * std::numbers::pi * (frame.t_s / period_s + phase));
+    for (double& k : kelvin) k += excess * (k - reference_k);
+  };
+}
 
 // A part of each pixel's signal is still on the line when the next column is read.
 auto smear_columns(const EffectSetup& setup) {
@@ -80,80 +68,43 @@ auto heat_rows(const EffectSetup& setup) {
 }
 
 // The package warms up, and offsets with it, slowly and through all captures of a session.
-class Drift final : public Effect {
- public:
-  explicit Drift(const EffectSetup& setup)
-      : amplitude_k_(setup.number("amplitude_k")),
-        time_s_(setup.number("time_s")),
-        sine_(setup.form("sine")),
-        phase_(sine_ ? SplitMix(setup.pattern_seed()).between(0.0, 2.0 * std::numbers::pi) : 0.0),
-        answer_(normal_plane(setup.pattern_seed(), setup.geometry())) {
-    for (double& value : answer_) value = 1.0 + setup.number("spread") * value;
-  }
-
-  void begin(const FrameInstant& frame) override {
-    const double at = frame.session_s / time_s_;
-    const double course =
-        sine_ ? std::sin(2.0 * std::numbers::pi * at / kPeriods + phase_) - std::sin(phase_) : -std::expm1(-at);
-    offset_k_ = amplitude_k_ * course;
-  }
-
-  void row(const FrameInstant&, int row, std::span<double> kelvin) noexcept override {
-    const auto answer = row_of(answer_, row, kelvin.size());
-    for (std::size_t x = 0; x < kelvin.size(); ++x) kelvin[x] += offset_k_ * answer[x];
-  }
-
- private:
-  static constexpr double kPeriods = 4.0;  // time_s of the sine is about from its middle to its top
-  double amplitude_k_;
-  double time_s_;
-  bool sine_;
-  double phase_;
-  double offset_k_ = 0.0;
-  std::vector<double> answer_;  // of each pixel, 1 on average
-};
-
-// The mains hum through, with opposite signs in the two halves of the read-out.
-class MainsHum final : public Effect {
- public:
-  explicit MainsHum(const EffectSetup& setup)
-      : amplitude_k_(setup.number("amplitude_k")),
-        frequency_hz_(setup.number("frequency_hz")),
-        phase_(SplitMix(setup.noise_seed()).between(0.0, 1.0)),
-        height_(setup.geometry().height) {}
-
-  void begin(const FrameInstant& frame) override {
-    offset_k_ = amplitude_k_ * std::sin(2.0 * std::numbers::pi * (frequency_hz_ * frame.t_s + phase_));
-  }
-  void row(const FrameInstant&, int row, std::span<double> kelvin) noexcept override {
-    const double offset_k = 2 * row < height_ ? offset_k_ : -offset_k_;
-    for (double& k : kelvin) k += offset_k;
-  }
-
- private:
-  double amplitude_k_;
-  double frequency_hz_;
-  double phase_;
-  int height_;
-  double offset_k_ = 0.0;
-};
-
-// Nothing above a level is told apart.
-auto cut_above(const EffectSetup& setup) {
-  const Extremes scene = setup.extremes();
-  double level_k = setup.number("level_k");
-  if (std::isnan(level_k) && scene.high_k > scene.low_k) level_k = scene.high_k - kCut * (scene.high_k - scene.low_k);
-  return [level_k](const FrameInstant&, int, std::span<double> kelvin) {
-    for (double& k : kelvin) k = std::isnan(level_k) ? k : std::min(k, level_k);
+auto drift_offsets(const EffectSetup& setup) {
+  constexpr double kPeriods = 4.0;  // time_s of the sine is about from its middle to its top
+  std::vector<double> answer = normal_plane(setup.pattern_seed(), setup.geometry());  // of each pixel, 1 on average
+  for (double& value : answer) value = 1.0 + setup.number("spread") * value;
+  const bool sine = setup.form("sine");
+  const double phase = SplitMix(setup.pattern_seed()).between(0.0, 2.0 * std::numbers::pi);
+  return [=, answer = std::move(answer), amplitude_k = setup.number("amplitude_k"), time_s = setup.number("time_s")](
+             const FrameInstant& frame, int row, std::span<double> kelvin) {
+    const double at = frame.session_s / time_s;
+    const double offset_k =
+        amplitude_k *
+        (sine ? std::sin(2.0 * std::numbers::pi * at / kPeriods + phase) - std::sin(phase) : -std::expm1(-at));
+    const auto own = row_of(answer, row, kelvin.size());
+    for (std::size_t x = 0; x < kelvin.size(); ++x) kelvin[x] += offset_k * own[x];
   };
 }
 
-auto cut_below(const EffectSetup& setup) {
-  const Extremes scene = setup.extremes();
+// The mains hum through, with opposite signs in the two halves of the read-out.
+auto hum(const EffectSetup& setup) {
+  return [amplitude_k = setup.number("amplitude_k"), frequency_hz = setup.number("frequency_hz"),
+          phase = phase_of(setup.noise_seed()),
+          height = setup.geometry().height](const FrameInstant& frame, int row, std::span<double> kelvin) {
+    const double upper_k = amplitude_k * std::sin(2.0 * std::numbers::pi * (frequency_hz * frame.t_s + phase));
+    for (double& k : kelvin) k += 2 * row < height ? upper_k : -upper_k;
+  };
+}
+
+// Nothing above a level, or below one, is told apart.
+template <bool kAbove>
+auto cut(const EffectSetup& setup) {
+  const auto [low_k, high_k] = setup.extremes();
   double level_k = setup.number("level_k");
-  if (std::isnan(level_k) && scene.high_k > scene.low_k) level_k = scene.low_k + kCut * (scene.high_k - scene.low_k);
+  const double inside_k = kCut * (high_k - low_k);
+  if (std::isnan(level_k) && high_k > low_k) level_k = kAbove ? high_k - inside_k : low_k + inside_k;
   return [level_k](const FrameInstant&, int, std::span<double> kelvin) {
-    for (double& k : kelvin) k = std::isnan(level_k) ? k : std::max(k, level_k);
+    if (std::isnan(level_k)) return;
+    for (double& k : kelvin) k = kAbove ? std::min(k, level_k) : std::max(k, level_k);
   };
 }
 
@@ -176,7 +127,7 @@ std::vector<EffectType> readout_effects() {
           {{"amplitude", "", 0.01, {0.0, 0.5}, {{0.005, 0.02}}, "of the gain about 1"},
            {"period_s", "s", 2.5, {0.05, 1e4}, {}, "of one up and down"},
            {"reference_k", "K", 295.0, {200.0, 400.0}, {}, "the temperature at which the gain makes no difference"}},
-          {}, maker<GainDrift>())),
+          {}, hooked(drift_gain))),
       outside_catalogue(EffectType(
           "column_crosstalk", Stage::kReadout, Order::kGain, "each pixel shows a part of the one to its left",
           {{"share", "", 0.04, {0.0, 0.9}, {{0.02, 0.06}}, "of the pixel to the left"}}, {}, hooked(smear_columns))),
@@ -190,12 +141,12 @@ std::vector<EffectType> readout_effects() {
                  {{"amplitude_k", "K", 0.09, {-5.0, 5.0}, {{0.03, 0.15}}, "at the end, or of the sine"},
                   {"time_s", "s", 10.0, {0.1, 1e4}, {{3.0, 30.0}}, "time constant"},
                   {"spread", "", 0.3, {0.0, 2.0}, {}, "rms of the pixels' amplitudes, of their mean"}},
-                 {"warming", "sine"}, maker<Drift>()),
+                 {"warming", "sine"}, hooked(drift_offsets)),
       outside_catalogue(EffectType("mains_hum", Stage::kReadout, Order::kOffset,
                                    "a sine added to the upper half of the rows and taken from the lower",
                                    {{"amplitude_k", "K", 0.06, {0.0, 5.0}, {{0.03, 0.1}}, "of the sine"},
                                     {"frequency_hz", "Hz", 50.0, {0.1, 1000.0}, {}, "of the mains"}},
-                                   {}, maker<MainsHum>())),
+                                   {}, hooked(hum))),
       EffectType("saturation", Stage::kReadout, Order::kLimit, "values are cut off above a level",
                  {{"level_k",
                    "K",
@@ -203,7 +154,7 @@ std::vector<EffectType> readout_effects() {
                    {1.0, 2000.0},
                    {},
                    "highest value; by default 85 % of the way from the scene's coldest to its hottest"}},
-                 {}, hooked(cut_above)),
+                 {}, hooked(cut<true>)),
       outside_catalogue(
           EffectType("clipped_range", Stage::kReadout, Order::kLimit, "values are cut off below a level",
                      {{"level_k",
@@ -212,7 +163,7 @@ std::vector<EffectType> readout_effects() {
                        {1.0, 2000.0},
                        {},
                        "lowest value; by default 15 % of the way from the scene's coldest to its hottest"}},
-                     {}, hooked(cut_below))),
+                     {}, hooked(cut<false>))),
   };
 }
 

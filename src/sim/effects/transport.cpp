@@ -8,14 +8,9 @@ namespace bolo::sim {
 namespace {
 
 // The camera's clock runs slow or fast.
-class ClockSkew final : public Effect {
- public:
-  explicit ClockSkew(const EffectSetup& setup) : skew_(setup.number("skew")) {}
-  double shift_s(std::int64_t, double nominal_s) override { return skew_ * nominal_s; }
-
- private:
-  double skew_;
-};
+auto skew_clock(const EffectSetup& setup) {
+  return [skew = setup.number("skew")](std::int64_t, double nominal_s) { return skew * nominal_s; };
+}
 
 constexpr double kRare = 0.03;  // of the frames, for the form of few large ones
 constexpr double kMost = 0.45;  // of the frame period: frames stay in order
@@ -46,27 +41,15 @@ class Jitter final : public Effect {
 };
 
 // Frames are lost, or sent twice, and neither the counter nor the time says so.
-class FrameLoss final : public Effect {
- public:
-  explicit FrameLoss(const EffectSetup& setup)
-      : chance_(setup.number("per_thousand") / 1000.0),
-        seed_(setup.noise_seed()),
-        only_lost_(setup.form("lost")),
-        only_repeated_(setup.form("repeated")) {}
-
-  int frames_lost(std::uint64_t sent) override {
-    SplitMix random(key(seed_, sent));
-    if (sent == 0 || !random.chance(chance_)) return 0;
-    const bool lost = random.chance(0.5) ? !only_repeated_ : only_lost_;
+auto lose_frames(const EffectSetup& setup) {
+  return [chance = setup.number("per_thousand") / 1000.0, seed = setup.noise_seed(), only_lost = setup.form("lost"),
+          only_repeated = setup.form("repeated")](std::uint64_t sent) {
+    SplitMix random(key(seed, sent));
+    if (sent == 0 || !random.chance(chance)) return 0;
+    const bool lost = random.chance(0.5) ? !only_repeated : only_lost;
     return lost ? 1 : -1;
-  }
-
- private:
-  double chance_;
-  std::uint64_t seed_;
-  bool only_lost_;
-  bool only_repeated_;
-};
+  };
+}
 
 // Frames whose lower part is still the frame before.
 class TornFrames final : public Effect {
@@ -108,7 +91,7 @@ std::vector<EffectType> transport_effects() {
   return {
       EffectType("clock_skew", Stage::kTransport, Order::kTransport, "the frame period is not the one that t says",
                  {{"skew", "", 5e-4, {-0.05, 0.05}, {{-1e-3, -1e-4}, {1e-4, 1e-3}}, "true period / stated - 1"}}, {},
-                 maker<ClockSkew>()),
+                 hooked(skew_clock)),
       EffectType(
           "jitter", Stage::kTransport, Order::kTransport,
           "frames are taken earlier or later than t says; outliers: 3 % of them by far, the others exactly",
@@ -118,7 +101,7 @@ std::vector<EffectType> transport_effects() {
                  "frames are lost (what follows comes a period early) or sent twice (a period late) with no gap in "
                  "frame_id or t",
                  {{"per_thousand", "", 6.0, {0.0, 500.0}, {{3.0, 9.0}}, "of the frames"}},
-                 {"mixed", "lost", "repeated"}, maker<FrameLoss>()),
+                 {"mixed", "lost", "repeated"}, hooked(lose_frames)),
       outside_catalogue(EffectType("torn_frames", Stage::kTransport, Order::kTransport,
                                    "in some frames the rows from one on are those of the frame before",
                                    {{"per_thousand", "", 6.0, {0.0, 1000.0}, {{3.0, 9.0}}, "of the frames"}}, {},

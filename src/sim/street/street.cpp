@@ -2,8 +2,8 @@
 // from the seed and the slot's number alone, so the street has no end and any part of it can be drawn by itself.
 #include <cmath>
 
-#include "src/sim/scene.hpp"
-#include "src/sim/street/objects.hpp"
+#include "src/sim/field.hpp"
+#include "src/sim/street/painter.hpp"
 
 namespace bolo::sim {
 namespace street {

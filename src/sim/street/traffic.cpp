@@ -2,7 +2,7 @@
 #include <array>
 #include <cmath>
 
-#include "src/sim/street/objects.hpp"
+#include "src/sim/street/painter.hpp"
 
 namespace bolo::sim::street {
 namespace {

@@ -1,10 +1,7 @@
 // The diagnosis on cameras and benches of the blind check's second reality, which share nothing with the simulator.
-#include <gtest/gtest.h>
-
 #include "tests/diagnose/blind_bench.hpp"
 
 namespace bolo::diagnose::reality_test {
-namespace {
 
 using testing::told;
 
@@ -53,5 +50,4 @@ TEST_F(SecondReality, AWrongDescriptionIsNotTheCameras) {
   }
 }
 
-}  // namespace
 }  // namespace bolo::diagnose::reality_test

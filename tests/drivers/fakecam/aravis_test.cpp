@@ -1,6 +1,5 @@
 // An independent client, Aravis in this process, reads the fake camera.
 #include <arv.h>
-#include <gtest/gtest.h>
 
 #include "tests/drivers/fakecam/synthetic.hpp"
 
@@ -11,8 +10,7 @@ extern "C" const char* __tsan_default_suppressions() {
          "race:libglib-2.0.so\nrace:libaravis-0.8.so\n";
 }
 
-namespace bolo::fakecam {
-namespace {
+namespace bolo::fakecam::aravis_test {
 
 constexpr guint64 kHangGuardUs = 20'000'000;
 
@@ -44,7 +42,7 @@ TEST(FakeCameraAravis, GetsEveryFramePixelExact) {
   const auto address = test::fresh_address();
   constexpr Geometry kGeometry{640, 120};
   constexpr std::size_t kFrames = 60;
-  const auto fake = test::serve(test::provider_of(test::synthetic(kGeometry, kFrames)), address);
+  const auto fake = test::serve(test::provider_of(test::synthetic(kGeometry, kFrames)), {.address = address});
   Client client(address);
   ASSERT_TRUE(client.camera);
   arv_camera_gv_set_packet_size(client.camera.get(), 9000, nullptr);
@@ -69,7 +67,7 @@ TEST(FakeCameraAravis, GetsEveryFramePixelExact) {
 
 TEST(FakeCameraAravis, EachFeatureOfTheDescriptionCanBeRead) {
   const auto address = test::fresh_address();
-  const auto fake = test::serve(test::provider_of(test::synthetic({64, 32}, 2)), address);
+  const auto fake = test::serve(test::provider_of(test::synthetic({64, 32}, 2)), {.address = address});
   Client client(address);
   ASSERT_TRUE(client.camera);
   ArvDevice* device = arv_camera_get_device(client.camera.get());
@@ -100,35 +98,4 @@ TEST(FakeCameraAravis, EachFeatureOfTheDescriptionCanBeRead) {
   EXPECT_GT(values, 50);
 }
 
-TEST(FakeCameraAravis, NegotiatesThePacketSize) {
-  const auto address = test::fresh_address();
-  const auto fake = test::serve(test::provider_of(test::synthetic({64, 32}, 2)), address);
-  Client client(address);
-  ASSERT_TRUE(client.camera);
-  GError* error = nullptr;
-  const guint size = arv_camera_gv_auto_packet_size(client.camera.get(), &error);
-  EXPECT_EQ(error, nullptr) << error->message;
-  EXPECT_GT(size, 9000U) << "loopback carries 64 KiB";
-  g_clear_error(&error);
-}
-
-TEST(FakeCameraAravis, HalfAWindowComesFromTheMiddle) {
-  const auto address = test::fresh_address();
-  const auto fake = test::serve(test::provider_of(test::synthetic({64, 32}, 3)), address);
-  Client client(address);
-  ASSERT_TRUE(client.camera);
-  arv_camera_set_string(client.camera.get(), "IRWindowing", "Half", nullptr);
-  const auto stream = client.stream(4);
-  ASSERT_TRUE(stream);
-  arv_camera_start_acquisition(client.camera.get(), nullptr);
-  const auto buffer = own(arv_stream_timeout_pop_buffer(stream.get(), kHangGuardUs));
-  ASSERT_TRUE(buffer);
-  ASSERT_EQ(arv_buffer_get_status(buffer.get()), ARV_BUFFER_STATUS_SUCCESS);
-  EXPECT_EQ(arv_buffer_get_image_height(buffer.get()), 16);
-  const auto* pixels = static_cast<const std::uint16_t*>(arv_buffer_get_data(buffer.get(), nullptr));
-  EXPECT_EQ(pixels[0], test::pixel_of(0, 8 * 64));
-  arv_camera_stop_acquisition(client.camera.get(), nullptr);
-}
-
-}  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::aravis_test

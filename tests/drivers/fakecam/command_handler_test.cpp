@@ -1,12 +1,8 @@
-#include "drivers/fakecam/command_handler.hpp"
-
-#include <gtest/gtest.h>
-
-#include <random>
-#include <vector>
+#include "drivers/fakecam/camera_features.hpp"
+#include "drivers/fakecam/network.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::fakecam::command_handler_test {
-namespace {
 
 using Packet = std::vector<std::uint8_t>;
 constexpr Peer kAlice{0x7f000001, 5000};
@@ -61,16 +57,11 @@ class CommandHandlerTest : public testing::Test {
 };
 
 TEST_F(CommandHandlerTest, AcknowledgeRepeatsTheIdAndNamesItsLength) {
-  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kWidth})), gvcp::Status::kSuccess);
-  ASSERT_EQ(answer.size(), 12U);
-  EXPECT_EQ(load_u16(answer, 2), 0x81);
-  EXPECT_EQ(load_u16(answer, 4), 4);
-  EXPECT_EQ(load_u16(answer, 6), 0x1234);
-  EXPECT_EQ(word(0), 640U);
-}
-
-TEST_F(CommandHandlerTest, ReadsSeveralRegistersAtOnce) {
   EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kWidth, reg::kHeight})), gvcp::Status::kSuccess);
+  ASSERT_EQ(answer.size(), 16U);
+  EXPECT_EQ(load_u16(answer, 2), 0x81);
+  EXPECT_EQ(load_u16(answer, 4), 8);
+  EXPECT_EQ(load_u16(answer, 6), 0x1234);
   EXPECT_EQ(word(0), 640U);
   EXPECT_EQ(word(1), 120U);
 }
@@ -80,10 +71,22 @@ TEST_F(CommandHandlerTest, FailedReadEndsBeforeTheRegisterThatFailed) {
   EXPECT_EQ(answer.size(), 12U);
 }
 
-TEST_F(CommandHandlerTest, RefusesUnalignedAndForeignAddresses) {
-  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kWidth + 2})), gvcp::Status::kBadAlignment);
-  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kRegistersEnd})), gvcp::Status::kInvalidAddress);
-  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {0xfffffffc})), gvcp::Status::kInvalidAddress);
+TEST_F(CommandHandlerTest, ChecksAddressesAndCounts) {
+  const auto expect = [&](gvcp::Status status, gvcp::Command code, const std::vector<std::uint32_t>& words) {
+    EXPECT_EQ(send(command(code, words)), status) << static_cast<int>(code) << ", " << words[0];
+  };
+  expect(gvcp::Status::kBadAlignment, gvcp::Command::kReadRegister, {reg::kWidth + 2});
+  expect(gvcp::Status::kInvalidAddress, gvcp::Command::kReadRegister, {reg::kRegistersEnd});
+  expect(gvcp::Status::kInvalidAddress, gvcp::Command::kReadRegister, {0xfffffffc});
+  expect(gvcp::Status::kInvalidParameter, gvcp::Command::kReadMemory, {0, 0});
+  expect(gvcp::Status::kBadAlignment, gvcp::Command::kReadMemory, {0, 6});
+  expect(gvcp::Status::kInvalidParameter, gvcp::Command::kReadMemory, {0, 540});
+  expect(gvcp::Status::kSuccess, gvcp::Command::kReadMemory, {0, 536});
+  expect(gvcp::Status::kInvalidParameter, gvcp::Command::kReadMemory, {0});
+  take_control(kAlice);
+  expect(gvcp::Status::kWriteProtect, gvcp::Command::kWriteRegister, {reg::kVersion, 1});
+  expect(gvcp::Status::kWriteProtect, gvcp::Command::kWriteMemory, {reg::kDescription, 1});
+  expect(gvcp::Status::kInvalidAddress, gvcp::Command::kWriteRegister, {0xfffffffc, 1});
 }
 
 TEST_F(CommandHandlerTest, ReadsTheDescriptionUpToItsPaddedEndAndNoFurther) {
@@ -91,14 +94,6 @@ TEST_F(CommandHandlerTest, ReadsTheDescriptionUpToItsPaddedEndAndNoFurther) {
   EXPECT_EQ(std::string(answer.begin() + 12, answer.end()), std::string("<xml?>\0\0", 8));
   EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {reg::kDescription, 12})), gvcp::Status::kInvalidAddress);
   EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {reg::kDescription + 8, 4})), gvcp::Status::kInvalidAddress);
-}
-
-TEST_F(CommandHandlerTest, ReadMemoryChecksItsCount) {
-  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0, 0})), gvcp::Status::kInvalidParameter);
-  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0, 6})), gvcp::Status::kBadAlignment);
-  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0, 540})), gvcp::Status::kInvalidParameter);
-  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0, 536})), gvcp::Status::kSuccess);
-  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0})), gvcp::Status::kInvalidParameter);
 }
 
 TEST_F(CommandHandlerTest, WritesNeedControl) {
@@ -117,13 +112,6 @@ TEST_F(CommandHandlerTest, WriteStopsAtTheFirstRefusalAndSaysHowFarItCame) {
             gvcp::Status::kInvalidParameter);
   EXPECT_EQ(word(0) & 0xffffU, 1U);
   EXPECT_EQ(registers.get(reg::kWidth), 320U);
-}
-
-TEST_F(CommandHandlerTest, WriteProtectAndInvalidAddressAreToldApart) {
-  take_control(kAlice);
-  EXPECT_EQ(send(command(gvcp::Command::kWriteRegister, {reg::kVersion, 1})), gvcp::Status::kWriteProtect);
-  EXPECT_EQ(send(command(gvcp::Command::kWriteMemory, {reg::kDescription, 1})), gvcp::Status::kWriteProtect);
-  EXPECT_EQ(send(command(gvcp::Command::kWriteRegister, {0xfffffffc, 1})), gvcp::Status::kInvalidAddress);
 }
 
 TEST_F(CommandHandlerTest, WriteMemorySetsTheUserName) {
@@ -200,23 +188,18 @@ TEST_F(CommandHandlerTest, AnswersOnlyWhenAsked) {
   EXPECT_EQ(registers.get(reg::kWidth), 12U);
 }
 
-TEST_F(CommandHandlerTest, LengthMustBeThatOfThePacket) {
+TEST_F(CommandHandlerTest, RefusesAnotherLengthThanThePacketsAndIgnoresWhatIsNoCommand) {
   Packet packet = command(gvcp::Command::kReadRegister, {reg::kWidth});
-  packet[5] = 8;
-  EXPECT_EQ(send(packet), gvcp::Status::kInvalidHeader);
-  packet[5] = 0;
-  EXPECT_EQ(send(packet), gvcp::Status::kInvalidHeader);
-}
-
-TEST_F(CommandHandlerTest, IgnoresWhatIsNotACommand) {
-  Packet packet = command(gvcp::Command::kReadRegister, {reg::kWidth});
+  for (const int length : {8, 0}) {
+    packet[5] = static_cast<std::uint8_t>(length);
+    EXPECT_EQ(send(packet), gvcp::Status::kInvalidHeader);
+  }
+  packet = command(gvcp::Command::kReadRegister, {reg::kWidth});
   packet[0] = 0x00;
-  send(packet);
-  EXPECT_TRUE(answer.empty());
-  send({});
-  EXPECT_TRUE(answer.empty());
-  send({gvcp::kKey, 1, 0});
-  EXPECT_TRUE(answer.empty());
+  for (const Packet& none : {packet, Packet{}, Packet{gvcp::kKey, 1, 0}}) {
+    send(none);
+    EXPECT_TRUE(answer.empty());
+  }
 }
 
 TEST_F(CommandHandlerTest, BroadcastsReachDiscoveryAlone) {
@@ -248,5 +231,103 @@ TEST_F(CommandHandlerTest, SurvivesRandomPackets) {
   EXPECT_EQ(send(command(gvcp::Command::kDiscovery, {})), gvcp::Status::kSuccess);
 }
 
-}  // namespace
+class FeaturesTest : public testing::Test {
+ protected:
+  gvcp::Status write(std::uint32_t address, std::uint32_t value) {
+    std::array<std::uint8_t, 4> bytes{};
+    store_u32(bytes, 0, value);
+    return registers.write(address, bytes);
+  }
+  gvcp::Status write(std::uint32_t address, float value) { return write(address, std::bit_cast<std::uint32_t>(value)); }
+
+  RegisterMap registers{""};
+  Counters counters;
+  bool streaming = false;
+  gvcp::Status start_answer = gvcp::Status::kSuccess;
+  int stops = 0;
+  int windowings = 0;
+  CameraFeatures features{
+      registers,
+      counters,
+      {.geometry = {640, 480}},  // kelvin at 200 Hz
+      {640, 480},
+      200.0,
+      {[this] { return start_answer; }, [this] { ++stops; }, [this] { return streaming; }, [this] { ++windowings; }}};
+};
+
+TEST_F(FeaturesTest, WindowingReadsTheMiddleRows) {
+  EXPECT_EQ(features.region(), (Region{0, 0, 640, 480}));
+  EXPECT_EQ(write(reg::kIrWindowing, 1U), gvcp::Status::kSuccess);
+  EXPECT_EQ(features.region(), (Region{0, 120, 640, 240}));
+  EXPECT_EQ(write(reg::kIrWindowing, 2U), gvcp::Status::kSuccess);
+  EXPECT_EQ(write(reg::kIrWindowing, 2U), gvcp::Status::kSuccess);
+  EXPECT_EQ(windowings, 2) << "writing the same again changes nothing";
+  EXPECT_EQ(features.region(), (Region{0, 180, 640, 120}));
+  EXPECT_EQ(registers.get(reg::kPayloadSize), 153600U);
+  EXPECT_EQ(write(reg::kIrWindowing, 3U), gvcp::Status::kInvalidParameter);
+}
+
+TEST_F(FeaturesTest, WindowStaysInTheMiddleUntilAnOffsetIsGiven) {
+  write(reg::kHeight, 120U);
+  write(reg::kWidth, 320U);
+  EXPECT_EQ(features.region(), (Region{160, 180, 320, 120}));
+  EXPECT_EQ(write(reg::kOffsetY, 7U), gvcp::Status::kSuccess);
+  write(reg::kHeight, 100U);
+  EXPECT_EQ(features.region(), (Region{160, 7, 320, 100}));
+}
+
+TEST_F(FeaturesTest, NoWindowReachesBeyondTheSensor) {
+  EXPECT_EQ(write(reg::kWidth, 641U), gvcp::Status::kInvalidParameter);
+  EXPECT_EQ(write(reg::kHeight, 0U), gvcp::Status::kInvalidParameter);
+  write(reg::kHeight, 100U);
+  EXPECT_EQ(write(reg::kOffsetY, 381U), gvcp::Status::kInvalidParameter);
+  EXPECT_EQ(write(reg::kOffsetY, 380U), gvcp::Status::kSuccess);
+  write(reg::kHeight, 480U);
+  EXPECT_EQ(features.region(), (Region{0, 0, 640, 480})) << "the offset gives way";
+}
+
+TEST_F(FeaturesTest, ImageIsLockedWhileItStreams) {
+  streaming = true;
+  for (const auto address : {reg::kWidth, reg::kHeight, reg::kOffsetX, reg::kOffsetY, reg::kIrFormat}) {
+    EXPECT_EQ(write(address, 1U), gvcp::Status::kBusy);
+  }
+  EXPECT_EQ(write(reg::kObjectEmissivity, 0.5F), gvcp::Status::kSuccess);
+}
+
+TEST_F(FeaturesTest, RateIsTheCapturesOwnUntilAnotherIsWritten) {
+  EXPECT_EQ(features.rate_hz(), 0.0);
+  EXPECT_EQ(write(reg::kFrameRate, 50.0F), gvcp::Status::kSuccess);
+  EXPECT_EQ(features.rate_hz(), 50.0);
+  EXPECT_EQ(write(reg::kFrameRate, 200.0F), gvcp::Status::kSuccess);
+  EXPECT_EQ(features.rate_hz(), 0.0);
+  EXPECT_EQ(write(reg::kFrameRate, 0.0F), gvcp::Status::kInvalidParameter);
+  EXPECT_EQ(write(reg::kFrameRate, std::numeric_limits<float>::quiet_NaN()), gvcp::Status::kInvalidParameter);
+}
+
+TEST_F(FeaturesTest, CommandsActAndReadBackZero) {
+  EXPECT_EQ(write(reg::kNucAction, 1U), gvcp::Status::kSuccess);
+  EXPECT_EQ(write(reg::kNucAction, 1U), gvcp::Status::kSuccess);
+  EXPECT_EQ(registers.get(reg::kNucAction), 0U);
+  EXPECT_EQ(registers.get(reg::kNucCount), 2U);
+  EXPECT_EQ(counters.read().nuc_actions, 2U);
+  write(reg::kAcquisitionStop, 1U);
+  EXPECT_EQ(stops, 1);
+  start_answer = gvcp::Status::kWrongConfig;
+  EXPECT_EQ(write(reg::kAcquisitionStart, 1U), gvcp::Status::kWrongConfig);
+}
+
+TEST_F(FeaturesTest, QueryCaseShowsThatRangesLimits) {
+  write(reg::kQueryCase, 2U);
+  EXPECT_FLOAT_EQ(registers.get_float(reg::kQueryCaseLowLimit), 573.15F);
+  EXPECT_EQ(write(reg::kQueryCase, 3U), gvcp::Status::kInvalidParameter);
+  EXPECT_FLOAT_EQ(registers.get_float(reg::kQueryCaseLowLimit), 573.15F);
+}
+
+TEST_F(FeaturesTest, FormatFollowsTheCapturesUnit) {
+  EXPECT_EQ(features.ir_format(), IrFormat::kTemperatureLinear10mK);
+  EXPECT_EQ(write(reg::kIrFormat, 1U), gvcp::Status::kSuccess);
+  EXPECT_EQ(features.ir_format(), IrFormat::kTemperatureLinear100mK);
+  EXPECT_EQ(write(reg::kIrFormat, 3U), gvcp::Status::kInvalidParameter);
+}
+
 }  // namespace bolo::fakecam::command_handler_test

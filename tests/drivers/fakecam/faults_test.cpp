@@ -1,28 +1,17 @@
 // What faults do to packets, to frames and to the camera.
 #include "drivers/fakecam/faults.hpp"
-
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <array>
-#include <initializer_list>
-#include <set>
-#include <string_view>
-
+#include "drivers/fakecam/fault_script.hpp"
 #include "drivers/fakecam/frames.hpp"
+#include "tests/refusal.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::fakecam::faults_test {
-namespace {
 
 constexpr std::int64_t kPeriodNs = 5'000'000;
 
 FaultScript script_of(std::initializer_list<std::string_view> texts) {
   FaultScript script;
-  for (const std::string_view text : texts) {
-    auto fault = parse_fault(text);
-    EXPECT_TRUE(fault.has_value()) << fault.error().message;
-    if (fault) script.push_back(std::move(*fault));
-  }
+  for (const std::string_view text : texts) script.push_back(*must(parse_fault(text)));
   return script;
 }
 
@@ -56,7 +45,7 @@ struct Line {
 
 std::vector<std::uint32_t> in_order(std::uint32_t packets = kPackets) {
   std::vector<std::uint32_t> all(packets);
-  for (std::uint32_t i = 0; i < packets; ++i) all[i] = i;
+  std::iota(all.begin(), all.end(), 0U);
   return all;
 }
 
@@ -123,16 +112,13 @@ TEST(PacketFaults, ReorderKeepsEveryPacket) {
   EXPECT_EQ(line.tally().frames, disordered);
 }
 
-TEST(PacketFaults, ReorderOfAllMovesEachBehindTheLast) {
-  Line line({"reorder:rate=1,by=1"});
-  EXPECT_EQ(line.ids(0, 4), (std::vector<std::uint32_t>{3, 0, 1, 2}));
-  EXPECT_EQ(line.tally().packets, 3U);
-}
-
-TEST(PacketFaults, DuplicatesComeRightBehind) {
-  Line line({"duplicate:rate=1"});
-  EXPECT_EQ(line.ids(0, 3), (std::vector<std::uint32_t>{0, 0, 1, 1, 2, 2}));
-  EXPECT_EQ(line.tally().packets, 3U);
+TEST(PacketFaults, ReorderOfAllMovesEachBehindTheLastAndDuplicatesComeRightBehind) {
+  Line reordered({"reorder:rate=1,by=1"});
+  EXPECT_EQ(reordered.ids(0, 4), (std::vector<std::uint32_t>{3, 0, 1, 2}));
+  EXPECT_EQ(reordered.tally().packets, 3U);
+  Line doubled({"duplicate:rate=1"});
+  EXPECT_EQ(doubled.ids(0, 3), (std::vector<std::uint32_t>{0, 0, 1, 1, 2, 2}));
+  EXPECT_EQ(doubled.tally().packets, 3U);
 }
 
 TEST(PacketFaults, GarbageIsAddedAndTakesNothingAway) {
@@ -207,14 +193,6 @@ class FrameCamera {
   FrameFaults faults_;
   std::uint64_t sequence_ = 0;
 };
-
-TEST(FrameFaults, WithoutFaultsAFrameStaysAsItIs) {
-  FrameCamera camera({});
-  const WireFrame frame = camera.next();
-  EXPECT_EQ(frame.counts[5], 1000);
-  EXPECT_EQ(frame.block.block_id, block_id_of(0));
-  EXPECT_FALSE(frame.withheld);
-}
 
 TEST(FrameFaults, IdGapMovesTheCounterAndNotTheClock) {
   FrameCamera camera({"id_gap:at=0.01,ids=7"});
@@ -365,5 +343,87 @@ TEST(ControlFaults, AChangeOfWindowingDropsTheConnectionBeforeAnyStreamToo) {
   EXPECT_EQ(camera.at(4001), Commands::kAnswered);
 }
 
-}  // namespace
+// --- Faults as text: what is read, what is refused and how, and when faults strike.
+
+Fault fault(std::string_view text) {
+  auto parsed = parse_fault(text);
+  EXPECT_TRUE(parsed.has_value()) << text << ": " << parsed.error().message;
+  return parsed.value_or(Fault{fault_types().data(), {}});
+}
+
+TEST(FaultScript, KeysThatAreNotGivenStandAtTheirStandard) {
+  const Fault loss = fault("loss:rate=0.05,at=1.5");
+  EXPECT_EQ(loss.kind(), FaultKind::kLoss);
+  EXPECT_EQ(loss.value("rate"), 0.05);
+  EXPECT_EQ(loss.value("at"), 1.5);
+  EXPECT_EQ(loss.value("for"), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(fault("reboot").value("for"), 1.0);
+}
+
+TEST(FaultScript, EveryFaultIsReadByItsNameAndItsTextIsReadBack) {
+  std::set<std::string_view> names;
+  for (const FaultType& type : fault_types()) {
+    EXPECT_TRUE(names.insert(type.name).second) << type.name;
+    Fault made{&type, {}};
+    for (const FaultKey& key : type.keys) {
+      if (key.key == "frames" || key.key == "every") continue;  // exclude others
+      made.values.emplace(key.key, key.low > 0.0 ? key.low : key.high);
+    }
+    const Fault read = fault(fault_text(made));
+    EXPECT_EQ(read.type, &type);
+    EXPECT_EQ(read.values, made.values);
+  }
+}
+
+TEST(FaultScript, SaysWhatIsWrongInOneLine) {
+  const auto refused = [](const char* text, const char* why) { expect_refused(parse_fault(text), {why}); };
+  refused("los:rate=1", "there is no fault 'los'; did you mean 'loss'? (bolo fakecam --list-faults shows all)");
+  refused("loss:rat=1", "fault loss: there is no key 'rat'; did you mean 'rate'?");
+  refused("loss:rate=2", "fault loss: rate=2: expected 0 to 1");
+  refused("loss:rate=nan", "fault loss: rate=nan: expected a number");
+  refused("loss:rate=", "fault loss: rate=: expected a number");
+  refused("loss:rate=0.1x", "fault loss: rate=0.1x: expected a number");
+  refused("loss:", "fault loss: '': expected key=value");
+  refused("loss:rate=0.1,", "fault loss: '': expected key=value");
+  refused("loss:rate=0.1,rate=0.2", "fault loss: rate is given twice");
+  refused("id_gap:ids=1.5", "fault id_gap: ids=1.5: expected a whole number from 1 to 30000");
+  refused("stall:for=1,frames=4", "fault stall: give for or frames, not both");
+  refused("stall:for=1,every=0.5", "fault stall: every=0.5 must be longer than a strike lasts: 1; set for");
+  refused("loss:every=1", "fault loss: every=1 must be longer than a strike lasts: for ever; set for");
+  refused("", "");
+}
+
+TEST(FaultSchedule, LastsFromAtForItsTimeAndComesAgain) {
+  const Schedule once = schedule_of(fault("stall:at=1,for=0.5"), kPeriodNs);
+  EXPECT_FALSE(once.lasts(1000 * kMs - 1));
+  EXPECT_TRUE(once.lasts(1000 * kMs));
+  EXPECT_TRUE(once.lasts(1500 * kMs - 1));
+  EXPECT_FALSE(once.lasts(1500 * kMs));
+  const Schedule again = schedule_of(fault("stall:at=1,for=0.5,every=2"), kPeriodNs);
+  EXPECT_EQ(again.begun(999 * kMs), 0U);
+  EXPECT_EQ(again.begun(2999 * kMs), 1U);
+  EXPECT_EQ(again.begun(3000 * kMs), 2U);
+  EXPECT_EQ(again.ended(3499 * kMs), 1U);
+  EXPECT_EQ(again.ended(3500 * kMs), 2U);
+  EXPECT_FALSE(again.lasts(2000 * kMs));
+  EXPECT_TRUE(again.lasts(3100 * kMs));
+  const Schedule for_ever = schedule_of(fault("loss:at=1"), kPeriodNs);
+  EXPECT_TRUE(for_ever.lasts(1'000'000'000 * kMs));
+  EXPECT_EQ(for_ever.begun(1'000'000'000 * kMs), 1U);
+}
+
+TEST(FaultSchedule, FramesAreCountedExactlyWhateverTheirTimesAreRoundedTo) {
+  for (const std::int64_t period : {kPeriodNs, std::int64_t{33'333'333}, std::int64_t{3'333'333}}) {
+    for (const char* text : {"stall:at=0.1,frames=7", "stall:at=0.1003,frames=7"}) {
+      const Schedule schedule = frame_schedule_of(fault(text), period);
+      int hit = 0;
+      for (std::int64_t k = 0; k < 1000; ++k) {
+        const std::int64_t rounding = k % 3 - 1;
+        if (schedule.lasts(k * period + rounding)) ++hit;
+      }
+      EXPECT_EQ(hit, 7) << text << " at " << period;
+    }
+  }
+}
+
 }  // namespace bolo::fakecam::faults_test

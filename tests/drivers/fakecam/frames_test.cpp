@@ -1,23 +1,8 @@
 // The counts, ids and times that frames are sent with.
 #include "drivers/fakecam/frames.hpp"
-
-#include <gtest/gtest.h>
-
-#include <array>
-#include <cmath>
-#include <limits>
-#include <type_traits>
+#include "tests/test.hpp"
 
 namespace bolo::fakecam::frames_test {
-namespace {
-
-StreamFormat row_format(int width, PixelType type, LinearScale scale) {
-  StreamFormat format;
-  format.geometry = {width, 1};
-  format.type = type;
-  format.scale = scale;
-  return format;
-}
 
 constexpr LinearScale kKelvin{Unit::kKelvin, 1.0, 0.0};
 
@@ -27,7 +12,7 @@ std::vector<std::uint16_t> sent(const std::vector<Value>& row, LinearScale scale
   const int width = static_cast<int>(row.size());
   const PixelType type = std::is_same_v<Value, float> ? PixelType::kFloat32 : PixelType::kUint16;
   std::vector<std::uint16_t> counts(row.size());
-  CountConverter(row_format(width, type, scale), ir_format, {0, 0, width, 1}).convert(row.data(), counts.data());
+  CountConverter({{width, 1}, type, scale}, ir_format, {0, 0, width, 1}).convert(row.data(), counts.data());
   return counts;
 }
 
@@ -65,8 +50,7 @@ TEST(CountConverter, RadiometricCountsLeadBackToTheTemperature) {
 }
 
 TEST(CountConverter, CropsRowsAndColumns) {
-  StreamFormat format = row_format(4, PixelType::kUint16, {Unit::kCount, 1.0, 0.0});
-  format.geometry.height = 3;
+  const StreamFormat format{{4, 3}, PixelType::kUint16, {Unit::kCount, 1.0, 0.0}};
   const std::array<std::uint16_t, 12> plane{0, 1, 2, 3, 10, 11, 12, 13, 20, 21, 22, 23};
   std::array<std::uint16_t, 4> counts{};
   CountConverter(format, IrFormat::kRadiometric, {1, 1, 2, 2}).convert(plane.data(), counts.data());
@@ -121,5 +105,105 @@ TEST(Timeline, OneFrameIsAStillThatGoesOn) {
   EXPECT_EQ(timeline.at(2).timestamp_ns, 3'010'000'000U);
 }
 
-}  // namespace
+void write_one(FrameRing& ring, std::uint16_t id) {
+  WireFrame* frame = ring.begin_write();
+  ASSERT_NE(frame, nullptr);
+  frame->block.block_id = id;
+  frame->counts.assign(frame->counts.size(), id);
+  ring.end_write();
+}
+
+void send_one(FrameRing& ring, std::uint16_t expected) {
+  const WireFrame* frame = ring.begin_send();
+  ASSERT_NE(frame, nullptr);
+  EXPECT_EQ(frame->block.block_id, expected);
+  ring.end_send();
+}
+
+TEST(FrameRing, KeepsExactlyTheLastSentFrames) {
+  FrameRing ring(1, 2, 4);  // three slots
+  for (std::uint16_t id = 1; id <= 5; ++id) {
+    write_one(ring, id);
+    send_one(ring, id);
+  }
+  EXPECT_EQ(ring.find(2).frame(), nullptr);
+  for (std::uint16_t id = 3; id <= 5; ++id) {
+    const auto pin = ring.find(id);
+    ASSERT_NE(pin.frame(), nullptr);
+    EXPECT_EQ(pin.frame()->counts.front(), id);
+  }
+}
+
+TEST(FrameRing, FrameNotYetSentIsNotFound) {
+  FrameRing ring(2, 2, 4);
+  write_one(ring, 1);
+  EXPECT_EQ(ring.find(1).frame(), nullptr);
+  ASSERT_NE(ring.begin_send(), nullptr);
+  EXPECT_NE(ring.find(1).frame(), nullptr) << "a frame being sent can be asked for";
+  ring.end_send();
+}
+
+TEST(FrameRing, APinHoldsTheWriterBackAndASlotThatIsWrittenIsNotFound) {
+  FrameRing ring(1, 1, 4);
+  for (std::uint16_t id = 1; id <= 2; ++id) {
+    write_one(ring, id);
+    send_one(ring, id);
+  }
+  std::atomic<bool> written{false};
+  std::thread writer;
+  {
+    const auto pin = ring.find(1);
+    ASSERT_NE(pin.frame(), nullptr);
+    writer = std::thread([&] {
+      write_one(ring, 3);
+      written = true;
+    });
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    EXPECT_FALSE(written);
+    EXPECT_EQ(pin.frame()->counts.front(), 1);
+  }
+  writer.join();
+  EXPECT_EQ(ring.find(1).frame(), nullptr);
+}
+
+TEST(FrameRing, FinishLetsTheSenderDrainAndClosingWakesBoth) {
+  FrameRing ring(2, 1, 4);
+  write_one(ring, 1);
+  ring.finish();
+  send_one(ring, 1);
+  EXPECT_EQ(ring.begin_send(), nullptr);
+
+  FrameRing other(1, 1, 4);
+  std::thread sender([&] { EXPECT_EQ(other.begin_send(), nullptr); });
+  other.close();
+  sender.join();
+  EXPECT_EQ(other.begin_write(), nullptr);
+}
+
+TEST(FrameRing, ThreeThreadsSeeOnlyWholeFrames) {
+  FrameRing ring(4, 4, 64);
+  constexpr std::uint16_t kFrames = 2000;
+  std::thread writer([&] {
+    for (std::uint16_t id = 1; id <= kFrames; ++id) write_one(ring, id);
+    ring.finish();
+  });
+  std::atomic<bool> done{false};
+  std::thread finder([&] {
+    for (std::uint16_t id = 1; !done; id = static_cast<std::uint16_t>(id % kFrames + 1)) {
+      const auto pin = ring.find(id);
+      if (pin.frame() == nullptr) continue;
+      for (const auto value : pin.frame()->counts) ASSERT_EQ(value, id);
+    }
+  });
+  std::uint16_t expected = 0;
+  while (const WireFrame* frame = ring.begin_send()) {
+    EXPECT_EQ(frame->counts.back(), ++expected);
+    ring.end_send();
+  }
+  done = true;
+  writer.join();
+  finder.join();
+  EXPECT_EQ(expected, kFrames);
+}
+
 }  // namespace bolo::fakecam::frames_test

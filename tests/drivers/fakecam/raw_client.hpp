@@ -7,14 +7,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <array>
-#include <map>
-#include <string>
-#include <vector>
-
+#include "drivers/fakecam/camera_features.hpp"
 #include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/network.hpp"
-#include "drivers/fakecam/register_map.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::fakecam::test {
 

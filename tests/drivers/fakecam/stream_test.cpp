@@ -1,25 +1,19 @@
 // The fake camera's stream over real sockets.
-#include <gtest/gtest.h>
-
-#include <bit>
-#include <chrono>
-#include <thread>
-
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
+#include "tests/refusal.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::fakecam::stream_test {
-namespace {
 
 constexpr Geometry kSmall{64, 16};
 
 class FakeCameraStream : public testing::Test {
  protected:
   void serve(MemoryFrames::Content content, FakeCameraOptions options = {}) {
-    options.address = test::fresh_address();
+    options.address = address = test::fresh_address();
     camera = test::serve(test::provider_of(std::move(content)), options);
-    ASSERT_TRUE(camera);
-    session.emplace(options.address);
+    session.emplace(address);
   }
   // So many frames of the stream; throws when they do not come.
   std::vector<std::pair<std::uint16_t, test::Block>> receive(std::size_t frames) {
@@ -37,6 +31,7 @@ class FakeCameraStream : public testing::Test {
     return false;
   }
 
+  std::string address;
   std::unique_ptr<FakeCamera> camera;
   std::optional<test::Session> session;
 };
@@ -88,9 +83,7 @@ TEST_F(FakeCameraStream, JumpInTheCapturesCounterIsAJumpOnTheWire) {
 }
 
 TEST_F(FakeCameraStream, LoopGoesOnWithoutASeam) {
-  FakeCameraOptions options;
-  options.laps = 3;
-  serve(test::synthetic(kSmall, 2), options);
+  serve(test::synthetic(kSmall, 2), {.laps = 3});
   session->start();
   const auto blocks = receive(6);
   for (std::size_t f = 0; f < 6; ++f) {
@@ -101,9 +94,7 @@ TEST_F(FakeCameraStream, LoopGoesOnWithoutASeam) {
 }
 
 TEST_F(FakeCameraStream, EachStartBeginsWithTheFirstFrame) {
-  FakeCameraOptions options;
-  options.laps = 0;
-  serve(test::synthetic(kSmall, 50), options);
+  serve(test::synthetic(kSmall, 50), {.laps = 0});
   session->start();
   receive(2);
   session->stop();
@@ -115,26 +106,21 @@ TEST_F(FakeCameraStream, EachStartBeginsWithTheFirstFrame) {
   EXPECT_EQ(blocks[0].first, 101);
 }
 
-TEST_F(FakeCameraStream, RateChangesThePaceAndTheTimes) {
-  serve(test::synthetic(kSmall, 3));
-  session->client.write(reg::kFrameRate, std::bit_cast<std::uint32_t>(1000.0F));
-  session->start();
-  const auto blocks = receive(3);
-  EXPECT_EQ(blocks[2].second.timestamp_ns() - blocks[0].second.timestamp_ns(), 2'000'000U);
-}
-
-TEST_F(FakeCameraStream, PaceIsNeverFasterThanTheCapture) {
+TEST_F(FakeCameraStream, PaceIsTheCapturesOrTheRateAskedFor) {
   serve(test::synthetic(kSmall, 21));
   const auto start = std::chrono::steady_clock::now();
   session->start();
   receive(21);
   EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(100));
+  session->stop();
+  session->client.write(reg::kFrameRate, std::bit_cast<std::uint32_t>(1000.0F));
+  session->start();
+  const auto blocks = receive(21);
+  EXPECT_EQ(blocks[20].second.timestamp_ns() - blocks[0].second.timestamp_ns(), 20'000'000U);
 }
 
 TEST_F(FakeCameraStream, CropAndWindowAddUp) {
-  FakeCameraOptions options;
-  options.crop = Region{8, 4, 32, 8};
-  serve(test::synthetic(kSmall, 1), options);
+  serve(test::synthetic(kSmall, 1), {.crop = Region{8, 4, 32, 8}});
   EXPECT_EQ(session->client.read(reg::kSensorWidth), 32U);
   session->client.write(reg::kWidth, 16);
   session->client.write(reg::kIrWindowing, 1);
@@ -179,9 +165,7 @@ TEST_F(FakeCameraStream, ResentPacketsAreTheSameBytes) {
 }
 
 TEST_F(FakeCameraStream, PacketThatIsGoneIsSaidToBe) {
-  FakeCameraOptions options;
-  options.keep_frames = 1;
-  serve(test::synthetic(kSmall, 40), options);
+  serve(test::synthetic(kSmall, 40), {.keep_frames = 1});
   session->client.write(reg::kFrameRate, std::bit_cast<std::uint32_t>(2000.0F));
   session->start();
   const auto blocks = receive(40);
@@ -195,21 +179,14 @@ TEST_F(FakeCameraStream, PacketThatIsGoneIsSaidToBe) {
   EXPECT_EQ(camera->stats().resend_misses, 2U);
 }
 
-TEST_F(FakeCameraStream, EndsWhenTheClientLetsGo) {
-  FakeCameraOptions options;
-  options.laps = 0;
-  serve(test::synthetic(kSmall, 5), options);
+TEST_F(FakeCameraStream, EndsWhenTheClientLetsGoOrGoesSilent) {
+  serve(test::synthetic(kSmall, 5), {.laps = 0});
   session->start();
   receive(3);
   session->client.write(reg::kPrivilege, 0);
   EXPECT_FALSE(camera->stats().streaming);
   EXPECT_FALSE(camera->stats().controlled);
-}
-
-TEST_F(FakeCameraStream, EndsWhenTheClientGoesSilent) {
-  FakeCameraOptions options;
-  options.laps = 0;
-  serve(test::synthetic(kSmall, 5), options);
+  session.emplace(address);
   session->client.write(reg::kHeartbeatTimeout, 500);
   session->start();
   EXPECT_TRUE(eventually([](const auto& s) { return s.heartbeat_losses == 1 && !s.streaming; }));
@@ -229,9 +206,8 @@ TEST_F(FakeCameraStream, SeveralCamerasServeAtOnce) {
   std::vector<std::unique_ptr<FakeCamera>> cameras;
   std::vector<std::unique_ptr<test::Session>> sessions;
   for (int i = 0; i < 3; ++i) {
-    const std::string address = test::fresh_address();
-    cameras.push_back(test::serve(test::provider_of(test::synthetic({16, 8 + i}, 4)), address));
-    ASSERT_TRUE(cameras.back());
+    address = test::fresh_address();
+    cameras.push_back(test::serve(test::provider_of(test::synthetic({16, 8 + i}, 4)), {.address = address}));
     sessions.push_back(std::make_unique<test::Session>(address));
   }
   for (auto& s : sessions) EXPECT_EQ(s->start(), gvcp::Status::kSuccess);
@@ -259,8 +235,7 @@ class BrokenFrames final : public FrameProvider {
 
 TEST(FakeCameraRead, ErrorEndsTheStreamAndIsTold) {
   const std::string address = test::fresh_address();
-  const auto camera = test::serve(std::make_unique<BrokenFrames>(), address);
-  ASSERT_TRUE(camera);
+  const auto camera = test::serve(std::make_unique<BrokenFrames>(), {.address = address});
   test::Session session(address);
   session.start();
   EXPECT_EQ(test::receive_blocks(session.stream, 2).size(), 2U);
@@ -271,5 +246,177 @@ TEST(FakeCameraRead, ErrorEndsTheStreamAndIsTold) {
   EXPECT_EQ(camera->stats().frames_sent, 2U);
 }
 
-}  // namespace
+void write_kelvin_capture(const std::filesystem::path& file, std::size_t frames) {
+  auto writer = capture::CaptureWriter::create(
+      file, {.format = {{8, 4}, PixelType::kFloat32, {Unit::kKelvin, 1.0, 0.0}}, .camera_serial = "63900123"});
+  ASSERT_TRUE(writer.has_value()) << writer.error().message;
+  for (std::size_t f = 0; f < frames; ++f) {
+    const std::vector<float> plane(32, 300.0F + static_cast<float>(f));
+    ASSERT_TRUE(writer->append(1.0 + 0.005 * static_cast<double>(f), 10 + f, plane.data()).has_value());
+  }
+  ASSERT_TRUE(writer->close().has_value());
+}
+
+TEST(FakeCameraCapture, KelvinCaptureGoesOutIn10mKWithTheCamerasSerial) {
+  const Scratch dir;
+  write_kelvin_capture(dir / "a.h5", 3);
+  auto provider = open_capture(dir / "a.h5");
+  ASSERT_TRUE(provider.has_value()) << provider.error().message;
+  const std::string address = test::fresh_address();
+  const auto camera = test::serve(std::move(*provider), {.address = address});
+  EXPECT_EQ(camera->serial(), "63900123");
+  test::Session session(address);
+  session.start();
+  const auto blocks = test::receive_blocks(session.stream, 3);
+  ASSERT_EQ(blocks.size(), 3U);
+  EXPECT_EQ(blocks[2].first, 13);
+  EXPECT_EQ(blocks[2].second.pixels(), std::vector<std::uint16_t>(32, 30200));
+}
+
+TEST(FakeCameraCapture, ReadsAheadFromDiskWhatIsTooBigForMemory) {
+  const Scratch dir;
+  write_kelvin_capture(dir / "a.h5", 40);
+  auto from_memory = open_capture(dir / "a.h5");
+  auto from_disk = open_capture(dir / "a.h5", 1000);
+  ASSERT_TRUE(from_memory.has_value() && from_disk.has_value());
+  EXPECT_NE(dynamic_cast<MemoryFrames*>(from_memory->get()), nullptr);
+  EXPECT_EQ(dynamic_cast<MemoryFrames*>(from_disk->get()), nullptr);
+  const std::string address = test::fresh_address();
+  const auto camera = test::serve(std::move(*from_disk), {.address = address});
+  test::Session session(address);
+  session.start();
+  const auto blocks = test::receive_blocks(session.stream, 40);
+  ASSERT_EQ(blocks.size(), 40U);
+  EXPECT_EQ(blocks[39].second.pixels(), std::vector<std::uint16_t>(32, 33900));
+}
+
+TEST(FakeCameraCapture, MissingFileIsBadInput) { expect_refused(open_capture("/nonexistent.h5"), {"/nonexistent.h5"}); }
+
+// --- The fake camera's control channel over real sockets.
+
+using test::Packet;
+using test::RawClient;
+
+Result<std::unique_ptr<FakeCamera>> start(const FakeCameraOptions& options, std::size_t frames = 4) {
+  return FakeCamera::start(options, test::provider_of(test::synthetic({16, 8}, frames)));
+}
+
+std::unique_ptr<FakeCamera> start_camera(const std::string& address, FakeCameraOptions options = {}) {
+  options.address = address;
+  return test::serve(test::provider_of(test::synthetic({16, 8}, 4)), options);
+}
+
+TEST(FakeCameraControl, DiscoveryTellsWhoItIs) {
+  const auto address = test::fresh_address();
+  const auto camera = start_camera(address, {.serial = "S123"});
+  RawClient client(address);
+  const auto answer = client.ask(gvcp::Command::kDiscovery, {});
+  ASSERT_EQ(answer.status, gvcp::Status::kSuccess);
+  ASSERT_EQ(answer.data.size(), gvcp::kDiscoveryBytes);
+  EXPECT_EQ(dotted(load_u32(answer.data, reg::kIpAddress)), address);
+  EXPECT_STREQ(reinterpret_cast<const char*>(&answer.data[reg::kManufacturer]), "FLIR Systems");
+  EXPECT_STREQ(reinterpret_cast<const char*>(&answer.data[reg::kSerial]), "S123");
+}
+
+TEST(FakeCameraControl, AnswersDiscoveryByBroadcastFromItsOwnAddress) {
+  const auto address = test::fresh_address();
+  const auto camera = start_camera(address);
+  if (!camera->hears_broadcasts()) GTEST_SKIP() << "another program holds the broadcast address alone";
+  const test::UdpSocket socket;
+  const int on = 1;
+  setsockopt(socket.fd(), SOL_SOCKET, SO_BROADCAST, &on, sizeof(on));
+  socket.send({gvcp::kKey, 0x11, 0, 2, 0, 0, 0x77, 0x01}, "127.255.255.255", gvcp::kPort);
+  bool found = false;
+  for (Packet answer; !found && !(answer = socket.receive(test::kHangGuardMs)).empty();) {
+    found = answer.size() == 256 && dotted(load_u32(answer, 8 + reg::kIpAddress)) == address;
+  }
+  EXPECT_TRUE(found);
+}
+
+TEST(FakeCameraControl, SecondCameraOnAnAddressIsAClearError) {
+  const auto address = test::fresh_address();
+  const auto camera = start_camera(address);
+  expect_refused(start({.address = address}), {address + ":3956", "another camera, perhaps a stale one"});
+}
+
+TEST(FakeCameraControl, AddressIsFreeAfterStop) {
+  const auto address = test::fresh_address();
+  const auto camera = start_camera(address);
+  camera->stop();
+  const auto again = start_camera(address);
+  EXPECT_TRUE(again);
+}
+
+TEST(FakeCameraControl, RefusesBadOptions) {
+  const auto address = test::fresh_address();
+  expect_refused(start({.address = "camera.local"}), {"not an IPv4 address"});
+  expect_refused(start({.address = "203.0.113.9"}), {"no network interface"});
+  expect_refused(start({.address = address, .serial = "sixteen.letters."}), {"15 characters"});
+  expect_refused(start({.address = address, .crop = Region{8, 0, 9, 8}}), {"16x8"});
+  expect_refused(start({.address = address, .rate_hz = -1.0}), {"rate"});
+  EXPECT_FALSE(start({.address = address}, 0));
+}
+
+TEST(FakeCameraControl, StaysUpWhateverArrives) {
+  const auto address = test::fresh_address();
+  const auto camera = start_camera(address);
+  RawClient client(address);
+  client.take_control();
+  std::mt19937 random(7);
+  for (int i = 0; i < 2000; ++i) {
+    Packet packet(random() % 700);
+    for (auto& byte : packet) byte = static_cast<std::uint8_t>(random());
+    if (i % 2 == 0 && packet.size() >= 8) {
+      packet[0] = gvcp::kKey;
+      store_u16(packet, 2, static_cast<std::uint16_t>(0x80 + random() % 8));
+      store_u16(packet, 4, static_cast<std::uint16_t>(packet.size() - 8));
+    }
+    client.send_raw(packet);
+  }
+  client.send_raw(Packet(65000, gvcp::kKey));
+  client.send_raw({});
+  RawClient other(address);
+  gvcp::Status status = gvcp::Status::kBusy;
+  for (int tries = 0; status != gvcp::Status::kSuccess && tries < 40; ++tries) {  // the flood may drown a question
+    status = other.ask(gvcp::Command::kDiscovery, {}, test::kHangGuardMs / 40).status;
+  }
+  EXPECT_EQ(status, gvcp::Status::kSuccess);
+  EXPECT_GT(camera->stats().bad_commands, 0U);
+}
+
+TEST(FakeCameraControl, TestPacketHasTheSizeAskedFor) {
+  const auto address = test::fresh_address();
+  const auto camera = start_camera(address);
+  test::Session session(address);
+  for (const std::uint32_t size : {576U, 1500U, 9000U, 60000U}) {
+    const auto value = size | reg::kFireTestPacket | reg::kDoNotFragment;
+    ASSERT_EQ(session.client.write(reg::kStreamPacketSize, value), gvcp::Status::kSuccess);
+    EXPECT_EQ(session.stream.receive(test::kHangGuardMs).size() + gvsp::kUdpOverhead, size);
+    EXPECT_EQ(session.client.read(reg::kStreamPacketSize), size | reg::kDoNotFragment);
+  }
+  EXPECT_EQ(session.client.write(reg::kStreamPacketSize, 20), gvcp::Status::kInvalidParameter);
+  EXPECT_EQ(session.client.write(reg::kStreamPacketSize, 65535), gvcp::Status::kInvalidParameter);
+}
+
+TEST(FakeCameraControl, StartWithoutAStreamChannelIsRefused) {
+  const auto address = test::fresh_address();
+  const auto camera = start_camera(address);
+  RawClient client(address);
+  client.take_control();
+  EXPECT_EQ(client.write(reg::kAcquisitionStart, 1), gvcp::Status::kWrongConfig);
+}
+
+TEST(FakeCameraControl, ClockLatchesAndResets) {
+  const auto address = test::fresh_address();
+  const auto camera = start_camera(address);
+  RawClient client(address);
+  client.take_control();
+  client.write(reg::kTimestampControl, reg::kTimestampReset);
+  client.write(reg::kTimestampControl, reg::kTimestampLatch);
+  const std::uint32_t first = client.read(reg::kTimestampLow);
+  client.write(reg::kTimestampControl, reg::kTimestampLatch);
+  EXPECT_GT(client.read(reg::kTimestampLow), first);
+  EXPECT_EQ(client.read(reg::kTimestampHigh), 0U);
+}
+
 }  // namespace bolo::fakecam::stream_test

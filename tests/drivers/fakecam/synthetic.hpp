@@ -1,15 +1,10 @@
 // Frames and addresses for the fake camera's tests.
 #pragma once
 
-#include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <cstring>
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "drivers/fakecam/fake_camera.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::fakecam::test {
 
@@ -27,9 +22,7 @@ inline std::uint16_t pixel_of(std::size_t frame, std::size_t pixel) {
 
 inline MemoryFrames::Content synthetic(Geometry geometry, std::size_t frames, double period_s = 0.005) {
   MemoryFrames::Content content;
-  content.format.geometry = geometry;
-  content.format.scale.unit = Unit::kCount;
-  content.format.frame_period_s = period_s;
+  content.format = {geometry, PixelType::kUint16, {Unit::kCount, 1.0, 0.0}, period_s};
   content.planes.resize(frames * plane_bytes(geometry, PixelType::kUint16));
   std::vector<std::uint16_t> plane(geometry.pixels());
   for (std::size_t f = 0; f < frames; ++f) {
@@ -45,18 +38,9 @@ inline std::unique_ptr<FrameProvider> provider_of(MemoryFrames::Content content)
   return std::make_unique<MemoryFrames>(std::move(content));
 }
 
-// Starts a camera at the options' address.
+// Starts a camera.
 inline std::unique_ptr<FakeCamera> serve(std::unique_ptr<FrameProvider> provider, const FakeCameraOptions& options) {
-  auto camera = FakeCamera::start(options, std::move(provider));
-  EXPECT_TRUE(camera.has_value()) << camera.error().message;
-  return camera ? std::move(*camera) : nullptr;
-}
-
-// The same at an address of its own.
-inline std::unique_ptr<FakeCamera> serve(std::unique_ptr<FrameProvider> provider, const std::string& address) {
-  FakeCameraOptions options;
-  options.address = address;
-  return serve(std::move(provider), options);
+  return *must(FakeCamera::start(options, std::move(provider)));
 }
 
 }  // namespace bolo::fakecam::test

@@ -1,14 +1,9 @@
 // Descriptions that no library can evaluate to the end.
 #include "drivers/genicam/description.hpp"
-
-#include <gtest/gtest.h>
-
-#include <string>
-
+#include "drivers/genicam/division_trap.hpp"
 #include "tests/refusal.hpp"
 
 namespace bolo::genicam::description_test {
-namespace {
 
 Status checked(const std::string& nodes) {
   const std::string xml =
@@ -52,6 +47,30 @@ TEST(Description, ValuesThatTakeForEver) {
   expect_refused(checked(doubled), {"without an end"});
 }
 
+TEST(Description, RegistersOfImpossibleLengths) {
+  for (const char* length : {"1099511627776", "0x10000000000", "65537", "-1", "0", "99999999999999999999"}) {
+    for (const std::string kind : {"StringReg", "IntReg", "FloatReg", "MaskedIntReg"}) {
+      const std::string node =
+          "<" + kind + " Name=\"R\"><Address>8</Address><Length>" + length + "</Length></" + kind + ">";
+      expect_refused(checked(node), {"impossible lengths", "R"});
+    }
+  }
+  expect_refused(checked("<StringReg Name=\"S\"><Address>8</Address><pLength>L</pLength></StringReg>"),
+                 {"lengths", "S"});
+  EXPECT_TRUE(
+      checked("<StringReg Name=\"S\"><Address>8</Address><Length>0x200</Length></StringReg>"
+              "<Register Name=\"F\"><Address>8</Address><pLength>L</pLength></Register>"
+              "<Register Name=\"T\"><Address>8</Address><Length>1000000</Length></Register>"));
+}
+
+TEST(Description, FormulasThatDivideTheSmallestInteger) {
+  survive_division_of_smallest();
+  for (const char* formula : {"(1<<63)/(0-1)", "(1<<63)%(0-1)"}) {
+    const Ref<ArvEvaluator> evaluator(arv_evaluator_new(formula));
+    EXPECT_EQ(arv_evaluator_evaluate_as_int64(evaluator.get(), nullptr), 0) << formula;
+  }
+}
+
 // Limits of two features name one another, and a selector what it selects.
 TEST(Description, WhatRealCamerasSayIsTaken) {
   EXPECT_TRUE(checked(""));
@@ -66,5 +85,118 @@ TEST(Description, WhatRealCamerasSayIsTaken) {
               "<IntReg Name=\"W\"><Address>1</Address></IntReg><IntReg Name=\"O\"><Address>2</Address></IntReg>"));
 }
 
-}  // namespace
+// --- Files that no camera has, as their places and directories state them.
+
+constexpr std::uint32_t kFile = 0x10003;  // no multiple of 4
+
+void put(std::string& bytes, std::size_t at, std::uint32_t value, std::size_t size) {
+  for (std::size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<char>(value >> (8 * i));
+}
+
+// A ZIP file of one entry, as its directory tells of it.
+std::string zip(std::uint32_t unpacked, const std::string& comment = "") {
+  const std::string content(700, 'x');
+  std::string entry(46, '\0');
+  entry.replace(0, 4, "PK\x01\x02");
+  put(entry, 24, unpacked, 4);
+  put(entry, 28, 5, 2);
+  entry += "a.xml";
+  std::string end(22, '\0');
+  end.replace(0, 4, "PK\x05\x06");
+  put(end, 8, 1, 2);
+  put(end, 10, 1, 2);
+  put(end, 12, static_cast<std::uint32_t>(entry.size()), 4);
+  put(end, 16, static_cast<std::uint32_t>(content.size()), 4);
+  return content + entry + end + comment;
+}
+
+Status checked(const std::string& first, const std::string& second, const std::string& file = "") {
+  return check_description_file(
+      [&](std::uint32_t address, std::uint32_t bytes) -> std::optional<std::vector<unsigned char>> {
+        EXPECT_EQ(address % 4, 0U);
+        EXPECT_TRUE(bytes % 4 == 0 && bytes <= 512 && bytes > 0);
+        std::string memory(0x200, '\0');
+        memory += first + std::string(0x200 - first.size(), '\0') + second + std::string(0x200 - second.size(), '\0');
+        memory.resize(kFile);
+        memory += file;
+        memory.resize(std::max<std::size_t>(memory.size(), std::size_t{address} + bytes));
+        return std::vector<unsigned char>(memory.begin() + address, memory.begin() + address + bytes);
+      });
+}
+
+std::string place(const std::string& name, const std::string& bytes) { return "Local:" + name + ";10003;" + bytes; }
+std::string place(const std::string& file) {
+  std::string hexadecimal(8, '0');
+  std::snprintf(hexadecimal.data(), hexadecimal.size() + 1, "%08zx", file.size());
+  return place("a.ZIP", hexadecimal);
+}
+
+TEST(DescriptionFile, OfAnySizeThatDescriptionsHave) {
+  EXPECT_TRUE(checked(place("a.xml", "12345"), ""));
+  EXPECT_TRUE(checked("Local:///a.xml;0x10003;500000?SchemaVersion=1.1.0", place("b.xml", "1")));
+  EXPECT_TRUE(checked("", ""));
+  EXPECT_TRUE(checked("http://camera/a.xml", ""));
+  EXPECT_TRUE(checked("Local:a.xml", "Local:;;"));
+  EXPECT_TRUE(checked(place(zip(3'000'000)), "", zip(3'000'000)));
+}
+
+TEST(DescriptionFile, LargerThanAnyIsRefused) {
+  for (const char* bytes :
+       {"7fffffffffffffff", "ffffffff", "0xffffffff", "-1", "fffffffffffffffffffffffffff", "4000001"}) {
+    expect_refused(checked(place("a.xml", bytes), ""), {"more than any description"});
+    expect_refused(checked("", place("a.xml", bytes)), {"more than any description"});
+  }
+}
+
+TEST(DescriptionFile, ThatUnpacksToMoreThanAnyIsRefused) {
+  for (const std::string& file : {zip(1'500'000'000), zip(1'500'000'000, std::string(3000, 'c'))}) {
+    expect_refused(checked(place(file), "", file), {"unpacks to 1500000000 bytes"});
+  }
+}
+
+TEST(DescriptionFile, OfThisComputerIsRefused) {
+  expect_refused(checked("File:///dev/zero", ""), {"of this computer", "/dev/zero"});
+  expect_refused(checked(place("a.xml", "100"), "file:/etc/passwd"), {"of this computer"});
+}
+
+// One whose content begins as that of an entry does.
+std::string with_entry() {
+  std::string file = zip(900);
+  put(file, 0, 0x04034b50U, 4);
+  put(file, 26, 5, 2);
+  put(file, 28, 0, 2);
+  put(file, 700 + 20, 600, 4);
+  return file;
+}
+
+TEST(DescriptionFile, ThatLeadsBeyondItselfIsRefused) {
+  EXPECT_TRUE(checked(place(with_entry()), "", with_entry()));
+  struct Change {
+    const char* what;
+    std::size_t at;  // from the directory on
+    std::uint32_t value;
+    std::size_t size;
+  };
+  for (const Change& change : {Change{"the directory's place", 51 + 16, 0x7ffffff0U, 4},
+                               {"the directory's size", 51 + 12, 0xfffffff0U, 4},
+                               {"too many entries", 51 + 10, 65, 2},
+                               {"the name", 28, 0xffff, 2},
+                               {"the entry's place", 42, 0xfffffff0U, 4},
+                               {"what is packed", 20, 800, 4}}) {
+    std::string file = with_entry();
+    put(file, 700 + change.at, change.value, change.size);
+    const Status status = checked(place(file), "", file);
+    ASSERT_FALSE(status) << change.what;
+    EXPECT_NE(status.error().message.find("damaged ZIP"), std::string::npos) << status.error().message;
+  }
+  const std::string cut = with_entry().substr(0, 700 + 51 + 10);
+  expect_refused(checked(place(cut), "", cut), {"damaged ZIP"});
+}
+
+TEST(DescriptionFile, WithoutADirectoryIsLeftToTheLibrary) {
+  const std::string file(5000, 'P');
+  EXPECT_TRUE(checked(place(file), "", file));
+  EXPECT_TRUE(check_description_file([](std::uint32_t, std::uint32_t) { return std::nullopt; }));
+}
+
 }  // namespace bolo::genicam::description_test

@@ -1,17 +1,11 @@
 #include "tests/drivers/genicam/fake_camera.hpp"
 
 #include <arpa/inet.h>
-#include <gtest/gtest.h>
 #include <net/if.h>
 #include <sched.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
-
-#include <cerrno>
-#include <chrono>
-#include <cstring>
-#include <fstream>
 
 namespace bolo::genicam::test {
 namespace {
@@ -125,13 +119,13 @@ std::string enumeration_node(const std::string& name, std::uint32_t address, con
   return text + integer_node(name + "Value", address);
 }
 
-CameraOptions options_for(const std::string& address) {
-  CameraOptions options;
+CameraOptions options_for(const std::string& address, CameraOptions options) {
+  const auto standard = [](auto& value, auto none, auto ours) { value = value == none ? ours : value; };
   options.address = address;
-  options.width = kWidth;
-  options.height = kHeight;
+  standard(options.width, 0, kWidth);
+  standard(options.height, 0, kHeight);
   options.rate_hz = kRateHz;
-  options.windowing_watch_ms = 200;
+  standard(options.windowing_watch_ms, CameraOptions().windowing_watch_ms, 200);
   return options;
 }
 

@@ -1,17 +1,6 @@
 // Aravis's fake GigE Vision camera with frames that the tests know, on a network that only the test program has.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <atomic>
-#include <cstdint>
-#include <functional>
-#include <memory>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/gobject.hpp"
 #include "src/pipeline/inlet.hpp"
@@ -83,8 +72,9 @@ std::string write_xml(const std::string& nodes, const std::function<void(std::st
 std::string integer_node(const std::string& name, std::uint32_t address);
 std::string enumeration_node(const std::string& name, std::uint32_t address, const std::vector<std::string>& entries);
 
-// Options that fit the fake.
-CameraOptions options_for(const std::string& address = "127.0.0.1");
+// Options that fit the fake; what is set in `options` stays.
+CameraOptions options_for(const std::string& address = "127.0.0.1", CameraOptions options = {});
+inline CameraOptions with(CameraOptions options) { return options_for("127.0.0.1", std::move(options)); }
 
 struct Received {
   FrameMeta meta;
@@ -138,19 +128,21 @@ class CameraTest : public testing::Test {
   }
   void open(CameraOptions options = options_for()) {
     source_ = std::make_unique<GenicamSource>(std::move(options));
-    const auto info = source_->open();
-    ASSERT_TRUE(info) << info.error().message;
-    info_ = *info;
+    info_ = *must(source_->open());
   }
   // Starts what is open: frames go to collector_ from then on.
   void collect(std::size_t queue = 64) {
     collector_ = std::make_unique<Collector>(info_.format, queue);
-    const Status started = source_->start(collector_->inlet());
-    ASSERT_TRUE(started) << started.error().message;
+    must(source_->start(collector_->inlet()));
   }
   void start(CameraOptions options = options_for()) {
     ASSERT_NO_FATAL_FAILURE(open(std::move(options)));
     collect();
+  }
+  // The same until so many frames have come.
+  void start_and_take(std::uint64_t frames, CameraOptions options = options_for()) {
+    ASSERT_NO_FATAL_FAILURE(start(std::move(options)));
+    ASSERT_TRUE(collector_->wait_for(frames));
   }
   std::uint64_t lost(LossCause cause) const { return collector_->inlet().losses().value(cause); }
   // Waits for so many frames more.

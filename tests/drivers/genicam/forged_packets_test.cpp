@@ -1,21 +1,14 @@
 // Another process sends forged GVSP packets to a live stream: from addresses of its own, from the camera's address,
 // and, where this program may (CAP_NET_RAW), from the camera's address and port.
 #include <arpa/inet.h>
-#include <gtest/gtest.h>
 #include <netinet/ip.h>
 #include <netinet/udp.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 
-#include <array>
-#include <csignal>
-#include <cstdlib>
-#include <cstring>
-#include <ctime>
-
+#include "drivers/fakecam/camera_features.hpp"
 #include "drivers/fakecam/fake_camera.hpp"
-#include "drivers/fakecam/register_map.hpp"
 #include "src/core/unique_fd.hpp"
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
@@ -23,7 +16,6 @@
 #include "tests/drivers/genicam/gvsp_packets.hpp"
 
 namespace bolo::genicam::forged_packets_test {
-namespace {
 
 constexpr Geometry kFrame{640, 120};
 constexpr double kRateHz = 200.0;
@@ -98,33 +90,27 @@ TEST(ForgedPackets, EndNothingAndEveryFrameIsPublishedOrCounted) {
   const char* asked = std::getenv("BOLO_FORGED_SECONDS");
   const auto seconds = static_cast<std::uint64_t>(asked != nullptr ? std::max(1, std::atoi(asked)) : 5);
   const std::uint64_t frames = seconds * static_cast<std::uint64_t>(kRateHz);
-  fakecam::FakeCameraOptions fake_options;
-  fake_options.address = fakecam::test::fresh_address();
-  fake_options.laps = frames / kDistinct;
-  auto fake = fakecam::FakeCamera::start(
-      fake_options, fakecam::test::provider_of(fakecam::test::synthetic(kFrame, kDistinct, 1.0 / kRateHz)));
-  ASSERT_TRUE(fake) << fake.error().message;
-
-  CameraOptions options;
-  options.address = fake_options.address;
-  GenicamSource source(options);
-  const auto info = source.open();
-  ASSERT_TRUE(info) << info.error().message;
+  const std::string camera = fakecam::test::fresh_address();
+  const auto fake =
+      fakecam::test::serve(fakecam::test::provider_of(fakecam::test::synthetic(kFrame, kDistinct, 1.0 / kRateHz)),
+                           {.address = camera, .laps = frames / kDistinct});
+  GenicamSource source({.address = camera});
+  const auto info = must(source.open());
   test::Collector collector(info->format, 200);
   ASSERT_TRUE(source.start(collector.inlet()));
 
-  fakecam::test::RawClient reader(fake_options.address);
+  fakecam::test::RawClient reader(camera);
   const auto port = [&](std::uint32_t where) { return static_cast<std::uint16_t>(reader.read(where)); };
   Stream stream;
   stream.to = address_of("0.0.0.0", port(fakecam::reg::kStreamPort));
   stream.to.sin_addr.s_addr = htonl(reader.read(fakecam::reg::kStreamAddress));
-  stream.camera = address_of(fake_options.address, port(fakecam::reg::kStreamSourcePort));
+  stream.camera = address_of(camera, port(fakecam::reg::kStreamSourcePort));
   const std::string stranger = fakecam::test::fresh_address();
   const pid_t forger = fork();
-  if (forger == 0) forge(stream, fake_options.address, stranger);
+  if (forger == 0) forge(stream, camera, stranger);
 
   const auto& losses = collector.inlet().losses();
-  while ((*fake)->stats().streams_finished == 0 && !testing::Test::HasFailure()) usleep(50'000);
+  while (fake->stats().streams_finished == 0 && !testing::Test::HasFailure()) usleep(50'000);
   EXPECT_TRUE(test::eventually([&] { return collector.inlet().received() + losses.total() >= frames; }));
   kill(forger, SIGKILL);
   waitpid(forger, nullptr, 0);
@@ -135,7 +121,7 @@ TEST(ForgedPackets, EndNothingAndEveryFrameIsPublishedOrCounted) {
   ASSERT_FALSE(received.empty());
   const std::uint64_t span = received.back().meta.frame_id - received.front().meta.frame_id + 1;
   std::printf("%zu of %zu frames received, %zu lost; %zu packets, %zu ignored\n", received.size(),
-              static_cast<std::size_t>((*fake)->stats().frames_sent), static_cast<std::size_t>(losses.total()),
+              static_cast<std::size_t>(fake->stats().frames_sent), static_cast<std::size_t>(losses.total()),
               static_cast<std::size_t>(transport.received_packets),
               static_cast<std::size_t>(transport.ignored_packets));
   EXPECT_EQ(received.size() + losses.total(), frames);
@@ -147,5 +133,4 @@ TEST(ForgedPackets, EndNothingAndEveryFrameIsPublishedOrCounted) {
   }
 }
 
-}  // namespace
 }  // namespace bolo::genicam::forged_packets_test

@@ -1,11 +1,8 @@
 // GenicamSource: lost packets, wrong frames, resets, and cameras that disappear.
-#include <gtest/gtest.h>
-
 #include "src/core/clock.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 
 namespace bolo::genicam::test::genicam_loss_test {
-namespace {
 
 using pipeline::LostCause;
 
@@ -29,10 +26,7 @@ class GenicamLossTest : public CameraTest {
 
 TEST_F(GenicamLossTest, CountsEachFrameOfALossyLinkOnce) {
   FakeCamera fake;
-  CameraOptions options = options_for();
-  options.packet_size = 576;  // several packets a frame, so that leaders, data and trailers are lost
-  start(options);
-  ASSERT_TRUE(collector_->wait_for(10));
+  start_and_take(10, with({.packet_size = 576}));  // several a frame, so that leaders, data and trailers are lost
   fake.set_lost_packets(0.05);
   ASSERT_TRUE(eventually([&] { return fake.sent() >= 300; }));
   fake.set_lost_packets(0.0);
@@ -56,16 +50,14 @@ TEST_F(GenicamLossTest, CountsEachFrameOfALossyLinkOnce) {
 
 TEST_F(GenicamLossTest, CountsAJumpOfTheCounterAsMissing) {
   FakeCamera fake({.id = [](std::uint64_t n) { return static_cast<std::uint16_t>(n < 20 ? 100 + n : 107 + n); }});
-  start();
-  ASSERT_TRUE(collector_->wait_for(60));
+  start_and_take(60);
   source_->stop();
   EXPECT_EQ(lost(LossCause::kMissing), 7U);
 }
 
 TEST_F(GenicamLossTest, StartsANewWindowWhenTheCounterIsReset) {
   FakeCamera fake({.id = [](std::uint64_t n) { return static_cast<std::uint16_t>(n < 20 ? 30000 + n : n - 19); }});
-  start();
-  ASSERT_TRUE(collector_->wait_for(60));
+  start_and_take(60);
   source_->stop();
   const auto& frames = collector_->finish();
   for (std::size_t i = 1; i < frames.size(); ++i) {
@@ -100,10 +92,7 @@ TEST_F(GenicamLossTest, RefusesFramesOfAnotherSize) {
 
 TEST_F(GenicamLossTest, ReopensACameraThatComesBack) {
   auto fake = std::make_unique<FakeCamera>();
-  CameraOptions options = options_for();
-  options.reconnect_after_ms = 300;
-  start(options);
-  ASSERT_TRUE(collector_->wait_for(20));
+  start_and_take(20, with({.reconnect_after_ms = 300}));
   fake->kill();
   ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kLost; }));
   EXPECT_EQ(lost_by(LostCause::kNoAnswer), 1U);
@@ -127,8 +116,7 @@ TEST_F(GenicamLossTest, ReopensACameraThatComesBack) {
 // Rebooted within the watchdog's patience: it answers, but knows nothing of this program.
 TEST_F(GenicamLossTest, ReopensACameraThatRebootedAtOnce) {
   auto fake = std::make_unique<FakeCamera>();
-  start();
-  ASSERT_TRUE(collector_->wait_for(20));
+  start_and_take(20);
   fake->kill();
   fake = std::make_unique<FakeCamera>();
   ASSERT_TRUE(eventually([&] { return source_->reconnects() == 1; }));
@@ -139,10 +127,7 @@ TEST_F(GenicamLossTest, ReopensACameraThatRebootedAtOnce) {
 
 TEST_F(GenicamLossTest, ReopensACameraThatAnswersButSendsNothing) {
   FakeCamera fake;
-  CameraOptions options = options_for();
-  options.reconnect_after_ms = 400;
-  start(options);
-  ASSERT_TRUE(collector_->wait_for(10));
+  start_and_take(10, with({.reconnect_after_ms = 400}));
   fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);
   ASSERT_TRUE(eventually([&] { return source_->reconnects() == 1; }));
   EXPECT_TRUE(wait_for_more(10)) << "it was told to send again";
@@ -153,10 +138,7 @@ TEST_F(GenicamLossTest, ReopensACameraThatAnswersButSendsNothing) {
 
 TEST_F(GenicamLossTest, TellsThatFramesComeAgainAfterAStall) {
   FakeCamera fake;
-  CameraOptions options = options_for();
-  options.reconnect_after_ms = 60'000;
-  start(options);
-  ASSERT_TRUE(collector_->wait_for(10));
+  start_and_take(10, with({.reconnect_after_ms = 60'000}));
   fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);
   ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kStalled; }));
   fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 1);
@@ -168,10 +150,7 @@ TEST_F(GenicamLossTest, TellsThatFramesComeAgainAfterAStall) {
 
 TEST_F(GenicamLossTest, SaysThatItStallsWithoutReopeningWhenToldSo) {
   FakeCamera fake;
-  CameraOptions options = options_for();
-  options.reconnect_after_ms = 0;
-  start(options);
-  ASSERT_TRUE(collector_->wait_for(10));
+  start_and_take(10, with({.reconnect_after_ms = 0}));
   fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);  // connected, but silent
   EXPECT_TRUE(eventually([&] { return source_->state() == SourceState::kStalled; }));
   EXPECT_EQ(source_->reconnects(), 0U);
@@ -180,8 +159,7 @@ TEST_F(GenicamLossTest, SaysThatItStallsWithoutReopeningWhenToldSo) {
 
 TEST_F(GenicamLossTest, TakesControlBackWhenItWasTakenAway) {
   FakeCamera fake;
-  start();
-  ASSERT_TRUE(collector_->wait_for(10));
+  start_and_take(10);
   fake.take_control_away();
   ASSERT_TRUE(eventually([&] { return source_->reconnects() >= 1; }));
   EXPECT_TRUE(wait_for_more(10));
@@ -191,8 +169,7 @@ TEST_F(GenicamLossTest, TakesControlBackWhenItWasTakenAway) {
 
 TEST_F(GenicamLossTest, StopsInBoundedTimeWhenTheCameraIsGone) {
   FakeCamera fake;
-  start();
-  ASSERT_TRUE(collector_->wait_for(10));
+  start_and_take(10);
   fake.kill();
   const std::int64_t before_ns = monotonic_ns();
   source_->stop();
@@ -202,5 +179,4 @@ TEST_F(GenicamLossTest, StopsInBoundedTimeWhenTheCameraIsGone) {
   EXPECT_EQ(collector_->inlet().received(), received);
 }
 
-}  // namespace
 }  // namespace bolo::genicam::test::genicam_loss_test

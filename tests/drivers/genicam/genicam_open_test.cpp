@@ -1,11 +1,14 @@
 // GenicamSource::open(): finding the camera, and agreeing with it.
-#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
+#include "drivers/genicam/connection.hpp"
+#include "src/core/clock.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 #include "tests/drivers/genicam/swapping_relay.hpp"
+#include "tests/no_threads.hpp"
 
 namespace bolo::genicam::test::genicam_open_test {
-namespace {
 
 using GenicamOpenTest = CameraTest;
 
@@ -37,18 +40,15 @@ TEST_F(GenicamOpenTest, SaysWhatWillCome) {
 
 TEST_F(GenicamOpenTest, LeavesSizeAndRateOfTheCameraWhenNotAsked) {
   add_camera();
-  CameraOptions options;
-  options.address = "127.0.0.1";
-  options.metadata_rows = 2;
-  open(options);
+  open({.address = "127.0.0.1", .metadata_rows = 2});
   EXPECT_EQ(info_.format.geometry, (Geometry{512, 510}));
   EXPECT_NEAR(info_.format.frame_period_s, 0.04, 1e-9);
 }
 
-TEST_F(GenicamOpenTest, SaysWhichAddressDoesNotAnswer) { expect_not_opened(options_for("127.0.0.9"), {"127.0.0.9"}); }
-
-TEST_F(GenicamOpenTest, SaysThatThereIsNoRoute) {
+TEST_F(GenicamOpenTest, SaysWhoDoesNotAnswerAndThatThereIsNoRoute) {
+  expect_not_opened(options_for("127.0.0.9"), {"127.0.0.9"});
   expect_not_opened(options_for("192.0.2.1"), {"no route"});  // this network has a loopback only
+  expect_not_opened(options_for(""), {"no camera answers"});
 }
 
 TEST_F(GenicamOpenTest, SaysThatAnotherProgramHasTheCamera) {
@@ -76,9 +76,45 @@ TEST_F(GenicamOpenTest, RefusesASizeThatTheCameraRounds) {
   add_camera({.xml = write_xml("<IntConverter Name=\"Width16\"><FormulaTo>(FROM &gt;&gt; 4) &lt;&lt; 4</FormulaTo>"
                                "<FormulaFrom>TO</FormulaFrom><pValue>WidthRegister</pValue></IntConverter>",
                                [](std::string& xml) { replace(xml, "<pValue>WidthRegister<", "<pValue>Width16<"); })});
-  CameraOptions options = options_for();
-  options.width = 100;
-  expect_not_opened(options, {"Width = 100", "96"});
+  expect_not_opened(with({.width = 100}), {"Width = 100", "96"});
+}
+
+// Memory is taken for a hundred frames: what a camera says of their size is not believed without end.
+TEST_F(GenicamOpenTest, RefusesFramesLargerThanAnyCameraHas) {
+  add_camera({.xml = write_xml("<IntConverter Name=\"Wide\"><FormulaTo>400000</FormulaTo><FormulaFrom>400000"
+                               "</FormulaFrom><pValue>WidthRegister</pValue></IntConverter>",
+                               [](std::string& xml) { replace(xml, "<pValue>WidthRegister<", "<pValue>Wide<"); })});
+  CameraOptions options;
+  options.address = "127.0.0.1";
+  expect_not_opened(options, {"400000x", "pixels at most are taken"});
+}
+
+TEST_F(GenicamOpenTest, RefusesPayloadsFarLargerThanTheirImage) {
+  add_camera({.xml = write_xml("", [](std::string& xml) {
+                replace(xml, "WIDTH * HEIGHT * ((PIXELFORMAT", "60000000 + 0 * ((PIXELFORMAT");
+              })});
+  open();
+  pipeline::FrameInlet inlet(info_.format, 4, 4);
+  const Status started = source_->start(inlet);
+  ASSERT_FALSE(started);
+  EXPECT_NE(started.error().message.find("60000000 bytes (PayloadSize)"), std::string::npos) << started.error().message;
+}
+
+// Aravis goes on with sockets that it was refused, and ends.
+TEST_F(GenicamOpenTest, OutlivesWantOfFileDescriptors) {
+  const auto without_descriptors = [](int left) {
+    const int next = dup(STDIN_FILENO);
+    close(next);
+    const rlimit limit{static_cast<rlim_t>(next + left), static_cast<rlim_t>(next + left)};
+    setrlimit(RLIMIT_NOFILE, &limit);
+    const bool found = !find_cameras().empty();
+    const auto opened = GenicamSource(options_for()).open();
+    const bool said = !opened && opened.error().message.find("no file descriptors are left") != std::string::npos;
+    _exit(!found && said ? 7 : 1);
+  };
+  for (const int left : {0, 1, 2, 4, 8}) {
+    EXPECT_EXIT(without_descriptors(left), testing::ExitedWithCode(7), "") << left;
+  }
 }
 
 // A camera that derives its width itself must not be written to when it fits.
@@ -87,26 +123,14 @@ TEST_F(GenicamOpenTest, AcceptsAFixedSizeThatFits) {
       {.xml = write_xml("<IntConverter Name=\"WidthFixed\"><FormulaTo>512</FormulaTo>"
                         "<FormulaFrom>TO</FormulaFrom><pValue>WidthRegister</pValue></IntConverter>",
                         [](std::string& xml) { replace(xml, "<pValue>WidthRegister<", "<pValue>WidthFixed<"); })});
-  CameraOptions options = options_for();
-  expect_not_opened(options, {"512"});
-  options.width = 512;
-  open(options);
+  expect_not_opened(options_for(), {"512"});
+  open(with({.width = 512}));
 }
 
-TEST_F(GenicamOpenTest, RefusesPacketsThatTheLinkCannotCarry) {
+TEST_F(GenicamOpenTest, RefusesPacketsTooLargeForTheLinkOrTooSmallForAFrame) {
   add_camera();
-  CameraOptions options = options_for();
-  options.packet_size = 70000;
-  expect_not_opened(options, {"MTU"});
-}
-
-TEST_F(GenicamOpenTest, RefusesPacketsTooSmallForAFrame) {
-  add_camera();
-  for (const int size : {1, 36, 60, 575}) {
-    CameraOptions options = options_for();
-    options.packet_size = size;
-    expect_not_opened(options, {"576 or more"});
-  }
+  expect_not_opened(with({.packet_size = 70000}), {"MTU"});
+  for (const int size : {1, 36, 60, 575}) expect_not_opened(with({.packet_size = size}), {"576 or more"});
 }
 
 TEST_F(GenicamOpenTest, WarnsWhenTheRateIsAnother) {
@@ -118,11 +142,7 @@ TEST_F(GenicamOpenTest, WarnsWhenTheRateIsAnother) {
 
 TEST_F(GenicamOpenTest, ConfiguresAFlir) {
   FakeCamera& fake = add_camera({.xml = write_xml(flir_nodes())});
-  CameraOptions options = options_for();
-  options.width = 640;
-  options.height = 120;
-  // The fake's sensor has 2048 rows: 120 of them need the quarter.
-  open(options);
+  open(with({.width = 640, .height = 120}));  // the fake's sensor has 2048 rows: 120 of them need the quarter
   EXPECT_EQ(fake.read_register(kIrFormatAt), 2U);
   EXPECT_EQ(fake.read_register(kIrWindowingAt), 2U);
   EXPECT_EQ(fake.read_register(kIrFrameRateAt), 0U);
@@ -141,9 +161,7 @@ TEST_F(GenicamOpenTest, ComesBackWhenANewWindowingDropsTheConnection) {
     EXPECT_TRUE(eventually([&] { return fake.read_register(kIrWindowingAt) == 2; }));
     fake.take_control_away();
   });
-  CameraOptions options = options_for();
-  options.windowing_watch_ms = 5000;  // longer than the camera takes to drop
-  open(options);
+  open(with({.windowing_watch_ms = 5000}));  // longer than the camera takes to drop
   camera.join();
   ASSERT_FALSE(HasFatalFailure());
   EXPECT_EQ(fake.read_register(kIrFormatAt), 2U) << "the rest was configured after coming back";
@@ -159,24 +177,18 @@ TEST_F(GenicamOpenTest, ReadsTheScaleOfEachIrFormat) {
       {IrFormat::kTemperatureLinear100mK, {Unit::kKelvin, 0.1, 0.0}},
       {IrFormat::kTemperatureLinear10mK, {Unit::kKelvin, 0.01, 0.0}}};
   for (std::uint32_t value = 0; value < formats.size(); ++value) {
-    CameraOptions options = options_for();
-    options.ir_format = formats[value].first;
-    open(options);
+    open(with({.ir_format = formats[value].first}));
     EXPECT_EQ(info_.format.scale, formats[value].second);
     EXPECT_EQ(fake.read_register(kIrFormatAt), value);
   }
-  CameraOptions options = options_for();
-  options.ir_format = IrFormat::kLeave;
   fake.write_register(kIrFormatAt, 1);
-  open(options);
+  open(with({.ir_format = IrFormat::kLeave}));
   EXPECT_EQ(info_.format.scale, (LinearScale{Unit::kKelvin, 0.1, 0.0}));
 }
 
 TEST_F(GenicamOpenTest, SaysWhatRateAFlirRunsAtInstead) {
   add_camera({.xml = write_xml(flir_nodes())});
-  CameraOptions options = options_for();
-  options.height = 2048;  // the whole sensor: 50 Hz at most
-  open(options);
+  open(with({.height = 2048}));  // the whole sensor: 50 Hz at most
   EXPECT_NEAR(info_.format.frame_period_s, 0.02, 1e-9);
   EXPECT_TRUE(warned("asked for 200 Hz, the camera runs at 50 Hz"));
 }
@@ -196,8 +208,7 @@ TEST_F(GenicamOpenTest, WorksRoundSwappedRegisters) {
 TEST_F(GenicamOpenTest, ListsTheCamerasWhenThereAreSeveral) {
   add_camera();
   add_camera({.address = "127.0.0.2"});
-  CameraOptions options = options_for("");
-  expect_not_opened(options, {"several cameras", "127.0.0.2"});
+  expect_not_opened(options_for(""), {"several cameras", "127.0.0.2"});
 }
 
 TEST_F(GenicamOpenTest, FindsTheOnlyCamera) {
@@ -212,7 +223,90 @@ TEST_F(GenicamOpenTest, FindsTheOnlyCamera) {
   source_->stop();
 }
 
-TEST_F(GenicamOpenTest, SaysThatNoCameraAnswersAtAll) { expect_not_opened(options_for(""), {"no camera answers"}); }
+// --- GenicamSource: what arrives, and stopping.
 
-}  // namespace
+using GenicamStreamTest = CameraTest;
+
+void expect_pixels(const Received& frame, Geometry geometry) {
+  const std::uint64_t n = number_of(frame);
+  for (int y = 0; y < geometry.height; ++y) {
+    for (int x = 0; x < geometry.width; ++x) {
+      const std::size_t i =
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(geometry.width) + static_cast<std::size_t>(x);
+      ASSERT_EQ(frame.pixels[i], pixel(n, x, y)) << "frame " << n << " at " << x << "," << y;
+    }
+  }
+}
+
+TEST_F(GenicamStreamTest, DeliversEachPixelIdAndTime) {
+  FakeCamera fake;
+  const std::int64_t before_ns = monotonic_ns();
+  start();
+  ASSERT_TRUE(collector_->wait_for(100)) << "past the wrap of the 16-bit counter at frame 36";
+  EXPECT_EQ(source_->state(), SourceState::kStreaming);
+  source_->stop();
+  EXPECT_EQ(source_->state(), SourceState::kIdle);
+
+  const auto& frames = collector_->finish();
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    expect_pixels(frames[i], info_.format.geometry);
+    EXPECT_EQ(frames[i].meta.frame_id, kFirstId + number_of(frames[i]));
+    EXPECT_GE(frames[i].meta.receive_ns, i == 0 ? before_ns : frames[i - 1].meta.receive_ns);
+    EXPECT_LE(frames[i].meta.receive_ns, monotonic_ns());
+    EXPECT_FALSE(frames[i].restart_window);
+  }
+  const auto& losses = collector_->inlet().losses();
+  EXPECT_EQ(frames.back().meta.frame_id - frames.front().meta.frame_id + 1, frames.size() + losses.total());
+  EXPECT_GE(source_->transport_stats().completed_buffers, frames.size());
+}
+
+TEST_F(GenicamStreamTest, SwapsBigEndianPixels) {
+  FakeCamera fake({.big_endian = true});
+  start_and_take(5, with({.pixel_order = PixelOrder::kBigEndian}));
+  source_->stop();
+  for (const Received& frame : collector_->finish()) expect_pixels(frame, info_.format.geometry);
+}
+
+TEST_F(GenicamStreamTest, DropsMetadataRows) {
+  FakeCamera fake;
+  start_and_take(5, with({.metadata_rows = 3}));
+  EXPECT_EQ(info_.format.geometry, (Geometry{kWidth, kHeight}));
+  EXPECT_EQ(fake.read_register(ARV_FAKE_CAMERA_REGISTER_HEIGHT), static_cast<std::uint32_t>(kHeight + 3));
+  source_->stop();
+  for (const Received& frame : collector_->finish()) expect_pixels(frame, info_.format.geometry);
+}
+
+TEST_F(GenicamStreamTest, WithoutAThreadToReceiveThereIsAnError) {
+  FakeCamera fake;
+  open();
+  Collector collector(info_.format);
+  const NoThreads none;
+  expect_error(source_->start(collector.inlet()), {"no thread can be started"});
+}
+
+TEST_F(GenicamStreamTest, HandsInNothingAfterStopAndLeavesTheCameraToOthers) {
+  FakeCamera fake;
+  start_and_take(3);
+  source_->stop();
+  const std::uint64_t received = collector_->inlet().received();
+  const std::uint64_t lost = collector_->inlet().losses().total();
+  source_->stop();
+  GenicamSource second(options_for());
+  must(second.open());
+  EXPECT_EQ(collector_->inlet().received(), received);
+  EXPECT_EQ(collector_->inlet().losses().total(), lost);
+}
+
+TEST_F(GenicamStreamTest, StartsAgainAfterStop) {
+  FakeCamera fake;
+  open();
+  source_->stop();
+  EXPECT_EQ(source_->state(), SourceState::kIdle) << "though it never started";
+  for (int round = 0; round < 3; ++round) {
+    collect();
+    ASSERT_TRUE(collector_->wait_for(5)) << "round " << round;
+    source_->stop();
+  }
+}
+
 }  // namespace bolo::genicam::test::genicam_open_test

@@ -1,15 +1,7 @@
 #include "drivers/genicam/gvsp_assembler.hpp"
-
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <string>
-#include <utility>
-
 #include "tests/drivers/genicam/gvsp_packets.hpp"
 
 namespace bolo::genicam::gvsp::gvsp_assembler_test {
-namespace {
 
 using test::Datagram;
 using test::datagram;
@@ -286,5 +278,4 @@ TEST_P(GvspResend, AsksForAPartOfAFrameOnly) {
 INSTANTIATE_TEST_SUITE_P(Ids, GvspAssembler, testing::Bool());
 INSTANTIATE_TEST_SUITE_P(Ids, GvspResend, testing::Bool());
 
-}  // namespace
 }  // namespace bolo::genicam::gvsp::gvsp_assembler_test

@@ -1,13 +1,9 @@
 // GVSP datagrams for tests: the camera's, and such as nobody's camera sends.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
-#include <span>
-#include <vector>
-
-#include "drivers/genicam/gvsp_packet.hpp"
+#include "drivers/genicam/gvsp_assembler.hpp"
 #include "src/core/splitmix.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::genicam::gvsp::test {
 

@@ -1,12 +1,8 @@
 // SceneWatch: motion, and values that are no temperatures. NucSchedule: when a correction is due.
-#include "drivers/genicam/scene_watch.hpp"
-
-#include <gtest/gtest.h>
-
-#include <vector>
+#include "drivers/genicam/frame_receiver.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::genicam::scene_watch_test {
-namespace {
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 constexpr std::int64_t kPeriodNs = 5'000'000;
@@ -68,13 +64,7 @@ TEST(Implausible, NamesTheSettingThatMakesSense) {
   EXPECT_NE(implausible(7, mk10)->find("ir_format"), std::string::npos);
 }
 
-NucOptions policy(NucPolicy which) {
-  NucOptions options;
-  options.policy = which;
-  options.interval_s = 100.0;
-  options.still_s = 2.0;
-  return options;
-}
+NucOptions policy(NucPolicy which) { return {.policy = which, .interval_s = 100.0, .still_s = 2.0}; }
 
 TEST(NucSchedule, IsNeverDueWhenOthersDecide) {
   for (const NucPolicy which : {NucPolicy::kCamera, NucPolicy::kManual}) {
@@ -100,5 +90,4 @@ TEST(NucSchedule, StillWaitsForTheSceneAndTheInterval) {
   EXPECT_TRUE(schedule.due(111 * kSecondNs, 9 * kSecondNs));
 }
 
-}  // namespace
 }  // namespace bolo::genicam::scene_watch_test

@@ -1,15 +1,10 @@
 #include "tests/drivers/genicam/swapping_relay.hpp"
 
 #include <arpa/inet.h>
-#include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
-
-#include <algorithm>
-#include <array>
-#include <cstdint>
 
 namespace bolo::genicam::test {
 namespace {

@@ -2,9 +2,7 @@
 // as memory: what some FLIR cameras do.
 #pragma once
 
-#include <atomic>
-#include <string>
-#include <thread>
+#include "tests/test.hpp"
 
 namespace bolo::genicam::test {
 

@@ -1,18 +1,9 @@
 #include "drivers/replay/replay_source.hpp"
-
-#include <gtest/gtest.h>
-
-#include <cstdint>
-#include <cstdlib>
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include "src/core/clock.hpp"
+#include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 
-namespace bolo::replay {
-namespace {
+namespace bolo::replay::replay_source_test {
 
 constexpr std::int64_t kHangGuardNs = 60'000'000'000;
 
@@ -24,13 +15,10 @@ class ReplaySourceTest : public testing::Test {
   std::shared_ptr<const capture::CaptureReader> write(const std::vector<std::uint64_t>& ids,
                                                       const std::vector<capture::Event>& events = {},
                                                       double period_s = 0.005) {
-    capture::CaptureInfo info;
-    info.format.geometry = {5, 4};
-    info.format.frame_period_s = period_s;
-    info.camera_model = "model";
-    info.camera_serial = "serial";
-    auto writer = capture::CaptureWriter::create(file(), info);
-    EXPECT_TRUE(writer) << writer.error().message;
+    auto writer =
+        must(capture::CaptureWriter::create(file(), {.format = {.geometry = {5, 4}, .frame_period_s = period_s},
+                                                     .camera_model = "model",
+                                                     .camera_serial = "serial"}));
     std::vector<std::uint16_t> plane(20);
     for (const std::uint64_t id : ids) {
       for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = value(id, i);
@@ -38,14 +26,12 @@ class ReplaySourceTest : public testing::Test {
     }
     for (const capture::Event& event : events) EXPECT_TRUE(writer->add_event(event));
     EXPECT_TRUE(writer->close());
-    auto reader = capture::CaptureReader::open(file());
-    EXPECT_TRUE(reader) << reader.error().message;
+    auto reader = must(capture::CaptureReader::open(file()));
     return std::make_shared<const capture::CaptureReader>(std::move(*reader));
   }
-  std::filesystem::path file() const { return folder_ / "in.h5"; }
+  std::filesystem::path file() const { return scratch_ / "in.h5"; }
 
   const Scratch scratch_;
-  const std::filesystem::path folder_ = scratch_.path();
 };
 
 struct Taken {
@@ -74,8 +60,7 @@ std::vector<Taken> take_all(ReplaySource& source, pipeline::FrameInlet& inlet) {
 TEST_F(ReplaySourceTest, HandsInEveryFrameWithItsNumberTimeAndPixels) {
   const std::vector<std::uint64_t> ids{3, 4, 5, 6, 7, 8, 9, 10, 11, 12};
   ReplaySource source(write(ids), Pace::kAsFastAsPossible);
-  const auto info = source.open();
-  ASSERT_TRUE(info) << info.error().message;
+  const auto info = must(source.open());
   EXPECT_EQ(info->format.geometry, (Geometry{5, 4}));
   EXPECT_EQ(info->camera_model, "model");
   EXPECT_EQ(info->camera_serial, "serial");
@@ -98,8 +83,7 @@ TEST_F(ReplaySourceTest, HandsInEveryFrameWithItsNumberTimeAndPixels) {
 TEST_F(ReplaySourceTest, LapsRiseOnAndBeginANewWindow) {
   const std::vector<std::uint64_t> ids{3, 4, 6};
   ReplaySource source(write(ids), Pace::kAsFastAsPossible, {}, Laps::kForEver);
-  const auto info = source.open();
-  ASSERT_TRUE(info) << info.error().message;
+  const auto info = must(source.open());
   pipeline::FrameInlet inlet(info->format, 1, 2);
   ASSERT_TRUE(source.start(inlet));
   for (std::uint64_t n = 0; n < 9; ++n) {
@@ -119,8 +103,7 @@ TEST_F(ReplaySourceTest, LapsRiseOnAndBeginANewWindow) {
 
 TEST_F(ReplaySourceTest, ARegionIsTheSamePixels) {
   ReplaySource source(write({0, 1, 2}), Pace::kAsFastAsPossible, Region{2, 1, 3, 2});
-  const auto info = source.open();
-  ASSERT_TRUE(info) << info.error().message;
+  const auto info = must(source.open());
   EXPECT_EQ(info->format.geometry, (Geometry{3, 2}));
   pipeline::FrameInlet inlet(info->format, 1, 2);
   const auto taken = take_all(source, inlet);
@@ -137,10 +120,7 @@ TEST_F(ReplaySourceTest, ARegionOutsideTheFrameIsRefused) {
   for (const Region& region :
        {Region{3, 0, 3, 1}, Region{0, 0, 5, 5}, Region{-1, 0, 2, 2}, Region{0, 0, 0, 1}, Region{0, 4, 1, 1}}) {
     ReplaySource source(reader, Pace::kAsFastAsPossible, region);
-    const auto info = source.open();
-    ASSERT_FALSE(info);
-    EXPECT_EQ(info.error().kind, ErrorKind::kBadInput);
-    EXPECT_NE(info.error().message.find("not inside the frame of 5x4"), std::string::npos) << info.error().message;
+    expect_refused(source.open(), {"not inside the frame of 5x4"});
   }
 }
 
@@ -168,7 +148,7 @@ TEST_F(ReplaySourceTest, NucAndReconnectStartANewWindowAtTheNextFrame) {
 
 TEST_F(ReplaySourceTest, InRealTimeNothingWaitsAndEachLossIsCounted) {
   std::vector<std::uint64_t> ids(50);
-  for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = i;
+  std::iota(ids.begin(), ids.end(), 0U);
   ReplaySource source(write(ids, {}, 0.0005), Pace::kRealTime);
   pipeline::FrameInlet inlet(source.open()->format, 2, 4);
   const std::int64_t start_ns = monotonic_ns();
@@ -182,7 +162,7 @@ TEST_F(ReplaySourceTest, InRealTimeNothingWaitsAndEachLossIsCounted) {
 
 TEST_F(ReplaySourceTest, StopEndsAReplayThatWaitsForASlot) {
   std::vector<std::uint64_t> ids(50);
-  for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = i;
+  std::iota(ids.begin(), ids.end(), 0U);
   ReplaySource source(write(ids), Pace::kAsFastAsPossible);
   pipeline::FrameInlet inlet(source.open()->format, 1, 2);
   ASSERT_TRUE(source.start(inlet));
@@ -209,24 +189,4 @@ TEST(CopyRegion, TakesRowsOutOfAPlane) {
   EXPECT_EQ(out, (std::vector<float>{5, 6, 9, 10}));
 }
 
-TEST(ReplayOfRealData, EveryCaptureGoesThrough) {
-  const char* data = std::getenv("BOLO_TEST_DATA");
-  if (data == nullptr) GTEST_SKIP() << "BOLO_TEST_DATA is not set: no real captures to replay";
-  int captures = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::path(data) / "captures")) {
-    auto reader = capture::CaptureReader::open(entry.path());
-    ASSERT_TRUE(reader) << reader.error().message;
-    const std::size_t frames = reader->info().frames;
-    ReplaySource source(std::make_shared<const capture::CaptureReader>(std::move(*reader)), Pace::kAsFastAsPossible);
-    const auto info = source.open();
-    ASSERT_TRUE(info) << info.error().message;
-    pipeline::FrameInlet inlet(info->format, 1, 4);
-    EXPECT_EQ(take_all(source, inlet).size(), frames) << entry.path();
-    EXPECT_TRUE(source.result());
-    ++captures;
-  }
-  EXPECT_GT(captures, 0);
-}
-
-}  // namespace
-}  // namespace bolo::replay
+}  // namespace bolo::replay::replay_source_test

@@ -1,14 +1,9 @@
 // Who may read: a reader in the stream's group, one outside it, and what neither can do.
 #include <fcntl.h>
 #include <grp.h>
-#include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cerrno>
-#include <cstdlib>
-#include <filesystem>
 
 #include "src/capture/capture.hpp"
 #include "tests/drivers/shm/client_rig.hpp"
@@ -17,7 +12,6 @@
 #include "tests/tools/program.hpp"
 
 namespace bolo::shm::client_access_test {
-namespace {
 
 constexpr uid_t kStranger = 4321;
 constexpr const char* kGroup = "video";
@@ -130,10 +124,7 @@ TEST_F(ClientAccess, TheLibraryMapsReadOnly) {
 using tools::test::Program;
 
 void write_capture(const std::filesystem::path& file, Geometry geometry) {
-  capture::CaptureInfo info;
-  info.format.geometry = geometry;
-  auto writer = capture::CaptureWriter::create(file, info, {.replace = Replace::kExisting});
-  ASSERT_TRUE(writer) << writer.error().message;
+  auto writer = must(capture::CaptureWriter::create(file, {.format = {.geometry = geometry}}));
   const std::vector<std::uint16_t> plane(geometry.pixels(), 30'000);
   for (std::uint64_t id = 0; id < 100; ++id) {
     ASSERT_TRUE(writer->append(static_cast<double>(id) * 0.005, id, plane.data()));
@@ -191,21 +182,5 @@ TEST_F(ClientDaemon, AKilledDaemonsSuccessorIsFollowed) {
     ASSERT_GE(result, 0);
   }
 }
-
-TEST_F(ClientDaemon, ARivalIsRefusedAndReadersStay) {
-  const auto first = start({16, 8}, "first");
-  const Client client = open_client(name_, 60'000);
-  ASSERT_TRUE(client) << bolo_client_error(nullptr);
-  const auto rival = start({8, 4}, "rival");
-  EXPECT_EQ(rival->wait(), 2);
-  EXPECT_NE(rival->err().find("is written by process " + std::to_string(first->pid())), std::string::npos)
-      << rival->err();
-  bolo_client_frame frame{};
-  for (int i = 0; i < 5; ++i) ASSERT_EQ(bolo_client_next(client.get(), 60'000, &frame), BOLO_CLIENT_OK);
-  EXPECT_EQ(bolo_client_get_info(client.get())->restarts, 0U);
-  EXPECT_EQ(frame.width, 16U);
-}
-
-}  // namespace
 
 }  // namespace bolo::shm::client_access_test

@@ -1,25 +1,14 @@
 // libbolo-client on segments that lie: whatever their header, settings and slots say, it answers and reads inside.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstring>
-#include <fstream>
-#include <iterator>
-#include <random>
-
 #include "tests/drivers/shm/client_rig.hpp"
 #include "tests/drivers/shm/foreign_object.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 
 namespace bolo::shm::client_hostile_test {
-namespace {
 
 // The bytes of a stream with 40 frames in it.
 std::string good_bytes() {
   const std::string name = unique_name("hostile-model");
   Writer writer(name, {16, 4});
-  writer.format.deblur = deblur::Settings();
-  writer.format.isa = "auto";
   if (!writer.open()) return {};
   for (int i = 0; i < 40; ++i) writer.publish();
   std::ifstream file("/dev/shm/bolo." + name, std::ios::binary);
@@ -124,5 +113,45 @@ TEST(ClientHostile, APeriodThatIsNoneIsRefusedAtOnce) {
   }
 }
 
-}  // namespace
+// Whoever may write a stream may make it shorter under its readers, at any moment.
+TEST(ClientHostile, AStreamThatIsCutOffIsOneThatEnded) {
+  std::string bytes = good_bytes();
+  const auto now_ns = static_cast<std::uint64_t>(monotonic_ns());
+  std::memcpy(bytes.data() + offsetof(bolo_shm_header, heartbeat_ns), &now_ns, sizeof now_ns);
+  const ForeignObject object(unique_name("client-cut"));
+  for (const std::size_t left : {std::size_t{0}, sizeof(bolo_shm_header), std::size_t{4096}}) {
+    object.fill(bytes.data(), bytes.size(), bytes.size());
+    const Client client = open_client(object.name());
+    ASSERT_TRUE(client);
+    bolo_client_frame frame{};
+    ASSERT_EQ(bolo_client_next(client.get(), 0, &frame), BOLO_CLIENT_OK);
+    object.cut(left);
+    EXPECT_EQ(frame.raw[0] + frame.raw[63], 0) << "zeros";
+    EXPECT_EQ(bolo_client_valid(&frame), 0);
+    EXPECT_EQ(bolo_client_next(client.get(), 0, &frame), BOLO_CLIENT_ENDED);
+    EXPECT_EQ(bolo_client_get_state(client.get())->alive, 0U);
+  }
+}
+
+// Errors that are not ours end the process as ever.
+TEST(ClientHostile, OtherBusErrorsGoWhereTheyWent) {
+  const ForeignObject object(unique_name("client-bus"));
+  const std::string bytes = good_bytes();
+  object.fill(bytes.data(), bytes.size(), bytes.size());
+  const auto fault = [&] {
+    const Client client = open_client(object.name());
+    const int fd = memfd_create("mine", 0);
+    const auto* mine = static_cast<const volatile char*>(mmap(nullptr, 4096, PROT_READ, MAP_SHARED, fd, 0));
+    const char value = *mine;
+    _exit(value);
+  };
+  EXPECT_EXIT(fault(), testing::KilledBySignal(SIGBUS), "");
+  EXPECT_EXIT(
+      {
+        const Client client = open_client(object.name());
+        raise(SIGBUS);
+      },
+      testing::KilledBySignal(SIGBUS), "");
+}
+
 }  // namespace bolo::shm::client_hostile_test

@@ -1,10 +1,8 @@
 // What the tests of libbolo-client share: a handle that closes itself.
 #pragma once
 
-#include <memory>
-#include <string>
-
 #include "bolo/client.h"
+#include "tests/test.hpp"
 
 namespace bolo::shm {
 

@@ -2,14 +2,10 @@
 #pragma once
 
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cstddef>
-#include <string>
-#include <utility>
+#include "tests/test.hpp"
 
 namespace bolo::shm {
 
@@ -30,6 +26,9 @@ class ForeignObject {
     ASSERT_EQ(ftruncate(fd, static_cast<off_t>(total)), 0);
     ASSERT_EQ(pwrite(fd, data, std::min(bytes, total), 0), static_cast<ssize_t>(std::min(bytes, total)));
     close(fd);
+  }
+  void cut(std::size_t bytes) const {
+    ASSERT_EQ(truncate(("/dev/shm/bolo." + name_).c_str(), static_cast<off_t>(bytes)), 0);
   }
 
  private:

@@ -1,14 +1,8 @@
 // Points on demand: a reader's own solver against the planes that a living writer in another process publishes.
 #include "drivers/shm/point_reader.hpp"
 
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <chrono>
-#include <string>
-#include <thread>
-#include <vector>
 
 #include "drivers/shm/shm_reader.hpp"
 #include "drivers/shm/shm_sink.hpp"
@@ -18,7 +12,6 @@
 #include "tests/refusal.hpp"
 
 namespace bolo::shm::point_reader_test {
-namespace {
 
 Result<PointReader> open_points(const std::string& name, const std::vector<std::uint32_t>& pixels,
                                 const model::PixelMaps& maps = {}) {
@@ -50,26 +43,19 @@ model::PixelMaps maps_of(Geometry geometry) {
 
 // Some 500 frames at about 1000 a second, with lost ones and a restart.
 void write_stream(const std::string& name, const Case& c) {
-  pipeline::test::Script script;
-  script.frames = pipeline::test::run_of(0, 500);
+  pipeline::test::Script script{.frames = pipeline::test::run_of(0, 500)};
   script.frames[150].restart = true;
   for (const std::ptrdiff_t lost : {480, 300, 299, 200, 60}) script.frames.erase(script.frames.begin() + lost);
   script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
     std::this_thread::sleep_for(kPace);
     pipeline::test::fill_moving_bar(slot, format);
   };
-  pipeline::PipelineOptions options;
-  options.workers = 1;
-  options.deblur.method = c.method;
-  options.deblur.lookahead = c.lookahead;
-  options.deblur.auto_lambda = c.auto_lambda;
+  pipeline::PipelineOptions options{
+      .deblur = {.method = c.method, .auto_lambda = c.auto_lambda, .lookahead = c.lookahead}, .workers = 1};
   if (c.maps) options.maps = maps_of(script.info.format.geometry);
   ShmSink sink({name, 0, 0644, ""});
-  auto pipeline =
-      pipeline::Pipeline::create(std::make_unique<pipeline::test::ScriptedSource>(std::move(script)), {&sink}, options);
-  if (!pipeline) _exit(1);
-  const std::atomic<bool> never{false};
-  _exit((*pipeline)->run(never) ? 0 : 1);
+  auto pipeline = pipeline::test::create(std::move(script), {&sink}, options);
+  _exit(pipeline && (*pipeline)->run(pipeline::test::kNever) ? 0 : 1);
 }
 
 class PointReaders : public ::testing::TestWithParam<Case> {
@@ -102,11 +88,9 @@ TEST_P(PointReaders, GiveThePublishedPlanesBits) {
   const Geometry geometry{static_cast<int>(frames.header().width), static_cast<int>(frames.header().height)};
   const std::vector<std::uint32_t> pixels{0, 100, 6, 167, 7, 24, 100};
   if (GetParam().maps) {
-    const auto refused = open_points(name_, pixels);
-    expect_error(refused, {"give the writer's maps"});
+    expect_error(open_points(name_, pixels), {"give the writer's maps"});
   }
-  auto points = open_points(name_, pixels, GetParam().maps ? maps_of(geometry) : model::PixelMaps{});
-  ASSERT_TRUE(points) << points.error().message;
+  auto points = must(open_points(name_, pixels, GetParam().maps ? maps_of(geometry) : model::PixelMaps{}));
   std::vector<std::uint16_t> out(pixels.size());
   ReadFrame frame;
   int solved = 0;
@@ -148,29 +132,14 @@ INSTANTIATE_TEST_SUITE_P(All, PointReaders,
                                            Case{"maps", Method::kAdmm, 1, false, true}),
                          [](const auto& each) { return std::string(each.param.name); });
 
-TEST(PointReader, WrongPointsAndNamesAreRefused) {
-  Writer writer(unique_name("points-wrong"));
-  writer.format.deblur = deblur::Settings();
-  writer.format.isa = "auto";
-  ASSERT_TRUE(writer.open());
-  const std::string name = unique_name("points-wrong");
-  const auto outside = open_points(name, {0, 33 * 7});
-  expect_error(outside, {"not inside the frame of 33x7"});
-  EXPECT_FALSE(open_points(name, {}));
+TEST(PointReader, WrongPointsNamesAndFramesAreRefused) {
+  Stream stream("points-wrong");
+  expect_error(open_points(stream.name, {0, 33 * 7}), {"not inside the frame of 33x7"});
+  EXPECT_FALSE(open_points(stream.name, {}));
   EXPECT_FALSE(open_points(unique_name("points-none"), {0}));
+  // Raw planes in the ring that are not what the solver got.
+  Stream undone("points-undone", {33, 7}, [](Writer& writer) { writer.format.undone = true; });
+  expect_error(open_points(undone.name, {0}), {"read the deblurred planes"});
 }
 
-// The raw planes in the ring are not what the solver got.
-TEST(PointReader, FramesThatAreChangedAroundTheSolverAreRefused) {
-  const std::string name = unique_name("points-undone");
-  Writer writer(name);
-  writer.format.deblur = deblur::Settings();
-  writer.format.isa = "auto";
-  writer.format.undone = true;
-  ASSERT_TRUE(writer.open());
-  const auto refused = open_points(name, {0});
-  expect_error(refused, {"read the deblurred planes"});
-}
-
-}  // namespace
 }  // namespace bolo::shm::point_reader_test

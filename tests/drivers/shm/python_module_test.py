@@ -63,15 +63,18 @@ class WithDaemon(unittest.TestCase):
         self.start()
 
     def tearDown(self):
-        for daemon in self.daemons:
-            daemon.terminate()
-            daemon.wait()
+        self.end(signal.SIGTERM)
         if os.path.exists(f"/dev/shm/bolo.{self.name}"):
             os.unlink(f"/dev/shm/bolo.{self.name}")
 
-    def start(self):
-        self.daemons.append(subprocess.Popen([BOLO, "replay", self.capture, "--name", self.name, "--loop"],
-                                             stderr=subprocess.DEVNULL))
+    def start(self, capture=None, *words):
+        command = [BOLO, "replay", capture or self.capture, "--name", self.name, "--loop", *words]
+        self.daemons.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
+
+    def end(self, how):
+        for daemon in self.daemons:
+            daemon.send_signal(how)
+            daemon.wait()
 
     def open(self, **options):
         return bolo.Camera(self.name, timeout=HANG_S, **options)
@@ -111,24 +114,15 @@ class WithDaemon(unittest.TestCase):
                     break
             self.assertIsInstance(frame.flags, bolo.Flag)
 
-    def test_streams_of_other_solvers_carry_no_motion(self):
-        with self.open() as camera:
-            frame = self.whole_frame(camera)
-            self.assertIsNone(frame.motion)
-            self.assertIsNone(frame.affine)
-
     def test_motion_is_that_of_the_scene(self):
-        for daemon in self.daemons:
-            daemon.terminate()
-            daemon.wait()
+        self.end(signal.SIGTERM)
         config = os.path.join(self.folder.name, "motion.toml")
         with open(config, "w", encoding="utf-8") as f:
             f.write('name = "any"\n[deblur]\nsolver = "motion"\n')
         capture = os.path.join(self.folder.name, "street.h5")
         subprocess.run([BOLO, "simulate", "-o", capture, "--width", "160", "--height", "48", "--frames", "400",
                         "--speed", "300", "--no-truth"], check=True, capture_output=True)
-        self.daemons = [subprocess.Popen([BOLO, "replay", capture, "--name", self.name, "--loop", "--config", config],
-                                         stderr=subprocess.DEVNULL)]
+        self.start(capture, "--config", config)
         with self.open() as camera:
             while True:
                 frame = camera.next(HANG_S)
@@ -173,9 +167,6 @@ class WithDaemon(unittest.TestCase):
                 time.sleep(0.01)
             self.assertFalse(frame.valid(), "the ring comes round")
             self.assertTrue(np.shares_memory(again, frame.raw))
-
-    def test_a_copy_stays_what_it_was(self):
-        with self.open() as camera:
             copies = [copy for copy in (camera.next().copy() for _ in range(20)) if copy is not None]
             self.assertGreater(len(copies), 0)
             for copy in copies:
@@ -183,9 +174,11 @@ class WithDaemon(unittest.TestCase):
                 self.assertTrue(copy.valid())
                 np.testing.assert_array_equal(copy.copy().deblurred, copy.deblurred)
 
-    def test_kelvin_is_scale_and_offset(self):
+    def test_kelvin_is_scale_and_offset_and_only_one_solver_carries_motion(self):
         with self.open() as camera:
             frame = self.whole_frame(camera)
+            self.assertIsNone(frame.motion)
+            self.assertIsNone(frame.affine)
             self.assertEqual(frame.kelvin().dtype, np.float32)
             np.testing.assert_allclose(
                 frame.kelvin(), frame.deblurred * camera.info.scale + camera.info.offset, rtol=1e-6)
@@ -226,8 +219,7 @@ class WithDaemon(unittest.TestCase):
         with self.open() as camera:
             old = camera.next()
             old_plane = old.raw
-            self.daemons[0].send_signal(signal.SIGKILL)
-            self.daemons[0].wait()
+            self.end(signal.SIGKILL)
             kept = old_plane.copy()
             killed = time.monotonic()
             self.start()
@@ -258,8 +250,7 @@ class WithDaemon(unittest.TestCase):
         self.assertEqual(mapped_ranges(self.name), [], "and nothing stays when they are gone")
 
     def test_closing_ends_another_threads_wait(self):
-        self.daemons[0].terminate()
-        self.daemons[0].wait()
+        self.end(signal.SIGTERM)
         ends = []
 
         def wait(camera, wait_on):
@@ -271,8 +262,7 @@ class WithDaemon(unittest.TestCase):
         for wait_on in (bolo.Camera.next, bolo.Camera.latest, list):
             self.start()
             camera = self.open()
-            self.daemons[-1].kill()
-            self.daemons[-1].wait()
+            self.end(signal.SIGKILL)
             while camera.next(0.2) is not None:
                 pass  # what the ring still had
             waiting = threading.Thread(target=wait, args=(camera, wait_on), daemon=True)
@@ -287,8 +277,7 @@ class WithDaemon(unittest.TestCase):
 
     def test_a_signals_handler_may_close(self):
         camera = self.open()
-        self.daemons[0].kill()
-        self.daemons[0].wait()
+        self.end(signal.SIGKILL)
         before = signal.signal(signal.SIGALRM, lambda *_: (camera.state(), camera.close()))
         try:
             signal.setitimer(signal.ITIMER_REAL, 0.15)

@@ -1,15 +1,9 @@
 // The slot protocol on plain memory: here reader and writer share one mapping, so the thread sanitizer sees both sides.
 #include "drivers/shm/shared_words.hpp"
 
-#include <gtest/gtest.h>
+#include "tests/test.hpp"
 
-#include <algorithm>
-#include <atomic>
-#include <thread>
-#include <vector>
-
-namespace bolo::shm {
-namespace {
+namespace bolo::shm::shared_words_test {
 
 constexpr std::uint64_t kSlots = 4;
 constexpr std::size_t kPixels = 20009;  // odd: the plane ends within a word
@@ -32,6 +26,27 @@ void write_frame(Slots& slots, std::uint64_t n) {
   head.frame_id = n * 3;
   head.flags = static_cast<std::uint32_t>(n);
   write_slot(slots.slot(n), slots.layout, n, head, raw.data(), deblurred.data());
+}
+
+// A hostile writer's times: whatever is done with two of them stays a number.
+TEST(SharedWords, TimesAreKeptToWhatDifferencesCanBeTakenOf) {
+  Slots slots;
+  const std::vector<std::uint16_t> plane(kPixels);
+  constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
+  for (const std::int64_t ns : {kMost, std::numeric_limits<std::int64_t>::min()}) {
+    bolo_shm_slot head{};
+    head.camera_ns = head.receive_ns = head.publish_ns = head.host_ns = head.utc_ns = head.utc_uncertainty_ns = ns;
+    write_slot(slots.slot(0), slots.layout, 0, head, plane.data(), plane.data());
+    bolo_shm_slot read{};
+    ASSERT_TRUE(read_slot(slots.slot(0), slots.layout, 0, read, nullptr, nullptr));
+    for (const std::int64_t time_ns : {read.camera_ns, read.receive_ns, read.publish_ns, read.host_ns}) {
+      EXPECT_LE(std::abs(time_ns), kMost / 4 + 1);
+    }
+    for (const std::int64_t utc_ns : {read.utc_ns, read.utc_uncertainty_ns}) {
+      EXPECT_GE(utc_ns, 0);
+      EXPECT_LE(utc_ns, kMost / 2);
+    }
+  }
 }
 
 // Reads frame n; fails the test when it was accepted although it holds anything of another frame.
@@ -115,5 +130,4 @@ TEST(Slot, ReaderNeverAcceptsATornFrame) {
   EXPECT_TRUE(read_frame(slots, kFrames - 1)) << "with the writer at rest the newest frame must be readable";
 }
 
-}  // namespace
-}  // namespace bolo::shm
+}  // namespace bolo::shm::shared_words_test

@@ -1,15 +1,8 @@
 // A gyro's samples from shared memory whose writers die, jump in time, or write rubbish.
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <chrono>
-#include <cstring>
-#include <limits>
-#include <random>
-#include <thread>
 
 #include "drivers/shm/shm_gyro.hpp"
 #include "src/core/clock.hpp"
@@ -17,7 +10,6 @@
 #include "tests/pipeline/count_allocations.hpp"
 
 namespace bolo::shm::shm_gyro_test {
-namespace {
 
 constexpr std::uint32_t kCapacity = 64;
 constexpr std::int64_t kStep = 1'000'000;
@@ -200,5 +192,4 @@ TEST(ShmGyro, RandomBytesDoNoHarm) {
   EXPECT_EQ(test::allocation_count(), 0U);
 }
 
-}  // namespace
 }  // namespace bolo::shm::shm_gyro_test

@@ -3,15 +3,12 @@
 
 #include <unistd.h>
 
-#include <stdexcept>
-#include <string>
-#include <vector>
-
 #include "drivers/shm/shm_reader.hpp"
 #include "drivers/shm/shm_sink.hpp"
 #include "src/core/clock.hpp"
 #include "src/pipeline/inlet.hpp"
 #include "src/pipeline/stats.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::shm {
 
@@ -43,9 +40,10 @@ struct Writer {
   explicit Writer(const std::string& name, Geometry geometry = {33, 7}, int slots = 0) : sink({name, slots, 0644, ""}) {
     format.source.format.geometry = geometry;
     format.source.format.scale = {Unit::kKelvin, 0.01, 5.0};
-    format.source.format.frame_period_s = 0.005;
     format.source.camera_model = "Model";
     format.source.camera_serial = "1234";
+    format.deblur = deblur::Settings();
+    format.isa = "auto";
     format.solver_text = "admm";
   }
 
@@ -59,13 +57,23 @@ struct Writer {
     fill(raw, next, 0);
     fill(deblurred, next, 1);
     const auto n = static_cast<std::int64_t>(next);
-    FrameMeta meta{2 * next, n * 5'000'000, 1000 + n, next % 5 == 0 ? std::uint32_t{kFlagGap} : 0U};
+    FrameMeta meta{2 * next, n * 5'000'000, 1000 + n, flags | (next % 5 == 0 ? std::uint32_t{kFlagGap} : 0U)};
     meta.utc_ns = utc_of(next) + clock_set_by_ns;
     meta.utc_uncertainty_ns = 1'500'001;
     pipeline::PublishedFrame frame{meta, 2000 + n, raw.data(), deblurred.data()};
     if (format.motion && moves(next)) frame.motion = &move();
     sink.publish(frame, stats);
     ++next;
+  }
+
+  // Publishes some 500 frames a second until `enough`, a minute at most: a guard against hanging.
+  template <typename Enough>
+  void publish_until(Enough enough) {
+    const std::int64_t begin_ns = monotonic_ns();
+    while (!enough() && monotonic_ns() - begin_ns < 60'000'000'000) {
+      publish();
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
   }
 
   // The pattern of the next frame's motion.
@@ -84,6 +92,7 @@ struct Writer {
   pipeline::PipelineStats stats{inlet};
   ShmSink sink;
   std::uint64_t next = 0;
+  std::uint32_t flags = 0;           // of all frames, besides a gap at every fifth
   std::int64_t clock_set_by_ns = 0;  // of the host's clock, since the first frame
   std::vector<std::uint16_t> raw;
   std::vector<std::uint16_t> deblurred;

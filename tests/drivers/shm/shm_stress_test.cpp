@@ -1,22 +1,15 @@
 // Full speed between processes: a reader may miss frames, but never accepts a torn one.
-#include <gtest/gtest.h>
 #include <linux/futex.h>
 #include <signal.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
-#include <memory>
-#include <thread>
-#include <vector>
-
 #include "drivers/shm/shared_words.hpp"
-#include "drivers/shm/waker.hpp"
+#include "drivers/shm/shm_sink.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 
 namespace bolo::shm::shm_stress_test {
-namespace {
 
 using Outcome = ShmReader::Outcome;
 
@@ -60,22 +53,26 @@ int follow(const std::string& name, int ready) {
   }
 }
 
+// A process that follows the stream, and has opened it.
+pid_t start_follower(const std::string& name) {
+  int ready[2];
+  EXPECT_EQ(pipe(ready), 0);
+  const pid_t child = fork();
+  EXPECT_GE(child, 0);
+  if (child == 0) _exit(follow(name, ready[1]));
+  char byte = 0;
+  EXPECT_EQ(read(ready[0], &byte, 1), 1);
+  close(ready[0]);
+  close(ready[1]);
+  return child;
+}
+
 TEST(ShmStress, NoTornFrameIsAcceptedByAnotherProcess) {
   const std::string name = unique_name("stress");
   Writer writer(name, {127, 31});
   writer.format.motion = true;  // of the frame that it lies beside
   ASSERT_TRUE(writer.open());
-  int ready[2];
-  ASSERT_EQ(pipe(ready), 0);
-  std::vector<pid_t> readers;
-  for (int i = 0; i < 2; ++i) {
-    const pid_t child = fork();
-    ASSERT_GE(child, 0);
-    if (child == 0) _exit(follow(name, ready[1]));
-    readers.push_back(child);
-    char byte = 0;
-    ASSERT_EQ(read(ready[0], &byte, 1), 1);
-  }
+  const pid_t readers[]{start_follower(name), start_follower(name)};
   for (std::uint64_t n = 0; n < kFrames; ++n) writer.publish();
   writer.sink.close();
   for (const pid_t child : readers) {
@@ -87,26 +84,15 @@ TEST(ShmStress, NoTornFrameIsAcceptedByAnotherProcess) {
 }
 
 TEST(ShmStress, AStoppedReaderNeverStopsTheWriter) {
-  const std::string name = unique_name("slow");
-  Writer writer(name, {64, 16});
-  ASSERT_TRUE(writer.open());
-  int ready[2];
-  ASSERT_EQ(pipe(ready), 0);
-  const pid_t child = fork();
-  ASSERT_GE(child, 0);
-  if (child == 0) _exit(follow(name, ready[1]));
-  char byte = 0;
-  ASSERT_EQ(read(ready[0], &byte, 1), 1);
+  Stream stream("slow", {64, 16});
+  const pid_t child = start_follower(stream.name);
   ASSERT_EQ(kill(child, SIGSTOP), 0);
-  for (std::uint64_t n = 0; n < kFrames; ++n) writer.publish();
-  EXPECT_EQ(writer.next, kFrames);
+  for (std::uint64_t n = 0; n < kFrames; ++n) stream.writer.publish();
+  EXPECT_EQ(stream.writer.next, kFrames);
   ASSERT_EQ(kill(child, SIGKILL), 0);
-  int status = 0;
-  ASSERT_EQ(waitpid(child, &status, 0), child);
-  auto reader = ShmReader::open(name);
-  ASSERT_TRUE(reader);
+  ASSERT_EQ(waitpid(child, nullptr, 0), child);
   ReadFrame frame;
-  EXPECT_EQ(reader->read(kFrames - 1, frame, 0), Outcome::kFrame);
+  EXPECT_EQ(stream.reader->read(kFrames - 1, frame, 0), Outcome::kFrame);
 }
 
 // --- Readers that wait on the futex word: however many they are, none sleeps on.
@@ -150,7 +136,5 @@ TEST(Waker, ItsEndWakesWhoStillWaits) {
   waker = nullptr;
   for (std::thread& thread : threads) thread.join();
 }
-
-}  // namespace
 
 }  // namespace bolo::shm::shm_stress_test

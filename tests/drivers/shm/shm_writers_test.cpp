@@ -1,6 +1,5 @@
 // Who may write under a name: options, permissions, two writers, dead and stopped ones.
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -8,15 +7,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <thread>
-
+#include "drivers/shm/followed_stream.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/drivers/shm/unprivileged.hpp"
 #include "tests/refusal.hpp"
 
 namespace bolo::shm::shm_writers_test {
-namespace {
 
 using Outcome = ShmReader::Outcome;
 
@@ -35,8 +32,7 @@ TEST(ShmWriters, TwoLivingWritersOfOneNameAreRefused) {
   Writer first(name);
   ASSERT_TRUE(first.open());
   Writer second(name);
-  const Status status = second.open();
-  expect_refused(status, {"is written by process " + std::to_string(getpid())});
+  expect_refused(second.open(), {"is written by process " + std::to_string(getpid())});
   auto reader = ShmReader::open(name);
   ASSERT_TRUE(reader) << "the first one is unharmed";
   first.publish();
@@ -84,8 +80,7 @@ TEST(ShmWriters, AKilledWritersObjectIsReplaced) {
 
   Writer next(name, {16, 4});
   ASSERT_TRUE(next.open()) << "at once, without waiting for the heartbeat to grow old";
-  auto reader = ShmReader::open(name);
-  ASSERT_TRUE(reader);
+  auto reader = must(ShmReader::open(name));
   EXPECT_EQ(reader->header().width, 16U);
   EXPECT_EQ(old->read(0, frame, 0), Outcome::kFrame) << "an old mapping keeps its old object";
 }
@@ -98,8 +93,7 @@ TEST(ShmWriters, AReadersLockKeepsNoWriterOut) {
   ASSERT_GE(fd, 0);
   ASSERT_EQ(flock(fd, LOCK_EX | LOCK_NB), 0);
   Writer next(name);
-  const Status status = next.open();
-  EXPECT_TRUE(status) << status.error().message;
+  must(next.open());
   close(fd);
   struct stat lock {};
   ASSERT_EQ(stat(("/dev/shm/bolo-lock." + name).c_str(), &lock), 0);
@@ -145,8 +139,7 @@ TEST(ShmWriters, AStoppedWritersNameIsTakenOver) {
   const std::string name = unique_name("stopped");
   Writer stopped(name, {8, 8});
   ASSERT_TRUE(stopped.open());
-  auto old = ShmReader::open(name);
-  ASSERT_TRUE(old);
+  auto old = must(ShmReader::open(name));
   set_heartbeat(name, 0);
   ReadFrame frame;
   EXPECT_EQ(old->read(0, frame, 60'000), Outcome::kClosed) << "a reader does not wait for a stopped writer";
@@ -155,29 +148,62 @@ TEST(ShmWriters, AStoppedWritersNameIsTakenOver) {
   ASSERT_TRUE(next.open());
   stopped.publish();     // it wakes up again: into its own orphaned object
   stopped.sink.close();  // and must not unlink its successor's
-  auto reader = ShmReader::open(name);
-  ASSERT_TRUE(reader) << reader.error().message;
+  auto reader = must(ShmReader::open(name));
   EXPECT_EQ(reader->header().width, 16U);
 }
 
-TEST(ShmWriters, AReaderFollowsARestart) {
-  const std::string name = unique_name("restart");
-  auto writer = std::make_unique<Writer>(name);
-  ASSERT_TRUE(writer->open());
-  auto reader = ShmReader::open(name);
-  ASSERT_TRUE(reader);
-  for (int i = 0; i < 10; ++i) writer->publish();
-  writer = nullptr;
-  ReadFrame frame;
-  EXPECT_EQ(reader->read(10, frame, 60'000), Outcome::kClosed);
-  EXPECT_FALSE(ShmReader::open(name)) << "gone until the next start";
-  writer = std::make_unique<Writer>(name);
-  ASSERT_TRUE(writer->open());
-  reader = ShmReader::open(name);
-  ASSERT_TRUE(reader);
-  EXPECT_EQ(reader->published(), 0U);
-  writer->publish();
-  EXPECT_EQ(reader->read(0, frame, 0), Outcome::kFrame);
+// What cleans up /dev/shm (logind does when a user logs out, people do by hand) takes the object, its lock, or both, or
+// cuts the object off.
+TEST(ShmWriters, ANameThatIsTakenAwayComesBack) {
+  const std::string name = unique_name("cleaned");
+  const std::string object = "/bolo." + name;
+  const std::string lock = "/bolo-lock." + name;
+  for (const auto& taken : std::vector<std::vector<std::string>>{{object}, {lock}, {object, lock}, {}}) {
+    Writer writer(name);
+    ASSERT_TRUE(writer.open());
+    auto stream = FollowedStream::open(name, 0);
+    ASSERT_TRUE(stream);
+    writer.publish();
+    EXPECT_TRUE(writer.sink.take_notices().empty());
+    for (const std::string& file : taken) ASSERT_EQ(shm_unlink(file.c_str()), 0);
+    if (taken.empty()) {
+      ASSERT_EQ(truncate(("/dev/shm" + object).c_str(), 0), 0);
+    }
+    writer.publish();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1050));  // from one look to the next
+    const auto notices = writer.sink.take_notices();
+    ASSERT_EQ(notices.size(), 1U);
+    EXPECT_EQ(notices[0].text, "shared memory " + object + " was taken away or cut off; it is there again");
+    writer.publish();
+    expect_refused(Writer(name).open(), {"is written by process"});
+    BorrowedFrame frame;
+    std::uint64_t missed = 0;
+    FollowedStream::Outcome outcome = FollowedStream::Outcome::kFrame;
+    while (outcome == FollowedStream::Outcome::kFrame) outcome = stream->next(frame, missed, 1000);
+    EXPECT_EQ(outcome, FollowedStream::Outcome::kRestarted);
+    EXPECT_EQ(stream->next(frame, missed, 1000), FollowedStream::Outcome::kFrame);
+    EXPECT_EQ(frame.head.frame_id, 4U);
+  }
+}
+
+// Its name is another daemon's meanwhile, as after a process that stood still goes on.
+TEST(ShmWriters, ANameThatAnotherTookStaysHis) {
+  const std::string name = unique_name("taken");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  ASSERT_EQ(shm_unlink(("/bolo-lock." + name).c_str()), 0);
+  Writer other(name);
+  ASSERT_TRUE(other.open());
+  const auto notices = writer.sink.take_notices();
+  ASSERT_EQ(notices.size(), 1U);
+  EXPECT_TRUE(
+      contains(notices[0].text, "was taken away or cut off: shared memory /bolo." + name + " is written by process"))
+      << notices[0].text;
+  writer.publish();
+  other.publish();
+  EXPECT_EQ(ShmReader::open(name)->published(), 1U);
+  std::this_thread::sleep_for(std::chrono::milliseconds(1050));
+  EXPECT_TRUE(writer.sink.take_notices().empty()) << "said once";
 }
 
 TEST(ShmWriters, ModeAndGroupAreApplied) {
@@ -220,10 +246,8 @@ TEST(ShmWriters, AFullFilesystemIsAClearError) {
   if (room.f_blocks == 0 || room.f_blocks * room.f_frsize >= asked) GTEST_SKIP() << "/dev/shm has no limit here";
   Writer writer(unique_name("full"), {30000, 30000});
   ShmSink sink({unique_name("full"), 60000, 0644, ""});
-  const Status status = sink.open(writer.format);
-  expect_refused(status, {"/dev/shm has no room"});
+  expect_refused(sink.open(writer.format), {"/dev/shm has no room"});
   EXPECT_FALSE(ShmReader::open(unique_name("full")));
 }
 
-}  // namespace
 }  // namespace bolo::shm::shm_writers_test

@@ -3,14 +3,6 @@
 #include <linux/usbdevice_fs.h>
 #include <sys/ioctl.h>
 
-#include <algorithm>
-#include <array>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <stdexcept>
-#include <utility>
-
 namespace bolo::usb::testing {
 namespace {
 

@@ -3,12 +3,7 @@
 
 #include <umockdev.h>
 
-#include <cstdint>
-#include <deque>
-#include <memory>
-#include <mutex>
-#include <string>
-#include <vector>
+#include "tests/test.hpp"
 
 namespace bolo::usb::testing {
 

@@ -1,15 +1,10 @@
 // `bolo usb` as its users meet it, with an emulated camera that it finds in another process.
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-
 #include <nlohmann/json.hpp>
 
 #include "tests/drivers/usb/mock_camera.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::usb::usb_verb_test {
-namespace {
 
 using nlohmann::json;
 using testing::MockCamera;
@@ -64,5 +59,4 @@ TEST_F(UsbVerb, BadInputIsOneLine) {
   }
 }
 
-}  // namespace
 }  // namespace bolo::usb::usb_verb_test

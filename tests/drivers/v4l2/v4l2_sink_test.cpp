@@ -1,17 +1,10 @@
 // The sink's life with a device that works, is busy, goes away, comes back, or never returns from a write.
 #include "drivers/v4l2/v4l2_sink.hpp"
-
-#include <gtest/gtest.h>
-
-#include <cerrno>
-#include <chrono>
-#include <condition_variable>
-#include <mutex>
-
-#include "drivers/v4l2/v4l2_section.hpp"
+#include "drivers/v4l2/video_port.hpp"
+#include "tests/refusal.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::v4l2::v4l2_sink_test {
-namespace {
 
 using namespace std::chrono_literals;
 
@@ -153,9 +146,7 @@ TEST_F(V4l2SinkTest, RefusesWhatIsNoWholeFrameOf16Bits) {
 TEST_F(V4l2SinkTest, IsNotOpenedWithoutItsDevice) {
   device_->there = false;
   make();
-  const Status opened = sink_->open(format());
-  ASSERT_FALSE(opened);
-  EXPECT_EQ(opened.error().message, "/dev/video10 is not there");
+  expect_refused(sink_->open(format()), {"/dev/video10 is not there"});
 }
 
 TEST_F(V4l2SinkTest, ABusyDeviceCostsFramesAndNothingElse) {
@@ -232,5 +223,28 @@ TEST_F(V4l2SinkTest, TakesUpOtherTonesWhileItRuns) {
   EXPECT_TRUE(grey_is(255));
 }
 
-}  // namespace
+// --- What is said of paths that are no v4l2loopback device. The real module is tested where it can be loaded.
+
+void refused(const std::string& path, const std::string& why) {
+  LoopbackPort port(path);
+  expect_refused(port.open({PixelFormat::kY16, {640, 120}, 0.005}), {path + " is " + why});
+  port.close();
+}
+
+TEST(LoopbackPort, SaysWhatIsThereInsteadOrHowToMakeIt) {
+  refused("/dev/video4711", "not there: modprobe v4l2loopback video_nr=4711 exclusive_caps=1");
+  refused("/dev/null", "no video device, not v4l2loopback: modprobe v4l2loopback video_nr=10 exclusive_caps=1");
+  refused("/dev", "a folder, not v4l2loopback");
+}
+
+TEST(LoopbackPort, RefusesAFileAndLeavesItAlone) {
+  const Scratch folder;
+  const std::string file = folder / "no-device";
+  std::ofstream(file) << "precious";
+  refused(file, "no device, not v4l2loopback: modprobe");
+  std::string content;
+  std::ifstream(file) >> content;
+  EXPECT_EQ(content, "precious");
+}
+
 }  // namespace bolo::v4l2::v4l2_sink_test

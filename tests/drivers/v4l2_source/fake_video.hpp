@@ -3,18 +3,9 @@
 
 #include <linux/videodev2.h>
 
-#include <cerrno>
-#include <chrono>
-#include <condition_variable>
-#include <cstring>
-#include <deque>
-#include <map>
-#include <mutex>
-#include <string>
-#include <vector>
-
 #include "drivers/v4l2_source/video_system.hpp"
 #include "src/core/clock.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::v4l2_source::test {
 

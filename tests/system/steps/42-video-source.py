@@ -40,6 +40,7 @@ try:
     wait_until("frames of the video device", lambda: published("second") >= 20)
     ring = open_ring("second")
     frames = [frame for number in range(5, 20) if (frame := ring.frame(number)) is not None]
+    wait_until("the last of them in the first one's recording", lambda: digest(frames[-1]["raw"]) in first.deblurred)
     first.stop()
     numbers = [first.deblurred.get(digest(frame["raw"])) for frame in frames]
     print(numbers)

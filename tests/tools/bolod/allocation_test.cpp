@@ -1,70 +1,20 @@
 // Counts what the daemon's parts allocate while frames flow from a camera's packets to shared memory and a video
-// device. A program of its own, for its allocator is replaced; the camera is another one, for its allocations are not
-// counted.
-#include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <atomic>
-#include <memory>
-#include <span>
-#include <string>
-#include <vector>
-
+// device. A program of its own, for its allocator is replaced; the camera is another one, whose are not counted.
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/shm/shm_reader.hpp"
 #include "drivers/shm/shm_sink.hpp"
 #include "drivers/v4l2/v4l2_sink.hpp"
 #include "src/pipeline/pipeline.hpp"
-#include "tests/drivers/fakecam/synthetic.hpp"
 #include "tests/pipeline/count_allocations.hpp"
+#include "tests/tools/program.hpp"
+#include "tests/tools/small_capture.hpp"
 
 namespace bolo::daemon::allocation_test {
-namespace {
 
 constexpr Geometry kGeometry{64, 24};
 constexpr std::uint64_t kFirstArmed = 100;
 constexpr std::uint64_t kLastArmed = 500;
 constexpr std::uint64_t kLast = 520;
-
-class CameraProcess {
- public:
-  explicit CameraProcess(const std::string& address) {
-    int ready[2] = {-1, -1};
-    if (pipe(ready) != 0) return;
-    pid_ = fork();
-    if (pid_ == 0) serve(address, ready[1]);
-    close(ready[1]);
-    char byte = 0;
-    serves_ = read(ready[0], &byte, 1) == 1;
-    close(ready[0]);
-  }
-  ~CameraProcess() {
-    if (pid_ <= 0) return;
-    kill(pid_, SIGKILL);
-    waitpid(pid_, nullptr, 0);
-  }
-  CameraProcess(const CameraProcess&) = delete;
-  CameraProcess& operator=(const CameraProcess&) = delete;
-  bool serves() const { return serves_; }
-
- private:
-  [[noreturn]] static void serve(const std::string& address, int ready) {
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
-    fakecam::FakeCameraOptions options;
-    options.address = address;
-    options.laps = 0;
-    const auto camera =
-        fakecam::FakeCamera::start(options, fakecam::test::provider_of(fakecam::test::synthetic(kGeometry, 40)));
-    if (!camera || write(ready, "r", 1) != 1) _exit(1);
-    for (;;) pause();
-  }
-
-  pid_t pid_ = -1;
-  bool serves_ = false;
-};
 
 // Takes every image.
 class TakingPort final : public v4l2::VideoPort {
@@ -103,9 +53,16 @@ class ArmingSink final : public pipeline::FrameSink {
 };
 
 std::uint64_t allocations_of_a_run(bool one_is_made) {
-  const std::string address = fakecam::test::fresh_address();
-  const CameraProcess camera(address);
-  EXPECT_TRUE(camera.serves());
+  const Scratch scratch;
+  const std::string capture = scratch / "in.h5";
+  tools::test::SmallCapture frames(capture, tools::test::small_info(kGeometry));
+  for (std::uint64_t id = 0; id < 40; ++id) {
+    frames.append(static_cast<double>(id) * 0.005, id, [id](std::size_t i) { return 30'000 + 7 * id + i; });
+  }
+  frames.close();
+  const std::string address = tools::test::own_address();
+  tools::test::Program camera({BOLO_PROGRAM, "fakecam", capture, "--loop", "--interface", address}, scratch / "camera");
+  EXPECT_TRUE(tools::test::eventually([&] { return camera.out().find("serving") != std::string::npos; }));
   genicam::CameraOptions options;
   options.address = address;
   options.width = kGeometry.width;
@@ -137,5 +94,4 @@ TEST(Allocation, NoneFromACamerasPacketsToSharedMemoryAndVideo) { EXPECT_EQ(allo
 
 TEST(Allocation, OneIsSeen) { EXPECT_EQ(allocations_of_a_run(true), 1U); }
 
-}  // namespace
 }  // namespace bolo::daemon::allocation_test

@@ -1,18 +1,11 @@
 // A daemon under test with what it needs: a capture to replay, a configuration, a name of its own.
 #pragma once
 
-#include <gtest/gtest.h>
 #include <sys/mman.h>
 
-#include <filesystem>
-#include <fstream>
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "drivers/shm/shm_reader.hpp"
-#include "src/capture/capture.hpp"
 #include "tests/tools/program.hpp"
+#include "tests/tools/small_capture.hpp"
 
 namespace bolo::daemon {
 
@@ -33,28 +26,24 @@ inline constexpr std::uint64_t kLostId = 1100;  // never recorded
 inline std::uint16_t scene(std::size_t pixel) { return static_cast<std::uint16_t>(30000 + pixel); }
 
 inline void write_capture(const std::filesystem::path& file, std::uint64_t frames, unsigned step = 1) {
-  capture::CaptureInfo info;
-  info.format.geometry = kGeometry;
+  capture::CaptureInfo info = tools::test::small_info(kGeometry);
   info.camera_model = "Test camera";
   info.camera_serial = "42";
-  auto writer = capture::CaptureWriter::create(file, info, {.replace = Replace::kExisting});
-  ASSERT_TRUE(writer) << writer.error().message;
-  std::vector<std::uint16_t> plane(kGeometry.pixels());
-  for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = scene(i);
+  tools::test::SmallCapture capture(file, info);
   for (std::uint64_t id = kFirstId; id < kFirstId + frames; ++id) {
     if (id == kLostId) continue;
-    plane[0] = static_cast<std::uint16_t>(kFirstId + (id - kFirstId) * step);
-    ASSERT_TRUE(writer->append(static_cast<double>(id) * 0.005, id, plane.data()));
+    capture.append(static_cast<double>(id) * 0.005, id,
+                   [&](std::size_t i) { return i > 0 ? scene(i) : kFirstId + (id - kFirstId) * step; });
   }
-  ASSERT_TRUE(writer->close());
+  capture.close();
 }
 
 inline constexpr const char* kReplay = "type = 'replay'\nfile = 'in.h5'\n";
 
 class BolodRun : public tools::test::ProgramTest {
  protected:
-  BolodRun()
-      : ProgramTest({BOLOD_PROGRAM, "--config"}),
+  explicit BolodRun(std::vector<std::string> words = {BOLO_PROGRAM})
+      : ProgramTest(std::move(words)),
         name_(std::string("test-") + testing::UnitTest::GetInstance()->current_test_info()->name() + "-" +
               std::to_string(getpid())) {
     std::ranges::replace(name_, '/', '-');                       // of a test with a parameter
@@ -75,10 +64,10 @@ class BolodRun : public tools::test::ProgramTest {
     write_capture(folder_ / "in.h5", frames);
     return start_again(more);
   }
-  std::unique_ptr<Program> start_again(const std::string& more = "", const std::string& log = "log") {
+  std::unique_ptr<Program> start_again(const std::string& more = "", const std::string& log = "daemon") {
     return start_with(configure(kReplay, more), log);
   }
-  std::unique_ptr<Program> start_with(const std::string& config, const std::string& log = "log") const {
+  std::unique_ptr<Program> start_with(const std::string& config, const std::string& log = "daemon") const {
     return std::make_unique<Program>(std::vector<std::string>{BOLOD_PROGRAM, "--config", config}, file(log));
   }
 
@@ -104,5 +93,18 @@ class BolodRun : public tools::test::ProgramTest {
 
   std::string name_;
 };
+
+// Shows `take` each frame from the newest on, but those that were overwritten meanwhile, until it has enough (true).
+// False: no frame came any more.
+template <typename Take>
+bool follow(ShmReader& reader, Take take) {
+  ReadFrame frame;
+  for (std::uint64_t number = reader.published();; ++number) {
+    const Outcome outcome = reader.read(number, frame, 60'000);
+    if (outcome == Outcome::kOverwritten) continue;
+    if (outcome != Outcome::kFrame) return false;
+    if (take(frame)) return true;
+  }
+}
 
 }  // namespace bolo::daemon

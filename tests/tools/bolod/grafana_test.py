@@ -8,7 +8,6 @@ import os
 import pathlib
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -17,7 +16,7 @@ import urllib.parse
 import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
-from programs import free_port, own_address, wait_for  # noqa: E402
+from programs import Programs, free_port  # noqa: E402
 
 BOLO, BOLOD, DASHBOARD = sys.argv[1:4]
 HANG_GUARD_S = 90.0
@@ -48,24 +47,18 @@ def expressions():
 
 
 def main(folder):
-    address, metrics, prometheus = own_address(), free_port(), free_port()
-    capture, config, scrapes = folder / "street.h5", folder / "bolod.toml", folder / "prometheus.yml"
-    subprocess.run([BOLO, "simulate", "-o", capture, "--no-truth", "--width=160", "--height=48", "--frames=200"],
-                   check=True, capture_output=True)
-    config.write_text(f'name = "test-grafana-{os.getpid()}"\n[source]\naddress = "{address}"\nwidth = 160\nheight = 48\n'
-                      f'[deblur]\nlambda = 0.001\n[control]\nenable = false\n'
-                      f'[metrics]\nenable = true\nlisten = "127.0.0.1:{metrics}"\n')
+    metrics, prometheus = free_port(), free_port()
+    programs = Programs(BOLO, BOLOD, folder, f"test-grafana-{os.getpid()}", keys="[deblur]\nlambda = 0.001\n"
+                        f'[metrics]\nenable = true\nlisten = "127.0.0.1:{metrics}"\n')
+    scrapes = programs.folder / "prometheus.yml"
     scrapes.write_text("global: {scrape_interval: 500ms, scrape_timeout: 500ms}\nscrape_configs:\n- job_name: bolo\n"
                        f"  static_configs: [{{targets: ['127.0.0.1:{metrics}']}}]\n")
-    log = open(folder / "log", "wb")  # noqa: SIM115
-    running = [subprocess.Popen(words, stdout=log, stderr=log) for words in (
-        [BOLO, "fakecam", capture, "--loop", "--interface", address],
-        ["prometheus", f"--config.file={scrapes}", f"--storage.tsdb.path={folder}/data",
-         f"--web.listen-address=127.0.0.1:{prometheus}"])]
     try:
+        programs.start("prometheus", "prometheus", f"--config.file={scrapes}", f"--storage.tsdb.path={folder}/data",
+                       f"--web.listen-address=127.0.0.1:{prometheus}")
         end = time.monotonic() + HANG_GUARD_S
-        wait_for(lambda: b"serving" in (folder / "log").read_bytes(), "the camera")
-        running.append(subprocess.Popen([BOLOD, "--config", config], stdout=log, stderr=log))
+        programs.start_camera(programs.simulate("--frames=200"))
+        programs.start_daemon()
         silent = dict(expressions())
         assert len(silent) >= 8, silent
         while silent and time.monotonic() < end:
@@ -76,15 +69,12 @@ def main(folder):
                     del silent[expression]
         assert not silent, f"Prometheus has nothing, or not these labels: {silent}"
     except BaseException:
-        sys.stderr.write((folder / "log").read_text()[-3000:])
+        sys.stderr.write(programs.logs())
         raise
     finally:
-        for program in running:
-            program.terminate()
-            program.wait()
-        log.close()
+        programs.end()
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
-        main(pathlib.Path(scratch))
+        main(scratch)

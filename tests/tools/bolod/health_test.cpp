@@ -1,9 +1,8 @@
-#include "tools/bolod/health.hpp"
-
-#include <gtest/gtest.h>
+// What is told of the flow of frames, and when the watchdog is fed.
+#include "tests/test.hpp"
+#include "tools/bolod/supervisor.hpp"
 
 namespace bolo::daemon::health_test {
-namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
 
@@ -34,20 +33,11 @@ TEST(Health, TellsWhenFramesStartStopAndComeBack) {
   EXPECT_EQ(clock.after(5000), Texts{}) << "told once";
   clock.now.received = 31;
   EXPECT_EQ(clock.after(100), Texts{"frames arrive again after 6.2 s"});
-}
-
-TEST(Health, TellsWhenNoFrameEverCame) {
-  Clock clock;
-  EXPECT_EQ(clock.after(1500), Texts{"!no frame for 1.5 s"});
-}
-
-TEST(Health, ASlowCameraIsWaitedForLonger) {
-  Health health(1.0, 0);
-  Snapshot now;
-  now.now_ns = 15'000 * kMs;
-  EXPECT_TRUE(health.poll(now).empty());
-  now.now_ns = 21'000 * kMs;
-  EXPECT_EQ(health.poll(now).size(), 1U);
+  Clock never;
+  EXPECT_EQ(never.after(1500), Texts{"!no frame for 1.5 s"});
+  Clock slow{.health = Health(1.0, 0), .now = {}};
+  EXPECT_EQ(slow.after(15'000), Texts{});
+  EXPECT_EQ(slow.after(6'000).size(), 1U);
 }
 
 TEST(Health, LossesAreToldByCauseAndNotTooOften) {
@@ -102,5 +92,95 @@ TEST(Health, LeavesTheFlowOfAWatchedCameraToIt) {
   EXPECT_EQ(clock.after(100), Texts{"!frames lost since the last notice: 1 missing"});
 }
 
-}  // namespace
+// --- the watchdog
+
+constexpr std::int64_t kSecond = 1000 * kMs;
+constexpr std::int64_t kLook = 100 * kMs;
+constexpr double kPeriodS = 0.005;
+constexpr int kLookahead = 1;
+constexpr std::int64_t kStallNs = 200 * kMs;
+
+// A daemon that is looked at ten times a second. What hangs is left behind by its clock or its count.
+class FlowWatchTest : public testing::Test {
+ protected:
+  FlowWatchTest() { signs_.now_ns = kSecond; }
+
+  // The first trouble within this time; empty: none.
+  std::string run(std::int64_t time_ns) {
+    for (const std::int64_t end_ns = signs_.now_ns + time_ns; signs_.now_ns < end_ns;) {
+      signs_.now_ns += kLook;
+      if (pipeline_runs_) signs_.polled_ns = signs_.now_ns;
+      if (source_looks_) signs_.watched_ns = signs_.now_ns;
+      if (frames_come_) signs_.received += 20;
+      if (frames_come_ && published_) signs_.handled = signs_.received - kLookahead;
+      if (std::string trouble = watch_.check(signs_); !trouble.empty()) return trouble;
+    }
+    return {};
+  }
+
+  bool pipeline_runs_ = true;
+  bool source_looks_ = true;
+  bool frames_come_ = true;
+  bool published_ = true;
+  Signs signs_{.watched = true, .streams = true};
+  FlowWatch watch_{kPeriodS, kLookahead, kStallNs, kSecond};
+};
+
+TEST_F(FlowWatchTest, IsContentWhileFramesFlow) { EXPECT_EQ(run(60 * kSecond), ""); }
+
+TEST_F(FlowWatchTest, TellsThatThePipelineHangsWhetherFramesComeOrNot) {
+  run(5 * kSecond);
+  pipeline_runs_ = published_ = false;
+  EXPECT_NE(run(5 * kSecond).find("the pipeline has not moved"), std::string::npos);
+  pipeline_runs_ = published_ = true;
+  EXPECT_EQ(run(5 * kSecond), "") << "it goes on";
+  signs_.streams = pipeline_runs_ = frames_come_ = false;
+  EXPECT_NE(run(5 * kSecond).find("the pipeline has not moved"), std::string::npos);
+}
+
+TEST_F(FlowWatchTest, TellsThatFramesComeButNoneIsPublished) {
+  run(5 * kSecond);
+  published_ = false;
+  EXPECT_NE(run(5 * kSecond).find("none was published"), std::string::npos);
+  published_ = true;
+  EXPECT_EQ(run(5 * kSecond), "") << "it goes on";
+}
+
+TEST_F(FlowWatchTest, IsContentWhileALostCameraIsLookedAfter) {
+  run(5 * kSecond);
+  frames_come_ = signs_.streams = false;
+  EXPECT_EQ(run(3600 * kSecond), "");
+  frames_come_ = signs_.streams = true;
+  EXPECT_EQ(run(5 * kSecond), "") << "frames after an hour are not late";
+  frames_come_ = signs_.streams = source_looks_ = false;
+  EXPECT_NE(run(60 * kSecond).find("was not looked after"), std::string::npos);
+}
+
+TEST_F(FlowWatchTest, TellsASilenceThatTheSourceDoesNotTell) {
+  run(5 * kSecond);
+  frames_come_ = false;
+  EXPECT_NE(run(5 * kSecond).find("though the camera streams"), std::string::npos);
+}
+
+TEST_F(FlowWatchTest, IsContentWhileNoFrameIsDue) {
+  signs_.watched = false;
+  run(5 * kSecond);
+  frames_come_ = false;
+  EXPECT_EQ(run(3600 * kSecond), "");
+}
+
+TEST(FlowWatch, HasPatienceWithASlowCameraThatLooksAhead) {
+  constexpr double kSlowS = 1.0;
+  constexpr int kFramesAhead = 8;
+  FlowWatch watch(kSlowS, kFramesAhead, 20 * kSecond, 0);
+  Signs signs{.watched = true, .streams = true};
+  for (std::uint64_t frame = 0; frame < 40; ++frame) {
+    signs.now_ns += kSecond;
+    signs.polled_ns = signs.watched_ns = signs.now_ns;
+    signs.received = frame;
+    signs.handled = frame > kFramesAhead ? frame - kFramesAhead : 0;
+    EXPECT_EQ(watch.check(signs), "") << "frame " << frame;
+  }
+}
+
 }  // namespace bolo::daemon::health_test

@@ -1,16 +1,9 @@
 // A real daemon's metrics, scraped over HTTP.
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <utility>
-#include <vector>
-
-#include "src/core/utc_clock.hpp"
+#include "src/core/clock.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 #include "tests/tools/sockets.hpp"
 
 namespace bolo::daemon::metrics_test {
-namespace {
 
 constexpr std::uint16_t kPort = 9464;
 
@@ -80,13 +73,10 @@ TEST_F(Metrics, TellWhatBecameOfTheFrames) {
   EXPECT_NE(text.find("camera_serial=\"42\""), std::string::npos);
   EXPECT_EQ(text.find("bolo_camera_state"), std::string::npos) << "a replay has no camera";
 
-  std::ofstream(folder_ / "metrics.txt") << text;
-  const std::string lint = "promtool check metrics < '" + (folder_ / "metrics.txt").string() + "' > '" +
-                           (folder_ / "lint.txt").string() + "' 2>&1";
   expect_good_end(*daemon);
   if (std::system("command -v promtool > /dev/null") != 0) GTEST_SKIP() << "promtool (package prometheus) is missing";
-  EXPECT_EQ(std::system(lint.c_str()), 0)
-      << (std::ostringstream() << std::ifstream(folder_ / "lint.txt").rdbuf()).str();
+  Program lint({"/bin/sh", "-c", "promtool check metrics < \"$0\" 2>&1", write("metrics.txt", text)}, file("lint"));
+  EXPECT_EQ(lint.wait(), 0) << lint.out();
 }
 
 TEST_F(Metrics, TellOfTheCamera) {
@@ -115,33 +105,25 @@ TEST_F(Metrics, NothingElseIsAnswered) {
   EXPECT_TRUE(ask(address_, "GET /metricsx HTTP/1.1").starts_with("HTTP/1.1 404 "));
   EXPECT_TRUE(ask(address_, "POST /metrics HTTP/1.1").starts_with("HTTP/1.1 405 "));
   EXPECT_EQ(ask(address_, "GET /" + std::string(10'000, 'a') + " HTTP/1.1"), "");
-}
-
-TEST_F(Metrics, IdleConnectionsStarveNobody) {
-  const auto daemon = start(20'000, section());
-  ASSERT_TRUE(eventually([&] { return !scrape(address_).empty(); })) << daemon->err();
   std::vector<UniqueFd> idle;
   for (int i = 0; i < 40; ++i) {
     idle.push_back(connected(address_));
     if (i % 2 == 0) send(idle.back().get(), "GET /met", 8, MSG_NOSIGNAL);
   }
-  EXPECT_FALSE(scrape(address_).empty());
+  EXPECT_FALSE(scrape(address_).empty()) << "idle connections starve nobody";
 }
 
 // Any program may have taken it, and frames do not need it.
 TEST_F(Metrics, ATakenPortOnlyWarnsAndIsTriedAgain) {
   const auto first = start(20'000, section());
   ASSERT_TRUE(eventually([&] { return !scrape(address_).empty(); })) << first->err();
-  const std::string other = name_ + "-second";
-  const auto second = start_with(write("second.toml", "name = '" + other + "'\n[source]\n" + kReplay +
-                                                          "[pipeline]\nlock_memory = false\n" + section()),
-                                 "second");
-  ASSERT_TRUE(eventually([&] { return ShmReader::open(other).has_value(); })) << second->err();
+  name_ += "-second";
+  const auto second = start_again(section(), "second");
+  ASSERT_TRUE(attach()) << second->err();
   EXPECT_TRUE(logged(*second, "cannot listen at " + address_ + ":9464 (Address already in use)")) << second->err();
   expect_good_end(*first);
-  EXPECT_TRUE(eventually([&] { return scrape(address_).find(other) != std::string::npos; })) << second->err();
+  EXPECT_TRUE(eventually([&] { return scrape(address_).find(name_) != std::string::npos; })) << second->err();
   expect_good_end(*second);
 }
 
-}  // namespace
 }  // namespace bolo::daemon::metrics_test

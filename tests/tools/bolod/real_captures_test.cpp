@@ -1,16 +1,9 @@
 // Real recordings, the whole way: fake camera, GigE Vision packets, bolod, shared memory, a reader. Every raw plane
 // that arrives is the recording's, pixel by pixel.
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <filesystem>
-#include <set>
-
 #include "src/capture/capture.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 
 namespace bolo::daemon::real_captures_test {
-namespace {
 
 struct Recording {
   const char* file;
@@ -63,17 +56,14 @@ TEST_P(RealCaptures, ReachAReaderPixelByPixel) {
 
   const auto recorded = planes();
   std::set<std::vector<std::uint16_t>> seen;
-  ReadFrame frame;
-  std::size_t good = 0;
-  std::size_t wrong = 0;
-  for (std::uint64_t number = reader->published(); good + wrong < 200; ++number) {
-    const Outcome outcome = reader->read(number, frame, 60'000);
-    if (outcome == Outcome::kOverwritten) continue;
-    ASSERT_EQ(outcome, Outcome::kFrame) << daemon->err();
-    recorded.contains(frame.raw) ? ++good : ++wrong;
+  int frames = 0;
+  int wrong = 0;
+  EXPECT_TRUE(follow(*reader, [&](const ReadFrame& frame) {
+    wrong += recorded.contains(frame.raw) ? 0 : 1;
     seen.insert(frame.raw);
-  }
-  EXPECT_EQ(wrong, 0U);
+    return ++frames == 200;
+  })) << daemon->err();
+  EXPECT_EQ(wrong, 0);
   EXPECT_GT(seen.size(), recorded.size() / 2) << "frames repeat";
   expect_good_end(*daemon);
 }
@@ -84,5 +74,4 @@ INSTANTIATE_TEST_SUITE_P(Captures, RealCaptures,
                                          Recording{"atto320_blackbody_25C.h5", {0, 0, 320, 240}}),
                          [](const auto& each) { return std::filesystem::path(each.param.file).stem().string(); });
 
-}  // namespace
 }  // namespace bolo::daemon::real_captures_test

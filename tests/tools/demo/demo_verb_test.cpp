@@ -1,12 +1,7 @@
 // `bolo demo` in a folder that the user named, and where files of his are.
-#include <gtest/gtest.h>
-
-#include <string>
-
 #include "tests/tools/program.hpp"
 
-namespace bolo::tools::test {
-namespace {
+namespace bolo::tools::test::demo_verb_test {
 
 class DemoVerb : public ProgramTest {
  protected:
@@ -22,5 +17,4 @@ TEST_F(DemoVerb, ReplacesNothing) {
   }
 }
 
-}  // namespace
-}  // namespace bolo::tools::test
+}  // namespace bolo::tools::test::demo_verb_test

@@ -1,9 +1,7 @@
+#include "tests/test.hpp"
 #include "tools/demo/live_check.hpp"
 
-#include <gtest/gtest.h>
-
-namespace bolo::tools {
-namespace {
+namespace bolo::tools::truth_clock_test {
 
 constexpr std::int64_t kMs = 1'000'000;
 
@@ -32,5 +30,4 @@ TEST(TruthClock, ALostFrameOfTheCaptureHasNoTruth) {
   EXPECT_EQ(clock.frame_at(20 * kMs), 0U);
 }
 
-}  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::truth_clock_test

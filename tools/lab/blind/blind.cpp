@@ -9,7 +9,7 @@
 #include <glib.h>
 
 #include "src/core/statistics.hpp"
-#include "tools/cli/json_text.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/cli/process.hpp"
 #include "tools/lab/blind/blind.hpp"
 #include "tools/lab/verbs.hpp"

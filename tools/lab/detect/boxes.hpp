@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "src/core/geometry.hpp"
+#include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 #include "src/sim/path.hpp"
 

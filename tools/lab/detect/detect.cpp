@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <system_error>
 
-#include "tools/cli/plot_option.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/lab/detect/table.hpp"
 #include "tools/lab/verbs.hpp"
 

@@ -2,7 +2,7 @@
 // stills, each seen several times by a camera in somebody's hands.
 #pragma once
 
-#include "src/report/sheet.hpp"
+#include "src/report/plot.hpp"
 #include "tools/lab/detect/detector.hpp"
 #include "tools/lab/eval/fidelity_data.hpp"
 

@@ -1,6 +1,6 @@
 #include <system_error>
 
-#include "src/sim/scene.hpp"
+#include "src/sim/field.hpp"
 #include "tools/lab/detect/table.hpp"
 #include "tools/lab/eval/fidelity.hpp"
 

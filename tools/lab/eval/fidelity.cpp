@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "src/sim/scene.hpp"
-#include "tools/cli/plot_option.hpp"
+#include "src/sim/field.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/lab/eval/fidelity.hpp"
 #include "tools/lab/verbs.hpp"
 

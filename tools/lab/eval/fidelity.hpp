@@ -6,7 +6,7 @@
 #include <array>
 
 #include "src/deblur/solver.hpp"
-#include "src/report/sheet.hpp"
+#include "src/report/plot.hpp"
 #include "tools/lab/eval/fidelity_data.hpp"
 
 namespace bolo::tools::fidelity {

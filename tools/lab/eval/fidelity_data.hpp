@@ -2,7 +2,7 @@
 // how far an estimate is from the truth.
 #pragma once
 
-#include "src/core/plane.hpp"
+#include "src/core/frame.hpp"
 #include "src/model/a655sc.hpp"
 #include "src/sim/path.hpp"
 #include "tools/lab/common.hpp"

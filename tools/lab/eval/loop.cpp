@@ -4,7 +4,6 @@
 
 #include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/report.hpp"
-#include "src/pipeline/apply_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tools/lab/blind/session.hpp"
 #include "tools/lab/recording.hpp"

@@ -134,31 +134,6 @@ void correct_and_judge(const Programs& programs, const std::string& daemon, cons
   findings.require(Invariant::kCommands, code == 0, "bolo nuc: " + contents(log.string() + ".err"));
 }
 
-// One thread a processor counts up; some memory is filled over and over. Block.
-void take_processors(double seconds) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  std::vector<std::thread> burners;
-  for (unsigned i = 0; i < std::max(1U, std::thread::hardware_concurrency()); ++i) {
-    burners.emplace_back([end] {
-      while (std::chrono::steady_clock::now() < end) {
-        for (volatile int spin = 0; spin < 10'000;) spin = spin + 1;
-      }
-    });
-  }
-  for (std::thread& burner : burners) burner.join();
-}
-
-void take_memory(double seconds, std::uint64_t bytes) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  std::vector<char> memory(bytes);
-  constexpr std::size_t kPage = 4096;
-  for (char value = 1; std::chrono::steady_clock::now() < end; ++value) {
-    for (std::size_t i = 0; i < memory.size() && std::chrono::steady_clock::now() < end; i += 256 * kPage) {
-      for (std::size_t k = i; k < std::min<std::size_t>(i + 256 * kPage, memory.size()); k += kPage) memory[k] = value;
-    }
-  }
-}
-
 }  // namespace
 
 void Acts::begin(const Disturbance& d) {
@@ -168,8 +143,7 @@ void Acts::begin(const Disturbance& d) {
   if (kind == kReaderSlow) start_helper(rig_.reader("slow-reader-" + std::to_string(++count_), kSlowReader_ms));
   if (kind == kRecording || kind == kRecorderKilled || kind == kDiskFull) record(d);
   if (kind == kClockStep) step_clock(kClockStep_s);
-  if (kind == kCpuTaken) take_processors(d.for_s);
-  if (kind == kMemoryTaken) take_memory(d.for_s);
+  if (kind == kCpuTaken || kind == kMemoryTaken) take(kind);
   if (kind == kReload || kind == kBadReload) write_config(kind == kReload);
   if (kind == kCorrection) {
     const std::filesystem::path log = rig_.file("nuc-" + std::to_string(++count_));
@@ -197,17 +171,17 @@ void Acts::record(const Disturbance& d) {
   run_beside([this, d, file, most] { record_and_judge(rig_, d, file, most, findings_); });
 }
 
-void Acts::take_processors(double seconds) {
-  if (rig_.programs().stress.empty()) return run_beside([seconds] { soak::take_processors(seconds); });
-  const auto all = std::to_string(std::max(1U, std::thread::hardware_concurrency()));
-  start_helper({{rig_.programs().stress, "--quiet", "--cpu", all}, rig_.file("stress")});
-}
-
-void Acts::take_memory(double seconds) {
-  const std::uint64_t bytes = std::min(available_memory() / 4, kMostMemory);
-  if (rig_.programs().stress.empty()) return run_beside([=] { soak::take_memory(seconds, bytes); });
-  start_helper(
-      {{rig_.programs().stress, "--quiet", "--vm", "1", "--vm-bytes", std::to_string(bytes)}, rig_.file("stress")});
+// As the package stress-ng takes them: on every processor, or some of what is left of the memory.
+void Acts::take(Kind kind) {
+  Command command{{rig_.programs().stress, "--quiet"}, rig_.file("stress")};
+  if (kind == Kind::kCpuTaken) {
+    const unsigned all = std::max(1U, std::thread::hardware_concurrency());
+    command.words.insert(command.words.end(), {"--cpu", std::to_string(all)});
+  } else {
+    const std::uint64_t bytes = std::min(available_memory() / 4, kMostMemory);
+    command.words.insert(command.words.end(), {"--vm", "1", "--vm-bytes", std::to_string(bytes)});
+  }
+  start_helper(command);
 }
 
 void Acts::start_helper(const Command& command) {

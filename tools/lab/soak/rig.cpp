@@ -5,7 +5,6 @@
 #include <csignal>
 #include <cstdio>
 #include <fstream>
-#include <sstream>
 
 #include <toml++/toml.h>
 
@@ -73,12 +72,6 @@ struct Close {
 
 }  // namespace
 
-std::string contents(const std::filesystem::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
-
 Result<Programs> find_programs() {
   Programs programs;
   std::error_code error;
@@ -87,6 +80,7 @@ Result<Programs> find_programs() {
     ASSIGN_OR_RETURN(*path, find_own_program(name));
   }
   programs.stress = find_program("stress-ng");
+  if (programs.stress.empty()) return bad_input("there is no stress-ng in PATH; install the package stress-ng");
   return programs;
 }
 

@@ -28,16 +28,13 @@ Status write_daemon_file(const DaemonFile& file);
 // The configuration that was written.
 std::filesystem::path config_of(const DaemonFile& file);
 
-// All of a file; empty where it cannot be read. Thread: any.
-std::string contents(const std::filesystem::path& file);
-
 struct Programs {
   std::filesystem::path lab;  // this program
   std::filesystem::path bolo;
   std::filesystem::path bolod;
-  std::filesystem::path stress;  // stress-ng; empty: not installed
+  std::filesystem::path stress;  // stress-ng
 };
-// bolo and bolod are beside this program or in PATH. kBadInput: one is not there. Thread: any.
+// bolo and bolod are beside this program or in PATH, stress-ng is in PATH. kBadInput: one is not there. Thread: any.
 Result<Programs> find_programs();
 
 // The books of all camera processes: those that ended, and the present one.
@@ -145,14 +142,13 @@ class Acts {
 
  private:
   void record(const Disturbance& disturbance);
-  void take_processors(double seconds);
-  void take_memory(double seconds);
+  void take(Kind kind);
   void start_helper(const Command& command);
   void end_helper(bool must_be_well);
   void write_config(bool right);
   void step_clock(double by_s);
 
-  // Does what takes its time and is judged at its end: recordings, commands, work for processors and memory.
+  // Does what takes its time and is judged at its end: recordings and commands.
   void run_beside(std::function<void()> job) { jobs_.push_back(std::async(std::launch::async, std::move(job))); }
 
   Rig& rig_;

@@ -8,7 +8,7 @@
 
 #include "bolo/client.h"
 #include "src/core/statistics.hpp"
-#include "tools/cli/plot_option.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/lab/soak/verdicts.hpp"
 #include "tools/lab/verbs.hpp"
 
@@ -25,7 +25,7 @@ constexpr double kDefault_s = 120.0;
 // --- the report ---
 
 // Where and how it was measured.
-Json circumstances(const SoakRequest& request, const Programs& programs, const std::string& command) {
+Json circumstances(const SoakRequest& request, const std::string& command) {
   utsname names{};
   uname(&names);
   const std::time_t now = std::time(nullptr);
@@ -39,9 +39,7 @@ Json circumstances(const SoakRequest& request, const Programs& programs, const s
           {"began", began},
           {"width", request.rig.geometry.width},
           {"height", request.rig.geometry.height},
-          {"rate_hz", request.rig.rate_hz},
-          {"taken_by",
-           programs.stress.empty() ? "threads of this program: stress-ng is not installed" : programs.stress.string()}};
+          {"rate_hz", request.rig.rate_hz}};
 }
 
 // What this computer or this run could not do, and why.
@@ -275,7 +273,7 @@ Status soak_and_report(Request& request, const std::string& command) {
   ASSIGN_OR_RETURN(const auto folder, ScratchFolder::make());
   RETURN_IF_ERROR(prepare_report(request));
   request.soak.rig.folder = folder.path();
-  const Json measured = circumstances(request.soak, programs, command);
+  const Json measured = circumstances(request.soak, command);
   Findings findings;
   const auto tell = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
   ASSIGN_OR_RETURN(const auto result, run_soak(request.soak, programs, interrupted(), tell, findings));

@@ -19,6 +19,7 @@ CameraModel::Term& term_of(State& state) {
 std::vector<Effect> column_droop_effects() {
   return {{.name = "column_droop",
            .stage = "readout",
+           .words = {"Column droop", "The offset falls towards the right"},
            .needs = "a closed shutter",
            .told_by = any_of({Kind::kUniform}),
            .parameters =

@@ -1,15 +1,9 @@
 // bolo bench through its executable: what it prints, not how fast anything is.
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
-#include <set>
-#include <string>
-#include <vector>
 
 #include "tests/tools/program.hpp"
 
-namespace bolo::tools::test {
-namespace {
+namespace bolo::tools::test::bench_verb_test {
 
 struct BenchVerb : ProgramTest {
   BenchVerb() : ProgramTest({BOLO_LAB_PROGRAM, "bench"}) {}
@@ -28,9 +22,7 @@ void expect_measured(const nlohmann::json& m) {
 }
 
 TEST_F(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
-  const Outcome outcome = run({"deblur", "--json", "--seconds", "0.1"});
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  const auto result = nlohmann::json::parse(printed(words("deblur --json --seconds 0.1")));
   expect_measured(result);
   EXPECT_EQ(result.at("solver"), "admm");
   EXPECT_EQ(result.at("threads"), 1);
@@ -52,8 +44,7 @@ TEST_F(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
 }
 
 TEST_F(BenchVerb, OptionsChooseTheMainFigures) {
-  const Outcome outcome =
-      run({"deblur", "--json", "--seconds", "0.1", "--solver", "inverse", "--isa", "SSE4", "--threads", "2"});
+  const Outcome outcome = run(words("deblur --json --seconds 0.1 --solver inverse --isa SSE4 --threads 2"));
   if (outcome.exit_code == 2 && outcome.err.find("--isa SSE4") != std::string::npos) GTEST_SKIP() << outcome.err;
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const nlohmann::json result = nlohmann::json::parse(outcome.out);
@@ -63,38 +54,8 @@ TEST_F(BenchVerb, OptionsChooseTheMainFigures) {
 }
 
 TEST_F(BenchVerb, WrongOptionsAreOneLineAndExitCode2) {
-  for (const auto& words : {std::vector<std::string>{},
-                            {"kettle"},
-                            {"deblur", "--solver", "magic"},
-                            {"deblur", "--isa", "MMX"},
-                            {"deblur", "--threads", "0"},
-                            {"deblur", "--lambda", "-1"},
-                            {"deblur", "--seconds", "0"}}) {
-    refused(words);
-  }
+  refused_each("", "", "kettle", "deblur --solver magic", "deblur --isa MMX", "deblur --threads 0",
+               "deblur --lambda -1", "deblur --seconds 0");
 }
 
-TEST_F(BenchVerb, ReadersOfAllKindsAreMeasured) {
-  const Outcome outcome = run({"readers", "--json", "--seconds", "0"});
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const nlohmann::json result = nlohmann::json::parse(outcome.out);
-  EXPECT_NE(result.at("method").get<std::string>().find("libbolo-client"), std::string::npos);
-  std::vector<int> readers;
-  for (const nlohmann::json& each : result.at("cases")) {
-    readers.push_back(each.at("readers"));
-    EXPECT_EQ(each.at("frozen"), readers.back() >= 4 ? 1 : 0);
-    EXPECT_EQ(each.at("killed"), readers.back() >= 4 ? 1 : 0);
-    EXPECT_EQ(each.at("slow"), readers.back() >= 4 ? 1 : 0);
-    EXPECT_GT(each.at("rate_hz").get<double>(), 0.0);
-    EXPECT_GT(each.at("publish_p99_ratio").get<double>(), 0.0);
-    EXPECT_LE(each.at("publish_us_p50").get<double>(), each.at("publish_us_p99").get<double>());
-    EXPECT_LE(each.at("read_fraction").get<double>(), 1.0);
-    if (readers.back() > 0) {
-      EXPECT_GT(each.at("read_fraction").get<double>(), 0.0);
-    }
-  }
-  EXPECT_EQ(readers, (std::vector<int>{0, 1, 4, 16}));
-}
-
-}  // namespace
-}  // namespace bolo::tools::test
+}  // namespace bolo::tools::test::bench_verb_test

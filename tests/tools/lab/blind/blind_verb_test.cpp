@@ -1,14 +1,12 @@
-#include <fstream>
-
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "src/capture/pixel_maps_io.hpp"
+#include "src/model/camera_profile.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/lab/blind/blind.hpp"
 #include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools::blind_verb_test {
-namespace {
 
 using nlohmann::json;
 using test::Outcome;
@@ -20,20 +18,13 @@ struct BlindVerb : test::ProgramTest {
 };
 
 TEST_F(BlindVerb, SealsDiagnosesOpensAndScores) {
-  const Outcome outcome = run({"--kind", "single", "--only", "row_delay", "--sessions", "2"});
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const std::size_t sealed = outcome.out.find("sealed 2 answers: sha256 ");
-  const std::size_t opened = outcome.out.find("opened: the answers are those that were sealed");
-  ASSERT_NE(sealed, std::string::npos) << outcome.out;
-  EXPECT_LT(sealed, opened);
-  EXPECT_NE(outcome.out.find("passed 2 of 2"), std::string::npos) << outcome.out;
-  EXPECT_NE(outcome.out.find("row_delay.row_delay_s"), std::string::npos) << outcome.out;
+  const std::string out = printed(words("--kind single --only row_delay --sessions 2"));
+  expect_parts(out, {"sealed 2 answers: sha256 ", "passed 2 of 2", "row_delay.row_delay_s"});
+  EXPECT_LT(out.find("sealed 2 answers: sha256 "), out.find("opened: the answers are those that were sealed")) << out;
 }
 
 TEST_F(BlindVerb, ScoresEveryKindAsJson) {
-  const Outcome outcome = run({"--sessions", "1", "--json", "--imperfect"});
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const json score = json::parse(outcome.out);
+  const json score = json::parse(printed(words("--sessions 1 --json --imperfect")));
   EXPECT_EQ(score.at("kinds").size(), blind::kKinds);
   EXPECT_EQ(score.at("kinds").at("effect-free").at("false_effect"), 1);  // the made-up diagnosis always says row_delay
   EXPECT_EQ(score.at("kinds").at("withheld").at("flagged"), 1);
@@ -42,12 +33,9 @@ TEST_F(BlindVerb, ScoresEveryKindAsJson) {
 }
 
 TEST_F(BlindVerb, TheChildCannotSeeTheAnswers) {
-  const auto keep = folder_ / "kept";
-  const Outcome outcome =
-      run({"--kind", "single", "--only", "iir", "--sessions", "1", "--seed", "424242", "--keep", keep.string()});
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const std::string seen = test::contents(keep / "single-0" / "seen.txt");
-  ASSERT_NE(seen.find("capture-1.h5"), std::string::npos);
+  done(words("--kind single --only iir --sessions 1 --seed 424242 --keep @kept"));
+  const std::string seen = test::contents(folder_ / "kept/single-0/seen.txt");
+  expect_parts(seen, {"capture-1.h5"});
   for (const char* hint : {"iir", "single", "424242", "answers"}) {
     EXPECT_EQ(seen.find(hint), std::string::npos) << hint << " in\n" << seen;
   }
@@ -55,12 +43,12 @@ TEST_F(BlindVerb, TheChildCannotSeeTheAnswers) {
   std::size_t open_files = 0;
   for (std::size_t at = seen.find("fd "); at != std::string::npos; at = seen.find("fd ", at + 1)) ++open_files;
   EXPECT_LE(open_files, 6U) << seen;
-  EXPECT_NE(test::contents(keep / "answers.json").find("iir"), std::string::npos);
+  expect_parts(test::contents(folder_ / "kept/answers.json"), {"iir"});
 }
 
 TEST_F(BlindVerb, KeptAnswersMatchTheSeal) {
   const auto keep = folder_ / "kept";
-  const Outcome outcome = run({"--kind", "effect-free", "--sessions", "1", "--json", "--keep", keep.string()});
+  const Outcome outcome = run(words("--kind effect-free --sessions 1 --json --keep @kept"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const std::string digest = json::parse(outcome.out).at("sealed_sha256");
   EXPECT_EQ(blind::sha256(test::contents(keep / "answers.json") + test::contents(keep / "nonce.txt")), digest);
@@ -69,24 +57,78 @@ TEST_F(BlindVerb, KeptAnswersMatchTheSeal) {
 }
 
 TEST_F(BlindVerb, OneSessionDrawnAgainIsTheSame) {
-  ASSERT_EQ(run({"--kind", "pair", "--sessions", "3", "--keep", (folder_ / "a").string()}).exit_code, 0);
-  ASSERT_EQ(run({"--kind", "pair", "--first", "2", "--sessions", "1", "--keep", (folder_ / "b").string()}).exit_code,
-            0);
-  const json all = json::parse(std::ifstream(folder_ / "a" / "answers.json"));
-  const json one = json::parse(std::ifstream(folder_ / "b" / "answers.json"));
-  EXPECT_EQ(all.at(2), one.at(0));
+  done(words("--kind pair --sessions 3 --keep @a"));
+  done(words("--kind pair --first 2 --sessions 1 --keep @b"));
+  EXPECT_EQ(json::parse(test::contents(folder_ / "a/answers.json")).at(2),
+            json::parse(test::contents(folder_ / "b/answers.json")).at(0));
 }
 
 TEST_F(BlindVerb, WrongUsageIsRefused) {
-  for (const auto& words : {std::vector<std::string>{"--kind", "double"},
-                            {"--sessions", "0"},
-                            {"--jobs", "0"},
-                            {"--magnitude", "0"},
-                            {"--frames-scale", "100"},
-                            {"--only", "nothing"}}) {
-    refused(words, "bolo-lab blind: ");
+  refused_each("", "--kind double", "--sessions 0", "--jobs 0", "--magnitude 0", "--frames-scale 100",
+               "--only nothing");
+}
+
+using nlohmann::json;
+using test::Outcome;
+
+class DiagnoseVerb : public test::ProgramTest {
+ protected:
+  DiagnoseVerb() : ProgramTest({BOLO_PROGRAM, "diagnose"}) {
+    blind::DrawOptions options;
+    options.geometry = {8, 8};
+    options.frames_scale = 0.1;
+    files_ = blind::write_captures(blind::draw_session(options, blind::Kind::kEffectFree, 0).value(), folder_).value();
+  }
+
+  std::vector<std::filesystem::path> files_;
+};
+
+TEST_F(DiagnoseVerb, WritesTheReportAndSaysWhatItFound) {
+  const Outcome outcome = run({"-o", folder_ / "out", files_[0], files_[1]});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  expect_parts(outcome.out, {"Rows are sampled 28 us after one another"});
+  expect_parts(outcome.err, {"reading"});
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "out/report.html"));
+  EXPECT_EQ(json::parse(test::contents(folder_ / "out/report.json")).at("inputs").size(), 2U);
+}
+
+// A file's name may have a comma and blanks.
+TEST_F(DiagnoseVerb, PrintsTheReportAsJson) {
+  const std::string file = folder_ / "a, b.h5";
+  std::filesystem::copy_file(files_[0], file);
+  const json told = json::parse(printed({"-o", folder_ / "out", "--json", "--withhold", "row_delay", file}));
+  EXPECT_EQ(told.at("withheld"), json::array({"row_delay"}));
+  EXPECT_EQ(told.at("verdict"), "unknown_effect");
+  EXPECT_EQ(told.at("inputs"), json::array({file}));
+  EXPECT_EQ(told, json::parse(test::contents(folder_ / "out/report.json")));
+}
+
+TEST_F(DiagnoseVerb, WritesAProfileWithWhatItFound) {
+  const std::string file = folder_ / "learned.toml";
+  expect_parts(printed({"-o", folder_ / "out", "--write-profile", file, files_[0]}),
+               {"  profile     " + file + "\n              maps = \"learned-maps.h5\"\n              row_delay_s = "});
+  const auto profile = must(model::read_profile(file));
+  EXPECT_EQ(profile->row_delay_s, 2.8e-5);
+  EXPECT_EQ(profile->tau_s, 0.011);
+  EXPECT_EQ(profile->maps, folder_ / "learned-maps.h5") << "beside the profile";
+  const auto maps = must(capture::read_profile_maps(*profile));
+  EXPECT_EQ(maps->offset, (std::vector<float>{0.25F, -0.5F}));
+  EXPECT_EQ(maps->row_delay_s, 2.8e-5);
+  expect_parts(test::contents(file), {"maps = \"learned-maps.h5\""});  // both files can be moved together
+}
+
+TEST_F(DiagnoseVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {
+  const std::string file = files_[0];
+  for (const std::string& line :
+       {file /* no folder */, std::string("-o @out") /* no capture */, std::string("-o @out @missing.h5"),
+        "-o @out --threads 0 " + file, "-o @out --profile @none.toml " + file,
+        "-o " + files_[1].string() + "/sub " + file /* a folder in a file */}) {
+    const Outcome outcome = run(words(line));
+    EXPECT_EQ(outcome.exit_code, 2) << line;
+    const std::size_t last = outcome.err.rfind("bolo diagnose: ");
+    ASSERT_NE(last, std::string::npos) << outcome.err;
+    EXPECT_EQ(outcome.err.find('\n', last), outcome.err.size() - 1) << outcome.err;
   }
 }
 
-}  // namespace
 }  // namespace bolo::tools::blind_verb_test

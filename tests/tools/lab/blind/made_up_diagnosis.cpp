@@ -1,10 +1,7 @@
-// A diagnosis that always says the same, and writes down what its process can see. While TMPDIR has a file "hold", one
-// with something withheld waits; while it has a file "break", that one breaks, and says something that is no text.
-#include <chrono>
+// A diagnosis that always says the same, and writes down what its process can see.
 #include <filesystem>
 #include <fstream>
 #include <sstream>
-#include <thread>
 
 #include "src/capture/capture.hpp"
 #include "src/diagnose/diagnose.hpp"
@@ -46,9 +43,6 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   }
   write_down(captures.front().parent_path());
   const bool unknown = !options.withheld.empty();
-  const auto orders = std::filesystem::temp_directory_path();
-  while (unknown && std::filesystem::exists(orders / "hold")) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  if (unknown && std::filesystem::exists(orders / "break")) return bad_input("made up \xff\xfe");
   report.verdict = unknown ? "unknown_effect" : "explained";
   report.gap_before = 3.0;
   report.gap_after = unknown ? 3.0 : 1.0;

@@ -1,23 +1,11 @@
 // The second reality against closed forms of the simplest cases.
 #include "tools/lab/blind/session.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
-
-#include <gtest/gtest.h>
-
+#include "tests/tools/program.hpp"
 namespace bolo::tools::blind::reality_test {
-namespace {
 
-Session drawn(Kind kind, std::size_t index, const std::string& only = {}) {
-  DrawOptions options;
-  options.reality = Reality::kSecond;
-  options.geometry = {16, 12};
-  options.only = only;
-  return draw_session(options, kind, index).value();
+Session drawn(Kind kind, std::size_t index) {
+  return draw_session({.geometry = {16, 12}, .reality = Reality::kSecond}, kind, index).value();
 }
 
 // Mean of the frame, K.
@@ -64,14 +52,11 @@ TEST(SecondReality, EveryEffectOfTheCatalogueIsHidden) {
 // Were it to use them, it would be no second one.
 TEST(SecondReality, UsesNeitherSimulatorNorDiagnosis) {
   for (const char* name : {"reality.cpp", "reality_draw.cpp", "reality_scene.cpp", "reality.hpp"}) {
-    std::ifstream file(std::filesystem::path(BOLO_SOURCE_DIR) / "tools/lab/blind" / name);
-    ASSERT_TRUE(file) << name;
-    std::stringstream text;
-    text << file.rdbuf();
-    EXPECT_EQ(text.str().find("#include \"src/sim"), std::string::npos) << name;
-    EXPECT_EQ(text.str().find("#include \"src/diagnose"), std::string::npos) << name;
+    const std::string text = test::contents(std::filesystem::path(BOLO_SOURCE_DIR) / "tools/lab/blind" / name);
+    EXPECT_FALSE(text.empty()) << name;
+    EXPECT_EQ(text.find("#include \"src/sim"), std::string::npos) << name;
+    EXPECT_EQ(text.find("#include \"src/diagnose"), std::string::npos) << name;
   }
 }
 
-}  // namespace
 }  // namespace bolo::tools::blind::reality_test

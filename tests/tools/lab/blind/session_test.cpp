@@ -1,17 +1,12 @@
 #include "tools/lab/blind/session.hpp"
 
-#include <algorithm>
-#include <set>
-
-#include <gtest/gtest.h>
-
+#include "src/capture/capture.hpp"
+#include "tests/refusal.hpp"
+#include "tests/scratch.hpp"
 namespace bolo::tools::blind::session_test {
-namespace {
 
 Session drawn(Kind kind, std::size_t index, const DrawOptions& options = {}) {
-  auto session = draw_session(options, kind, index);
-  EXPECT_TRUE(session) << session.error().message;
-  return session.value_or(Session{});
+  return *must(draw_session(options, kind, index));
 }
 
 TEST(BlindSession, TheSameSeedDrawsTheSame) {
@@ -19,30 +14,24 @@ TEST(BlindSession, TheSameSeedDrawsTheSame) {
     const auto k = static_cast<Kind>(kind);
     EXPECT_EQ(to_json(drawn(k, 3)), to_json(drawn(k, 3)));
     EXPECT_NE(to_json(drawn(k, 3))["captures"], to_json(drawn(k, 4))["captures"]);
+    EXPECT_NE(to_json(drawn(k, 3))["captures"], to_json(drawn(k, 3, {.seed = 2}))["captures"]);
+    EXPECT_EQ(kind_named(name_of(k)), k);
   }
-  DrawOptions other;
-  other.seed = 2;
-  EXPECT_NE(to_json(drawn(Kind::kSingle, 3, other))["captures"], to_json(drawn(Kind::kSingle, 3))["captures"]);
+  EXPECT_FALSE(kind_named("double"));
 }
 
-TEST(BlindSession, SinglesGoThroughTheWholeCatalogue) {
+TEST(BlindSession, SinglesGoThroughTheWholeCatalogueWithRealisticParameters) {
   const auto names = effects_of(Kind::kSingle);
   std::set<std::string> seen;
-  for (std::size_t i = 0; i < names.size(); ++i) {
+  for (std::size_t i = 0; i < 2 * names.size(); ++i) {
     const Session session = drawn(Kind::kSingle, i);
     ASSERT_EQ(session.effects.size(), 1U);
-    const auto* const description = sim::find_effect(session.effects[0].name);
+    const sim::EffectSpec& effect = session.effects[0];
+    const auto* const description = sim::find_effect(effect.name);
     ASSERT_NE(description, nullptr);
     EXPECT_TRUE(description->in_catalogue);
-    seen.insert(session.effects[0].name);
-  }
-  EXPECT_EQ(seen.size(), names.size());
-}
-
-TEST(BlindSession, ParametersAreRealistic) {
-  for (std::size_t i = 0; i < 2 * effects_of(Kind::kSingle).size(); ++i) {
-    const sim::EffectSpec effect = drawn(Kind::kSingle, i).effects[0];
-    for (const sim::Parameter& parameter : sim::find_effect(effect.name)->parameters) {
+    if (i < names.size()) seen.insert(effect.name);
+    for (const sim::Parameter& parameter : description->parameters) {
       const auto found = effect.values.find(parameter.key);
       if (parameter.realistic.empty() || found == effect.values.end()) continue;
       EXPECT_TRUE(std::ranges::any_of(
@@ -51,6 +40,7 @@ TEST(BlindSession, ParametersAreRealistic) {
           << effect.name << ' ' << parameter.key << ' ' << found->second;
     }
   }
+  EXPECT_EQ(seen.size(), names.size());
 }
 
 TEST(BlindSession, AKindHidesWhatItSays) {
@@ -68,14 +58,10 @@ TEST(BlindSession, AKindHidesWhatItSays) {
 }
 
 TEST(BlindSession, OnlyOneEffectWhenAskedFor) {
-  DrawOptions options;
-  options.only = "row_delay";
-  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(drawn(Kind::kSingle, i, options).effects.at(0).name, "row_delay");
-  options.only = "no_such_effect";
-  const auto none = draw_session(options, Kind::kSingle, 0);
-  ASSERT_FALSE(none);
-  EXPECT_EQ(none.error().kind, ErrorKind::kBadInput);
-  EXPECT_NE(none.error().message.find("no_such_effect"), std::string::npos);
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(drawn(Kind::kSingle, i, {.only = "row_delay"}).effects.at(0).name, "row_delay");
+  }
+  expect_refused(draw_session({.only = "no_such_effect"}, Kind::kSingle, 0), {"no_such_effect"});
 }
 
 TEST(BlindSession, AWeakerEffectIsNearerToNothing) {
@@ -107,9 +93,7 @@ TEST(BlindSession, SixCapturesThatSayNothingInTheirNames) {
 
 TEST(BlindSession, OnlyAnImperfectBenchHasErrors) {
   const Session perfect = drawn(Kind::kEffectFree, 1);
-  DrawOptions options;
-  options.imperfect = true;
-  const Session imperfect = drawn(Kind::kEffectFree, 1, options);
+  const Session imperfect = drawn(Kind::kEffectFree, 1, {.imperfect = true});
   for (std::size_t i = 0; i < 6; ++i) {
     EXPECT_EQ(perfect.captures[i].faults.level_k, 0.0);
     EXPECT_EQ(perfect.captures[i].faults.velocity, 0.0);
@@ -124,13 +108,10 @@ TEST(BlindSession, OnlyAnImperfectBenchHasErrors) {
 }
 
 TEST(BlindSession, WhatHappensOnceHappensInOneOrTwoCaptures) {
-  DrawOptions options;
-  options.only = "nuc_freeze";
   std::set<int> counts;
   for (std::size_t index = 0; index < 40; ++index) {
-    const Session session = drawn(Kind::kSingle, index, options);
     int count = 0;
-    for (const CapturePlan& plan : session.captures) {
+    for (const CapturePlan& plan : drawn(Kind::kSingle, index, {.only = "nuc_freeze"}).captures) {
       if (plan.effects.empty()) continue;
       ++count;
       EXPECT_GT(plan.effects.front().values.at("at_s"), 0.0);
@@ -139,17 +120,57 @@ TEST(BlindSession, WhatHappensOnceHappensInOneOrTwoCaptures) {
     counts.insert(count);
   }
   EXPECT_EQ(counts, (std::set<int>{1, 2}));
-  options.only = "iir";
-  const Session all_the_time = drawn(Kind::kSingle, 0, options);
+  const Session all_the_time = drawn(Kind::kSingle, 0, {.only = "iir"});
   for (const CapturePlan& plan : all_the_time.captures) EXPECT_EQ(plan.effects.size(), 1U);
 }
 
-TEST(BlindSession, KindsHaveNamesBothWays) {
-  for (std::size_t kind = 0; kind < kKinds; ++kind) {
-    EXPECT_EQ(kind_named(name_of(static_cast<Kind>(kind))), static_cast<Kind>(kind));
-  }
-  EXPECT_FALSE(kind_named("double"));
+// --- the captures
+
+using capture::CaptureReader;
+
+Session short_session(Kind kind, const std::string& only, bool imperfect = false) {
+  return draw_session({.geometry = {16, 12}, .frames_scale = 0.15, .imperfect = imperfect, .only = only}, kind, 0)
+      .value();
 }
 
-}  // namespace
+std::vector<std::uint16_t> frame(const CaptureReader& reader, std::size_t index) {
+  std::vector<std::uint16_t> plane(reader.info().format.geometry.pixels());
+  EXPECT_TRUE(reader.read_frame(index, plane.data()));
+  return plane;
+}
+
+TEST(BlindCaptures, SayNothingOfWhatIsHidden) {
+  const Scratch folder;
+  const Session session = short_session(Kind::kSingle, "row_delay", true);
+  const auto files = must(write_captures(session, folder.path()));
+  ASSERT_EQ(files->size(), 6U);
+  for (std::size_t i = 0; i < files->size(); ++i) {
+    const auto reader = must(CaptureReader::open((*files)[i]));
+    EXPECT_TRUE(reader->attributes()->empty());
+    EXPECT_TRUE(reader->events().empty());
+    EXPECT_TRUE(reader->info().camera_serial.empty());
+    EXPECT_FALSE(reader->info().has_truth);
+    EXPECT_EQ(reader->info().frames, session.captures[i].frames);
+    EXPECT_EQ(reader->frame_id().back(), session.captures[i].frames - 1);
+    EXPECT_EQ(reader->info().format.scale.scale, 0.01);
+  }
+  const auto chopper = must(CaptureReader::open((*files)[2])->stimulus());
+  EXPECT_EQ(std::get<capture::Chopper>(*chopper).cold_k, 295.0);  // nominal, not as it really was
+}
+
+TEST(BlindCaptures, TheStimulusStartsWhereItWasDrawn) {
+  Session session = short_session(Kind::kEffectFree, "");
+  session.captures = {session.captures[5]};  // the target that stands still
+  const auto at_phase = [&session](double phase) {
+    const Scratch folder;
+    session.captures[0].faults.phase = phase;
+    EXPECT_TRUE(write_captures(session, folder.path()));
+    return frame(*CaptureReader::open(folder / session.captures[0].file), 5);
+  };
+  const auto at_zero = at_phase(0.0);
+  const auto moved = at_phase(3.0 / 20.0);                                                // of a period of 20 pixels
+  for (std::size_t x = 3; x < 16; ++x) EXPECT_NEAR(moved[x], at_zero[x - 3], 40.0) << x;  // 0.4 K of noise
+  EXPECT_GT(std::abs(moved[1] - at_zero[1]), 1000);
+}
+
 }  // namespace bolo::tools::blind::session_test

@@ -1,14 +1,13 @@
 // The schedule: repeats, holds everything, and leaves room to recover.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
-#include "drivers/fakecam/fault_script.hpp"
 #include "tools/lab/soak/schedule.hpp"
+#include "drivers/fakecam/fault_script.hpp"
+#include "tests/refusal.hpp"
+#include "tests/scratch.hpp"
+#include "tests/test.hpp"
+#include "tools/bolod/config.hpp"
+#include "tools/lab/soak/rig.hpp"
 
 namespace bolo::tools::soak::schedule_test {
-namespace {
 
 std::set<Kind> all_kinds() {
   std::set<Kind> all;
@@ -26,26 +25,12 @@ std::size_t times(const Schedule& schedule, Kind kind) {
   return n;
 }
 
-std::string text_of(const Schedule& schedule) {
-  std::string text;
-  for (const Round& round : schedule.rounds) {
-    for (const Disturbance& d : round.disturbances) {
-      text += std::string(info_of(d.kind).name) + " " + std::to_string(d.at_s) + " " + std::to_string(d.for_s) + " " +
-              d.faults + "\n";
-    }
-  }
-  return text;
-}
-
-TEST(SoakKinds, StandInTheirOwnOrder) {
+TEST(SoakKinds, StandInTheirOwnOrderAndHoldEveryFaultOfTheFakeCamera) {
   for (const KindInfo& info : kinds()) {
     EXPECT_EQ(info_of(info.kind).name, info.name);
     EXPECT_EQ(kind_named(info.name), info.kind);
   }
   EXPECT_EQ(kind_named("reboots"), std::nullopt);
-}
-
-TEST(SoakKinds, HoldEveryFaultOfTheFakeCamera) {
   for (const fakecam::FaultType& type : fakecam::fault_types()) {
     const auto kind = kind_named(type.name);
     ASSERT_TRUE(kind.has_value()) << type.name;
@@ -53,29 +38,20 @@ TEST(SoakKinds, HoldEveryFaultOfTheFakeCamera) {
   }
 }
 
-TEST(SoakSchedule, RepeatsForASeedAndDiffersForAnother) {
-  EXPECT_EQ(text_of(draw_schedule(request(1800, 7))), text_of(draw_schedule(request(1800, 7))));
-  EXPECT_NE(text_of(draw_schedule(request(1800, 7))), text_of(draw_schedule(request(1800, 8))));
-}
-
-TEST(SoakSchedule, HasEachKindInTwoMinutes) {
+TEST(SoakSchedule, HasEachKindInTwoMinutesAndRoomAfterEach) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const Schedule schedule = draw_schedule(request(120, seed));
-    EXPECT_TRUE(schedule.no_room.empty()) << "seed " << seed;
+    SCOPED_TRACE(seed);
+    const Schedule brief = draw_schedule(request(120, seed));
+    EXPECT_TRUE(brief.no_room.empty());
     for (const KindInfo& info : kinds()) {
       if (info.kind == Kind::kCameraReplaced) continue;  // between rounds, and this is one
-      EXPECT_EQ(times(schedule, info.kind), 1U) << info.name << ", seed " << seed;
+      EXPECT_EQ(times(brief, info.kind), 1U) << info.name;
     }
-  }
-}
-
-TEST(SoakSchedule, LeavesRoomAfterEach) {
-  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const Schedule schedule = draw_schedule(request(1800, seed));
     for (const Round& round : schedule.rounds) {
       double free_from_s = 0.0;
       for (const Disturbance& d : round.disturbances) {
-        EXPECT_GE(d.at_s, free_from_s - 1e-3) << info_of(d.kind).name << ", seed " << seed;
+        EXPECT_GE(d.at_s, free_from_s - 1e-3) << info_of(d.kind).name;
         if (d.at_s > 0.0) free_from_s = d.at_s + info_of(d.kind).room_s - info_of(d.kind).longest_s;
         EXPECT_LE(d.at_s + d.for_s, schedule.round_s);
       }
@@ -127,5 +103,59 @@ TEST(SoakSchedule, SaysWhatFoundNoRoom) {
   EXPECT_FALSE(schedule.rounds.front().disturbances.empty());
 }
 
-}  // namespace
+// --- The soak's daemon: a user's keys stay, those that the soak must decide do not.
+
+class SoakDaemonFile : public testing::Test {
+ protected:
+  DaemonFile file(const std::string& base = "") const {
+    DaemonFile file;
+    if (!base.empty()) {
+      file.base = folder_ / "base.toml";
+      std::ofstream(file.base) << base;
+    }
+    file.folder = folder_.path();
+    file.name = "soak-test";
+    file.address = "127.1.2.3";
+    file.geometry = {64, 24};
+    return file;
+  }
+  static daemon::DaemonConfig written(const DaemonFile& file) {
+    EXPECT_TRUE(write_daemon_file(file));
+    return *must(daemon::read_config(config_of(file)));
+  }
+  Scratch folder_;
+};
+
+TEST_F(SoakDaemonFile, IsRightWithoutABase) {
+  const auto config = written(file());
+  EXPECT_EQ(config.name, "soak-test");
+  EXPECT_EQ(config.camera.address, "127.1.2.3");
+  EXPECT_EQ(config.camera.width, 64);
+  EXPECT_TRUE(config.camera.resend);
+  EXPECT_TRUE(config.pipeline.undo.drop_repeated);
+}
+
+TEST_F(SoakDaemonFile, KeepsAUsersKeysAndProfile) {
+  std::ofstream(folder_ / "mine.toml") << "tau_s = 0.009\nframe_period_s = 0.005\nnoise_k = 0.03\n"
+                                          "quantisation_k = 0.01\n";
+  const auto config =
+      written(file("name = 'front'\nprofile = 'mine.toml'\n[source]\naddress = '192.168.2.5'\nbuffers = 50\n"
+                   "[deblur]\nsolver = 'dual'\n[v4l2]\nenable = true\n[metrics]\nenable = true\n"));
+  EXPECT_EQ(config.name, "soak-test");
+  EXPECT_EQ(config.camera.address, "127.1.2.3");
+  EXPECT_EQ(config.camera.buffers, 50);
+  EXPECT_EQ(config.pipeline.deblur.method, deblur::Method::kDual);
+  EXPECT_DOUBLE_EQ(config.pipeline.deblur.tau_s, 0.009);
+  EXPECT_TRUE(config.pipeline.undo.drop_repeated);
+  EXPECT_EQ(config.sinks[1]->make({}), nullptr) << "V4L2, behind shared memory";
+  EXPECT_FALSE(config.metrics.enabled);
+}
+
+TEST_F(SoakDaemonFile, NamesABaseThatCannotBeRead) {
+  DaemonFile absent = file();
+  absent.base = folder_ / "no.toml";
+  expect_refused(write_daemon_file(absent), {"no.toml"});
+  EXPECT_FALSE(write_daemon_file(file("name = = 3\n")));
+}
+
 }  // namespace bolo::tools::soak::schedule_test

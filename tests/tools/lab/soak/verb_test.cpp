@@ -1,15 +1,10 @@
 // `bolo-lab soak` as its users meet it, for a few seconds.
-#include <gtest/gtest.h>
-
-#include <filesystem>
-
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/shm_reader.hpp"
 #include "tests/tools/program.hpp"
 
-namespace bolo::tools::test {
-namespace {
+namespace bolo::tools::test::verb_test {
 
 using nlohmann::json;
 
@@ -18,36 +13,31 @@ class SoakVerb : public ProgramTest {
   SoakVerb() : ProgramTest({BOLO_LAB_PROGRAM, "soak"}) {}
 
   // A small camera, and a daemon that locks no memory: sanitizers reserve more than any computer has.
-  std::vector<std::string> small(std::vector<std::string> more) const {
-    more.insert(more.begin(),
-                {"--size", "64x24", "--config", write("base.toml", "[pipeline]\nlock_memory = false\n"), "--json"});
-    return more;
+  std::vector<std::string> small(const std::string& line) const {
+    write("base.toml", "[pipeline]\nlock_memory = false\n");
+    return words("--size 64x24 --config @base.toml --json " + line);
   }
 };
 
 TEST_F(SoakVerb, HoldsThroughAKilledDaemonAndAFailingCamera) {
-  const std::filesystem::path report = folder_ / "report";
-  const Outcome outcome = run(
-      small({"--seconds", "17", "--only", "daemon_killed", "--only", "loss", "--only", "stall", "--report", report}));
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
-  const json told = json::parse(outcome.out);
+  const json told =
+      json::parse(printed(small("--seconds 17 --only daemon_killed --only loss --only stall --report @report")));
   EXPECT_TRUE(told.at("holds").get<bool>());
   EXPECT_EQ(told.at("disturbances").size(), 3U);
   EXPECT_TRUE(told.at("breaches").empty());
   EXPECT_GT(told.at("frames").at("balances").get<int>(), 0);
   EXPECT_GT(told.at("frames").at("lost").at("missing").get<int>(), 10);
-  const json written = json::parse(contents(report / "report.json"));
-  EXPECT_EQ(written, told);
-  EXPECT_TRUE(std::filesystem::exists(report / "bolod.log"));
-  const std::string text = contents(report / "report.txt");
+  EXPECT_EQ(json::parse(contents(folder_ / "report/report.json")), told);
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "report/bolod.log"));
+  const std::string text = contents(folder_ / "report/report.txt");
   EXPECT_TRUE(text.starts_with("What was judged held; not judged: ")) << text;
-  EXPECT_NE(text.substr(0, text.find('\n')).find("recordings"), std::string::npos) << "there were none: " << text;
-  EXPECT_NE(text.find("round 0"), std::string::npos) << "the schedule";
+  expect_parts(text.substr(0, text.find('\n')), {"recordings"});  // there were none
+  expect_parts(text, {"round 0"});                                // the schedule
 }
 
 // By another's hand, not by the schedule.
 TEST_F(SoakVerb, NamesADaemonThatDies) {
-  Program soak = start(small({"--seconds", "10", "--only", "reload"}));
+  Program soak = start(small("--seconds 10 --only reload"));
   const std::string name = "soak-" + std::to_string(soak.pid());
   auto reader = shm::ShmReader::open(name);
   constexpr std::uint64_t kUnderWay = 400;  // frames
@@ -65,11 +55,10 @@ TEST_F(SoakVerb, NamesADaemonThatDies) {
 }
 
 TEST_F(SoakVerb, PrintsTheSameScheduleForASeed) {
-  const Outcome first = run({"--schedule", "--seed", "5"});
-  EXPECT_EQ(first.exit_code, 0);
-  EXPECT_NE(first.out.find("daemon_killed"), std::string::npos);
-  EXPECT_EQ(first.out, run({"--schedule", "--seed", "5"}).out);
-  EXPECT_NE(first.out, run({"--schedule", "--seed", "6"}).out);
+  const std::string first = printed({"--schedule", "--seed", "5"});
+  expect_parts(first, {"daemon_killed"});
+  EXPECT_EQ(first, printed({"--schedule", "--seed", "5"}));
+  EXPECT_NE(first, printed({"--schedule", "--seed", "6"}));
 }
 
 TEST_F(SoakVerb, RefusesWhatMakesNoSense) {
@@ -80,5 +69,4 @@ TEST_F(SoakVerb, RefusesWhatMakesNoSense) {
   refused({"--seconds", "20", "--config", "no.toml", "--json"}, "no.toml");
 }
 
-}  // namespace
-}  // namespace bolo::tools::test
+}  // namespace bolo::tools::test::verb_test

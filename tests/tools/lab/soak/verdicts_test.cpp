@@ -1,12 +1,7 @@
 // What is made of the seconds of a soak: growth, latency, overload.
-#include <gtest/gtest.h>
-
-#include <csignal>
-#include <fstream>
-
+#include "tools/lab/soak/verdicts.hpp"
 #include "tests/scratch.hpp"
 #include "tools/cli/process.hpp"
-#include "tools/lab/soak/verdicts.hpp"
 
 namespace bolo::tools::soak::verdicts_test {
 namespace {
@@ -25,7 +20,10 @@ SoakResult ten_minutes() {
   return result;
 }
 
-std::uint64_t broken_by(SoakResult& result, Invariant invariant) {
+// How often it is broken by ten minutes in which each second is changed so.
+std::uint64_t broken_by(Invariant invariant, void (*change)(Second&)) {
+  SoakResult result = ten_minutes();
+  for (Second& second : result.timeline) change(second);
   Findings findings;
   judge_growth(1.0, result, findings);
   return findings.tally(invariant).broken;
@@ -41,47 +39,42 @@ TEST(SoakVerdicts, NothingGrowsInAQuietDaemon) {
   EXPECT_FALSE(result.lives.front().at("rss_mib").is_null());
 }
 
-TEST(SoakVerdicts, FindMemoryThatGrows) {
-  SoakResult result = ten_minutes();
-  for (Second& second : result.timeline) second.daemon->private_mib += second.at_s * 0.003;
-  EXPECT_EQ(broken_by(result, Invariant::kMemory), 1U);
-}
-
-TEST(SoakVerdicts, FindFilesAndThreadsThatStayOpen) {
-  SoakResult result = ten_minutes();
-  for (Second& second : result.timeline) {
-    second.daemon->descriptors += static_cast<int>(second.at_s / 50.0);
-    second.daemon->threads += static_cast<int>(second.at_s / 100.0);
-  }
-  EXPECT_EQ(broken_by(result, Invariant::kDescriptors), 2U);
+TEST(SoakVerdicts, FindWhatGrows) {
+  EXPECT_EQ(broken_by(Invariant::kMemory, [](Second& s) { s.daemon->private_mib += s.at_s * 0.003; }), 1U);
+  EXPECT_EQ(broken_by(Invariant::kDescriptors,
+                      [](Second& s) {
+                        s.daemon->descriptors += static_cast<int>(s.at_s / 50.0);
+                        s.daemon->threads += static_cast<int>(s.at_s / 100.0);
+                      }),
+            2U);
 }
 
 TEST(SoakVerdicts, AnotherDaemonIsAnotherLife) {
   SoakResult result = ten_minutes();
-  for (Second& second : result.timeline) {
-    if (second.at_s <= 300) continue;
-    second.life = 1;
-    second.daemon->rss_mib += 50.0;
+  for (std::size_t i = 300; i < 600; ++i) {
+    result.timeline[i].life = 1;
+    result.timeline[i].daemon->rss_mib += 50.0;
   }
-  EXPECT_EQ(broken_by(result, Invariant::kMemory), 0U);
+  Findings findings;
+  judge_growth(1.0, result, findings);
+  EXPECT_TRUE(findings.all_hold());
   EXPECT_EQ(result.lives.size(), 2U);
 }
 
 TEST(SoakVerdicts, LatencyIsJudgedWhereNothingElseRuns) {
   SoakResult result = ten_minutes();
   std::vector<double> quiet_ms(1000, 3.0);
-  Findings fine;
-  judge_latency(quiet_ms, 100.0, result, fine);
-  EXPECT_TRUE(fine.all_hold());
-  EXPECT_EQ(fine.tally(Invariant::kLatency).looks, 1U);
+  const auto judged = [&] {
+    Findings findings;
+    judge_latency(quiet_ms, 100.0, result, findings);
+    return findings.tally(Invariant::kLatency);
+  };
+  EXPECT_EQ(judged().looks, 1U);
+  EXPECT_EQ(judged().broken, 0U);
   std::fill_n(quiet_ms.begin(), 20, 150.0);
-  Findings late;
-  judge_latency(quiet_ms, 100.0, result, late);
-  EXPECT_EQ(late.tally(Invariant::kLatency).broken, 1U);
+  EXPECT_EQ(judged().broken, 1U);
   for (Second& second : result.timeline) second.others = 0.5;
-  Findings busy;
-  judge_latency(quiet_ms, 100.0, result, busy);
-  EXPECT_EQ(busy.tally(Invariant::kLatency).looks, 0U);
+  EXPECT_EQ(judged().looks, 0U);
 }
 
 TEST(SoakVerdicts, FramesAreNotLostBeforeLessIsSpentOnThem) {
@@ -122,19 +115,12 @@ bool grows_by_one(const std::vector<Reading>& all, double settle_s) {
 
 TEST(SoakGrowth, IsFoundWhereItIsSteady) {
   EXPECT_TRUE(grows_by_one(readings(600, [](double t) { return 100.0 + t * 0.003; }), 60));  // 1.6 MiB
-}
-
-TEST(SoakGrowth, IsNotWhatHappensBeforeItSettles) {
-  EXPECT_FALSE(grows_by_one(readings(600, [](double t) { return t < 50 ? 20.0 + t : 70.0; }), 60));
-}
-
-TEST(SoakGrowth, IsNotASingleOddReadingNorAWobble) {
-  EXPECT_FALSE(grows_by_one(readings(600, [](double t) { return t == 599.0 ? 500.0 : 100.0; }), 60));
-  EXPECT_FALSE(grows_by_one(readings(600, [](double t) { return 100.0 + static_cast<int>(t) % 7 * 0.5; }), 60));
-}
-
-TEST(SoakGrowth, IsNotJudgedOfTooShortALife) {
-  EXPECT_FALSE(growth_of(readings(70, [](double t) { return t; }), 60).judged);
+  for (const auto& other : {+[](double t) { return t < 50 ? 20.0 + t : 70.0; },              // before it settles
+                            +[](double t) { return t == 599.0 ? 500.0 : 100.0; },
+                            +[](double t) { return 100.0 + static_cast<int>(t) % 7 * 0.5; }}) {
+    EXPECT_FALSE(grows_by_one(readings(600, other), 60));
+  }
+  EXPECT_FALSE(growth_of(readings(70, [](double t) { return t; }), 60).judged) << "of too short a life";
   EXPECT_FALSE(growth_of({}, 60).judged);
 }
 
@@ -152,28 +138,24 @@ TEST(SoakLog, TellsLinesApart) {
 
 TEST(SoakProcess, TellsHowItEnded) {
   const Scratch folder;
-  auto well = Process::start({{"/bin/sh", "-c", "echo one; echo two >&2; exit 3"}, folder / "well"});
-  ASSERT_TRUE(well.has_value());
-  EXPECT_EQ(well->wait(20.0), 3);
+  const auto started = [&](const std::string& line, const std::string& log, std::uint64_t most_bytes = 0) {
+    auto process = Process::start({{"/bin/sh", "-c", line}, folder / log, most_bytes});
+    EXPECT_TRUE(process.has_value());
+    return process;
+  };
+  EXPECT_EQ(started("echo one; echo two >&2; exit 3", "well")->wait(20.0), 3);
   LineTail lines((folder / "well").string() + ".out");
   EXPECT_EQ(lines.take(), std::vector<std::string>{"one"});
   EXPECT_TRUE(lines.take().empty());
-  auto killed = Process::start({{"/bin/sleep", "100"}, folder / "killed"});
-  ASSERT_TRUE(killed.has_value());
+  auto killed = started("exec sleep 100", "killed");
   EXPECT_FALSE(killed->ended().has_value());
   EXPECT_TRUE(usage_of(killed->pid()).has_value());
   killed->signal(SIGKILL);
   EXPECT_EQ(killed->wait(20.0), 128 + SIGKILL);
   EXPECT_FALSE(usage_of(killed->pid()).has_value());
-}
-
-TEST(SoakProcess, FindsAFullDisk) {
-  const Scratch folder;
-  auto full = Process::start(
-      {{"/bin/sh", "-c", "head -c 100000 /dev/zero > " + (folder / "file").string()}, folder / "log", 65'536});
-  ASSERT_TRUE(full.has_value());
-  EXPECT_NE(full->wait(20.0), 0);
-  EXPECT_EQ(std::filesystem::file_size(folder / "file"), 65'536U);
+  const std::string file = folder / "file";
+  EXPECT_NE(started("head -c 100000 /dev/zero > " + file, "full", 65'536)->wait(20.0), 0);
+  EXPECT_EQ(std::filesystem::file_size(file), 65'536U);
 }
 
 TEST(SoakProcess, ALineIsTakenWhenItIsWhole) {
@@ -184,35 +166,6 @@ TEST(SoakProcess, ALineIsTakenWhenItIsWhole) {
   EXPECT_EQ(lines.take(), std::vector<std::string>{"first"});
   out << "ond\n" << std::flush;
   EXPECT_EQ(lines.take(), std::vector<std::string>{"second"});
-}
-
-TEST(SoakReader, TellsAndIsUnderstood) {
-  const Scratch folder;
-  std::ofstream(folder / "reader.out") << R"({"frames":1,"missed":0,"restarts":0,"disorder":0})" << '\n'
-                                       << R"({"frames":20,"missed":3,"restarts":2,"disorder":1})" << '\n';
-  const Json account = last_account(folder / "reader.out");
-  EXPECT_EQ(account.at("frames"), 20U);
-  EXPECT_EQ(account.at("missed"), 3U);
-  EXPECT_EQ(account.at("restarts"), 2U);
-  EXPECT_EQ(account.at("disorder"), 1U);
-  EXPECT_EQ(last_account(folder / "nothing").at("frames"), 0U);
-}
-
-TEST(SoakFindings, NameWhatBrokeWhenAndDuringWhat) {
-  Findings findings;
-  findings.now(12.5, "reboot");
-  EXPECT_TRUE(findings.require(Invariant::kLog, true, ""));
-  EXPECT_TRUE(findings.all_hold());
-  EXPECT_FALSE(findings.require(Invariant::kRecovery, false, "7 s"));
-  EXPECT_FALSE(findings.all_hold());
-  ASSERT_EQ(findings.breaches().size(), 1U);
-  const Breach breach = findings.breaches().front();
-  EXPECT_EQ(info_of(breach.invariant).name, "recovery");
-  EXPECT_EQ(breach.at_s, 12.5);
-  EXPECT_EQ(breach.during, "reboot");
-  for (int i = 0; i < 100; ++i) findings.broken(Invariant::kLog, "again");
-  EXPECT_EQ(findings.tally(Invariant::kLog).broken, 100U);
-  EXPECT_LE(findings.breaches().size(), 1 + Findings::kKept);
 }
 
 }  // namespace

@@ -1,0 +1,314 @@
+#include "src/diagnose/field_parts.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <random>
+
+#include "src/capture/capture.hpp"
+#include "src/core/crew.hpp"
+#include "src/core/statistics.hpp"
+#include "src/motion/global_motion.hpp"
+#include "src/motion/local_motion.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+using motion::PaddedPlane;
+using motion::Vec2;
+using motion::VectorField;
+
+constexpr std::size_t kMostResidual = 16'000'000;  // values; frames in memory are three times as many at most
+constexpr Index kMostSights = 320;
+// So far a fixed pattern must have moved against the scene to be told from it: beyond the reach of a pixel's
+// neighbours.
+constexpr double kLeastMove_px = 3.0;
+constexpr Index kFarthest = 16;             // frames on either side
+constexpr double kLargestDifference = 1e3;  // in noises, of values that are matched: what is more counts no more
+// Frames are matched as they are, with their inertia: what an innovation of this time constant (in periods) is.
+constexpr double kAsTheyAre = 0.05;
+
+// Frames of one size, matched with one another.
+class Matcher {
+ public:
+  Matcher(Geometry geometry, double noise)
+      : geometry_(geometry),
+        noise_(noise),
+        kernels_(motion::best_kernels()),
+        inertia_(kAsTheyAre),
+        global_(geometry),
+        local_(geometry),
+        plane_(geometry),
+        innovation_(geometry),
+        field_(motion::blocks_over(geometry.width), motion::blocks_over(geometry.height)) {}
+
+  void smooth(const float* frame, motion::Pyramid& out) {
+    load(frame, plane_);
+    motion::find_innovation(kernels_, inertia_, plane_, plane_, crew_, innovation_, out);
+  }
+
+  motion::Affine whole(const motion::Pyramid& a, const motion::Pyramid& b) {
+    return global_.find(kernels_, inertia_, a, b, noise_, crew_);
+  }
+
+  VectorField blocks(const motion::Pyramid& a, const motion::Pyramid& b) {
+    motion::spread(whole(a, b), geometry_, 1, field_);
+    const auto cap = static_cast<float>(kLargestDifference * noise_);
+    const VectorField& deviation = local_.find(kernels_, inertia_, a, b, field_, noise_, cap * cap, crew_);
+    VectorField out = field_;
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = out[i] + deviation[i];
+    return out;
+  }
+
+ private:
+  Geometry geometry_;
+  double noise_;
+  const motion::Kernels& kernels_;
+  motion::Inertia inertia_;
+  motion::GlobalMotion global_;
+  motion::LocalMotion local_;
+  PaddedPlane plane_;
+  PaddedPlane innovation_;
+  VectorField field_;
+  Alone crew_;
+};
+
+using Shift = std::array<double, 2>;
+
+// The nearest frame, in the direction of `by`, from which the scene has moved far enough.
+std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by) {
+  const auto& here = place[static_cast<std::size_t>(k)];
+  for (Index i = 1; i <= kFarthest; ++i) {
+    const Index other = k + by * i;
+    if (other < 0 || other >= static_cast<Index>(place.size())) return std::nullopt;
+    const auto& there = place[static_cast<std::size_t>(other)];
+    if (std::hypot(there[0] - here[0], there[1] - here[1]) >= kLeastMove_px) return other;
+  }
+  return std::nullopt;
+}
+
+// `frame`: of the recording, `step`: of the scene since the frame before.
+std::vector<std::size_t> find_lost(const std::vector<Index>& frame, const std::vector<Shift>& step) {
+  constexpr Index kAround = 2;         // steps on either side
+  constexpr double kLeastSpeed = 0.7;  // px a frame
+  constexpr double kUneven = 0.15;     // of a step, that its neighbours differ from their mean
+  constexpr double kOff = 0.2;         // of a step, that the long one differs from whole steps by
+  constexpr double kMost = 4.0;        // steps at once
+  std::vector<std::size_t> lost;
+  for (Index k = kAround + 1; k + kAround < static_cast<Index>(frame.size()); ++k) {
+    const auto at = [&](Index i) { return step[static_cast<std::size_t>(k + i)]; };
+    if (frame[static_cast<std::size_t>(k + kAround)] - frame[static_cast<std::size_t>(k - kAround - 1)] !=
+        2 * kAround + 1)
+      continue;
+    Shift mean{};
+    for (const Index i : {-2, -1, 1, 2}) mean = {mean[0] + at(i)[0] / 4.0, mean[1] + at(i)[1] / 4.0};
+    const double speed = std::hypot(mean[0], mean[1]);
+    const auto off = [&](Index i, double steps) {
+      return std::hypot(at(i)[0] - steps * mean[0], at(i)[1] - steps * mean[1]);
+    };
+    const double steps = std::round(std::hypot(at(0)[0], at(0)[1]) / std::max(speed, 1e-9));
+    const bool even = std::ranges::none_of(std::array<Index, 4>{-2, -1, 1, 2},
+                                           [&](Index i) { return off(i, 1.0) > kUneven * speed; });
+    if (even && speed > kLeastSpeed && steps > 1.5 && steps <= kMost && off(0, steps) < kOff * speed) {
+      lost.push_back(static_cast<std::size_t>(frame[static_cast<std::size_t>(k)]));
+    }
+  }
+  return lost;
+}
+
+// What white noise leaves in a sight's residual, by trying.
+double noise_gain(Aligner& aligner, const Sight& sight, const Series& noise) {
+  const PaddedPlane& mean = aligner.mean(sight, noise.row(0).data(), noise.row(1).data(), noise.row(2).data());
+  const Geometry g = mean.geometry();
+  double sum = 0.0;
+  for (int y = 0; y < g.height; ++y) {
+    for (int x = 0; x < g.width; ++x) {
+      const double r = noise(2, static_cast<Index>(y) * g.width + x) - *mean.at(x, y);
+      sum += r * r;
+    }
+  }
+  return std::max(1.0, sum / static_cast<double>(g.pixels()));
+}
+
+// The frames of a recording that are used, read again from its file, without its jumps.
+class UsedFrames {
+ public:
+  UsedFrames(capture::CaptureReader reader, const Recording& recording, std::vector<Observation::Jump> jumps)
+      : reader_(std::move(reader)), jumps_(std::move(jumps)), frame_(recording.used_frames()) {
+    if (frame_.size() > kMostFrames) frame_.resize(kMostFrames);
+  }
+  Geometry geometry() const { return reader_.info().format.geometry; }
+  const std::vector<Index>& frame() const { return frame_; }  // of the recording
+
+  void take_out(std::span<const Observation::Jump> jumps) { jumps_.insert(jumps_.end(), jumps.begin(), jumps.end()); }
+
+  Status read(Index k, std::span<float> out) const {
+    const auto frame = static_cast<std::size_t>(frame_[static_cast<std::size_t>(k)]);
+    RETURN_IF_ERROR(read_values(reader_, frame, 0, out));
+    for (const Observation::Jump& jump : jumps_) {
+      if (frame < jump.frame) continue;
+      for (float& v : out) v -= static_cast<float>(jump.size);
+    }
+    return {};
+  }
+
+ private:
+  capture::CaptureReader reader_;
+  std::vector<Observation::Jump> jumps_;
+  std::vector<Index> frame_;
+};
+
+// What each of the used frames differs by from the one before.
+struct Advance {
+  std::vector<Shift> step;  // of the scene
+  FrameStatistics rise;     // of its brightness, along the motion: changes and their agreement
+};
+
+void add_rise(const std::vector<float>& last, const std::vector<float>& now, Geometry g, const motion::Affine& by,
+              FrameStatistics& out) {
+  constexpr int kEvery = 4;  // pixels, each way
+  const double half = g.width / 2.0;
+  std::vector<float> changes;
+  for (int y = kEvery / 2; y < g.height; y += kEvery) {
+    for (int x = kEvery / 2; x < g.width; x += kEvery) {
+      const Vec2 d = by.at((x - half) / half, (y - g.height / 2.0) / half);
+      const float from_x = static_cast<float>(x) - d.x;
+      const float from_y = static_cast<float>(y) - d.y;
+      if (!(from_x >= 0.0F && from_y >= 0.0F)) continue;
+      const int left = static_cast<int>(from_x);
+      const int top = static_cast<int>(from_y);
+      if (left + 1 >= g.width || top + 1 >= g.height) continue;
+      const float* at = last.data() + static_cast<std::ptrdiff_t>(top) * g.width + left;
+      const float above = std::lerp(at[0], at[1], from_x - static_cast<float>(left));
+      const float below = std::lerp(at[g.width], at[g.width + 1], from_x - static_cast<float>(left));
+      const float before = std::lerp(above, below, from_y - static_cast<float>(top));
+      changes.push_back(
+          now[static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x)] - before);
+    }
+  }
+  const double change = changes.empty() ? 0.0 : median(changes);
+  const auto agree =
+      std::ranges::count_if(changes, [change](float c) { return static_cast<double>(c) * change > 0.0; });
+  out.change.push_back(change);
+  out.agreement.push_back(changes.empty() ? 0.0 : static_cast<double>(agree) / static_cast<double>(changes.size()));
+  out.repeated.push_back(0);
+}
+
+Result<Advance> advance_of(const UsedFrames& used, Matcher& matcher) {
+  const Geometry g = used.geometry();
+  motion::Pyramid last(g);
+  motion::Pyramid now(g);
+  std::vector<float> frame(g.pixels());
+  std::vector<float> before(g.pixels());
+  Advance out;
+  for (std::size_t k = 0; k < used.frame().size(); ++k) {
+    std::swap(last, now);
+    std::swap(before, frame);
+    RETURN_IF_ERROR(used.read(static_cast<Index>(k), frame));
+    matcher.smooth(frame.data(), now);
+    const motion::Affine d = k == 0 ? motion::Affine{} : matcher.whole(last, now);
+    out.step.push_back({d.p[0], d.p[3]});
+    add_rise(k == 0 ? frame : before, frame, g, d, out.rise);
+  }
+  return out;
+}
+
+// Of used frames: the longest run without a freeze, behind which the pixels have other offsets. First, and one past the
+// last.
+std::pair<std::size_t, std::size_t> longest_stretch(const std::vector<Index>& frame) {
+  std::pair<std::size_t, std::size_t> longest{0, 0};
+  std::size_t first = 0;
+  for (std::size_t k = 1; k <= frame.size(); ++k) {
+    if (k < frame.size() && frame[k] - frame[k - 1] <= static_cast<Index>(kFreezeFrames)) continue;
+    if (k - first > longest.second - longest.first) longest = {first, k};
+    first = k;
+  }
+  return longest;
+}
+
+// Evenly spread over used frames [first, last).
+std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t first, std::size_t last,
+                                 std::size_t pixels) {
+  std::vector<Shift> place(last - first);
+  for (std::size_t k = 1; k < place.size(); ++k) {
+    place[k] = {place[k - 1][0] + step[first + k][0], place[k - 1][1] + step[first + k][1]};
+  }
+  std::vector<Sight> all;
+  for (Index k = 0; k < static_cast<Index>(place.size()); ++k) {
+    const auto before = partner(place, k, -1);
+    const auto after = partner(place, k, 1);
+    const auto from = static_cast<Index>(first);
+    if (before && after) all.push_back({from + k, from + *before, from + *after, {}, {}});
+  }
+  const auto limit = std::min<Index>(kMostSights, static_cast<Index>(kMostResidual / pixels));
+  std::vector<Sight> chosen;
+  for (const int i : spread_over(static_cast<int>(all.size()), static_cast<int>(std::max<Index>(limit, 16)))) {
+    chosen.push_back(all[static_cast<std::size_t>(i)]);
+  }
+  return chosen;
+}
+
+// Reads what the sights look at, whose frames are rows of it from then on.
+Result<FieldFrames> read_for(std::vector<Sight>& sights, const UsedFrames& used) {
+  std::map<Index, Index> row;  // of each used frame that is wanted
+  const auto of_sights = [&sights](const auto& visit) {
+    for (Sight& s : sights) {
+      for (Index* frame : {&s.frame, &s.before, &s.after}) visit(*frame);
+    }
+  };
+  of_sights([&row](Index k) { row.emplace(k, 0); });
+  FieldFrames out{used.geometry(),
+                  Series(static_cast<Index>(row.size()), static_cast<Index>(used.geometry().pixels()))};
+  Index next = 0;
+  for (auto& [k, place] : row) {
+    place = next++;
+    const std::span values(out.values.row(place).data(), static_cast<std::size_t>(out.values.cols()));
+    RETURN_IF_ERROR(used.read(k, values));
+  }
+  of_sights([&row](Index& k) { k = row.at(k); });
+  return out;
+}
+
+void match_sights(const FieldFrames& frames, Matcher& matcher, std::vector<Sight>& sights) {
+  Aligner aligner(frames.geometry);
+  std::mt19937 engine{1};
+  std::normal_distribution<float> unit;
+  Series white(3, frames.values.cols());
+  for (float& v : white.reshaped()) v = unit(engine);
+  motion::Pyramid now(frames.geometry);
+  motion::Pyramid other(frames.geometry);
+  for (Sight& sight : sights) {
+    matcher.smooth(frames.values.row(sight.frame).data(), now);
+    matcher.smooth(frames.values.row(sight.before).data(), other);
+    sight.from_before = matcher.blocks(other, now);
+    matcher.smooth(frames.values.row(sight.after).data(), other);
+    sight.from_after = matcher.blocks(other, now);
+    sight.noise_gain = noise_gain(aligner, sight, white);
+  }
+}
+
+}  // namespace
+
+Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording,
+                                 std::vector<Observation::Jump> jumps, double noise) {
+  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
+  UsedFrames used(std::move(reader), recording, std::move(jumps));
+  FieldMotion out;
+  if (std::min(used.geometry().width, used.geometry().height) < motion::kLeastSide) return out;
+  Matcher matcher(used.geometry(), noise);
+  ASSIGN_OR_RETURN(const auto advance, advance_of(used, matcher));
+  out.lost = find_lost(used.frame(), advance.step);
+  for (auto [k, size] : jumps_among(advance.rise, noise)) {
+    out.jumps.push_back({static_cast<std::size_t>(used.frame()[k]), size});
+  }
+  used.take_out(out.jumps);
+  const auto [first, last] = longest_stretch(used.frame());
+  out.after_freeze = first > 0;
+  out.sights = choose_sights(advance.step, first, last, used.geometry().pixels());
+  ASSIGN_OR_RETURN(out.frames, read_for(out.sights, used));
+  match_sights(out.frames, matcher, out.sights);
+  return out;
+}
+
+}  // namespace bolo::diagnose

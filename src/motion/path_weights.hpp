@@ -1,0 +1,75 @@
+// Weights of the estimate for the path that the frames really took, where WeightTable's are for straight ones: the same
+// model of scene, noise and uncertainty, evaluated anew for each frame, at the picture's middle.
+#pragma once
+
+#include <array>
+
+#include <Eigen/Dense>
+
+#include "src/core/crew.hpp"
+#include "src/motion/innovation.hpp"
+#include "src/motion/path.hpp"
+#include "src/motion/weights.hpp"
+
+namespace bolo::motion {
+
+class PathWeights {
+ public:
+  // Of the table's uncertainties, the smallest: where the motion is less sure it does not matter how it bends.
+  static constexpr int kLevels = 3;
+  // Of paths that are faster, px a frame, the steps of time are too coarse.
+  static constexpr float kFastest = 25.0F;
+
+  // `ahead`: 1 when the frame after the estimated one is known too. Thread: setup.
+  PathWeights(const Inertia& inertia, int ahead);
+
+  // Covariances of what the frames show along the path. No allocation. Thread: pipeline.
+  void follow(const Kernels& kernels, const Path& path, Crew& crew) noexcept;
+
+  // False when the last path is as good as straight: then there are no weights. Thread: pipeline.
+  bool bent() const noexcept { return bent_; }
+  // From one of the values that get weights to the next: a whole pixel along an axis. Thread: any.
+  Vec2 step() const noexcept { return step_; }
+  // Half the mean square difference over two pixels along the path, over the one at lag_of(its speed). Thread: any.
+  float lag_factor() const noexcept { return lag_factor_; }
+
+  // Mean square difference of the frame and the past's mean, moved onto it, that the path and its least uncertainty
+  // make, over half the mean square difference over two pixels. Thread: any.
+  float change() const noexcept { return change_; }
+
+  // Makes the weights of the wanted cells (WeightTable::kKinds of them). No allocation. Thread: pipeline.
+  void make(const std::array<bool, WeightTable::kKinds>& wanted, Crew& crew) noexcept;
+  // Of the last make(); null: not wanted. Thread: any.
+  const FilterWeights* at(std::size_t kind) const noexcept { return made_[kind] ? &weights_[kind] : nullptr; }
+
+ private:
+  static constexpr int kRows = 3 * kTaps + 2;
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kRows, kRows>;
+
+  struct Covariances {
+    Matrix scene;
+    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kRows, 1> truth;
+  };
+  using Trails = std::array<SceneTrail, 5>;  // of the newest frame, the past's mean, the two before, the one after
+
+  void set_trails(const Path& path, double sigma, Trails& trails) const noexcept;
+  void set_noise(const Path& path) noexcept;
+  void fill(const Kernels& kernels, const Trails& trails, Covariances& out) const noexcept;
+  void set_contrast(const Kernels& kernels, const SceneTrail& now, Vec2 e) noexcept;
+
+  Inertia inertia_;
+  int ahead_;
+  int rows_;
+  bool bent_ = false;
+  double speed_ = 0.0;  // px a frame
+  double unit_ = 1.0;   // half the mean square difference over two pixels along the path, of a scene of variance 1
+  float lag_factor_ = 1.0F;
+  float change_ = 0.0F;
+  Vec2 step_{1.0F, 0.0F};
+  std::array<Covariances, kLevels> covariances_;  // by uncertainty
+  Matrix noise_;
+  std::array<FilterWeights, WeightTable::kKinds> weights_;
+  std::array<bool, WeightTable::kKinds> made_{};
+};
+
+}  // namespace bolo::motion

@@ -1,0 +1,272 @@
+// Parts of the driver, each by itself.
+#include <arpa/inet.h>
+#include <sys/socket.h>
+
+#include "drivers/genicam/camera_frame.hpp"
+#include "drivers/genicam/genicam_source.hpp"
+#include "drivers/genicam/network.hpp"
+#include "drivers/genicam/radiometry.hpp"
+#include "drivers/genicam/session.hpp"
+#include "src/core/unique_fd.hpp"
+#include "tests/drivers/fakecam/raw_client.hpp"
+#include "tests/drivers/fakecam/synthetic.hpp"
+#include "tests/test.hpp"
+
+namespace bolo::genicam::parts_test {
+
+// Bytes on the wire of the values 0x0100, 0x0302, ... in little-endian order: byte i holds i.
+std::vector<std::byte> counting_bytes(std::size_t count) {
+  std::vector<std::byte> bytes(count);
+  for (std::size_t i = 0; i < count; ++i) bytes[i] = static_cast<std::byte>(i);
+  return bytes;
+}
+
+std::uint16_t value_of(std::byte low, std::byte high) {
+  return static_cast<std::uint16_t>(std::to_integer<unsigned>(low) | std::to_integer<unsigned>(high) << 8);
+}
+
+TEST(CopyRowsTest, SwapsBigEndianOfAnyWidthAndAlignment) {
+  for (int width = 1; width < 70; ++width) {
+    const auto from = counting_bytes(static_cast<std::size_t>(width) * 2 + 1);
+    std::vector<std::uint16_t> to(static_cast<std::size_t>(width));
+    copy_rows(from.data() + 1, 0, PixelOrder::kBigEndian, {width, 1}, to.data());
+    for (std::size_t i = 0; i < to.size(); ++i) {
+      ASSERT_EQ(to[i], value_of(from[2 * i + 2], from[2 * i + 1])) << "width " << width << " pixel " << i;
+    }
+  }
+}
+
+TEST(CopyRowsTest, LeavesOutPaddingAndRowsAfterTheImage) {
+  constexpr int kWidth = 5;
+  constexpr std::size_t kStride = kWidth * 2 + 3;
+  const auto from = counting_bytes(kStride * 4);  // two image rows, two of metadata
+  std::vector<std::uint16_t> to(kWidth * 2 + 4, 0xAAAA);
+  copy_rows(from.data(), kStride, PixelOrder::kLittleEndian, {kWidth, 2}, to.data());
+  for (std::size_t y = 0; y < 2; ++y) {
+    for (std::size_t x = 0; x < kWidth; ++x) {
+      EXPECT_EQ(to[y * kWidth + x], value_of(from[y * kStride + 2 * x], from[y * kStride + 2 * x + 1]));
+    }
+  }
+  EXPECT_TRUE(std::all_of(to.begin() + kWidth * 2, to.end(), [](std::uint16_t v) { return v == 0xAAAA; }));
+}
+
+// --- Radiance counts to kelvin.
+
+const Planck kPlanck{17000.0, 1428.0, 1.0, 4000.0, 60.0};
+
+double radiance(double kelvin) { return kPlanck.r / (std::exp(kPlanck.b / kelvin) - kPlanck.f); }
+double count_of(double signal) { return kPlanck.j0 + kPlanck.j1 * signal; }
+
+TEST(Radiometry, UndoesTheCamerasFormula) {
+  for (const double kelvin : {240.0, 295.0, 300.0, 423.0}) {
+    EXPECT_NEAR(kelvin_of(count_of(radiance(kelvin)), kPlanck, {}), kelvin, 1e-9);
+  }
+  EXPECT_EQ(kelvin_of(kPlanck.j0, kPlanck, {}), 0.0);
+  EXPECT_EQ(kelvin_of(0.0, kPlanck, {}), 0.0);
+}
+
+TEST(Radiometry, TakesOutWhatIsReflectedAndAdded) {
+  const ObjectParameters object{.emissivity = 0.8,
+                                .transmission = 0.9,
+                                .optics_transmission = 0.7,
+                                .reflected_k = 280.0,
+                                .atmosphere_k = 290.0,
+                                .optics_k = 310.0};
+  const double behind_air = 0.9 * (0.8 * radiance(330.0) + 0.2 * radiance(280.0)) + 0.1 * radiance(290.0);
+  const double seen = 0.7 * behind_air + 0.3 * radiance(310.0);
+  EXPECT_NEAR(kelvin_of(count_of(seen), kPlanck, object), 330.0, 1e-9);
+}
+
+TEST(Radiometry, TheTableIsInStepsOf10mK) {
+  const auto table = kelvin_table(kPlanck, {});
+  ASSERT_EQ(table.size(), 65536U);
+  const auto count = static_cast<std::size_t>(std::lround(count_of(radiance(300.0))));
+  EXPECT_NEAR(table[count], 30000.0, 5.0) << "a count is some 6 mK there";
+  for (std::size_t i = 1; i < table.size(); ++i) ASSERT_GE(table[i], table[i - 1]);
+  EXPECT_EQ(table[0], 0U);
+}
+
+TEST(GateTest, IsShutUntilOpened) {
+  Gate gate;
+  EXPECT_FALSE(gate.enter());
+  gate.open();
+  EXPECT_TRUE(gate.enter());
+  gate.leave();
+  gate.shut();
+  gate.shut();
+  EXPECT_FALSE(gate.enter());
+}
+
+// What the gate guards is destroyed right after shut(); the sanitizers see any use of it that is left.
+TEST(GateTest, NobodyIsInsideAfterShut) {
+  for (int round = 0; round < 100; ++round) {
+    Gate gate;
+    auto guarded = std::make_unique<int>(0);
+    int* const plain = guarded.get();
+    std::atomic<bool> end{false};
+    std::atomic<int> entries{0};
+    std::thread worker([&] {
+      while (!end.load()) {
+        if (!gate.enter()) continue;
+        ++*plain;
+        gate.leave();
+        entries.fetch_add(1);
+      }
+    });
+    gate.open();
+    while (entries.load() < round % 7) std::this_thread::yield();
+    gate.shut();
+    const int seen = *guarded;
+    std::this_thread::yield();
+    EXPECT_EQ(*guarded, seen);
+    guarded.reset();
+    end.store(true);
+    worker.join();
+  }
+}
+
+// --- Control of a camera that a program held when it died.
+
+using fakecam::test::RawClient;
+namespace reg = fakecam::reg;
+
+class DeadProgram : public testing::Test {
+ protected:
+  void SetUp() override {
+    camera_ =
+        fakecam::test::serve(fakecam::test::provider_of(fakecam::test::synthetic({16, 8}, 4)), {.address = address_});
+    program_.emplace(address_);
+    ASSERT_EQ(program_->take_control(), fakecam::gvcp::Status::kSuccess);
+  }
+  std::uint32_t privilege() const { return RawClient(address_).read(reg::kPrivilege); }
+
+  std::string address_ = fakecam::test::fresh_address();
+  std::unique_ptr<fakecam::FakeCamera> camera_;
+  std::optional<RawClient> program_;
+};
+
+TEST_F(DeadProgram, LetsGoOfTheCamera) {
+  program_.reset();  // its socket closes, the camera hears nothing of it
+  ASSERT_NE(privilege(), 0U);
+  EXPECT_TRUE(free_from_dead_program(address_, "127.0.0.1"));
+  EXPECT_EQ(privilege(), 0U);
+}
+
+TEST_F(DeadProgram, IsNotOneThatLivesOrOnAnotherComputerOrNotInControl) {
+  EXPECT_FALSE(free_from_dead_program(address_, "127.0.0.1")) << "it lives";
+  EXPECT_NE(privilege(), 0U);
+  ASSERT_EQ(program_->write(reg::kPrivilege, 0), fakecam::gvcp::Status::kSuccess);
+  EXPECT_FALSE(free_from_dead_program(address_, "127.0.0.1")) << "nobody is in control";
+  ASSERT_EQ(program_->take_control(), fakecam::gvcp::Status::kSuccess);
+  program_.reset();
+  EXPECT_FALSE(free_from_dead_program(address_, "127.0.0.2")) << "another computer's";
+  EXPECT_NE(privilege(), 0U);
+}
+
+TEST(NetworkTest, KnowsAnIpv4AddressFromADeviceId) {
+  EXPECT_TRUE(is_ipv4("192.168.0.7"));
+  for (const char* none : {"", "FLIR-12345", "192.168.0", "192.168.0.256"}) EXPECT_FALSE(is_ipv4(none)) << none;
+}
+
+TEST(NetworkTest, FindsTheLoopback) {
+  const auto route = must(route_to("127.0.0.1"));
+  EXPECT_EQ(route->local_address, "127.0.0.1");
+  EXPECT_TRUE(route->loopback);
+  EXPECT_EQ(route->interface.substr(0, 2), "lo");
+  EXPECT_GT(route->mtu, 1500);
+}
+
+TEST(NetworkTest, NothingAnswersWhereNoCameraListens) { EXPECT_FALSE(answers_gvcp("127.93.81.7")); }
+
+UniqueFd socket_at(const char* ipv4, sockaddr_in& address) {
+  UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  address = {};
+  address.sin_family = AF_INET;
+  inet_pton(AF_INET, ipv4, &address.sin_addr);
+  socklen_t size = sizeof address;
+  if (bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), size) != 0) return {};
+  getsockname(fd.get(), reinterpret_cast<sockaddr*>(&address), &size);
+  return fd;
+}
+
+bool passes(const UniqueFd& from, const UniqueFd& to, const sockaddr_in& to_address, std::size_t length, int content) {
+  std::vector<std::uint8_t> bytes(length, 0x11);
+  if (length > 4) bytes[4] = static_cast<std::uint8_t>(content);
+  sendto(from.get(), bytes.data(), length, 0, reinterpret_cast<const sockaddr*>(&to_address), sizeof to_address);
+  std::array<std::uint8_t, 2000> got{};
+  return recv(to.get(), got.data(), got.size(), MSG_DONTWAIT) == static_cast<ssize_t>(length);
+}
+
+TEST(NetworkTest, LetsOnlyTheCamerasStreamIn) {
+  sockaddr_in own{};
+  sockaddr_in camera_at{};
+  sockaddr_in other{};
+  const UniqueFd stream = socket_at("127.0.0.1", own);
+  const UniqueFd camera = socket_at("127.0.61.2", camera_at);
+  const UniqueFd same_address = socket_at("127.0.61.2", other);
+  const UniqueFd stranger = socket_at("127.0.61.3", other);
+  ASSERT_TRUE(stream && camera && same_address && stranger);
+  ASSERT_TRUE(filter_stream(stream.get(), "127.0.61.2", 0));
+  EXPECT_FALSE(passes(stranger, stream, own, 100, 3));
+  EXPECT_TRUE(passes(same_address, stream, own, 100, 3));
+  for (const int content : {1, 2, 3, 0x81, 0x82, 0x83}) {
+    EXPECT_TRUE(passes(camera, stream, own, 1472, content));
+    EXPECT_TRUE(passes(camera, stream, own, 8, content));
+    EXPECT_FALSE(passes(camera, stream, own, 7, content));
+  }
+  for (const int content : {0, 4, 5, 7, 8, 0x7f, 0x80, 0x85, 0xff}) {
+    EXPECT_FALSE(passes(camera, stream, own, 100, content)) << content;
+  }
+  ASSERT_TRUE(filter_stream(stream.get(), "127.0.61.2", ntohs(camera_at.sin_port)));
+  EXPECT_FALSE(passes(same_address, stream, own, 100, 3));
+  EXPECT_TRUE(passes(camera, stream, own, 100, 3));
+}
+
+// --- A camera whose clock PTP keeps: its state is told, and the clock is left alone.
+
+class Ptp : public testing::Test {
+ protected:
+  // Runs a source on a fake camera until it has said `wanted`; what it said.
+  std::string run(bool ptp, const std::string& wanted) {
+    const std::string address = fakecam::test::fresh_address();
+    camera_ = fakecam::test::serve(fakecam::test::provider_of(fakecam::test::synthetic({64, 32}, 20)),
+                                   {.address = address, .laps = 0});
+    GenicamSource source({.address = address, .ir_format = IrFormat::kLeave, .ptp = ptp});
+    const auto info = must(source.open());
+    pipeline::FrameInlet inlet(info->format, 4, 64);
+    EXPECT_TRUE(source.start(inlet));
+    std::string said;
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(15);
+    while (said.find(wanted) == std::string::npos && std::chrono::steady_clock::now() < end) {
+      const auto arrival = inlet.next(20'000'000);
+      if (arrival.slot != nullptr) inlet.give_back(*arrival.slot);
+      for (const auto& notice : source.take_notices()) said += notice.text + "\n";
+      if (wanted.empty() && inlet.received() > 5) break;
+    }
+    told_ = source.status()->ptp.value();
+    offset_ns_ = source.status()->ptp_offset_ns.value();
+    source.stop();
+    return said;
+  }
+
+  std::unique_ptr<fakecam::FakeCamera> camera_;
+  pipeline::PtpStatus told_ = pipeline::PtpStatus::kOff;
+  std::int64_t offset_ns_ = 0;
+};
+
+TEST_F(Ptp, StateAndOffsetAreToldAndTheClockIsNotReset) {
+  const std::string told = "PTP keeps the camera's clock, -37 ns from its master";
+  const std::string said = run(true, told);
+  EXPECT_NE(said.find(told), std::string::npos) << said;
+  EXPECT_EQ(camera_->stats().clock_resets, 0U);
+  EXPECT_EQ(told_, pipeline::PtpStatus::kSlave);
+  EXPECT_EQ(offset_ns_, -37);
+}
+
+TEST_F(Ptp, WithoutItTheClockBeginsWithTheStream) {
+  EXPECT_EQ(run(false, "").find("PTP"), std::string::npos);
+  EXPECT_EQ(camera_->stats().clock_resets, 1U);
+  EXPECT_EQ(told_, pipeline::PtpStatus::kOff);
+}
+
+}  // namespace bolo::genicam::parts_test

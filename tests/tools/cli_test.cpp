@@ -1,0 +1,82 @@
+// What all verbs share: the line of progress, on a terminal, and what becomes of one that a library's exception ends.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <new>
+
+#include "tests/refusal.hpp"
+#include "tools/cli/cli.hpp"
+
+namespace bolo::tools::cli_test {
+
+int run_out_of_memory(int, char**) { throw std::bad_alloc(); }
+int fail(int, char**) { throw std::runtime_error("no\nthread"); }
+constexpr std::array<Verb, 2> kVerbs{{{"hunger", "", run_out_of_memory}, {"fail", "", fail}}};
+
+// The line of error; exit code 1 is expected.
+std::string ended(std::string verb) {
+  std::string program = "bolo";
+  std::array<char*, 2> words{program.data(), verb.data()};
+  testing::internal::CaptureStderr();
+  const int code = dispatch({"bolo", ""}, kVerbs, static_cast<int>(words.size()), words.data());
+  std::string said = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(code, kExitFailed);
+  return said;
+}
+
+TEST(Dispatch, AnExceptionIsAFailureInOneLine) {
+  EXPECT_EQ(ended("hunger"), "bolo hunger: not enough memory\n");
+  EXPECT_EQ(ended("fail"), "bolo fail: no?thread\n");
+}
+
+// Stands for stderr while it lives.
+class Terminal {
+ public:
+  Terminal() : stderr_(::dup(STDERR_FILENO)), terminal_(::posix_openpt(O_RDWR | O_NOCTTY)) {
+    if (::grantpt(terminal_) != 0 || ::unlockpt(terminal_) != 0) return;
+    const int line = ::open(::ptsname(terminal_), O_RDWR | O_NOCTTY);
+    ::dup2(line, STDERR_FILENO);
+    ::close(line);
+  }
+  Terminal(const Terminal&) = delete;
+  Terminal& operator=(const Terminal&) = delete;
+  ~Terminal() {
+    ::dup2(stderr_, STDERR_FILENO);
+    ::close(stderr_);
+    ::close(terminal_);
+  }
+  std::string said() const {
+    std::string text(4096, '\0');
+    const ssize_t count = ::read(terminal_, text.data(), text.size());
+    text.resize(count > 0 ? static_cast<std::size_t>(count) : 0);
+    return text;
+  }
+
+ private:
+  int stderr_;
+  int terminal_;
+};
+
+TEST(Progress, SaysTheRateSinceTheWorkBeganAndTheTimeLeft) {
+  const Terminal terminal;
+  {
+    Progress progress("work", 100);
+    std::this_thread::sleep_for(std::chrono::milliseconds(150));
+    progress.start_rate(50);
+    progress.update(50);
+    const std::string said = terminal.said();
+    expect_parts(said, {"work: 50 of 100"});
+    EXPECT_EQ(said.find("second"), std::string::npos) << "no rate before the work began: " << said;
+    std::this_thread::sleep_for(std::chrono::milliseconds(250));
+    progress.update(51);
+  }
+  const std::string said = terminal.said();
+  expect_parts(said, {"work: 51 of 100 (51 %), ", " s left"});
+  const double rate = std::atof(said.c_str() + said.find("%), ") + 4);
+  EXPECT_GT(rate, 0.0);
+  EXPECT_LE(rate, 4.0) << "one in a quarter of a second or more: " << said;
+  const double left_s = std::atof(said.c_str() + said.find(" a second, ") + 11);
+  EXPECT_GE(left_s, 12.0) << "49 at that rate: " << said;
+}
+
+}  // namespace bolo::tools::cli_test

@@ -1,0 +1,51 @@
+#include "tools/bolod/setup_guard.hpp"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <system_error>
+
+namespace bolo::daemon {
+namespace {
+
+constexpr std::chrono::milliseconds kSetupLook{100};
+
+// The signal stays pending, for Daemon::run().
+bool end_is_asked_for() {
+  sigset_t pending;
+  return sigpending(&pending) == 0 && (sigismember(&pending, SIGTERM) == 1 || sigismember(&pending, SIGINT) == 1);
+}
+
+}  // namespace
+
+SetupGuard::SetupGuard(std::chrono::milliseconds grace) {
+  try {
+    thread_ = std::thread([this, grace] { watch(grace); });
+  } catch (const std::system_error&) {
+    return;  // what needs threads says so
+  }
+}
+
+SetupGuard::~SetupGuard() {
+  if (!thread_.joinable()) return;
+  {
+    const std::lock_guard lock(mutex_);
+    over_ = true;
+  }
+  ended_.notify_all();
+  thread_.join();
+}
+
+void SetupGuard::watch(std::chrono::milliseconds grace) {
+  std::unique_lock lock(mutex_);
+  std::chrono::milliseconds waited{0};
+  while (!ended_.wait_for(lock, kSetupLook, [this] { return over_; })) {
+    waited = end_is_asked_for() ? waited + kSetupLook : std::chrono::milliseconds(0);
+    if (waited < grace) continue;
+    std::fputs("bolod: ended by a signal while it was set up\n", stderr);
+    _exit(1);
+  }
+}
+
+}  // namespace bolo::daemon
