@@ -58,6 +58,12 @@ class Program {
 
   std::uint32_t pid() const { return static_cast<std::uint32_t>(pid_); }
   void signal(int number) const { kill(pid_, number); }
+  // SIGSTOP, until all its threads stand still: on a busy machine that takes a while.
+  bool stop() const {
+    int status = 0;
+    signal(SIGSTOP);
+    return waitpid(pid_, &status, WUNTRACED) == pid_ && WIFSTOPPED(status);
+  }
 
   // The exit code, or 128 + the signal that ended it.
   int wait() {

@@ -302,7 +302,7 @@ TEST_F(RecordVerb, OverwrittenFramesAreCounted) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "400"});
   publish_into_it(100);
-  program.signal(SIGSTOP);
+  ASSERT_TRUE(program.stop());
   for (int i = 0; i < 3000; ++i) writer_.publish();
   program.signal(SIGCONT);
   EXPECT_GT(end_of(program)["lost"]["overwritten"], 1000);

@@ -72,7 +72,7 @@ class PointReaders : public ::testing::TestWithParam<Case> {
   }
 
   ShmReader wait_for_writer() const {
-    for (int attempt = 0; attempt < 2000; ++attempt) {
+    for (int attempt = 0; attempt < 60'000; ++attempt) {
       if (auto reader = ShmReader::open(name_)) return std::move(*reader);
       std::this_thread::sleep_for(kPace);
     }

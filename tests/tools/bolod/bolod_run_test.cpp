@@ -112,7 +112,7 @@ TEST_F(BolodRun, AStoppedDaemonIsNotWaitedForByOthers) {
   const std::string control = "[control]\nsocket = '" + file("control") + "'\n";
   const auto daemon = start(20'000, control);
   ASSERT_TRUE(attach()) << daemon->err();
-  daemon->signal(SIGSTOP);
+  ASSERT_TRUE(daemon->stop());
   std::vector<UniqueFd> waiting;
   do {
     waiting.emplace_back(socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
