@@ -1,6 +1,7 @@
 #include "src/deblur/motion_solver.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "src/core/clock.hpp"
@@ -263,33 +264,32 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
 }
 
 void MotionSolver::solve(const WindowView& /*window*/, const Region& part, void* out) const noexcept {
-  const PixelRun run = run_for(task_);
   const auto width = static_cast<std::size_t>(task_.input.geometry.width);
   for (int y = part.y; y < part.y + part.height; ++y) {
     const std::size_t begin = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(part.x);
-    for (std::size_t i = begin; i < begin + static_cast<std::size_t>(part.width); ++i) {
-      const float v = estimate_[i];
-      if (run.output == PixelType::kUint16) {
-        const float limited = v > 0.0F ? std::min(v, 65535.0F) : 0.0F;
-        static_cast<std::uint16_t*>(out)[i] = static_cast<std::uint16_t>(std::lrint(limited));
-      } else {
-        static_cast<float*>(out)[i] = run.scale * v + run.offset;
-      }
-    }
+    write(begin, static_cast<std::size_t>(part.width), begin, out);
   }
 }
 
 void MotionSolver::solve_points(const WindowView& /*window*/, std::span<const std::uint32_t> pixels,
                                 void* out) const noexcept {
+  for (std::size_t i = 0; i < pixels.size(); ++i) write(pixels[i], 1, i, out);
+}
+
+// So many values from a pixel on, into `out` from `to` on.
+void MotionSolver::write(std::size_t pixel, std::size_t count, std::size_t to, void* out) const noexcept {
+  constexpr float kWhole = 8388608.0F;  // 2^23: what is added to it is rounded, and stands in the last bits
   const PixelRun run = run_for(task_);
-  for (std::size_t i = 0; i < pixels.size(); ++i) {
-    const float v = estimate_[pixels[i]];
-    if (run.output == PixelType::kUint16) {
-      const float limited = v > 0.0F ? std::min(v, 65535.0F) : 0.0F;
-      static_cast<std::uint16_t*>(out)[i] = static_cast<std::uint16_t>(std::lrint(limited));
-    } else {
-      static_cast<float*>(out)[i] = run.scale * v + run.offset;
+  const float* const from = estimate_.data() + pixel;
+  if (run.output == PixelType::kUint16) {
+    auto* const counts = static_cast<std::uint16_t*>(out) + to;
+    for (std::size_t i = 0; i < count; ++i) {
+      const float limited = std::min(from[i] > 0.0F ? from[i] : 0.0F, 65535.0F);
+      counts[i] = static_cast<std::uint16_t>(std::bit_cast<std::uint32_t>(limited + kWhole));
     }
+  } else {
+    float* const kelvin = static_cast<float*>(out) + to;
+    for (std::size_t i = 0; i < count; ++i) kelvin[i] = run.scale * from[i] + run.offset;
   }
 }
 

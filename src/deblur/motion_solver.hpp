@@ -66,6 +66,7 @@ class MotionSolver final : public Solver {
   motion::Displacements history(int newest, const motion::Told& told) noexcept;
   bool ask_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::Told& told) noexcept;
   void use_rest(int rests, const motion::VectorField& deviation) noexcept;
+  void write(std::size_t pixel, std::size_t count, std::size_t to, void* out) const noexcept;
   void solve_per_pixel(const WindowView& window, Crew& crew) noexcept;
   // Of `back` periods before the newest.
   Frame& frame(int back) noexcept { return frames_[place(back, frames_.size())]; }

@@ -174,6 +174,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
     }
   });
   const auto noise = static_cast<float>(in.noise * in.noise);
+  const auto age = static_cast<float>(inertia_.tau) / kMeanAge;
   const float of_mean = noise / kNear;
   const Vec2 v = in.path.velocity.at(0.0, 0.0);
   const float path_lag = path_weights_.lag_factor() / table_->lag_factor(std::hypot(v.x, v.y));
@@ -189,7 +190,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
       const float speed = speed_.at(c, row);
       const float structure = lag * std::max(0.5F * smooth_[2].at(c, row) - of_mean, 0.0F);
       const float across = std::max(0.5F * smooth_[3].at(c, row) - of_mean, 0.0F);
-      const float by_path = bent * path_weights_.change() * structure * table_->lag_factor(speed);
+      const float by_path = bent > 0.0F ? bent * path_weights_.change() * structure * table_->lag_factor(speed) : 0.0F;
       const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean + by_path), 0.0F);
       const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
       const float from_fit = unexplained / gradient / (kMeanAge * kMeanAge);
@@ -198,7 +199,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
       unexplained_.at(c, row) = unexplained;
       contrast_across_.at(c, row) = across / noise;
       place_.at(c, row) = table_->place_of(speed, structure / noise, sigma / std::max(speed, kSlowest));
-      far_gain_.at(c, row) = table_->far_gain(place_.at(c, row));
+      far_gain_.at(c, row) = table_->far_gain(place_.at(c, row), unexplained * age * age / noise);
       far_share_.at(c, row) = 0.0F;
     }
   });
@@ -208,7 +209,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
     for (int c = 0; c < weights_.across(); ++c) {
       table_->find(kernels, place_.at(c, row), far_share_.at(c, row) / kFarPart, weights_.at(c, row), &path_weights_,
                    bent_.at(c, row));
-      table_->find_across(weights_.at(c, row), speed_.at(c, row), direction_.at(c, row), contrast_across_.at(c, row),
+      table_->find_across(weights_.at(c, row), place_.at(c, row), direction_.at(c, row), contrast_across_.at(c, row),
                           across_.at(c, row));
     }
   });

@@ -19,6 +19,10 @@ void PaddedPlane::extend_ends(float slope) noexcept {
   const auto extend_row = [&](int to, int border, int inside) {
     const float* b = at(-kRim, border);
     const float* i = at(-kRim, inside);
+    if (slope == 0.0F) {
+      std::copy_n(b, stride_, at(-kRim, to));
+      return;
+    }
     std::transform(b, b + stride_, i, at(-kRim, to), [=](float v, float w) { return v + slope * (v - w); });
   };
   for (int y = 1; y <= kRim; ++y) extend_row(-y, 0, std::min(y, last));

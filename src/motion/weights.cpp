@@ -23,7 +23,7 @@ constexpr std::array kUncertain = {0.004, 0.02, 0.07, 0.25, 1.0};  // of the spe
 constexpr int kNodes = 48;                                         // of ages
 constexpr double kSmallestRatio = 1e-3;                            // of contrast across to noise
 constexpr double kRatioDecades = 0.15;                             // a step
-constexpr float kMayAdd = 0.03F;        // of the mean square error, that the far past adds where it is not yet used
+constexpr float kMayAdd = -0.01F;       // of the mean square error, that the far past adds where it is not yet used
 constexpr float kWorthwhile = 0.1F;     // between that and where it is used in full
 constexpr float kLeastAcross = 0.007F;  // noise variances
 constexpr float kSlanted = 0.7F;        // of the noise, that values between pixels have less on the diagonal
@@ -277,7 +277,7 @@ void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
   for (std::size_t c = 0; c < kContrasts; ++c) {
     const std::size_t i = cell(speed, c, uncertainty);
     const float less = 1.0F - cells_[1][i].w[FilterWeights::kError] / cells_[0][i].w[FilterWeights::kError];
-    far_gain_[i] = std::clamp((less + kMayAdd) / kWorthwhile, 0.0F, 1.0F);
+    far_gain_[i] = less;
   }
 }
 
@@ -311,21 +311,23 @@ float WeightTable::per_pixel_error(const Place& place) const noexcept {
 
 float WeightTable::lag_of(float speed) noexcept { return std::clamp(2.0F + 0.8F * (speed - 1.0F), 2.0F, 24.0F); }
 
-float WeightTable::lag_factor(float speed) const noexcept {
-  const float a = index_in(log_speed_.data(), kSpeeds, std::log(std::max(speed, 1e-6F)));
-  const auto at = static_cast<std::size_t>(a);
-  return lag_factor_[at] + (a - static_cast<float>(at)) * (lag_factor_[at + 1] - lag_factor_[at]);
+float WeightTable::between(const std::array<float, kSpeeds>& values, float at) noexcept {
+  const auto before = static_cast<std::size_t>(at);
+  return values[before] + (at - static_cast<float>(before)) * (values[before + 1] - values[before]);
 }
 
-void WeightTable::find_across(const FilterWeights& along, float speed, Vec2 e, float structure,
+float WeightTable::index_of(float speed) const noexcept {
+  return index_in(log_speed_.data(), kSpeeds, std::log(std::max(speed, 1e-6F)));
+}
+
+float WeightTable::lag_factor(float speed) const noexcept { return between(lag_factor_, index_of(speed)); }
+
+void WeightTable::find_across(const FilterWeights& along, const Place& place, Vec2 e, float structure,
                               AcrossWeights& out) const noexcept {
-  const float a = index_in(log_speed_.data(), kSpeeds, std::log(std::max(speed, 1e-6F)));
-  const auto at = static_cast<std::size_t>(a);
-  const float fa = a - static_cast<float>(at);
-  const float factor = across_factor_[at] + fa * (across_factor_[at + 1] - across_factor_[at]);
+  const float factor = between(across_factor_, place.speed);
   const float noise = along.w[FilterWeights::kNoise] * (1.0F - kSlanted * 2.0F * std::abs(e.x * e.y));
   const float ratio = std::max(structure, kLeastAcross) * factor / std::max(noise, 1e-9F);
-  const auto decades = static_cast<float>(std::log10(static_cast<double>(ratio) / kSmallestRatio));
+  const float decades = std::log10(ratio / static_cast<float>(kSmallestRatio));
   const float b = std::clamp(decades / static_cast<float>(kRatioDecades), 0.0F, kRatios - 1.0F - kLargestIndex);
   const auto ib = static_cast<std::size_t>(b);
   const float fb = b - static_cast<float>(ib);
@@ -340,11 +342,10 @@ WeightTable::Place WeightTable::place_of(float speed, float structure, float unc
     for (std::size_t i = 0; i < kUncertainties; ++i) logs[i] = static_cast<float>(std::log(kUncertain[i]));
     return logs;
   }();
-  const float a = index_in(log_speed_.data(), kSpeeds, std::log(std::max(speed, 1e-6F)));
-  const int ia = static_cast<int>(a);
-  const float fa = a - static_cast<float>(ia);
-  const auto at = static_cast<std::size_t>(ia);
-  const float contrast = structure * (lag_factor_[at] + fa * (lag_factor_[at + 1] - lag_factor_[at]));
+  const float a = index_of(speed);
+  const auto at = static_cast<std::size_t>(a);
+  const float fa = a - static_cast<float>(at);
+  const float contrast = structure * between(lag_factor_, a);
   const float decades = std::log10(std::max(contrast, 1e-6F)) - static_cast<float>(std::log10(kSmallestContrast));
   const float b = std::clamp(decades, 0.0F, kContrasts - 1.0F - kLargestIndex);
   const int ib = static_cast<int>(b);
@@ -353,6 +354,7 @@ WeightTable::Place WeightTable::place_of(float speed, float structure, float unc
   const int ic = static_cast<int>(c);
   const float fc = c - static_cast<float>(ic);
   Place place;
+  place.speed = a;
   for (std::size_t k = 0; k < place.cell.size(); ++k) {
     const std::size_t da = k & 1U;
     const std::size_t db = (k >> 1U) & 1U;
@@ -375,10 +377,11 @@ float WeightTable::near_error(const Place& place, const PathWeights* path, float
   return error;
 }
 
-float WeightTable::far_gain(const Place& place) const noexcept {
-  float gain = 0.0F;
-  for (std::size_t k = 0; k < place.cell.size(); ++k) gain += place.share[k] * far_gain_[place.cell[k]];
-  return gain;
+float WeightTable::far_gain(const Place& place, float beside) const noexcept {
+  float less = 0.0F;
+  for (std::size_t k = 0; k < place.cell.size(); ++k) less += place.share[k] * far_gain_[place.cell[k]];
+  const float error = std::max(near_error(place, nullptr, 0.0F), 0.0F);
+  return std::clamp((less * error / (error + beside + 1e-30F) + kMayAdd) / kWorthwhile, 0.0F, 1.0F);
 }
 
 void WeightTable::find(const Kernels& kernels, const Place& place, float far, FilterWeights& out,

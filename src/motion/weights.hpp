@@ -48,13 +48,14 @@ class WeightTable {
   struct Place {
     std::array<std::uint16_t, 8> cell{};
     std::array<float, 8> share{};
+    float speed = 0.0F;  // cells of slower ones before it
   };
   // For a speed (px a frame), half the mean square difference of the near past's mean over lag_of(speed), less its
   // noise, in units of the noise's variance, and the speed's standard deviation over the speed. Thread: any.
   Place place_of(float speed, float structure, float uncertainty) const noexcept;
   // How much of the far past is of use, 0 to 1: more frames take out more noise, and show less sharply what there is to
-  // see. Thread: any.
-  float far_gain(const Place& place) const noexcept;
+  // see. `beside`: mean square error that no weights take out, noise variances. Thread: any.
+  float far_gain(const Place& place, float beside) const noexcept;
   // Mean square error that the weights for the near past should have, noise variances. Thread: any.
   float near_error(const Place& place, const PathWeights* path = nullptr, float bent = 0.0F) const noexcept;
   // Of an estimate from a pixel's own newest values, what is not noise. Thread: any.
@@ -66,7 +67,7 @@ class WeightTable {
 
   // Weights across the motion for what `along` makes; `structure`: half the mean square difference of the past's mean
   // over 2 px across, less its noise. `e`: direction of the motion. Thread: any.
-  void find_across(const FilterWeights& along, float speed, Vec2 e, float structure, AcrossWeights& out) const noexcept;
+  void find_across(const FilterWeights& along, const Place& place, Vec2 e, float structure, AcrossWeights& out) const noexcept;
 
   // Of the contrast at lag_of(a speed) to that at two pixels. Thread: any.
   float lag_factor(float speed) const noexcept;
@@ -80,6 +81,8 @@ class WeightTable {
 
   static constexpr int kRatios = 41;
 
+  static float between(const std::array<float, kSpeeds>& values, float at) noexcept;
+  float index_of(float speed) const noexcept;
   double structure(double speed, double lag) const;
   double structure_across(double speed) const;
   void fill(std::size_t speed, std::size_t uncertainty);
@@ -97,7 +100,7 @@ class WeightTable {
   std::array<float, kSpeeds> lag_factor_{};          // of the contrast at lag_of(speed) to that at two pixels
   std::array<float, kSpeeds> across_factor_{};       // of the scene's contrast over 2 px to that of y across the motion
   std::array<std::vector<FilterWeights>, 2> cells_;  // with the near past's mean, and the whole past's
-  std::vector<float> far_gain_;
+  std::vector<float> far_gain_;  // by how much the far past makes the mean square error less
   std::vector<float> per_pixel_;
   std::array<AcrossWeights, kRatios> across_;  // by contrast over 2 px in units of the noise's variance
 };

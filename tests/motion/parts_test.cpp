@@ -294,13 +294,14 @@ TEST(Weights, TheFarPastIsOfUseInNoise) {
   };
   for (const float speed : {0.1F, 0.5F, 1.0F}) {
     const WeightTable::Place dull = table->place_of(speed, 0.01F, 0.05F);
-    EXPECT_FLOAT_EQ(table->far_gain(dull), 1.0F) << speed;
+    EXPECT_FLOAT_EQ(table->far_gain(dull, 0.0F), 1.0F) << speed;
+    EXPECT_EQ(table->far_gain(dull, 100.0F * error(dull, 0.0F)), 0.0F) << speed;
     EXPECT_LT(error(dull, 1.0F), error(dull, 0.0F)) << speed;
     EXPECT_NEAR(error(dull, 0.5F), 0.5F * (error(dull, 0.0F) + error(dull, 1.0F)), 1e-6F) << speed;
     EXPECT_EQ(table->near_error(dull), error(dull, 0.0F)) << speed;
   }
   for (const float speed : {3.0F, 8.0F}) {
-    EXPECT_LT(table->far_gain(table->place_of(speed, 1e3F, 0.05F)), 0.1F) << speed;
+    EXPECT_LT(table->far_gain(table->place_of(speed, 1e3F, 0.05F), 0.0F), 0.1F) << speed;
   }
 }
 
@@ -308,10 +309,11 @@ TEST(Weights, TheFarPastIsOfUseInNoise) {
 TEST(Weights, SmoothAcrossWhatIsNoise) {
   const auto table = WeightTable::of(kTau, 0);
   FilterWeights along;
-  table->find(best_kernels(), table->place_of(3.0F, 10.0F, 0.05F), 0.0F, along);
+  const WeightTable::Place place = table->place_of(3.0F, 10.0F, 0.05F);
+  table->find(best_kernels(), place, 0.0F, along);
   const auto left = [&](float structure, Vec2 e) {
     AcrossWeights w;
-    table->find_across(along, 3.0F, e, structure, w);
+    table->find_across(along, place, e, structure, w);
     double middle = 1.0;
     double squares = 0.0;
     for (const float v : w.w) middle -= 2.0 * static_cast<double>(v), squares += 2.0 * static_cast<double>(v * v);

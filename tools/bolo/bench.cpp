@@ -30,13 +30,15 @@ struct Speed {
   double realtime_factor = 0.0;
 };
 
-struct Window {
+constexpr int kFrames = 64;  // that the window goes over, to the end and back
+
+struct Stream {
   StreamFormat format;
   std::vector<std::vector<std::uint16_t>> frames;
 };
 
-// A street that pans past the nominal camera, up to the newest frame of a window.
-Result<Window> make_window(int frames) {
+// A street that pans past the nominal camera.
+Result<Stream> make_stream(int frames) {
   sim::CameraSettings camera;
   camera.geometry = kFrame;
   const double from_s = -sim::history_s(camera);
@@ -47,12 +49,12 @@ Result<Window> make_window(int frames) {
       sim::pan_over(*scene, path, sim::centred_origin(*scene, path, kFrame, from_s, to_s), kFrame, from_s, to_s);
   if (!field) return tl::unexpected(field.error());
   ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(*field)));
-  Window window{simulator->format(), {}};
+  Stream stream{simulator->format(), {}};
   for (int i = 0; i < frames; ++i) {
-    window.frames.emplace_back(kFrame.pixels());
-    simulator->next(window.frames.back().data(), nullptr);
+    stream.frames.emplace_back(kFrame.pixels());
+    simulator->next(stream.frames.back().data(), nullptr);
   }
-  return window;
+  return stream;
 }
 
 struct Band {
@@ -67,23 +69,29 @@ struct Band {
   }
 };
 
-Result<Speed> measure(const Window& input, deblur::Method method, int threads, double seconds) {
+Result<Speed> measure(const Stream& input, deblur::Method method, int threads, double seconds) {
   deblur::Settings settings;
   settings.method = method;
   settings.auto_lambda = method == deblur::Method::kAdmm || method == deblur::Method::kDual;
   ASSIGN_OR_RETURN(auto solver, deblur::Solver::create(settings, input.format, PixelType::kUint16));
   rt::WorkerTeam team(threads, rt::ThreadOptions{"bolo-bench"});
   if (team.size() < threads) return failed("cannot start " + std::to_string(threads) + " threads");
+  rt::TeamCrew crew(team);
   std::vector<const void*> planes;
   for (const auto& frame : input.frames) planes.push_back(frame.data());
-  const deblur::WindowView window{planes, settings.window - 1};
+  for (std::size_t i = planes.size() - 2; i > 0; --i) planes.push_back(planes[i]);
+  const auto length = static_cast<std::size_t>(settings.window);
+  const std::size_t period = planes.size();
+  for (std::size_t i = 0; i < length; ++i) planes.push_back(planes[i]);
   std::vector<std::uint16_t> out(kFrame.pixels());
-  Band band{*solver, window, threads, out.data()};
   std::vector<double> ms;
   const auto end = Clock::now() + std::chrono::duration<double>(seconds);
-  while (ms.size() < 5 || Clock::now() < end) {
+  for (std::uint64_t newest = 1; ms.size() < 5 || Clock::now() < end; ++newest) {
+    const std::span<const void* const> all(planes);
+    const deblur::WindowView window{all.subspan(newest % period, length), settings.window - 1, newest};
+    Band band{*solver, window, threads, out.data()};
     const auto start = Clock::now();
-    solver->prepare(window);
+    solver->prepare(window, crew);
     team.run([](void* self, int worker) { (*static_cast<Band*>(self))(worker); }, &band);
     ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
   }
@@ -97,11 +105,11 @@ Status bench(const cxxopts::ParseResult& given) {
   if (!(seconds > 0.0 && seconds <= 3600.0)) return bad_input("--seconds: expected more than 0, at most 3600");
   nlohmann::ordered_json result{
       {"width", kFrame.width}, {"height", kFrame.height}, {"rate_hz", 200}, {"threads", threads}};
-  ASSIGN_OR_RETURN(const auto window, make_window(deblur::Settings{}.window));
+  ASSIGN_OR_RETURN(const auto stream, make_stream(kFrames));
   std::string line;
   for (const deblur::Method method : kMethods) {
     ASSIGN_OR_RETURN(const auto speed,
-                     measure(window, method, threads, seconds / static_cast<double>(std::size(kMethods))));
+                     measure(stream, method, threads, seconds / static_cast<double>(std::size(kMethods))));
     result["solvers"].push_back(
         {{"solver", speed.solver}, {"ms_per_frame", speed.ms_per_frame}, {"realtime_factor", speed.realtime_factor}});
     line += fmt::format("{}{} {:.1f}", line.empty() ? "" : ", ", speed.solver, speed.realtime_factor);
