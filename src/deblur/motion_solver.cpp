@@ -13,10 +13,11 @@ namespace {
 
 constexpr double kLargestDifference = 31.6;  // K, of innovations that are matched: what is more counts no more
 constexpr float kLargestValue = 1e7F;
-constexpr float kMovesItself = 0.5F;  // px a frame
-constexpr double kCut = 2.0;          // px that half of the picture is off
-constexpr double kTimesNext = 4.0;    // as far off as the displacement after it leaves it
-constexpr double kAbrupt = 0.9;       // of Path::steady: above it nothing stopped just now
+constexpr float kMovesItself = 0.5F;   // px a frame
+constexpr double kCut = 2.0;           // px that half of the picture is off
+constexpr double kTimesNext = 4.0;     // as far off as the displacement after it leaves it
+constexpr double kUnconfirmed = 12.0;  // px a frame: what is faster is believed once it was seen twice
+constexpr double kAbrupt = 0.9;        // of Path::steady: above it nothing stopped just now
 
 // As the task, in the values' own unit and float.
 StreamTask in_values(StreamTask task) {
@@ -130,6 +131,14 @@ int MotionSolver::scene_length(int newest) noexcept {
   return length;
 }
 
+// True if there is another displacement within its scene: repeated texture matches far away, too.
+bool MotionSolver::is_confirmed(int newest) noexcept {
+  for (int i = 1; i < scene_length(newest); ++i) {
+    if (displacement(newest + i).there) return true;
+  }
+  return false;
+}
+
 // The displacements of the period `newest` before the newest and of those before it, less what is told of them. Where
 // frames are lost, and before a cut, nothing is known but that: what is left is taken to have stayed.
 motion::Displacements MotionSolver::history(int newest, const motion::Told& told) noexcept {
@@ -172,6 +181,10 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   motion::Displacements left = history(newest, told);
   const bool knows = ask_gyro(meta, newest, left, told);
   path = motion::path_of(inertia_, left, ahead, displacement(newest).uncertainty, knows ? &told : nullptr);
+  if (!is_confirmed(newest)) {
+    const motion::Vec2 d = displacement(newest).motion.at(0.0, 0.0);
+    path.steady /= 1.0 + std::pow(std::hypot(d.x, d.y) / kUnconfirmed, 4.0);
+  }
   motion::spread(path.displacement, task_.input.geometry, 1, field_);
   return true;
 }

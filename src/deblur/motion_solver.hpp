@@ -63,6 +63,7 @@ class MotionSolver final : public Solver {
   void load(const void* plane, motion::PaddedPlane& to) const noexcept;
   bool find_path(const FrameMeta& meta, motion::Path& path, bool& ahead) noexcept;
   int scene_length(int newest) noexcept;
+  bool is_confirmed(int newest) noexcept;
   motion::Displacements history(int newest, const motion::Told& told) noexcept;
   bool ask_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::Told& told) noexcept;
   void use_rest(int rests, const motion::VectorField& deviation) noexcept;

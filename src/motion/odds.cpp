@@ -19,8 +19,8 @@ constexpr float kQuiet = 0.3F;       // noise variances: below it there is littl
 constexpr float kAcceptable = 0.3F;  // of the change, that may be left in slow motion
 constexpr float kFast = 4.0F;        // px a frame: from there on trails are less exact, and other estimates poor
 constexpr float kMostFast = 4.0F;    // times kFast
-constexpr float kAware = 2.0F;       // px a frame: up to here a per-pixel estimate tells how wrong it is
-constexpr float kUnaware = 5.0F;     // from here on it does not
+constexpr float kAware = 0.5F;       // px a frame: up to here a per-pixel estimate tells how wrong it is
+constexpr float kUnaware = 1.5F;     // from here on it does not
 constexpr float kOfChange = 0.5F;    // of what has changed, most that a per-pixel estimate is taken to be wrong by
 constexpr float kNearRest = 0.3F;    // px a frame: below it what both promise counts for more
 

@@ -150,7 +150,7 @@ TEST(MotionSafety, RandomScenes) {
 
 // Squares whose nearest copy in the picture before is not where they came from.
 TEST(MotionSafety, SquaresThatRepeat) {
-  for (const std::uint32_t seed : {5098U, 5100U, 5233U}) expect_safe(seed);
+  for (const std::uint32_t seed : {31U, 5098U, 5100U, 5233U}) expect_safe(seed);
 }
 
 // Twelve frames after a cut nothing is left of it.
