@@ -25,6 +25,7 @@ constexpr std::size_t kFewestSights = 12;
 constexpr double kClear = 6.0;
 constexpr double kLeastPattern = 0.4;  // slow noise of pixels is a pattern for a while
 constexpr double kLeastColumn = 0.2;
+constexpr double kLeastGrowth = 1.0;  // over the recording, of the mean: from a half of it to half as much again
 constexpr double kLeastGain = 0.0015;
 constexpr double kMostLikeness = 0.2;  // of gains of neighbours
 constexpr double kClearTime = 3.5;     // standard errors of a time, which have what the models are off by in them
@@ -42,13 +43,12 @@ void note_jumps(Events& events, std::size_t index, std::span<const Observation::
 }
 
 // Steps of the whole picture, as the frames' own statistics show them.
-void take_jumps(Events& events, std::size_t index) {
-  Recording& r = events.session.recordings[index];
-  const std::vector<Observation::Jump> jumps = observe(r).jumps;
+std::vector<Observation::Jump> take_jumps(Recording& r) {
+  std::vector<Observation::Jump> jumps = observe(r).jumps;
   for (const Observation::Jump& seen : jumps) {
     r.values.bottomRows(r.values.rows() - static_cast<Index>(seen.frame)).array() -= static_cast<float>(seen.size);
   }
-  note_jumps(events, index, jumps);
+  return jumps;
 }
 
 // A straight line in time, of all pixels alike: a camera that warms, or a scene.
@@ -177,7 +177,12 @@ void name_parts(const FieldParts& parts, Findings& out) {
     add_named(out, "fpn_gain", parts.gain.z, {{"pixel", estimate(parts.gain)}}, gaps,
               "pixels show more or less of the scene's changes than others");
   }
-  if (!parts.after_freeze && (clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn))) {
+  if (parts.after_freeze || !(clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn))) return;
+  if (parts.growth.value > kLeastGrowth && parts.growth.z > kClear) {
+    const double change = parts.growth.value * offset.pixel.value;
+    add_named(out, "drift", parts.growth.z, {{"change_k", interval(change, parts.growth.error * offset.pixel.value)}},
+              gaps, "a pattern stays with the pixels while the scene moves on, and grows", "fpn_offset");
+  } else {
     add_named(out, "fpn_offset", std::max(offset.pixel.z, offset.column.z),
               {{"pixel_k", estimate(offset.pixel)}, {"column_k", estimate(offset.column)}}, gaps,
               "a pattern stays with the pixels while the scene moves on",
@@ -242,29 +247,23 @@ double first_noise(const Recording& r, const Options& options) {
   return r.kelvin ? std::min(options.profile.noise_k, std::max(seen, 1e-4)) : std::max(seen, 0.5);
 }
 
-std::vector<Observation::Jump> jumps_of(const Events& events, const Recording& r) {
-  std::vector<Observation::Jump> jumps;
-  for (const Jump& jump : events.jumps) {
-    if (&events.session.recordings[jump.recording] == &r) jumps.push_back({jump.frame, jump.global_k});
-  }
-  return jumps;
-}
-
-// Of one recording whose scene moves; nothing when it cannot be followed.
-Result<std::optional<FieldParts>> judge_moving(const std::filesystem::path& file, const Recording& r, Events& events,
-                                               const Options& options) {
-  ASSIGN_OR_RETURN(auto motion, follow_field(file, r, jumps_of(events, r), first_noise(r, options)));
-  if (motion.sights.size() < kFewestSights) return std::optional<FieldParts>();
-  const std::vector<char> known = dead_of(events);
-  FieldParts parts = take_field_apart(motion.frames, motion.sights, known);
-  if (!parts.followed || parts.moving > kMostOwn) return std::optional<FieldParts>();
-  for (std::size_t p = 0; p < parts.dead.size(); ++p) {
-    if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
+// Of one recording whose scene moves; when it is not followed, jumps only.
+Result<FieldParts> judge_moving(const std::filesystem::path& file, const Recording& r, Events& events,
+                                const Options& options) {
+  ASSIGN_OR_RETURN(auto motion, follow_field(file, r, first_noise(r, options)));
+  FieldParts parts;
+  if (motion.sights.size() >= kFewestSights) {
+    const std::vector<char> known = dead_of(events);
+    parts = take_field_apart(motion.frames, motion.sights, known);
+    parts.followed = parts.followed && parts.moving <= kMostOwn;
+    for (std::size_t p = 0; parts.followed && p < parts.dead.size(); ++p) {
+      if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
+    }
   }
   parts.after_freeze = motion.after_freeze;
   parts.lost = std::move(motion.lost);
   parts.jumps = std::move(motion.jumps);
-  return std::optional(std::move(parts));
+  return parts;
 }
 
 }  // namespace
@@ -273,7 +272,8 @@ bool Field::tells(const Effect& effect) const {
   using enum WithoutBench;
   const WithoutBench by = effect.without_bench;
   return (still && (by == kStill || by == kBoth)) || (moving && (by == kMoving || by == kBoth)) ||
-         (tells_tau && effect.name == "tau_global") || (tells_delay && effect.name == "row_delay");
+         (tells_tau && effect.name == "tau_global") || (tells_delay && effect.name == "row_delay") ||
+         std::ranges::any_of(findings.effects, [&](const Finding& f) { return f.effect.name == effect.name; });
 }
 
 void prepare_field(Events& events) {
@@ -286,12 +286,17 @@ void prepare_field(Events& events) {
   for (std::size_t i = 0; i < events.session.recordings.size(); ++i) {
     Recording& r = events.session.recordings[i];
     if (r.kind == Kind::kUniform) continue;  // is told to be flat, though in counts
-    take_jumps(events, i);
-    take_drift(r);
-    // Noise is measured of fields where nothing moves; what moves is a scene.
-    const bool still = stands_still(events.session, r) && !something_moves(events.session, r);
-    r.kind = still ? Kind::kField : Kind::kScene;
-    if (still) find_noisy_pixels(events, r);
+    // Noise is measured of fields where nothing moves; what moves is a scene. There a jerk over an uneven sky steps as
+    // an offset does, so that jumps are looked for along the motion.
+    Recording still = r;
+    const std::vector<Observation::Jump> jumps = take_jumps(still);
+    take_drift(still);
+    r.kind = Kind::kScene;
+    if (!stands_still(events.session, still) || something_moves(events.session, still)) continue;
+    r = std::move(still);
+    r.kind = Kind::kField;
+    note_jumps(events, i, jumps);
+    find_noisy_pixels(events, r);
   }
   find_jumping_pixels(events.session, events.bad, events.coarse ? events.step_k : 0.0, Kind::kField);
 }
@@ -317,22 +322,22 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
       continue;
     }
     ASSIGN_OR_RETURN(const auto parts, judge_moving(*file, r, events, options));
-    if (!parts) {
+    note_jumps(events, static_cast<std::size_t>(&r - events.session.recordings.data()), parts.jumps);
+    out.jumps[r.name] = parts.jumps;
+    if (!parts.followed) {
       out.why = " (" + r.name + ": something moves by itself, or the motion is not followed)";
       continue;
     }
     out.moving = true;
-    const auto count = static_cast<double>(parts->cells);
+    const auto count = static_cast<double>(parts.cells);
     cells += count;
-    before += count * parts->gap_before * parts->gap_before;
-    after += count * parts->gap_after * parts->gap_after;
-    out.gaps[r.name] = parts->gap_before;
-    name_parts(*parts, out.findings);
-    if (!parts->lost.empty()) out.lost[r.name] = parts->lost;
-    note_jumps(events, static_cast<std::size_t>(&r - events.session.recordings.data()), parts->jumps);
-    out.jumps[r.name] = parts->jumps;
+    before += count * parts.gap_before * parts.gap_before;
+    after += count * parts.gap_after * parts.gap_after;
+    out.gaps[r.name] = parts.gap_before;
+    name_parts(parts, out.findings);
+    if (!parts.lost.empty()) out.lost[r.name] = parts.lost;
     if (out.scene.empty()) {
-      out.scene = parts->scene;
+      out.scene = parts.scene;
       for (auto& row : out.scene) {
         for (plot::Plot& one : row) one.plane.unit = r.kelvin ? "K" : "counts";
       }

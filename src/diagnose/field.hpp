@@ -26,7 +26,7 @@ struct Field {
   std::map<std::string, FromMotion> motion;                     // by file name
   std::map<std::string, double> gaps;                           // before, by file name
   std::map<std::string, std::vector<std::size_t>> lost;         // Observation::lost_before, by file name
-  std::map<std::string, std::vector<Observation::Jump>> jumps;  // that only motion shows, by file name
+  std::map<std::string, std::vector<Observation::Jump>> jumps;  // of what moves, by file name
   plot::Rows scene;                                             // Report::scene
 
   // Whether such recordings tell an effect.

@@ -134,14 +134,19 @@ double noise_gain(Aligner& aligner, const Sight& sight, const Series& noise) {
 // The frames of a recording that are used, read again from its file, without its jumps.
 class UsedFrames {
  public:
-  UsedFrames(capture::CaptureReader reader, const Recording& recording, std::vector<Observation::Jump> jumps)
-      : reader_(std::move(reader)), jumps_(std::move(jumps)), frame_(recording.used_frames()) {
+  UsedFrames(capture::CaptureReader reader, const Recording& recording)
+      : reader_(std::move(reader)), frame_(recording.used_frames()) {
     if (frame_.size() > kMostFrames) frame_.resize(kMostFrames);
   }
   Geometry geometry() const { return reader_.info().format.geometry; }
   const std::vector<Index>& frame() const { return frame_; }  // of the recording
 
-  void take_out(std::span<const Observation::Jump> jumps) { jumps_.insert(jumps_.end(), jumps.begin(), jumps.end()); }
+  void take_out(std::vector<Observation::Jump> jumps) { jumps_ = std::move(jumps); }
+  // What is taken out at a frame.
+  double jump_at(std::size_t k) const {
+    const auto frame = static_cast<std::size_t>(frame_[k]);
+    return sum_of(jumps_, [frame](const Observation::Jump& jump) { return jump.frame == frame ? jump.size : 0.0; });
+  }
 
   Status read(Index k, std::span<float> out) const {
     const auto frame = static_cast<std::size_t>(frame_[static_cast<std::size_t>(k)]);
@@ -165,8 +170,9 @@ struct Advance {
   FrameStatistics rise;     // of its brightness, along the motion: changes and their agreement
 };
 
+// `jump`: has been taken out of `now`.
 void add_rise(const std::vector<float>& last, const std::vector<float>& now, Geometry g, const motion::Affine& by,
-              FrameStatistics& out) {
+              double jump, FrameStatistics& out) {
   constexpr int kEvery = 4;  // pixels, each way
   const double half = g.width / 2.0;
   std::vector<float> changes;
@@ -183,8 +189,9 @@ void add_rise(const std::vector<float>& last, const std::vector<float>& now, Geo
       const float above = std::lerp(at[0], at[1], from_x - static_cast<float>(left));
       const float below = std::lerp(at[g.width], at[g.width + 1], from_x - static_cast<float>(left));
       const float before = std::lerp(above, below, from_y - static_cast<float>(top));
-      changes.push_back(
-          now[static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x)] - before);
+      const std::size_t p =
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x);
+      changes.push_back(now[p] - before + static_cast<float>(jump));
     }
   }
   const double change = changes.empty() ? 0.0 : median(changes);
@@ -209,7 +216,7 @@ Result<Advance> advance_of(const UsedFrames& used, Matcher& matcher) {
     matcher.smooth(frame.data(), now);
     const motion::Affine d = k == 0 ? motion::Affine{} : matcher.whole(last, now);
     out.step.push_back({d.p[0], d.p[3]});
-    add_rise(k == 0 ? frame : before, frame, g, d, out.rise);
+    add_rise(k == 0 ? frame : before, frame, g, d, used.jump_at(k), out.rise);
   }
   return out;
 }
@@ -290,12 +297,13 @@ void match_sights(const FieldFrames& frames, Matcher& matcher, std::vector<Sight
 
 }  // namespace
 
-Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording,
-                                 std::vector<Observation::Jump> jumps, double noise) {
+Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording, double noise) {
   ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
-  UsedFrames used(std::move(reader), recording, std::move(jumps));
+  UsedFrames used(std::move(reader), recording);
   FieldMotion out;
   if (std::min(used.geometry().width, used.geometry().height) < motion::kLeastSide) return out;
+  // Frames are matched without what may be a jump, and it is one when it is there along the motion, too.
+  used.take_out(jumps_among(recording.statistics, noise));
   Matcher matcher(used.geometry(), noise);
   ASSIGN_OR_RETURN(const auto advance, advance_of(used, matcher));
   out.lost = find_lost(used.frame(), advance.step);

@@ -20,6 +20,7 @@ constexpr double kFollows = 0.4;       // slope of what a pixel shows against wh
 constexpr double kFollow = 0.85;       // of its neighbours, at least
 constexpr double kMostPattern = 0.2;   // of the picture's standard deviation
 constexpr double kNoisy = 5.0;         // times the usual scatter
+constexpr double kOfEdge = 0.5;        // px that an edge may be off by
 
 // A residual with what its blocks weigh.
 struct Cells {
@@ -100,6 +101,32 @@ ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const s
   return pattern;
 }
 
+// How much of a pattern each part of the time shows.
+class Growth {
+ public:
+  void add(Index group, double weight, double pattern, double seen) {
+    product_[static_cast<std::size_t>(group)] += weight * pattern * seen;
+    square_[static_cast<std::size_t>(group)] += weight * pattern * pattern;
+  }
+  // A straight line from the first to the last part.
+  Measured measured() const {
+    Line line;
+    for (std::size_t group = 0; group < square_.size(); ++group) {
+      if (square_[group] > 0.0)
+        line.add((static_cast<double>(group) + 0.5) / kGroups, product_[group] / square_[group]);
+    }
+    if (line.count() < kGroups / 2.0) return {};
+    const double mean = line.at(0.5);
+    const double left = line.scatter_y() - line.slope() * line.scatter_xy();
+    const double error = std::sqrt(left / (line.count() - 2.0) / line.scatter_x());
+    return {line.slope() / mean, std::abs(error / mean), line.slope() / std::max(error, 1e-12)};
+  }
+
+ private:
+  std::array<double, kGroups> product_{};
+  std::array<double, kGroups> square_{};
+};
+
 ArrayXf column_means(const ArrayXf& map, Geometry g) {
   ArrayXf out = ArrayXf::Zero(g.width);
   for (int x = 0; x < g.width; ++x) {
@@ -158,14 +185,25 @@ double around(const ArrayXf& map, Index p, Geometry g) {
   return values.size() < 3 ? 0.0 : median(std::move(values));
 }
 
+// By how much what stays before a pixel differs from one of its neighbours to the one across, the larger way.
+double slope_at(const ArrayXf& map, Index p, Geometry g) {
+  const Index x = p % g.width;
+  const Index y = p / g.width;
+  const float across = map[p + (x + 1 < g.width ? 1 : 0)] - map[p - (x > 0 ? 1 : 0)];
+  const float down = map[p + (y + 1 < g.height ? g.width : 0)] - map[p - (y > 0 ? g.width : 0)];
+  return std::max(std::abs(across), std::abs(down));
+}
+
 // Pixels that, in some of the sights, do not follow the scene that crosses them where their neighbours do, or scatter
-// far more than these.
+// far more than these: either way by more than an edge that rests before them and is not quite followed makes.
 std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights,
                           const std::vector<Index>& of, double floor) {
   const Geometry g = cells.residual.geometry;
   const Index pixels = cells.residual.values.cols();
   ArrayXf scatter = ArrayXf::Zero(pixels);
   ArrayXf follows = ArrayXf::Zero(pixels);  // slope and one half; 0: not known
+  ArrayXf varies = ArrayXf::Zero(pixels);   // what is predicted, standard deviation
+  ArrayXf level = ArrayXf::Zero(pixels);    // in the mean
   std::vector<double> size;
   for (Index p = 0; p < pixels; ++p) {
     Line line;
@@ -177,17 +215,20 @@ std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const s
       size.push_back(cells.residual.values(i, p));
     }
     if (line.count() < kLeastLooks) continue;
+    level[p] = static_cast<float>(line.level(0.0));
     const double middle = median(size);
     for (double& one : size) one = std::abs(one - middle);
     scatter[p] = static_cast<float>(median(size));
-    const double varies = std::sqrt(line.scatter_x() / line.count());
-    if (varies > kSeenContrast * floor) follows[p] = static_cast<float>(std::max(line.slope(), -0.4) + 0.5);
+    varies[p] = static_cast<float>(std::sqrt(line.scatter_x() / line.count()));
+    if (varies[p] > kSeenContrast * floor) follows[p] = static_cast<float>(std::max(line.slope(), -0.4) + 0.5);
   }
   std::vector<char> deaf(static_cast<std::size_t>(pixels), 0);
   for (Index p = 0; p < pixels; ++p) {
+    const double edge = kOfEdge * slope_at(level, p, g);
     const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
     const double usual = around(scatter, p, g);
-    deaf[static_cast<std::size_t>(p)] = still || (usual > 0.0 && scatter[p] > kNoisy * usual) ? 1 : 0;
+    const bool noisy = usual > 0.0 && scatter[p] > kNoisy * usual;
+    deaf[static_cast<std::size_t>(p)] = (still && varies[p] > edge) || (noisy && scatter[p] > edge) ? 1 : 0;
   }
   return deaf;
 }
@@ -352,14 +393,19 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   Residual left = raw;
   Aligner mover(g);
   ArrayXf moved(raw.values.cols());
+  Growth growth;
   for (std::size_t h = 0; h < 2; ++h) {
     for (const Index i : halves[h]) {
       mover.move(sights[static_cast<std::size_t>(i)], pattern[1 - h].data(), moved.data());
       for (Index p = 0; p < moved.size(); ++p) {
-        if (raw.valid(i, cells.blocks.of(p)) != 0) left.values(i, p) -= pattern[1 - h][p] - moved[p];
+        if (raw.valid(i, cells.blocks.of(p)) == 0) continue;
+        const float expected = pattern[1 - h][p] - moved[p];
+        growth.add(i * kGroups / cells.sights(), cells.weight(i, cells.blocks.of(p)), expected, raw.values(i, p));
+        left.values(i, p) -= expected;
       }
     }
   }
+  out.growth = growth.measured();
   std::array<Gains, 2> gains;
   for (std::size_t h = 0; h < 2; ++h) gains[h] = gains_of(cells, left, frames, sights, halves[h], dead);
   const std::array<ArrayXf, 2> slopes{gains[0].slope, gains[1].slope};

@@ -44,14 +44,12 @@ struct FieldMotion {
   // Frames of the recording before which others were lost although the counter runs on: the scene goes on by two
   // steps or more at once where it goes evenly before and after.
   std::vector<std::size_t> lost;
-  // Steps of the whole picture at frames of the recording that only show along the motion; taken out of `frames`.
+  // Steps of the whole picture at frames of the recording, seen along the motion; taken out of `frames`.
   std::vector<Observation::Jump> jumps;
 };
 
-// `jumps`: of this recording, known before: they are taken out. `noise`: standard deviation of one value. kBadInput,
-// kFailed: the file cannot be read again. Thread: setup.
-Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording,
-                                 std::vector<Observation::Jump> jumps, double noise);
+// `noise`: standard deviation of one value. kBadInput, kFailed: the file cannot be read again. Thread: setup.
+Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording, double noise);
 
 // Blocks of frames.
 struct Blocks {
@@ -136,6 +134,7 @@ struct FieldParts {
   std::vector<char> dead;
   std::vector<std::size_t> lost;  // frames before which others are missing
   std::vector<Observation::Jump> jumps;
+  Measured growth;   // of the pattern from the recording's beginning to its end, over what it is in the mean
   plot::Rows scene;  // Report::scene, without units
 };
 

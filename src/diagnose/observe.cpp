@@ -16,6 +16,7 @@ namespace {
 constexpr double kAgreement = 0.9;
 constexpr double kJumpOverFlicker = 10.0;  // in standard deviations of the frames' changes
 constexpr double kJumpOverNoise = 2.0;     // in standard deviations of one pixel's noise
+constexpr double kJumpBeside = 0.3;        // of the jump, that the frames beside it may change by: pixels answer slower
 
 // An outlier stands out of all its neighbours by more than these differ among themselves: no optics draws that.
 constexpr double kOutlierSigmas = 3.0;
@@ -128,10 +129,14 @@ std::vector<double> values_around(const FrameStatistics& s, const std::vector<fl
 std::vector<Observation::Jump> jumps_among(const FrameStatistics& s, double noise) {
   const auto [usual, sigma] = changes_of(s);
   const double least = std::max(kJumpOverFlicker * sigma, kJumpOverNoise * noise);
+  const auto change = [&, usual = usual](std::size_t k) { return k < s.frames() ? s.change[k] - usual : 0.0; };
   std::vector<Observation::Jump> jumps;
   for (std::size_t k = 1; k < s.frames(); ++k) {
-    const double size = s.change[k] - usual;
-    if (std::abs(size) > least && s.agreement[k] >= kAgreement) jumps.push_back({k, size});
+    const double size = change(k);
+    const double beside = std::max(std::abs(change(k - 1)), std::abs(change(k + 1)));
+    if (std::abs(size) > least && s.agreement[k] >= kAgreement && beside < kJumpBeside * std::abs(size)) {
+      jumps.push_back({k, size});
+    }
   }
   return jumps;
 }

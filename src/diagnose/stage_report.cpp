@@ -321,7 +321,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   if (fit.done && events.coarse) take_filter_from_edges(fit, report);
   if (field.judged) fill_field(field, report);
   append(all, left);
-  take(judge_jumps(events, field.judged ? events.jumps : fit.jumps, report));  // of a bench a prediction shows more
+  take(judge_jumps(events, fit.done ? fit.jumps : events.jumps, report));  // of a bench a prediction shows more
   for (const auto* warnings : {&session.warnings, &events.warnings, &noise.findings.warnings, &fit.findings.warnings}) {
     append(report.warnings, *warnings);
   }
@@ -346,7 +346,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
     report.observations.push_back(observe(r));
     const auto lost = field.lost.find(r.name);
     const auto jumps = field.jumps.find(r.name);
-    if (jumps != field.jumps.end()) append(report.observations.back().jumps, jumps->second);
+    if (jumps != field.jumps.end()) report.observations.back().jumps = jumps->second;
     if (lost != field.lost.end()) report.observations.back().lost_before = lost->second;
     const auto motion = field.motion.find(r.name);
     if (motion != field.motion.end()) report.observations.back().motion = motion->second;

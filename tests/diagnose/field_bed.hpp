@@ -60,6 +60,7 @@ struct Shot {
   sim::Path path = sim::steady_pan(300.0);
   double mover_px_s = 0.0;  // 0: nothing moves by itself
   std::vector<std::string> effects{};
+  bool sky = false;         // above some roofs, instead of the street
   std::vector<int> lost{};  // frames that never come, though the counter of those that do runs on
 };
 
@@ -72,10 +73,36 @@ inline sim::Path restless() {
   return sim::Path(std::move(points));
 }
 
-// Writes the recording of a street, without a stimulus.
+// A hand that rests, but for some moves within a few frames.
+inline sim::Path jerks() {
+  std::vector<sim::PathPoint> points;
+  const auto moved = [](double t, double at_s) { return 1.0 / (1.0 + std::exp((at_s - t) / 0.008)); };
+  for (double t = -0.6; t < 5.0; t += 0.001) {
+    const double along = 55.0 * moved(t, 0.3) - 80.0 * moved(t, 0.62);
+    points.push_back({t, 3.0 * std::sin(3.0 * t) + along, 3.0 * std::sin(5.0 * t) + 0.8 * along});
+  }
+  return sim::Path(std::move(points));
+}
+
+// Colder the higher, with some clouds, above roofs with windows.
+inline std::unique_ptr<const sim::Scene> make_sky() {
+  capture::StillImage image{640, 480, {}};
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      const int house = x / 50;
+      const int roof = 225 + 13 * house * house % 40;
+      const double window = (x / 7 + y / 9) % 3 == 0 ? 6.0 : 0.0;
+      const double air = 250.0 + 0.05 * y + 0.4 * std::sin(0.02 * x) * std::cos(0.03 * y + 0.011 * x);
+      image.kelvin.push_back(static_cast<float>(y < roof ? air : 275.0 + house % 5 + window));
+    }
+  }
+  return sim::make_still_scene(std::move(image));
+}
+
+// Writes the recording of a street or a sky, without a stimulus.
 inline std::filesystem::path shoot(const Shot& shot, const std::filesystem::path& file) {
   constexpr std::uint64_t kSeed = 3;
-  const auto scene = sim::make_street(shot.view, kSeed);
+  const auto scene = shot.sky ? make_sky() : sim::make_street(shot.view, kSeed);
   const double end_s = shot.frames * testing::kPeriodS + 0.1;
   const auto origin = sim::centred_origin(*scene, shot.path, shot.view, -0.5, end_s);
   std::unique_ptr<const sim::Field> seen = sim::pan_over(*scene, shot.path, origin, shot.view, -0.5, end_s).value();

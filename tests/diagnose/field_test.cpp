@@ -80,6 +80,28 @@ TEST_F(FieldRecording, NamesTheFrameThatJumped) {
   }
 }
 
+// All pixels of an uneven sky change alike when a hand that rests jerks, over some frames; an offset does so at once.
+TEST_F(FieldRecording, AJerkOverAnUnevenSkyIsNoJump) {
+  for (const bool jumps : {false, true}) {
+    Shot shot{.view = {96, 72}, .frames = 220, .path = bed::jerks(), .sky = true};
+    if (jumps) shot.effects = {"offset_jump:jump_k=0.4,at_s=0.75"};
+    const Report report = diagnosed(shot);
+    EXPECT_EQ(told(report), jumps ? "explained: offset_jump" : "no_gap:");
+    std::vector<std::size_t> seen;
+    for (const Observation::Jump& jump : report.observations.front().jumps) seen.push_back(jump.frame);
+    EXPECT_EQ(seen, jumps ? std::vector<std::size_t>{150} : std::vector<std::size_t>());
+  }
+}
+
+// Offsets of pixels that grow with the package's temperature are no fixed pattern.
+TEST_F(FieldRecording, NamesAPatternThatGrowsADrift) {
+  Shot shot = hand();
+  shot.effects = {"drift:amplitude_k=0.4,time_s=2,spread=0.5"};
+  const Report report = diagnosed(shot);
+  EXPECT_EQ(told(report), "explained: drift");
+  EXPECT_FALSE(untold(report, "drift"));
+}
+
 // The offsets that a shutter leaves are its own: no fixed pattern of the camera.
 TEST_F(FieldRecording, NamesTheShutterAlone) {
   for (const char* when : {"1.2", "0.5"}) {
