@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <exception>
 #include <thread>
 
 #include <fmt/format.h>
@@ -130,7 +131,12 @@ gvcp::Status FakeCamera::Impl::start_stream() {
   control_faults.begin(now_ns);
   plan.fault_clock_ns = control_faults.clock_ns(now_ns);
   counters.note_stream(now_ns);
-  session = std::make_unique<StreamSession>(plan, *provider, counters, StreamFaults{frame_faults, tallies, period_ns});
+  try {
+    session =
+        std::make_unique<StreamSession>(plan, *provider, counters, StreamFaults{frame_faults, tallies, period_ns});
+  } catch (const std::exception&) {  // for want of memory or threads
+    return gvcp::Status::kBusy;
+  }
   return gvcp::Status::kSuccess;
 }
 

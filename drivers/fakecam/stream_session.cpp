@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <ctime>
+#include <system_error>
 #include <utility>
 
 #include "src/core/clock.hpp"
@@ -118,9 +119,14 @@ StreamSession::StreamSession(const StreamPlan& plan, FrameProvider& provider, Co
       train_(plan.route, counters, PacketFaults(faults.tallies, faults.period_ns, plan.fault_clock_ns, false)),
       resend_train_(without_gaps(plan.route), counters,
                     PacketFaults(faults.tallies, faults.period_ns, plan.fault_clock_ns, true)),
-      first_timestamp_ns_(timeline_.at(0).timestamp_ns),
-      loader_([this] { load_frames(); }),
-      sender_([this] { send_frames(); }) {
+      first_timestamp_ns_(timeline_.at(0).timestamp_ns) {
+  loader_ = std::thread([this] { load_frames(); });
+  try {
+    sender_ = std::thread([this] { send_frames(); });
+  } catch (const std::system_error&) {
+    stop();
+    throw;
+  }
   counters_.add(&FakeCameraStats::streams_started);
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "drivers/genicam/gvsp_receiver.hpp"
+#include "drivers/genicam/network.hpp"
 #include "src/core/clock.hpp"
 
 namespace bolo::genicam {
@@ -71,6 +72,7 @@ Result<std::unique_ptr<AravisStream>> AravisStream::start(const Connection& conn
                                                           std::size_t payload_bytes,
                                                           std::function<void(const CameraFrame&)> take,
                                                           std::vector<std::string>& warnings) {
+  RETURN_IF_ERROR(check_resources());
   std::unique_ptr<AravisStream> made(new AravisStream(options.realtime_priority, std::move(take)));
   GlibError error;
   made->stream_.reset(

@@ -178,7 +178,7 @@ bool has_serial(const Connection& connection, const std::string& serial) {
 }  // namespace
 
 std::vector<FoundCamera> find_cameras() {
-  if (!check_descriptors()) return {};
+  if (!check_resources()) return {};
   arv_update_device_list();
   std::vector<FoundCamera> found;
   const unsigned count = arv_get_n_devices();
@@ -195,7 +195,7 @@ std::string aravis_version() {
 }
 
 Result<Connection> connect(const CameraOptions& options, bool search) {
-  RETURN_IF_ERROR(check_descriptors());
+  RETURN_IF_ERROR(check_resources());
   survive_division_of_smallest();
   auto connection = open_with_byte_order([&] { return open(options, search); });
   if (!connection || options.serial.empty() || has_serial(*connection, options.serial)) return connection;

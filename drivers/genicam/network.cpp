@@ -17,9 +17,12 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <system_error>
+#include <thread>
 #include <vector>
 
 #include "src/core/byte_order.hpp"
+#include "src/core/threads.hpp"
 #include "src/core/unique_fd.hpp"
 
 namespace bolo::genicam {
@@ -199,7 +202,7 @@ bool filter_stream(int socket, const std::string& camera_address, std::uint16_t 
   return setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter) == 0;
 }
 
-Status check_descriptors() {
+Status check_resources() {
   constexpr std::size_t kForADevice = 16;
   std::size_t wanted = kForADevice;
   ifaddrs* list = nullptr;
@@ -213,6 +216,11 @@ Status check_descriptors() {
     if (tried.back()) continue;
     return failed(std::string("no file descriptors are left to ask cameras with (") + std::strerror(errno) +
                   "): raise LimitNOFILE (ulimit -n), " + std::to_string(wanted) + " must be free");
+  }
+  try {
+    std::thread([] {}).join();
+  } catch (const std::system_error& e) {
+    return failed(words_of(e));
   }
   return {};
 }

@@ -44,9 +44,10 @@ bool free_from_dead_program(const std::string& ipv4, const std::string& own_addr
 // forges the camera's address is left to gvsp::Assembler. False when the kernel refuses. Thread: setup.
 bool filter_stream(int socket, const std::string& camera_address, std::uint16_t source_port);
 
-// As many descriptors are free as Aravis may need to look for cameras and to open one: it goes on with the sockets that
-// the system refuses it, and ends the program. Errors: kFailed. Thread: setup, or the connection manager's.
-Status check_descriptors();
+// The system gives the descriptors and the thread that Aravis needs to look for cameras and to open one: refused a
+// socket it goes on with none, refused a thread GLib aborts. Errors: kFailed. Thread: setup, or the connection
+// manager's.
+Status check_resources();
 
 // The largest socket buffer that the kernel grants, bytes; 0 when it does not say. Thread: setup.
 int largest_socket_buffer();

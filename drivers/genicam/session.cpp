@@ -13,6 +13,7 @@
 #include "drivers/genicam/nodes.hpp"
 #include "drivers/genicam/settings.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/threads.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -210,7 +211,7 @@ Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& 
                                        [this](const CameraFrame& frame) { take(frame); });
     if (!raised) warnings.push_back(gvsp::refused_priority(options_.realtime_priority));
   } catch (const std::system_error& e) {
-    return failed(connection_.name + ": no thread can be started to receive its frames: " + e.what());
+    return failed(connection_.name + ": " + words_of(e));
   }
   return {};
 }

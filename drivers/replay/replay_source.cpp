@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
+#include "src/core/threads.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::replay {
@@ -73,7 +74,7 @@ Status ReplaySource::start(pipeline::FrameInlet& inlet) {
       inlet.finish();
     });
   } catch (const std::system_error& e) {
-    return failed(std::string("replay thread not started: ") + e.what());
+    return failed("no frames can be replayed: " + words_of(e));
   }
   return {};
 }

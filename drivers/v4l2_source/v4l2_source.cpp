@@ -15,6 +15,7 @@
 #include "drivers/v4l2_source/video_device.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 #include "src/pipeline/frame_id_tracker.hpp"
 #include "src/rt/thread.hpp"
 
@@ -285,7 +286,7 @@ Status V4l2Source::start(pipeline::FrameInlet& inlet) {
   try {
     self.thread = std::thread([&self] { self.run(); });
   } catch (const std::system_error& e) {
-    return failed(std::string("the receiving thread cannot be started: ") + e.what());
+    return failed("no frames can be received: " + words_of(e));
   }
   return {};
 }

@@ -87,9 +87,19 @@ Status told(int error, const fs::path& written, const OutputFile& output) {
 
 }  // namespace
 
+Status make_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (!error) return {};
+  return bad_input(folder.string() + ": cannot be made a folder: " + error.message() + "; choose another");
+}
+
 Status check_output(const OutputFile& output) {
   const std::string name = output.path.string();
   if (!output.path.has_filename()) return bad_input("'" + name + "': is no name of a file; give one");
+  if (::faccessat(AT_FDCWD, (folder_of(output.path) / ".").c_str(), W_OK | X_OK, AT_EACCESS) != 0) {
+    return not_written(output.path, errno);
+  }
   std::error_code error;
   const fs::file_status there = fs::symlink_status(output.path, error);
   if (!fs::status_known(there) || !fs::exists(there)) return {};

@@ -29,8 +29,11 @@ struct OutputFile {
   Replace replace = Replace::kNothing;
 };
 
-// Nothing stands in the way of `output`: it is a name, no folder or device has it, nor a link to one, and no file that
-// is not to be replaced. Errors: kBadInput. Thread: any.
+// The folder of outputs, made where it is not there. Errors: kBadInput. Thread: any.
+Status make_folder(const std::filesystem::path& folder);
+
+// Nothing stands in the way of `output`: it is a name in a folder that takes files, no folder or device has it, nor a
+// link to one, and no file that is not to be replaced. Errors: kBadInput. Thread: any.
 Status check_output(const OutputFile& output);
 
 // For a verb, before any work: each output may be written, is none of the inputs (by inode, so through links too) and

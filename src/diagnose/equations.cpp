@@ -1,15 +1,14 @@
 // What a fit solves for, and its linear equations.
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <numeric>
-#include <thread>
 #include <variant>
 
 #include <Eigen/Dense>
 
 #include "src/core/statistics.hpp"
+#include "src/core/threads.hpp"
 #include "src/diagnose/fit.hpp"
 
 namespace bolo::diagnose {
@@ -317,13 +316,7 @@ float FitData::usable_limit(const State& state) const {
 
 void for_each_modelled(const Session& session, int threads, const std::function<void(std::size_t)>& work) {
   const std::vector<std::size_t> recordings = modelled(session);
-  std::atomic<std::size_t> next{0};
-  const auto run = [&] {
-    for (std::size_t i = next++; i < recordings.size(); i = next++) work(recordings[i]);
-  };
-  std::vector<std::jthread> team;
-  for (int i = 1; i < threads && static_cast<std::size_t>(i) < recordings.size(); ++i) team.emplace_back(run);
-  run();
+  share_out(recordings.size(), static_cast<std::size_t>(threads), [&](std::size_t i) { work(recordings[i]); });
 }
 
 Series FitData::residual(std::size_t recording, const State& state, std::span<const int> pixels) const {

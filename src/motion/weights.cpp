@@ -1,7 +1,6 @@
 #include "src/motion/weights.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <map>
 #include <mutex>
@@ -10,6 +9,7 @@
 
 #include <Eigen/Dense>
 
+#include "src/core/threads.hpp"
 #include "src/motion/best_weights.hpp"
 #include "src/motion/path_weights.hpp"
 
@@ -181,17 +181,9 @@ WeightTable::WeightTable(double tau_periods, int ahead)
     across_factor_[i] = static_cast<float>((scene(0.0) - scene(2.0)) / structure_across(speed_[i]));
   }
   fill_across();
-  std::atomic<std::size_t> next{0};
-  const auto fill_some = [&] {
-    for (std::size_t i = next++; i < kSpeeds * kUncertainties; i = next++) {
-      fill(kSpeeds - 1 - i / kUncertainties, i % kUncertainties);  // the fast ones take longest
-    }
-  };
-  std::vector<std::jthread> helpers;
-  for (unsigned i = 1; i < std::min(std::thread::hardware_concurrency(), kMostThreads); ++i) {
-    helpers.emplace_back(fill_some);
-  }
-  fill_some();
+  share_out(kSpeeds * kUncertainties, std::min(std::thread::hardware_concurrency(), kMostThreads), [&](std::size_t i) {
+    fill(kSpeeds - 1 - i / kUncertainties, i % kUncertainties);  // the fast ones take longest
+  });
 }
 
 std::shared_ptr<const WeightTable> WeightTable::of(double tau_periods, int ahead) {

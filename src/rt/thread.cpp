@@ -7,6 +7,8 @@
 #include <cstring>
 #include <system_error>
 
+#include "src/core/threads.hpp"
+
 namespace bolo::rt {
 namespace {
 
@@ -99,8 +101,8 @@ WorkerTeam::WorkerTeam(int workers, const ThreadOptions& options)
           [this, worker, own = named(options, worker), &result = applied[i]] { work(worker, own, result); });
     }
   } catch (const std::system_error& e) {
-    status_ = failed("worker thread " + std::to_string(threads_.size() + 1) + " of " + std::to_string(helpers) +
-                     " not started: " + e.what() + "; raise TasksMax= of the systemd unit or 'ulimit -u'");
+    status_ = failed("worker thread " + std::to_string(threads_.size() + 1) + " of " + std::to_string(helpers) + ": " +
+                     words_of(e));
   }
   for (std::size_t i = 0; i < threads_.size(); ++i) wait(done_, 0);  // each has applied its options
   for (const Status& result : applied) {

@@ -55,6 +55,15 @@ TEST_F(OutputFileTest, NoOutputIsAnInput) {
   }
 }
 
+TEST_F(OutputFileTest, AFolderThatTakesNoFileIsRefused) {
+  for (const fs::path& folder : {scratch_ / "missing", there_, there_ / "sub"}) {
+    expect_untouched(check_outputs({free_, folder / "new.h5"}, {input_}, Replace::kExisting), "choose another place");
+  }
+  expect_untouched(make_folder(there_ / "sub"), "choose another");
+  ASSERT_TRUE(make_folder(scratch_ / "made" / "sub"));
+  EXPECT_TRUE(check_outputs({scratch_ / "made" / "sub" / "new.h5"}, {input_}, Replace::kNothing));
+}
+
 TEST_F(OutputFileTest, NothingThatExistsIsReplaced) {
   expect_untouched(check_outputs({free_, there_}, {input_}, Replace::kNothing), "--overwrite it");
   expect_untouched(write_file(there_, "new"), "--overwrite it");

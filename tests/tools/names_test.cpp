@@ -31,6 +31,25 @@ TEST_F(Names, JsonIsWrittenWithThem) {
 
 TEST_F(Names, InfoShowsAttributesOfAnyBytes) { expect_parts(printed({"info", capture("x\xff")}), {"note \"x"}); }
 
+TEST_F(Names, NoneBreaksALineOrMovesTheCursor) {
+  const std::string in = capture("");
+  const std::string shown = "a?b?.h5";
+  const std::string out = file("a\nb\x1b.h5");
+  const std::vector<std::vector<std::string>> all{
+      {"simulate", "-o", out, "--frames", "20", "--width", "8", "--height", "4"},
+      {"deblur", out, "-o", file("c\nd\x1b.h5")},
+      {"deblur", in, out, "-o", file("folder")},  // the first is too short
+      {"convert", in, "-o", out, "--overwrite"},
+      {"recover", in, "-o", out, "--overwrite"},
+      {"a\nb\x1b.h5"}};
+  for (const std::vector<std::string>& words : all) {
+    const Outcome outcome = run(words);
+    const std::string said = outcome.out + outcome.err;
+    EXPECT_EQ(said.find_first_of("\x1b"), std::string::npos) << said;
+    EXPECT_TRUE(said.find(shown) != std::string::npos || said.find("c?d?.h5") != std::string::npos) << said;
+  }
+}
+
 TEST_F(Names, TooLongIsSaid) {
   refused({"convert", std::string(300, 'n') + ".jpg", "-o", file("a.h5")}, "File name too long");
 }

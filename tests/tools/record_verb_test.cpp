@@ -229,9 +229,12 @@ TEST_F(RecordVerb, SecondsWithoutAFrameEnd) {
 }
 
 TEST_F(RecordVerb, OutputThatCannotBePrintedIsAFailure) {
-  Program full({"/bin/sh", "-c", "exec \"$0\" simulate --list-effects > /dev/full", BOLO_PROGRAM}, file("full"));
-  EXPECT_EQ(full.wait(), 1);
-  expect_parts(full.err(), {"standard output cannot be written"});
+  ASSERT_TRUE(writer_.open());
+  for (const std::string& verb : {std::string("simulate --list-effects"), "stat --interval 0.1 " + name_}) {
+    Program full({"/bin/sh", "-c", "exec \"$0\" " + verb + " > /dev/full", BOLO_PROGRAM}, file("full"));
+    EXPECT_EQ(full.wait(), 1);
+    expect_parts(full.err(), {"standard output cannot be written"});
+  }
 }
 
 TEST_F(RecordVerb, InterruptEndsInGoodOrder) {

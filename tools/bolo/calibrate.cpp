@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/pixel_maps_io.hpp"
+#include "src/core/text.hpp"
 #include "src/diagnose/calibrate.hpp"
 #include "src/diagnose/report.hpp"
 #include "src/report/plot.hpp"
@@ -134,9 +135,9 @@ void print_calibration(const Calibration& r, const Given& given) {
                 r.still->pixel_noise_k, r.still->offset_rms_k);
   }
   std::printf("dead pixels  %zu\n", r.dead_pixels);
-  for (const std::string& warning : r.warnings) std::printf("warning      %s\n", warning.c_str());
-  std::printf("profile      %s", given["output"].as<std::string>().c_str());
-  if (!r.profile.maps.empty()) std::printf(", maps in %s", r.profile.maps.c_str());
+  for (const std::string& warning : r.warnings) std::printf("warning      %s\n", printable(warning).c_str());
+  std::printf("profile      %s", printable(given["output"].as<std::string>()).c_str());
+  if (!r.profile.maps.empty()) std::printf(", maps in %s", printable(r.profile.maps.string()).c_str());
   std::printf("\n");
 }
 

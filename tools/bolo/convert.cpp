@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <string_view>
 
+#include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/convert/footage.hpp"
@@ -207,9 +208,9 @@ Status run_convert(const cxxopts::ParseResult& given) {
   RETURN_IF_ERROR(convert(*footage, *sink));
   const Geometry size = footage->info().format.geometry;
   const std::string files = sink->files();
+  const std::string made = printable(files.empty() ? request.out.file.path.string() : files);
   const std::size_t frames = footage->info().frames;
-  std::printf("%s: %zu frame%s of %dx%d\n", files.empty() ? request.out.file.path.c_str() : files.c_str(), frames,
-              frames == 1 ? "" : "s", size.width, size.height);
+  std::printf("%s: %zu frame%s of %dx%d\n", made.c_str(), frames, frames == 1 ? "" : "s", size.width, size.height);
   if (const std::string meaning = sink->meaning(); !meaning.empty()) std::printf("values: %s\n", meaning.c_str());
   return {};
 }

@@ -9,6 +9,7 @@
 
 #include "src/capture/commit_records.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/deblur/capture_run.hpp"
@@ -83,9 +84,6 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
 
 // A capture that fails keeps nobody from the others. The exit code is that of the worst.
 Result<int> deblur_many(const DeblurRequest& request) {
-  std::error_code error;
-  std::filesystem::create_directories(request.output, error);
-  if (error) return bad_input(request.output.string() + ": cannot be made a folder: " + error.message());
   const std::int64_t start_ns = monotonic_ns();
   FolderSummary summary;
   for (std::size_t i = 0; i < request.files.size() && !interrupted(); ++i) {
@@ -102,7 +100,9 @@ Result<int> deblur_many(const DeblurRequest& request) {
 
 Result<int> run_deblur(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(DeblurRequest request, read_deblur_request(given));
-  request.options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
+  request.options.warn = [](const std::string& line) {
+    std::fprintf(stderr, "bolo deblur: %s\n", printable(line).c_str());
+  };
   request.options.give_up = &interrupted();
   if (request.into_folder) return deblur_many(request);
   if (!request.share.has(0)) return kExitDone;  // another rank's

@@ -14,6 +14,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "src/core/text.hpp"
 #include "src/report/plot.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
@@ -41,9 +42,7 @@ struct Folder {
       const fs::path path = scratch.path();
       return Folder{path, std::move(scratch)};
     }
-    std::error_code error;
-    fs::create_directories(named, error);
-    if (error) return bad_input("-o " + named.string() + ": " + error.message());
+    RETURN_IF_ERROR(make_folder(named));
     return Folder{fs::absolute(named), std::nullopt};
   }
   fs::path operator/(const std::string& name) const { return path / name; }
@@ -149,7 +148,7 @@ class Demonstration {
     plot::Sheet sheet = sheet_of(results);
     sheet.how = "bolo demo: " + solvers + ". " + machine_words() + ".";
     RETURN_IF_ERROR(save(sheet, {picture(), replace_}));
-    std::printf("before and after     %s\n", picture().c_str());
+    std::printf("before and after     %s\n", printable(picture().string()).c_str());
     return {};
   }
 
@@ -188,7 +187,7 @@ class Demonstration {
       if (interrupted()) return failed("interrupted");
       if (process.ended()) return ended_early(what, process);
       if (std::chrono::steady_clock::now() > deadline) {
-        return failed(what + " did not start within 30 s:\n" + contents(process.log().string() + ".err"));
+        return failed(what + " did not start within 30 s: " + last_line_of(process));
       }
       std::this_thread::sleep_for(20ms);
     }
@@ -196,7 +195,7 @@ class Demonstration {
   }
 
   static Status ended_early(const std::string& what, const Process& process) {
-    return failed(what + " ended early:\n" + contents(process.log().string() + ".err"));
+    return failed(what + " ended early: " + last_line_of(process));
   }
 
   // Of this process's own, so that two demonstrations do not meet.

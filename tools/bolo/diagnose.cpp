@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "src/capture/pixel_maps_io.hpp"
+#include "src/core/text.hpp"
 #include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/report.hpp"
 #include "tools/bolo/verbs.hpp"
@@ -69,6 +70,7 @@ Files diagnose_files(const Given& given) {
 Status check(const Files& files, const std::vector<std::filesystem::path>& inputs) {
   std::vector<std::filesystem::path> outputs = diagnose::report_files(files.folder);
   outputs.insert(outputs.end(), {files.profile, files.maps});
+  RETURN_IF_ERROR(make_folder(files.folder));
   return check_outputs(outputs, inputs, files.replace);
 }
 
@@ -99,7 +101,8 @@ class Steps {
 void print_profile(const std::filesystem::path& file, const model::CameraProfile& before,
                    const model::CameraProfile& after) {
   const std::vector<std::string> changes = model::changes(before, after);
-  std::cout << "  profile     " << file.string() << (changes.empty() ? ", nothing in it changed" : "") << '\n';
+  std::cout << "  profile     " << printable(file.string()) << (changes.empty() ? ", nothing in it changed" : "")
+            << '\n';
   for (const std::string& change : changes) std::cout << "              " << change << '\n';
 }
 
@@ -135,7 +138,8 @@ Status run_diagnose(const Given& given) {
     std::cout << diagnose::report_json(*report) << '\n';
     return {};
   }
-  std::cout << diagnose::report_summary(*report) << "  report      " << (folder / "report.html").string() << '\n';
+  std::cout << diagnose::report_summary(*report) << "  report      " << printable((folder / "report.html").string())
+            << '\n';
   if (!profile.empty()) print_profile(profile, options.profile, report->learned.profile);
   return {};
 }

@@ -12,6 +12,7 @@
 #include "drivers/fakecam/fake_camera.hpp"
 #include "drivers/fakecam/gige_vision.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/text.hpp"
 #include "tools/bolo/listings.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
@@ -126,8 +127,8 @@ void print_serving(const FakeCameraRequest& request, const FakeCamera& camera) {
     std::cout << json_text(line) << std::endl;
     return;
   }
-  std::printf("serving %s as camera %s at %s:%u, %dx%d, %g frames/s%s\n", request.capture.c_str(),
-              camera.serial().c_str(), request.camera.address.c_str(), fakecam::gvcp::kPort, sensor.width,
+  std::printf("serving %s as camera %s at %s:%u, %dx%d, %g frames/s%s\n", printable(request.capture).c_str(),
+              printable(camera.serial()).c_str(), request.camera.address.c_str(), fakecam::gvcp::kPort, sensor.width,
               sensor.height, camera.rate_hz(),
               camera.hears_broadcasts() ? "" : " (found by its address only: another program holds the broadcasts)");
   std::fflush(stdout);

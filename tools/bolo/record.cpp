@@ -18,6 +18,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/shm_object.hpp"
+#include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/cli/process.hpp"
@@ -46,15 +47,14 @@ Status check_names(const std::vector<std::string>& names) {
   return {};
 }
 
-Result<fs::path> make_folder(const cxxopts::ParseResult& parsed) {
+Result<fs::path> folder_of(const cxxopts::ParseResult& parsed) {
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo record NAME NAME... -o FOLDER");
   fs::path folder = parsed["output"].as<std::string>();
   std::error_code error;
   if (folder.extension() == ".h5" && !fs::is_directory(folder, error)) {
     return bad_input(folder.string() + ": several cameras are recorded into a folder, this is a file's name");
   }
-  fs::create_directories(folder, error);
-  if (error) return bad_input(folder.string() + ": cannot be made: " + error.message());
+  RETURN_IF_ERROR(make_folder(folder));
   return folder;
 }
 
@@ -118,7 +118,7 @@ int wait_for(std::vector<Recorder>& recorders) {
 Result<int> record_several(const cxxopts::ParseResult& parsed) {
   const auto names = parsed["name"].as<std::vector<std::string>>();
   RETURN_IF_ERROR(check_names(names));
-  ASSIGN_OR_RETURN(const fs::path folder, make_folder(parsed));
+  ASSIGN_OR_RETURN(const fs::path folder, folder_of(parsed));
   ASSIGN_OR_RETURN(const auto logs, ScratchFolder::make());
   ASSIGN_OR_RETURN(auto recorders, start(names, common_words(parsed), folder, logs.path()));
   return wait_for(recorders);
@@ -192,7 +192,7 @@ Result<RecordRequest> record_request(const cxxopts::ParseResult& parsed) {
   if (plane != "raw" && plane != "deblurred") return bad_input("--planes '" + plane + "' is neither raw nor deblurred");
   request.plane = plane == "raw" ? RecordedPlane::kRaw : RecordedPlane::kDeblurred;
   request.replace = replace_of(parsed);
-  request.tell = [](const std::string& line) { std::fprintf(stderr, "bolo record: %s\n", line.c_str()); };
+  request.tell = [](const std::string& line) { std::fprintf(stderr, "bolo record: %s\n", printable(line).c_str()); };
   RETURN_IF_ERROR(check_output_of(request));
   return request;
 }
@@ -229,8 +229,9 @@ void print(const RecordResult& result) {
   const FileWriterResult& w = result.written;
   const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
   const double seconds = w.last_t_s - w.first_t_s;
-  std::printf("%s: %llu frames, %.3f s, %.1f MB/s, longest write %.1f ms\n", files_text(w).c_str(), n(w.frames),
-              seconds, seconds > 0.0 ? static_cast<double>(w.bytes) * 1e-6 / seconds : 0.0, w.longest_write_ms);
+  std::printf("%s: %llu frames, %.3f s, %.1f MB/s, longest write %.1f ms\n", printable(files_text(w)).c_str(),
+              n(w.frames), seconds, seconds > 0.0 ? static_cast<double>(w.bytes) * 1e-6 / seconds : 0.0,
+              w.longest_write_ms);
   std::printf(
       "lost: %llu before the daemon published them, %llu overwritten before they were read, %llu without room\n",
       n(result.lost_before), n(result.lost_overwritten), n(result.lost_no_room + w.unwritten));

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/recovery.hpp"
+#include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 
@@ -65,13 +66,13 @@ nlohmann::json to_json(const RecoverRequest& request, const capture::Recovered& 
 }
 
 void print(const RecoverRequest& request, const capture::Recovered& done) {
-  std::printf("%s: %llu frames saved, %.3f s, the last at %.6f s\n", request.out.path.c_str(),
+  std::printf("%s: %llu frames saved, %.3f s, the last at %.6f s\n", printable(request.out.path.string()).c_str(),
               static_cast<unsigned long long>(done.frames), done.last_t_s - done.first_t_s, done.last_t_s);
   if (done.unreadable > 0) {
     std::printf("missing: %llu frames in between cannot be read\n", static_cast<unsigned long long>(done.unreadable));
   }
-  for (const std::string& remark : done.remarks) std::printf("missing: %s\n", remark.c_str());
-  if (!request.in_place) std::printf("%s is as it was\n", request.damaged.c_str());
+  for (const std::string& remark : done.remarks) std::printf("missing: %s\n", printable(remark).c_str());
+  if (!request.in_place) std::printf("%s is as it was\n", printable(request.damaged.string()).c_str());
 }
 
 Result<capture::Recovered> recover(const RecoverRequest& request) {

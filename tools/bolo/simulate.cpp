@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/core/result.hpp"
+#include "src/core/text.hpp"
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
 #include "tools/bolo/listings.hpp"
@@ -302,7 +303,7 @@ void print_result(const Options& given, const std::filesystem::path& file, const
     std::puts(json_text(result).c_str());
     return;
   }
-  std::printf("%s: %llu frames of %dx%d, %g s, %.1f MB\n", file.c_str(),
+  std::printf("%s: %llu frames of %dx%d, %g s, %.1f MB\n", printable(file.string()).c_str(),
               static_cast<unsigned long long>(simulator.frames_done()), camera.geometry.width, camera.geometry.height,
               seconds, static_cast<double>(bytes) / 1e6);
 }

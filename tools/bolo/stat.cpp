@@ -51,9 +51,10 @@ StatLook look_at(const shm::ShmReader& reader, const StatOptions& options) {
   return look;
 }
 
-// Calls `look` meanwhile, several times a second. False when interrupted.
+// Calls `look` meanwhile, several times a second. False when interrupted, or when what was shown could not be written.
 template <typename Look>
 bool pause_for(double seconds, const Look& look) {
+  if (std::ferror(stdout) != 0) return false;
   const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * kNsPerSecond);
   for (std::int64_t left_ns = end_ns - monotonic_ns(); left_ns > 0; left_ns = end_ns - monotonic_ns()) {
     if (interrupted()) return false;

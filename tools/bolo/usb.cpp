@@ -105,7 +105,7 @@ Status watch(const usb::DeviceFilter& filter, bool as_json) {
     std::fflush(stdout);
   };
   ASSIGN_OR_RETURN(const auto hotplug, usb::Hotplug::start(filter, say));
-  while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  while (!interrupted() && std::ferror(stdout) == 0) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   return {};
 }
 

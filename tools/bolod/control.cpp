@@ -17,6 +17,7 @@
 #include "drivers/shm/camera_block.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/threads.hpp"
 #include "src/core/unique_fd.hpp"
 #include "tools/bolod/supervisor.hpp"
 
@@ -139,7 +140,7 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
     return std::unique_ptr<ControlServer>(new ControlServer(path, std::move(listener), std::move(answer)));
   } catch (const std::system_error& e) {
     unlink(path.c_str());
-    return failed("control socket " + path + ": no thread can be started: " + e.what());
+    return failed("control socket " + path + ": " + words_of(e));
   }
 }
 

@@ -25,6 +25,7 @@
 #include "drivers/v4l2/v4l2_sink.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 #include "src/deblur/isa.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/log.hpp"
@@ -403,7 +404,7 @@ Status Daemon::run(OnHangup on_hangup) {
     try {
       self.result = self.pipeline->run(self.stop_requested);
     } catch (const std::exception& e) {  // for want of memory or threads
-      self.result = failed(std::string("cannot go on: ") + e.what());
+      self.result = failed("cannot go on: " + words_of(e));
     }
     self.ended.store(true, std::memory_order_release);  // partner: the load in watch()
   });

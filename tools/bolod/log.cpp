@@ -17,6 +17,7 @@
 #include <mutex>
 #include <optional>
 #include <string_view>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -159,8 +160,7 @@ class QueuedSink final : public spdlog::sinks::sink {
     }
     queue_->waiting.push_back(
         {spdlog::details::log_msg_buffer(message), notice != nullptr ? std::optional(*notice) : std::nullopt});
-    // Not before: what is locked in memory by then has no stack of this thread.
-    if (!std::exchange(queue_->started, true)) std::thread([queue = queue_] { write_all(*queue); }).detach();
+    if (!queue_->started) start();
     queue_->changed.notify_all();
   }
   void flush() override {}
@@ -170,6 +170,17 @@ class QueuedSink final : public spdlog::sinks::sink {
   }
 
  private:
+  // With the first message, not before: what is locked in memory by then has no stack of this thread. While the system
+  // gives none, who logs writes.
+  void start() {
+    try {
+      std::thread([queue = queue_] { write_all(*queue); }).detach();
+      queue_->started = true;
+    } catch (const std::system_error&) {
+      for (const Entry& entry : std::exchange(queue_->waiting, {})) write(*queue_->inner, entry);
+    }
+  }
+
   const std::shared_ptr<Queue> queue_;
   const std::chrono::milliseconds patience_;
 };

@@ -8,6 +8,7 @@
 #include <cxxopts.hpp>
 
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 #include "src/core/unique_fd.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/bolod/daemon.hpp"
@@ -59,7 +60,7 @@ int run(const std::string& file, bool check_only) {
   const bolo::Result<bolo::daemon::DaemonConfig> config = bolo::daemon::read_config(file);
   if (!config) return report(config.error());
   if (check_only) {
-    std::printf("%s: ok\n", file.c_str());
+    std::printf("%s: ok\n", bolo::printable(file).c_str());
     return printed();
   }
   const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log, config->name));
@@ -94,6 +95,6 @@ int main(int argc, char** argv) {
   } catch (const cxxopts::exceptions::exception& e) {
     return usage(e.what());
   } catch (const std::exception& e) {  // for want of memory or threads
-    return report({bolo::ErrorKind::kFailed, std::string("cannot go on: ") + e.what()});
+    return report({bolo::ErrorKind::kFailed, "cannot go on: " + bolo::words_of(e)});
   }
 }

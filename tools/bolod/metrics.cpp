@@ -19,6 +19,8 @@
 
 #include <prometheus/text_serializer.h>
 
+#include "src/core/threads.hpp"
+
 namespace bolo::daemon {
 namespace {
 
@@ -285,7 +287,7 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const MetricsOptions
   try {
     return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(*listener), std::move(collect)));
   } catch (const std::system_error& e) {
-    return failed(std::string("metrics: no thread can be started: ") + e.what());
+    return failed("metrics: " + words_of(e));
   }
 }
 

@@ -9,7 +9,6 @@
 #include <exception>
 #include <fstream>
 #include <iostream>
-#include <new>
 #include <string>
 #include <thread>
 #include <utility>
@@ -17,6 +16,7 @@
 #include <fmt/format.h>
 
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 #include "src/core/unique_fd.hpp"
 #include "src/report/plot.hpp"
 
@@ -68,12 +68,11 @@ int printed(const std::string& who, int code) {
 int guarded(const std::string& program, const Verb& verb, int argc, char** argv) {
   try {
     return verb.run(argc, argv);
-  } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "%s %s: not enough memory\n", program.c_str(), std::string(verb.name).c_str());
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "%s %s: %s\n", program.c_str(), std::string(verb.name).c_str(), printable(e.what()).c_str());
+    const std::string words = printable(words_of(e));
+    std::fprintf(stderr, "%s %s: %s\n", program.c_str(), std::string(verb.name).c_str(), words.c_str());
+    return kExitFailed;
   }
-  return kExitFailed;
 }
 
 }  // namespace
@@ -222,7 +221,8 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
     std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: an error of the write, which is told
     return printed(name + " " + std::string(verb.name), guarded(name, verb, argc - 1, argv + 1));
   }
-  std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), argv[1], name.c_str());
+  std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), printable(argv[1]).c_str(),
+               name.c_str());
   return kExitUsage;
 }
 

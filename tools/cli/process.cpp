@@ -172,11 +172,16 @@ Result<Process> start_foreign(Command command, const std::string& package) {
   return Process::start(command);
 }
 
-Status ended_well(Process& process, const std::string& name) {
-  if (process.wait(std::numeric_limits<double>::infinity()) == 0) return {};
+std::string last_line_of(const Process& process) {
   std::string said = contents(process.log().string() + ".err");
   while (!said.empty() && (said.back() == '\n' || said.back() == '\r')) said.pop_back();
-  return failed(name + " failed" + (said.empty() ? "" : ": " + said.substr(said.find_last_of('\n') + 1)));
+  return said.substr(said.find_last_of('\n') + 1);
+}
+
+Status ended_well(Process& process, const std::string& name) {
+  if (process.wait(std::numeric_limits<double>::infinity()) == 0) return {};
+  const std::string said = last_line_of(process);
+  return failed(name + " failed" + (said.empty() ? "" : ": " + said));
 }
 
 Result<ForeignOutput> output_of(const std::vector<std::string>& words, const std::string& package) {

@@ -92,6 +92,9 @@ class ScratchFolder {
 // kBadInput where it is not installed: it is in the Debian package `package`. Thread: any.
 Result<Process> start_foreign(Command command, const std::string& package);
 
+// The last line of its error output; empty: none. Thread: any.
+std::string last_line_of(const Process& process);
+
 // Waits for its end, however long. kFailed where that is not a good one, with its last line of error. Thread: any.
 Status ended_well(Process& process, const std::string& name);
 

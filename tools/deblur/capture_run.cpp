@@ -13,6 +13,7 @@
 #include "drivers/replay/replay_source.hpp"
 #include "src/capture/commit_records.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/text.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tools/deblur/made_from.hpp"
 #include "tools/deblur/request.hpp"
@@ -245,7 +246,7 @@ Result<CaptureRun> CaptureRun::open(const DeblurRequest& request, const std::fil
   ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
   RETURN_IF_ERROR(check_capture(request, file, reader.info()));
   for (const std::string& line : reader.warnings()) {
-    std::fprintf(stderr, "bolo deblur: %s: %s\n", file.c_str(), line.c_str());
+    std::fprintf(stderr, "bolo deblur: %s\n", printable(file.string() + ": " + line).c_str());
   }
   pipeline::PipelineOptions options = request.options;
   ASSIGN_OR_RETURN(options.points, points_of(request, reader.info().format.geometry));

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/core/clock.hpp"
+#include "src/core/text.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/deblur/pixel_choice.hpp"
 
@@ -121,15 +122,15 @@ void print_capture(const DeblurRequest& request, const CaptureSummary& capture, 
   }
   const RunFacts& facts = capture.facts;
   std::printf("%s: %llu of %llu frames (%llu lost before), %s, %.3f ms a frame on %d threads, %.1f s\n",
-              capture.file.output.c_str(), count(facts.frames_out), count(capture.frames_in), count(facts.lost),
-              facts.solver_text.c_str(), ms_per_frame(facts), request.options.workers, seconds);
+              printable(capture.file.output.string()).c_str(), count(facts.frames_out), count(capture.frames_in),
+              count(facts.lost), facts.solver_text.c_str(), ms_per_frame(facts), request.options.workers, seconds);
   print_truth(facts);
   print_gyro(request, facts);
 }
 
 void print_folder(const DeblurRequest& request, const FolderSummary& s) {
   for (const FailedCapture& failed : s.failed) {
-    std::fprintf(stderr, "bolo deblur: %s\n", failed.error.message.c_str());
+    std::fprintf(stderr, "bolo deblur: %s\n", printable(failed.error.message).c_str());
   }
   if (request.json) {
     print(folder_json(request, s));
@@ -138,9 +139,10 @@ void print_folder(const DeblurRequest& request, const FolderSummary& s) {
   std::uint64_t frames = 0;
   for (const CaptureSummary& capture : s.captures) {
     frames += capture.facts.frames_out;
-    std::printf("%s: %llu of %llu frames (%llu lost before), %s, %.3f ms a frame\n", capture.file.output.c_str(),
-                count(capture.facts.frames_out), count(capture.frames_in), count(capture.facts.lost),
-                capture.facts.solver_text.c_str(), ms_per_frame(capture.facts));
+    std::printf("%s: %llu of %llu frames (%llu lost before), %s, %.3f ms a frame\n",
+                printable(capture.file.output.string()).c_str(), count(capture.facts.frames_out),
+                count(capture.frames_in), count(capture.facts.lost), capture.facts.solver_text.c_str(),
+                ms_per_frame(capture.facts));
     print_truth(capture.facts);
     print_gyro(request, capture.facts);
   }

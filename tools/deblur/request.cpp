@@ -233,6 +233,7 @@ const char* variable(const char* name) { return std::getenv(name); }
 
 // In a folder what is there already is looked at when its turn comes.
 Status check_files(const DeblurRequest& request) {
+  if (request.into_folder) RETURN_IF_ERROR(make_folder(request.output));
   std::vector<fs::path> outputs;
   std::vector<fs::path> inputs{request.points_file, request.profile_file, request.maps_file, request.gyro_file};
   for (const DeblurFile& file : request.files) {

@@ -15,6 +15,7 @@
 #include "src/core/clock.hpp"
 #include "src/core/frame.hpp"
 #include "src/core/result.hpp"
+#include "src/core/threads.hpp"
 #include "src/deblur/solver.hpp"
 #include "src/deblur/window.hpp"
 #include "src/rt/thread.hpp"
@@ -71,7 +72,7 @@ Result<std::unique_ptr<StreamDeblur>> StreamDeblur::create(const deblur::Setting
     return std::unique_ptr<StreamDeblur>(new StreamDeblur(settings, format, workers, std::move(solver)));
   } catch (const std::exception& e) {  // for want of memory or threads
     return failed("frames of " + std::to_string(format.geometry.width) + "x" + std::to_string(format.geometry.height) +
-                  " cannot be deblurred: " + e.what());
+                  " cannot be deblurred: " + words_of(e));
   }
 }
 

@@ -21,6 +21,18 @@ as_root() {
   fi
 }
 
+# quietly WHAT COMMAND...: runs it; what it printed is shown only where it fails.
+quietly() {
+  local what=$1 log
+  shift
+  log=$(mktemp) || die "there is no folder for temporary files: set TMPDIR to one"
+  "$@" >"$log" 2>&1 || {
+    tail -20 "$log" >&2
+    die "$what failed; the whole output is in $log"
+  }
+  rm -f "$log"
+}
+
 # cache_folder: where what takes long to make is kept.
 cache_folder() { echo "${BOLO_CACHE:-${XDG_CACHE_HOME:-${HOME:-/var/tmp}/.cache}/bolo}"; }
 
@@ -46,18 +58,14 @@ install_packages() {
   echo "installing ${#missing[@]} of ${#wanted[@]} Debian packages: ${missing[*]}"
   command -v apt-get >/dev/null 2>&1 || die "apt-get is missing: this script is made for Debian 12"
   as_root apt-get update -qq || die "cannot run apt-get update as root: run as root or install sudo"
-  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" \
-    >"${TMPDIR:-/tmp}/bolo-apt.$$.log" 2>&1 || {
-    tail -20 "${TMPDIR:-/tmp}/bolo-apt.$$.log" >&2
-    die "apt-get install failed; the whole output is in ${TMPDIR:-/tmp}/bolo-apt.$$.log"
-  }
-  rm -f "${TMPDIR:-/tmp}/bolo-apt.$$.log"
+  quietly "apt-get install" \
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}"
 }
 
 # build PRESET [TARGET...]. Where ccache is installed, objects of the same code are taken from earlier builds, wherever
 # the project lay then.
 build() {
-  local preset=$1 cache=() sysroot
+  local preset=$1 cache=() alone sysroot
   shift
   if command -v ccache >/dev/null 2>&1; then
     export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1 CCACHE_SLOPPINESS=pch_defines,time_macros
@@ -67,10 +75,9 @@ build() {
     sysroot=$("$root/tools/lib/sysroot")
     cache+=("-DCMAKE_SYSROOT=$sysroot")
   fi
-  (cd "$root" && cmake --preset "$preset" -DBOLO_UNITY=ON "${cache[@]}" >"${TMPDIR:-/tmp}/bolo-cmake.$$.log" 2>&1) || {
-    tail -20 "${TMPDIR:-/tmp}/bolo-cmake.$$.log" >&2
-    die "configuring the preset '$preset' failed"
-  }
-  rm -f "${TMPDIR:-/tmp}/bolo-cmake.$$.log"
-  ninja -C "$root/build/$preset" -j "$(nproc)" "$@" || die "building the preset '$preset' failed"
+  mkdir -p "$root/build"
+  alone=(flock --close "$root/build/$preset.lock") # two builds in one folder would spoil each other's files
+  quietly "configuring the preset '$preset'" \
+    "${alone[@]}" cmake -S "$root" --preset "$preset" -DBOLO_UNITY=ON "${cache[@]}"
+  "${alone[@]}" ninja -C "$root/build/$preset" -j "$(nproc)" "$@" || die "building the preset '$preset' failed"
 }

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
+#include "src/core/threads.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::tools {
@@ -86,7 +87,7 @@ Result<std::unique_ptr<FileWriter>> FileWriter::start(FileWriterOptions options)
   try {
     writer->thread_ = std::thread([self = writer.get()] { self->run(); });
   } catch (const std::system_error& e) {
-    return failed(std::string("the writing thread cannot be started: ") + e.what());
+    return failed("nothing can be recorded: " + words_of(e));
   }
   return writer;
 }

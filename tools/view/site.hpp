@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "src/core/result.hpp"
+#include "src/core/threads.hpp"
 #include "tools/view/http.hpp"
 #include "tools/view/live_stream.hpp"
 
@@ -84,7 +85,7 @@ class NucAsker {
     try {
       thread_ = std::thread([this] { note(ask_()); });
     } catch (const std::system_error& e) {
-      note(failed(std::string("the camera was not asked, no thread can be started: ") + e.what()));
+      note(failed("the camera was not asked: " + words_of(e)));
     }
     return true;
   }

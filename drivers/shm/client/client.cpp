@@ -10,6 +10,7 @@
 #include <string>
 
 #include "drivers/shm/client/handle.hpp"
+#include "src/core/threads.hpp"
 
 // The C header's names. NOLINTBEGIN(readability-identifier-naming)
 struct bolo_client : bolo::shm::Handle {
@@ -46,7 +47,7 @@ int guarded(ErrorText& error, Call call) noexcept {
   } catch (const std::bad_alloc&) {
     error.set("not enough memory");
   } catch (const std::exception& thrown) {
-    error.set(thrown.what());
+    error.set(words_of(thrown));
   }
   return BOLO_CLIENT_FAILED;
 }

@@ -476,7 +476,7 @@ class Camera:
         asked = np.ascontiguousarray(points)
         if asked.size == 0:
             return np.empty(0, np.float32)
-        if asked.ndim != 2 or asked.shape[1] != 2 or (asked < 0).any() or (asked >= 1 << 31).any():
+        if asked.ndim != 2 or asked.shape[1] != 2 or not ((asked >= 0) & (asked < 1 << 31) & (asked % 1 == 0)).all():
             raise ValueError("points: expected pairs (x, y) of pixels inside the frame")
         asked = np.ascontiguousarray(asked, dtype=np.uint32)
         values = np.empty(len(asked), np.float32)

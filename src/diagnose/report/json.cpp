@@ -128,11 +128,7 @@ std::vector<std::filesystem::path> report_files(const std::filesystem::path& fol
 }
 
 Status write_report(const Report& report, const std::filesystem::path& folder, Replace replace) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) {
-    return bad_input(folder.string() + ": cannot be made a folder: " + error.message() + "; choose another");
-  }
+  RETURN_IF_ERROR(make_folder(folder));
   const auto files = report_files(folder);
   Status written = write_file({files[0], replace}, report_json(report) + '\n');
   if (written) written = write_file({files[1], replace}, report_html(report));

@@ -1,6 +1,7 @@
 // The fake camera's stream over real sockets.
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
+#include "tests/no_threads.hpp"
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 
@@ -132,6 +133,15 @@ TEST_F(FakeCameraStream, CropAndWindowAddUp) {
   const std::size_t first = (4U + 2U) * 64U + 8U + 8U;
   EXPECT_EQ(pixels[0], test::pixel_of(0, first));
   EXPECT_EQ(pixels[16], test::pixel_of(0, first + 64));
+}
+
+TEST_F(FakeCameraStream, WithoutThreadsTheCameraIsBusy) {
+  serve(test::synthetic(kSmall, 1));
+  {
+    const NoThreads none;
+    EXPECT_EQ(session->start(), gvcp::Status::kBusy);
+  }
+  EXPECT_EQ(session->start(), gvcp::Status::kSuccess);
 }
 
 TEST_F(FakeCameraStream, SingleFrameModeSendsOne) {

@@ -117,6 +117,14 @@ TEST_F(GenicamOpenTest, OutlivesWantOfFileDescriptors) {
   }
 }
 
+// GLib ends a program that gets no thread for Aravis.
+TEST_F(GenicamOpenTest, OutlivesWantOfThreads) {
+  add_camera();
+  const NoThreads none;
+  EXPECT_TRUE(find_cameras().empty());
+  expect_error(GenicamSource(options_for()).open(), {"no thread can be started"});
+}
+
 // A camera that derives its width itself must not be written to when it fits.
 TEST_F(GenicamOpenTest, AcceptsAFixedSizeThatFits) {
   add_camera(

@@ -5,6 +5,7 @@ usage: python_module_test.py BOLO MODULE_FOLDER LIBRARY. Exit code 77: numpy isn
 
 import ctypes
 import gc
+import math
 import os
 import signal
 import subprocess
@@ -211,7 +212,7 @@ class WithDaemon(unittest.TestCase):
             for wrong in ([(64, 0)], [(0, 24)]):
                 with self.assertRaisesRegex(bolo.Error, "not inside the frame of 64x24"):
                     camera.points(wrong)
-            for wrong in ([(-1, 0)], [1, 2], [(1, 2, 3)]):
+            for wrong in ([(-1, 0)], [1, 2], [(1, 2, 3)], [(math.nan, 0)], [(0.5, 1)]):
                 with self.assertRaises(ValueError):
                     camera.points(wrong)
 

@@ -1,6 +1,6 @@
 // Logging into a place that takes nothing for a while, and the fields of a message on their way into the journal.
 #include "tools/bolod/log.hpp"
-#include "tests/test.hpp"
+#include "tests/no_threads.hpp"
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -78,6 +78,19 @@ TEST(QueuedSink, ANoticeGoesWithItsMessage) {
   gate->open();
   spdlog::logger log("test", make_queued_sink(std::make_shared<GateSink>(gate)));
   log_notice(log, spdlog::level::warn, {true, "gone", pipeline::event::kCameraLost});
+  log.info("the next");
+  EXPECT_EQ(gate->taken(2), (std::vector<std::string>{"gone camera_lost", "the next"}));
+}
+
+TEST(QueuedSink, WithoutAThreadWhoLogsWrites) {
+  const auto gate = std::make_shared<Gate>();
+  gate->open();
+  spdlog::logger log("test", make_queued_sink(std::make_shared<GateSink>(gate), 1000, std::chrono::minutes(1)));
+  {
+    const NoThreads none;
+    log_notice(log, spdlog::level::warn, {true, "gone", pipeline::event::kCameraLost});
+    EXPECT_EQ(gate->taken(0), std::vector<std::string>{"gone camera_lost"});
+  }
   log.info("the next");
   EXPECT_EQ(gate->taken(2), (std::vector<std::string>{"gone camera_lost", "the next"}));
 }

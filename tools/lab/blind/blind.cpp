@@ -131,12 +131,11 @@ Status draw_sessions(const Given& given, Request& request) {
 // Makes the folder that is to keep everything, and sees that nothing stands there in the way.
 Status prepare_kept(const Request& request) {
   if (request.keep.empty()) return {};
-  std::error_code error;
-  fs::create_directories(request.keep, error);
-  if (error) return bad_input(request.keep.string() + ": cannot be made a folder: " + error.message());
+  RETURN_IF_ERROR(make_folder(request.keep));
   const auto files = mapped(kKeptFiles, [&](const char* name) { return request.keep / name; });
   RETURN_IF_ERROR(check_outputs(files, {}, request.replace));
   for (const Session& session : request.sessions) {
+    std::error_code error;
     if (request.replace == Replace::kExisting || !fs::exists(request.kept(session), error)) continue;
     return bad_input(request.kept(session).string() + " is there already; choose another folder, or --overwrite it");
   }

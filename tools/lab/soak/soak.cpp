@@ -249,9 +249,7 @@ constexpr std::array kReportFiles{"report.json", "report.txt", "bolod.log"};
 // Makes the folder for the report, and sees that nothing stands there in the way.
 Status prepare_report(const Request& request) {
   if (request.report.empty()) return {};
-  std::error_code error;
-  fs::create_directories(request.report, error);
-  if (error) return bad_input("--report " + request.report.string() + ": " + error.message());
+  RETURN_IF_ERROR(make_folder(request.report));
   return check_outputs(mapped(kReportFiles, [&](const char* name) { return request.report / name; }), {},
                        request.replace);
 }

@@ -92,6 +92,18 @@ TEST_F(DiagnoseVerb, WritesTheReportAndSaysWhatItFound) {
   EXPECT_EQ(json::parse(test::contents(folder_ / "out/report.json")).at("inputs").size(), 2U);
 }
 
+// Before any capture is read.
+TEST_F(DiagnoseVerb, APlaceThatTakesNoReportIsRefusedAtOnce) {
+  for (const std::vector<std::string>& place :
+       {{"-o", files_[0]}, {"-o", folder_ / "out", "--write-profile", folder_ / "missing" / "p.toml"}}) {
+    std::vector<std::string> words = place;
+    words.push_back(folder_ / "missing.h5");
+    const Outcome outcome = run(words);
+    EXPECT_EQ(outcome.exit_code, 2);
+    expect_parts(outcome.err, {"choose another"});
+  }
+}
+
 // A file's name may have a comma and blanks.
 TEST_F(DiagnoseVerb, PrintsTheReportAsJson) {
   const std::string file = folder_ / "a, b.h5";

@@ -1,0 +1,32 @@
+// Work that is shared out, also where the system gives no thread, and what is said of that.
+#include "src/core/threads.hpp"
+#include "tests/no_threads.hpp"
+
+namespace bolo::threads_test {
+
+std::vector<int> times_done(std::size_t count, std::size_t threads) {
+  std::vector<int> times(count);
+  share_out(count, threads, [&](std::size_t i) { ++times[i]; });
+  return times;
+}
+
+TEST(ShareOut, DoesEachOnceWithAsManyThreadsAsThereAre) {
+  for (const std::size_t threads : {0U, 1U, 3U, 200U}) EXPECT_EQ(times_done(100, threads), std::vector<int>(100, 1));
+  EXPECT_TRUE(times_done(0, 4).empty());
+  const NoThreads none;
+  EXPECT_EQ(times_done(100, 4), std::vector<int>(100, 1));
+}
+
+TEST(WordsOf, SayWhatTheSystemRefuses) {
+  EXPECT_EQ(words_of(std::bad_alloc()), "not enough memory");
+  EXPECT_EQ(words_of(std::runtime_error("other")), "other");
+  const NoThreads none;
+  try {
+    std::thread([] {}).join();
+    FAIL() << "a thread was started";
+  } catch (const std::exception& e) {
+    EXPECT_EQ(words_of(e), "no thread can be started: raise 'ulimit -u', or TasksMax= of the systemd unit");
+  }
+}
+
+}  // namespace bolo::threads_test
