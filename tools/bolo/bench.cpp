@@ -43,10 +43,9 @@ Result<Window> make_window(int frames) {
   const double to_s = frames * deblur::Settings{}.period_s;
   const auto scene = sim::make_street(kFrame, 1);
   const sim::Path path = sim::steady_pan(kSpeed_px_s);
-  auto field =
-      sim::pan_over(*scene, path, sim::centred_origin(*scene, path, kFrame, from_s, to_s), kFrame, from_s, to_s);
-  if (!field) return tl::unexpected(field.error());
-  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(*field)));
+  ASSIGN_OR_RETURN(auto field, sim::pan_over(*scene, path, sim::centred_origin(*scene, path, kFrame, from_s, to_s),
+                                             kFrame, from_s, to_s));
+  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(field)));
   Window window{simulator->format(), {}};
   for (int i = 0; i < frames; ++i) {
     window.frames.emplace_back(kFrame.pixels());
@@ -54,18 +53,6 @@ Result<Window> make_window(int frames) {
   }
   return window;
 }
-
-struct Band {
-  const deblur::Solver& solver;
-  const deblur::WindowView& window;
-  int workers;
-  std::uint16_t* out;
-
-  void operator()(int worker) const {
-    const int from = kFrame.height * worker / workers;
-    solver.solve(window, {0, from, kFrame.width, kFrame.height * (worker + 1) / workers - from}, out);
-  }
-};
 
 Result<Speed> measure(const Window& input, deblur::Method method, int threads, double seconds) {
   deblur::Settings settings;
@@ -78,13 +65,15 @@ Result<Speed> measure(const Window& input, deblur::Method method, int threads, d
   for (const auto& frame : input.frames) planes.push_back(frame.data());
   const deblur::WindowView window{planes, settings.window - 1};
   std::vector<std::uint16_t> out(kFrame.pixels());
-  Band band{*solver, window, threads, out.data()};
+  rt::TeamCrew crew(team);
   std::vector<double> ms;
-  const auto end = Clock::now() + std::chrono::duration<double>(seconds);
-  while (ms.size() < 5 || Clock::now() < end) {
+  const auto until = Clock::now() + std::chrono::duration<double>(seconds);
+  while (ms.size() < 5 || Clock::now() < until) {
     const auto start = Clock::now();
     solver->prepare(window);
-    team.run([](void* self, int worker) { (*static_cast<Band*>(self))(worker); }, &band);
+    for_parts(crew, kFrame.height, [&](int begin, int end) {
+      solver->solve(window, {0, begin, kFrame.width, end - begin}, out.data());
+    });
     ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
   }
   const double typical_ms = median(std::move(ms));
