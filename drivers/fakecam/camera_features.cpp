@@ -45,7 +45,6 @@ constexpr std::uint32_t kPtpDisabled = 2;  // as SFNC numbers the states
 constexpr std::uint32_t kPtpListening = 3;
 constexpr std::uint32_t kPtpSlave = 8;
 constexpr int kPtpOffset_ns = -37;
-constexpr std::uint32_t kRate50Hz = 0;
 
 // The measurement ranges of an A655sc: -40..150, 100..650 and 300..2000 degrees Celsius.
 struct Range {
@@ -53,33 +52,6 @@ struct Range {
   float high_k;
 };
 constexpr std::array<Range, 3> kCases{{{233.15F, 423.15F}, {373.15F, 923.15F}, {573.15F, 2273.15F}}};
-
-struct FloatFeature {
-  std::uint32_t address;
-  float value;
-  float min;
-  float max;
-};
-// Emissivity and transmission 1: temperatures are those of a black body, as the paper sets them.
-constexpr std::array<FloatFeature, 8> kObjectParameters{{{reg::kReflectedTemperature, 293.15F, 0.0F, 5000.0F},
-                                                         {reg::kAtmosphericTemperature, 293.15F, 0.0F, 5000.0F},
-                                                         {reg::kObjectDistance, 1.0F, 0.0F, 10000.0F},
-                                                         {reg::kObjectEmissivity, 1.0F, 0.001F, 1.0F},
-                                                         {reg::kRelativeHumidity, 0.5F, 0.0F, 1.0F},
-                                                         {reg::kExtOpticsTemperature, 293.15F, 0.0F, 5000.0F},
-                                                         {reg::kExtOpticsTransmission, 1.0F, 0.001F, 1.0F},
-                                                         {reg::kEstimatedTransmission, 1.0F, 0.0F, 1.0F}}};
-
-// Read-only: the Planck constants, the atmosphere, the camera's own temperature in degrees Celsius.
-constexpr std::array<std::pair<std::uint32_t, float>, 9> kConstants{{{reg::kPlanckB, static_cast<float>(kPlanck.b)},
-                                                                     {reg::kPlanckF, static_cast<float>(kPlanck.f)},
-                                                                     {reg::kPlanckJ1, static_cast<float>(kPlanck.j1)},
-                                                                     {reg::kAtmosphereX, 1.9F},
-                                                                     {reg::kAlpha1, 0.006569F},
-                                                                     {reg::kAlpha2, 0.01262F},
-                                                                     {reg::kBeta1, -0.002276F},
-                                                                     {reg::kBeta2, -0.00667F},
-                                                                     {reg::kDeviceTemperature, 35.0F}}};
 
 }  // namespace
 
@@ -201,7 +173,7 @@ CameraFeatures::CameraFeatures(RegisterMap& registers, Counters& counters, const
       capture_rate_hz_(static_cast<float>(1.0 / format.frame_period_s)) {
   fill_image(rate_hz);
   fill_infrared(format.scale.unit);
-  fill_floats();
+  fill_kept(registers_);
   fill_cases();
   fill_ptp();
 }
@@ -216,10 +188,6 @@ void CameraFeatures::fill_image(double rate_hz) {
   update_payload();
   registers_.writable_range(reg::kPixelFormat, gvsp::kMono16, gvsp::kMono16);
   registers_.writable_float(reg::kFrameRate, kMinRateHz, kMaxRateHz);
-  registers_.writable_range(reg::kAcquisitionMode, 0, kSingleFrame);
-  registers_.writable_range(reg::kParametersLocked, 0, 1);
-  registers_.writable_range(reg::kTriggerSelector, 0, 0);
-  registers_.writable_range(reg::kTriggerMode, 0, 0);
   registers_.writable(reg::kAcquisitionStart, [this](std::uint32_t) -> WriteOutcome {
     const auto status = actions_.start();
     if (status != gvcp::Status::kSuccess) return refuse(status);
@@ -275,26 +243,11 @@ void CameraFeatures::fill_infrared(Unit unit) {
     return value;
   });
   image_register(reg::kIrWindowing, [this](std::uint32_t value) { return write_windowing(value); });
-  registers_.set(reg::kIrFrameRate, kRate50Hz);
-  registers_.writable_range(reg::kIrFrameRate, kRate50Hz, 4);  // kept only: the capture sets the pace
-  registers_.set(reg::kNucMode, 1);
-  registers_.writable_range(reg::kNucMode, 0, 1);
   command(reg::kNucAction, [this] {
     registers_.set(reg::kNucCount, registers_.get(reg::kNucCount) + 1);
     counters_.add(&FakeCameraStats::nuc_actions);
   });
   command(reg::kAutoFocus, [] {});
-  registers_.writable_range(reg::kFocusPosition, 0, 0xffff);
-}
-
-void CameraFeatures::fill_floats() {
-  for (const auto& parameter : kObjectParameters) {
-    registers_.set_float(parameter.address, parameter.value);
-    registers_.writable_float(parameter.address, parameter.min, parameter.max);
-  }
-  for (const auto& [address, value] : kConstants) registers_.set_float(address, value);
-  registers_.set(reg::kPlanckR, static_cast<std::uint32_t>(kPlanck.r));
-  registers_.set(reg::kPlanckJ0, static_cast<std::uint32_t>(kPlanck.j0));
 }
 
 void CameraFeatures::fill_cases() {
@@ -308,7 +261,6 @@ void CameraFeatures::fill_cases() {
     show(value);
     return value;
   });
-  registers_.writable_range(reg::kCurrentCase, 0, kCases.size() - 1);
   show(0);
 }
 

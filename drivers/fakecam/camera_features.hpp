@@ -20,7 +20,8 @@ namespace bolo::fakecam {
 // --- The camera's memory as GVCP sees it: a page of registers with write rules, and the read-only GenICam description.
 
 // Addresses of the registers: the bootstrap registers of GigE Vision 1.2 (chapter 17) and, from 0xa000, the camera's
-// own, which description.cpp names. All are big-endian 32-bit words unless said otherwise.
+// own. description.cpp names them all, and has those that mean nothing to the camera itself. All are big-endian 32-bit
+// words unless said otherwise.
 namespace reg {
 
 // Bootstrap
@@ -73,49 +74,20 @@ inline constexpr std::uint32_t kAcquisitionMode = 0xa020;
 inline constexpr std::uint32_t kAcquisitionStart = 0xa024;
 inline constexpr std::uint32_t kAcquisitionStop = 0xa028;
 inline constexpr std::uint32_t kFrameRate = 0xa02c;  // float, Hz
-inline constexpr std::uint32_t kParametersLocked = 0xa030;
-inline constexpr std::uint32_t kTriggerSelector = 0xa034;
-inline constexpr std::uint32_t kTriggerMode = 0xa038;
 
 // Camera: infrared
 inline constexpr std::uint32_t kIrFormat = 0xa100;
 inline constexpr std::uint32_t kIrWindowing = 0xa104;
-inline constexpr std::uint32_t kIrFrameRate = 0xa108;
-inline constexpr std::uint32_t kNucMode = 0xa10c;
 inline constexpr std::uint32_t kNucAction = 0xa110;
 inline constexpr std::uint32_t kNucCount = 0xa114;
 inline constexpr std::uint32_t kAutoFocus = 0xa118;
-inline constexpr std::uint32_t kFocusPosition = 0xa11c;
-inline constexpr std::uint32_t kDeviceTemperature = 0xa120;  // float, degrees Celsius
-
-// Object parameters: floats
-inline constexpr std::uint32_t kReflectedTemperature = 0xa140;
-inline constexpr std::uint32_t kAtmosphericTemperature = 0xa144;
-inline constexpr std::uint32_t kObjectDistance = 0xa148;
 inline constexpr std::uint32_t kObjectEmissivity = 0xa14c;
-inline constexpr std::uint32_t kRelativeHumidity = 0xa150;
-inline constexpr std::uint32_t kExtOpticsTemperature = 0xa154;
-inline constexpr std::uint32_t kExtOpticsTransmission = 0xa158;
-inline constexpr std::uint32_t kEstimatedTransmission = 0xa15c;
 
 // Measurement ranges ("cases")
 inline constexpr std::uint32_t kNumCases = 0xa180;
 inline constexpr std::uint32_t kQueryCase = 0xa184;
 inline constexpr std::uint32_t kQueryCaseLowLimit = 0xa188;   // float, K
 inline constexpr std::uint32_t kQueryCaseHighLimit = 0xa18c;  // float, K
-inline constexpr std::uint32_t kCurrentCase = 0xa190;
-
-// Planck constants: R and J0 integers, the others floats
-inline constexpr std::uint32_t kPlanckR = 0xa1c0;
-inline constexpr std::uint32_t kPlanckJ0 = 0xa1c4;
-inline constexpr std::uint32_t kPlanckB = 0xa1c8;
-inline constexpr std::uint32_t kPlanckF = 0xa1cc;
-inline constexpr std::uint32_t kPlanckJ1 = 0xa1d0;
-inline constexpr std::uint32_t kAtmosphereX = 0xa1d4;
-inline constexpr std::uint32_t kAlpha1 = 0xa1d8;
-inline constexpr std::uint32_t kAlpha2 = 0xa1dc;
-inline constexpr std::uint32_t kBeta1 = 0xa1e0;
-inline constexpr std::uint32_t kBeta2 = 0xa1e4;
 
 // The clock, kept by PTP (IEEE 1588)
 inline constexpr std::uint32_t kPtpEnable = 0xa200;
@@ -190,6 +162,10 @@ struct Identity {
 // The GenICam description. Thread: any.
 std::string_view description();
 
+// The registers that never change, and those that only keep what is written to them, as the description limits them.
+// Thread: setup.
+void fill_kept(RegisterMap& registers);
+
 // The bootstrap registers that never change, and those that only keep what is written to them. Thread: setup.
 void fill_bootstrap(RegisterMap& registers, const Identity& identity);
 
@@ -222,7 +198,6 @@ class CameraFeatures {
   void fill_infrared(Unit unit);
   void fill_axis(std::uint32_t size_register, std::uint32_t offset_register, std::uint32_t sensor_size,
                  bool& offset_given);
-  void fill_floats();
   void fill_cases();
   void fill_ptp();
 

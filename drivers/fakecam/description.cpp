@@ -1,6 +1,7 @@
 // The camera's GenICam description, made from one table: what a FLIR A655sc offers, in its words, and the registers
-// (camera_features.hpp) that hold it.
+// that hold it. Those that only keep what is written to them are known here alone.
 #include <initializer_list>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,6 +30,13 @@ struct Register {
   std::string_view sign = "Unsigned";
 };
 
+// What a register without a meaning to the camera itself starts with, and keeps of what is written to it.
+struct Kept {
+  double start = 0.0;
+  double min = 0.0;
+  double max = 0.0;
+};
+
 struct Feature {
   Kind kind;
   std::string_view name;
@@ -36,6 +44,7 @@ struct Feature {
   Register at;
   std::string content;  // of its node: limits, unit, entries
   std::string_view visibility;
+  std::optional<Kept> kept{};
 };
 Feature feature(Kind kind, std::string_view name, std::string_view tip, const Register& at, std::string content = {},
                 std::string_view visibility = "Beginner") {
@@ -62,6 +71,28 @@ std::string entries(std::initializer_list<std::string_view> names) {
   return text;
 }
 
+// A number that never changes.
+Feature constant(Kind kind, std::string_view name, std::string_view tip, std::uint32_t address, double value,
+                 std::string content = {}) {
+  Feature made = feature(kind, name, tip, {address}, std::move(content));
+  made.kept = Kept{value};
+  return made;
+}
+
+// One that a client may write, and one of several words, by its number.
+Feature parameter(Kind kind, std::string_view name, std::string_view tip, std::uint32_t address, const Kept& kept,
+                  const std::string& unit = {}, std::string_view visibility = "Beginner") {
+  Feature made = feature(kind, name, tip, {address, "RW"}, range(kept.min, kept.max) + unit, visibility);
+  made.kept = kept;
+  return made;
+}
+Feature choice(std::string_view name, std::string_view tip, std::uint32_t address,
+               std::initializer_list<std::string_view> names, double start = 0.0) {
+  Feature made = feature(kEnumeration, name, tip, {address, "RW"}, entries(names));
+  made.kept = Kept{start, 0.0, static_cast<double>(names.size()) - 1.0};
+  return made;
+}
+
 std::string value(int of_command) { return fmt::format("<CommandValue>{}</CommandValue>", of_command); }
 
 std::vector<Category> categories() {
@@ -76,7 +107,7 @@ std::vector<Category> categories() {
         feature(kText, "DeviceSerialNumber", "Serial number", {reg::kSerial, "RO", 16}),
         feature(kText, "DeviceID", "Serial number, under its older name", {reg::kSerial, "RO", 16}),
         feature(kText, "DeviceUserID", "Name given by the user", {reg::kUserName, "RW", 16}),
-        feature(kFloat, "DeviceTemperature", "Temperature of the housing", {reg::kDeviceTemperature}, in("C"))}},
+        constant(kFloat, "DeviceTemperature", "Temperature of the housing", 0xa120, 35.0, in("C"))}},
       {"ImageFormatControl",
        {feature(kInteger, "SensorWidth", "Columns of the sensor", {reg::kSensorWidth}, any),
         feature(kInteger, "SensorHeight", "Rows of the sensor", {reg::kSensorHeight}, any),
@@ -93,66 +124,59 @@ std::vector<Category> categories() {
         feature(kEnumeration, "PixelFormat", "Format of a pixel", {reg::kPixelFormat, "RW"},
                 entry("Mono16", gvsp::kMono16))}},
       {"AcquisitionControl",
-       {feature(kEnumeration, "AcquisitionMode", "How many frames a start asks for", {reg::kAcquisitionMode, "RW"},
-                entries({"Continuous", "SingleFrame"})),
+       {choice("AcquisitionMode", "How many frames a start asks for", reg::kAcquisitionMode,
+               {"Continuous", "SingleFrame"}),
         feature(kCommand, "AcquisitionStart", "Starts the stream", {reg::kAcquisitionStart, "RW"}, value(1)),
         feature(kCommand, "AcquisitionStop", "Stops the stream", {reg::kAcquisitionStop, "RW"}, value(1)),
         feature(kFloat, "AcquisitionFrameRate", "Frames a second; taken over at the next start",
                 {reg::kFrameRate, "RW"}, range(0.01, 10000) + in("Hz")),
-        feature(kEnumeration, "TriggerSelector", "Which trigger the next feature is about",
-                {reg::kTriggerSelector, "RW"}, entries({"FrameStart"})),
-        feature(kEnumeration, "TriggerMode", "The camera runs freely", {reg::kTriggerMode, "RW"}, entries({"Off"}))}},
+        choice("TriggerSelector", "Which trigger the next feature is about", 0xa034, {"FrameStart"}),
+        choice("TriggerMode", "The camera runs freely", 0xa038, {"Off"})}},
       {"InfraredControl",
        {feature(kEnumeration, "IRFormat", "What a count means", {reg::kIrFormat, "RW"},
                 entries({"Radiometric", "TemperatureLinear100mK", "TemperatureLinear10mK"})),
         feature(kEnumeration, "IRWindowing", "Rows that are read: all, the middle half, the middle quarter",
                 {reg::kIrWindowing, "RW"}, entries({"Off", "Half", "Quarter"})),
-        feature(kEnumeration, "IRFrameRate",
-                "Frame rate of the whole sensor; kept only, the replayed capture sets the pace",
-                {reg::kIrFrameRate, "RW"}, entries({"Rate50Hz", "Rate25Hz", "Rate12Hz", "Rate6Hz", "Rate3Hz"})),
-        feature(kEnumeration, "NUCMode", "When the camera corrects its non-uniformity", {reg::kNucMode, "RW"},
-                entries({"Off", "Automatic"})),
+        choice("IRFrameRate", "Frame rate of the whole sensor; kept only, the replayed capture sets the pace", 0xa108,
+               {"Rate50Hz", "Rate25Hz", "Rate12Hz", "Rate6Hz", "Rate3Hz"}),
+        choice("NUCMode", "When the camera corrects its non-uniformity", 0xa10c, {"Off", "Automatic"}, 1),
         feature(kCommand, "NUCAction", "Corrects the non-uniformity now", {reg::kNucAction, "RW"}, value(1)),
         feature(kInteger, "NUCCount", "How often NUCAction was executed", {reg::kNucCount}, any),
         feature(kCommand, "AutoFocus", "Focuses", {reg::kAutoFocus, "RW"}, value(1)),
-        feature(kInteger, "FocusPos", "Position of the focus", {reg::kFocusPosition, "RW"}, range(0, 65535))}},
+        parameter(kInteger, "FocusPos", "Position of the focus", 0xa11c, {0, 0, 65535})}},
+      // Emissivity and transmission 1: temperatures are those of a black body, as the paper sets them.
       {"ObjectParameters",
-       {feature(kFloat, "ReflectedTemperature", "Temperature that the object reflects",
-                {reg::kReflectedTemperature, "RW"}, range(0, 5000) + in("K")),
-        feature(kFloat, "AtmosphericTemperature", "Temperature of the air", {reg::kAtmosphericTemperature, "RW"},
-                range(0, 5000) + in("K")),
-        feature(kFloat, "ObjectDistance", "Distance of the object", {reg::kObjectDistance, "RW"},
-                range(0, 10000) + in("m")),
-        feature(kFloat, "ObjectEmissivity", "Emissivity of the object", {reg::kObjectEmissivity, "RW"},
-                range(0.001, 1)),
-        feature(kFloat, "RelativeHumidity", "Humidity of the air", {reg::kRelativeHumidity, "RW"}, range(0, 1)),
-        feature(kFloat, "ExtOpticsTemperature", "Temperature of a window before the lens",
-                {reg::kExtOpticsTemperature, "RW"}, range(0, 5000) + in("K")),
-        feature(kFloat, "ExtOpticsTransmission", "Transmission of a window before the lens",
-                {reg::kExtOpticsTransmission, "RW"}, range(0.001, 1)),
-        feature(kFloat, "EstimatedTransmission", "Transmission of the air", {reg::kEstimatedTransmission, "RW"},
-                range(0, 1))}},
+       {parameter(kFloat, "ReflectedTemperature", "Temperature that the object reflects", 0xa140, {293.15, 0, 5000},
+                  in("K")),
+        parameter(kFloat, "AtmosphericTemperature", "Temperature of the air", 0xa144, {293.15, 0, 5000}, in("K")),
+        parameter(kFloat, "ObjectDistance", "Distance of the object", 0xa148, {1, 0, 10000}, in("m")),
+        parameter(kFloat, "ObjectEmissivity", "Emissivity of the object", reg::kObjectEmissivity, {1, 0.001, 1}),
+        parameter(kFloat, "RelativeHumidity", "Humidity of the air", 0xa150, {0.5, 0, 1}),
+        parameter(kFloat, "ExtOpticsTemperature", "Temperature of a window before the lens", 0xa154, {293.15, 0, 5000},
+                  in("K")),
+        parameter(kFloat, "ExtOpticsTransmission", "Transmission of a window before the lens", 0xa158, {1, 0.001, 1}),
+        parameter(kFloat, "EstimatedTransmission", "Transmission of the air", 0xa15c, {1, 0, 1})}},
       {"MeasurementRanges",
        {feature(kInteger, "NumCases", "Number of ranges", {reg::kNumCases}, any),
         feature(kInteger, "QueryCase", "Range that the limits are about", {reg::kQueryCase, "RW"}, range(0, 2)),
         feature(kFloat, "QueryCaseLowLimit", "Its lowest temperature", {reg::kQueryCaseLowLimit}, in("K")),
         feature(kFloat, "QueryCaseHighLimit", "Its highest temperature", {reg::kQueryCaseHighLimit}, in("K")),
-        feature(kInteger, "CurrentCase", "Range in use", {reg::kCurrentCase, "RW"}, range(0, 2))}},
+        parameter(kInteger, "CurrentCase", "Range in use", 0xa190, {0, 0, 2})}},
       {"PlanckConstants",
-       {feature(kInteger, "R", "Planck constant R", {reg::kPlanckR}, any),
-        feature(kInteger, "J0", "Offset of the radiance counts", {reg::kPlanckJ0}, any),
-        feature(kFloat, "B", "Planck constant B, K", {reg::kPlanckB}),
-        feature(kFloat, "F", "Planck constant F", {reg::kPlanckF}),
-        feature(kFloat, "J1", "Gain of the radiance counts", {reg::kPlanckJ1}),
-        feature(kFloat, "X", "Attenuation of the air: X", {reg::kAtmosphereX}),
-        feature(kFloat, "alpha1", "Attenuation of the air: alpha1", {reg::kAlpha1}),
-        feature(kFloat, "alpha2", "Attenuation of the air: alpha2", {reg::kAlpha2}),
-        feature(kFloat, "beta1", "Attenuation of the air: beta1", {reg::kBeta1}),
-        feature(kFloat, "beta2", "Attenuation of the air: beta2", {reg::kBeta2})}},
+       {constant(kInteger, "R", "Planck constant R", 0xa1c0, kPlanck.r, any),
+        constant(kInteger, "J0", "Offset of the radiance counts", 0xa1c4, kPlanck.j0, any),
+        constant(kFloat, "B", "Planck constant B, K", 0xa1c8, kPlanck.b),
+        constant(kFloat, "F", "Planck constant F", 0xa1cc, kPlanck.f),
+        constant(kFloat, "J1", "Gain of the radiance counts", 0xa1d0, kPlanck.j1),
+        constant(kFloat, "X", "Attenuation of the air: X", 0xa1d4, 1.9),
+        constant(kFloat, "alpha1", "Attenuation of the air: alpha1", 0xa1d8, 0.006569),
+        constant(kFloat, "alpha2", "Attenuation of the air: alpha2", 0xa1dc, 0.01262),
+        constant(kFloat, "beta1", "Attenuation of the air: beta1", 0xa1e0, -0.002276),
+        constant(kFloat, "beta2", "Attenuation of the air: beta2", 0xa1e4, -0.00667)}},
       {"TransportLayerControl",
        {feature(kInteger, "PayloadSize", "Bytes of an image", {reg::kPayloadSize}, any),
-        feature(kInteger, "TLParamsLocked", "Whether the client has locked the image format",
-                {reg::kParametersLocked, "RW"}, range(0, 1), "Invisible"),
+        parameter(kInteger, "TLParamsLocked", "Whether the client has locked the image format", 0xa030, {0, 0, 1}, {},
+                  "Invisible"),
         feature(kInteger, "GevHeartbeatTimeout", "Silence after which the camera leaves its client",
                 {reg::kHeartbeatTimeout, "RW"}, range(500, 0xffffffff) + in("ms"), "Guru"),
         feature(kInteger, "GevTimestampTickFrequency", "Ticks of a second of the time stamps",
@@ -201,7 +225,7 @@ std::string place(const Register& at) {
 
 // Its node, and the node of its register; a text is its own register.
 std::string nodes(const Feature& described) {
-  const auto& [kind, name, tip, at, content, visibility] = described;
+  const auto& [kind, name, tip, at, content, visibility, kept] = described;
   const std::string about = fmt::format("<ToolTip>{}</ToolTip><Visibility>{}</Visibility>", tip, visibility);
   if (kind == kText) return fmt::format("<StringReg Name=\"{}\">{}{}</StringReg>\n", name, about, place(at));
   const std::string from = fmt::format("<pValue>{}Reg</pValue>", name);
@@ -254,6 +278,22 @@ std::string make_description() {
 std::string_view description() {
   static const std::string text = make_description();
   return text;
+}
+
+void fill_kept(RegisterMap& registers) {
+  const auto fill = [&registers](const Register& at, const Kept& kept, bool real) {
+    const auto word = [](double value) { return static_cast<std::uint32_t>(value); };
+    const auto number = [](double value) { return static_cast<float>(value); };
+    real ? registers.set_float(at.address, number(kept.start)) : registers.set(at.address, word(kept.start));
+    if (at.access != "RW") return;
+    real ? registers.writable_float(at.address, number(kept.min), number(kept.max))
+         : registers.writable_range(at.address, word(kept.min), word(kept.max));
+  };
+  for (const Category& c : categories()) {
+    for (const Feature& f : c.features) {
+      if (f.kept) fill(f.at, *f.kept, f.kind == kFloat);
+    }
+  }
 }
 
 }  // namespace bolo::fakecam

@@ -194,10 +194,9 @@ Result<std::size_t> Session::payload_bytes() {
 }
 
 Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& warnings) {
-  auto receiver =
-      gvsp::Receiver::open(connection_.route.local_address, connection_.address, options_.socket_buffer_bytes);
-  if (!receiver) return at(connection_.name, std::move(receiver.error()));
-  gvsp_ = std::move(*receiver);
+  ASSIGN_OR_RETURN(gvsp_,
+                   at(connection_.name, gvsp::Receiver::open(connection_.route.local_address, connection_.address,
+                                                             options_.socket_buffer_bytes)));
   ArvDevice* device = connection_.device.get();
   GlibError error;
   in_addr own{};

@@ -253,9 +253,7 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
 
   result.windowing_changed = configure_windowing(nodes, options);
   if (result.windowing_changed) return result;
-  if (Status range = configure_range(nodes, options, result.notes, warnings); !range) {
-    return at(connection.name, std::move(range.error()));
-  }
+  RETURN_IF_ERROR(at(connection.name, configure_range(nodes, options, result.notes, warnings)));
   format.scale = configure_ir_format(nodes, options.ir_format, warnings);
   configure_object(nodes, options.object, warnings);
   configure_nuc(nodes, options.nuc, warnings);

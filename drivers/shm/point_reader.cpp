@@ -138,10 +138,9 @@ Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_
   if ((told->flags & BOLO_SETTINGS_MAPS) != 0 && maps.empty()) {
     return bad_input(where + ": its pixels have parameters of their own; give the writer's maps");
   }
-  const Result<deblur::Settings> settings = settings_of(header, *told);
-  if (!settings) return at(where, settings.error());
+  ASSIGN_OR_RETURN(const deblur::Settings settings, at(where, settings_of(header, *told)));
   auto impl = std::unique_ptr<Impl>(new Impl{.reader = std::move(reader),
-                                             .settings = *settings,
+                                             .settings = settings,
                                              .format = format_of(header),
                                              .row_delay_s = maps.row_delay_s,
                                              .correction = {},
@@ -158,8 +157,8 @@ Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_
   }
   if (pixels.empty()) return bad_input(where + ": no points to solve");
   const bool models =
-      settings->auto_lambda || settings->method == deblur::Method::kMmae || settings->method == deblur::Method::kMotion;
-  impl->measured_noise = models && settings->noise_k == 0.0;
+      settings.auto_lambda || settings.method == deblur::Method::kMmae || settings.method == deblur::Method::kMotion;
+  impl->measured_noise = models && settings.noise_k == 0.0;
   if (models || !maps.empty()) {
     impl->copied.resize(all);
     std::iota(impl->copied.begin(), impl->copied.end(), 0U);
@@ -171,16 +170,16 @@ Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_
     impl->copied = std::move(pixels);
   }
   if (const Status good = impl->set_correction(maps); !good) return at(where, good.error());
-  const auto window = static_cast<std::uint64_t>(settings->window);
+  const auto window = static_cast<std::uint64_t>(settings.window);
   impl->frames_before = window - 1;
   if (!maps.tau_s.empty()) {
     impl->frames_before =
         std::max<std::uint64_t>(window - 1, std::min<std::uint64_t>(2 * window, header.slot_count / 2));
   }
-  const std::size_t frames = impl->frames_before + 1 + static_cast<std::size_t>(settings->lookahead);
+  const std::size_t frames = impl->frames_before + 1 + static_cast<std::size_t>(settings.lookahead);
   impl->samples.assign(frames, std::vector<std::uint16_t>(impl->copied.size()));
   if (impl->correction) impl->corrected.resize(frames);
-  if (const Status good = impl->make_solver(settings->noise_k); !good) return at(where, good.error());
+  if (const Status good = impl->make_solver(settings.noise_k); !good) return at(where, good.error());
   return PointReader(std::move(impl));
 }
 

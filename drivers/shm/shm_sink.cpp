@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <bit>
 #include <climits>
@@ -268,7 +267,7 @@ Result<std::unique_ptr<ShmSink::Ring>> ShmSink::Impl::fill(OwnedObject object) c
   auto& camera = *reinterpret_cast<bolo_shm_camera*>(object.data() + kCameraOffset);
   camera.bytes = sizeof(camera);
   put_text(camera.control_socket, options.control_socket);
-  if (Status status = object.publish_to(options.mode, options.group); !status) return tl::unexpected(status.error());
+  RETURN_IF_ERROR(object.publish_to(options.mode, options.group));
   auto made = std::make_unique<Ring>();
   made->object = std::move(object);
   bolo_shm_header& header = made->header();

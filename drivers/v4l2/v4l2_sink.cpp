@@ -222,10 +222,9 @@ Status V4l2Sink::open(const pipeline::SinkFormat& format) {
   Impl& self = *impl_;
   const StreamFormat& stream = format.source.format;
   if (Status good = check(self.options, format); !good) return good;
-  auto images =
-      ImageMaker::create(self.options.format, self.options.y16_unit, stream.geometry, stream.scale, self.options.agc);
-  if (!images) return at(self.options.device, images.error());
-  self.images = std::move(*images);
+  ASSIGN_OR_RETURN(self.images,
+                   at(self.options.device, ImageMaker::create(self.options.format, self.options.y16_unit,
+                                                              stream.geometry, stream.scale, self.options.agc)));
   self.newest.emplace(Frame{std::vector<std::uint16_t>(stream.geometry.pixels())});
   self.format = {self.options.format, stream.geometry, stream.frame_period_s};
   if (Status opened = self.port->open(self.format); !opened) return opened;
@@ -313,13 +312,9 @@ std::vector<std::string> V4l2Section::live_keys() const {
 
 Status V4l2Section::check(const model::KeyTable& keys, const pipeline::SinkContext& context,
                           std::span<const std::shared_ptr<SinkSection>> before) const {
-  if (const Status agc = check_agc(options_.agc); !agc) {
-    return at(keys.where(name_ + ".high_k").append(name_), agc.error());
-  }
+  RETURN_IF_ERROR(at(keys.where(name_ + ".high_k").append(name_), check_agc(options_.agc)));
   if (!enabled_) return {};
-  if (const Status fits = check_width(options_.format, context.frame.width); !fits) {
-    return at(keys.where(name_ + ".format").append(name_), fits.error());
-  }
+  RETURN_IF_ERROR(at(keys.where(name_ + ".format").append(name_), check_width(options_.format, context.frame.width)));
   for (const auto& other : before) {
     const auto* video = dynamic_cast<const V4l2Section*>(other.get());
     if (video == nullptr || !video->enabled_ || video->options_.device != options_.device) continue;

@@ -116,12 +116,9 @@ Status open_optional(hid_t file, const char* group, const char* path, Trust trus
     warnings.push_back(planes.error().message + "; it is left out");
     return {};
   }
-  if (!planes) return tl::unexpected<Error>(std::move(planes.error()));
-  if (planes->stored_type() != "float32") {
-    return bad_input(std::string(path) + " is of type " + planes->stored_type() + "; expected float32");
-  }
-  store = std::move(*planes);
-  return {};
+  ASSIGN_OR_RETURN(store, std::move(planes));
+  if (store->stored_type() == "float32") return {};
+  return bad_input(std::string(path) + " is of type " + store->stored_type() + "; expected float32");
 }
 
 Status read_truth(hid_t file, Trust trust, Contents& contents) {
@@ -161,8 +158,7 @@ Status read_other_times(hid_t file, Trust trust, Contents& contents) {
       contents.info.has_times = false;
       return {};
     }
-    if (!read) return tl::unexpected<Error>(std::move(read.error()));
-    *values = std::move(*read);
+    ASSIGN_OR_RETURN(*values, std::move(read));
   }
   return {};
 }
@@ -246,8 +242,7 @@ Status read_extras(hid_t file, Trust trust, Contents& contents) {
     contents.warnings.push_back("the recording was cut off: " + events.error().message + "; they are left out");
     events = std::vector<Event>{};
   }
-  if (!events) return tl::unexpected<Error>(std::move(events.error()));
-  contents.events = std::move(*events);
+  ASSIGN_OR_RETURN(contents.events, std::move(events));
   contents.stimulus = read_stimulus(file);
   if (!contents.stimulus) contents.warnings.push_back(contents.stimulus.error().message + "; it is left out");
   return {};
@@ -287,24 +282,23 @@ Result<Contents> read_bolo_capture(hid_t file, Trust trust) {
   const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
   const h5::Owner root{group.get(), "root"};
   Contents contents;
-  Status good = check_identity(root);
-  if (good) good = read_attributes(root, contents.info);
-  if (good) good = check_format_values(contents.info.format);
-  if (good) good = read_frames(file, trust, contents);
-  if (good) good = read_series(file, trust, contents);
-  if (good) good = read_other_times(file, trust, contents);
-  if (good) good = read_truth(file, trust, contents);
-  if (good) good = read_motion(file, trust, contents);
-  if (good && trust == Trust::kDamaged) {
+  RETURN_IF_ERROR(check_identity(root));
+  RETURN_IF_ERROR(read_attributes(root, contents.info));
+  RETURN_IF_ERROR(check_format_values(contents.info.format));
+  RETURN_IF_ERROR(read_frames(file, trust, contents));
+  RETURN_IF_ERROR(read_series(file, trust, contents));
+  RETURN_IF_ERROR(read_other_times(file, trust, contents));
+  RETURN_IF_ERROR(read_truth(file, trust, contents));
+  RETURN_IF_ERROR(read_motion(file, trust, contents));
+  if (trust == Trust::kDamaged) {
     contents.t.resize(std::min(contents.t.size(), contents.frame_id.size()));
     cut_to_rising(contents);
   }
-  if (good) good = trust == Trust::kWhole ? check_lengths(contents) : cut_to_shortest(contents);
-  if (good) good = check_times(contents.t);
-  if (good) good = check_ids(contents.frame_id);
-  if (good) good = check_other_times(contents);
-  if (good) good = read_extras(file, trust, contents);
-  if (!good) return tl::unexpected<Error>(std::move(good.error()));
+  RETURN_IF_ERROR(trust == Trust::kWhole ? check_lengths(contents) : cut_to_shortest(contents));
+  RETURN_IF_ERROR(check_times(contents.t));
+  RETURN_IF_ERROR(check_ids(contents.frame_id));
+  RETURN_IF_ERROR(check_other_times(contents));
+  RETURN_IF_ERROR(read_extras(file, trust, contents));
   check_plausible(contents);
   return contents;
 }

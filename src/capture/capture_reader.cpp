@@ -63,8 +63,7 @@ struct CaptureReader::Impl {
   Status read(std::optional<FrameStore>& planes, const char* path, std::size_t index, void* out) {
     const h5::Quiet quiet;
     if (!planes) return bad_input(name + ": there is no " + path + " in this capture");
-    Status status = planes->read(index, out);
-    return status ? status : at(name, std::move(status.error()));
+    return at(name, planes->read(index, out));
   }
 };
 
@@ -87,12 +86,12 @@ Result<CaptureReader> CaptureReader::salvage(const std::filesystem::path& file) 
 
 Result<CaptureReader> CaptureReader::open_as(const std::filesystem::path& file, Trust trust) {
   const h5::Quiet quiet;
-  Result<h5::Handle> handle = open_hdf5(file, trust == Trust::kDamaged ? FileUse::kSalvage : FileUse::kRead);
-  if (!handle) return at(file.string(), std::move(handle.error()));
-  Result<Contents> contents = looks_like_matlab_capture(handle->get()) ? read_matlab_capture(handle->get())
-                                                                       : read_bolo_capture(handle->get(), trust);
-  if (!contents) return at(file.string(), std::move(contents.error()));
-  return CaptureReader(std::make_unique<Impl>(Impl{file.string(), std::move(*handle), std::move(*contents)}));
+  ASSIGN_OR_RETURN(h5::Handle handle,
+                   at(file.string(), open_hdf5(file, trust == Trust::kDamaged ? FileUse::kSalvage : FileUse::kRead)));
+  ASSIGN_OR_RETURN(Contents contents,
+                   at(file.string(), looks_like_matlab_capture(handle.get()) ? read_matlab_capture(handle.get())
+                                                                             : read_bolo_capture(handle.get(), trust)));
+  return CaptureReader(std::make_unique<Impl>(Impl{file.string(), std::move(handle), std::move(contents)}));
 }
 
 const CaptureInfo& CaptureReader::info() const noexcept { return impl_->contents.info; }
@@ -103,10 +102,7 @@ const std::vector<double>& CaptureReader::t_host() const noexcept { return impl_
 const std::vector<double>& CaptureReader::t_utc() const noexcept { return impl_->contents.t_utc; }
 const std::vector<Event>& CaptureReader::events() const noexcept { return impl_->contents.events; }
 const std::vector<std::string>& CaptureReader::warnings() const noexcept { return impl_->contents.warnings; }
-Result<Stimulus> CaptureReader::stimulus() const {
-  const Result<Stimulus>& stimulus = impl_->contents.stimulus;
-  return stimulus ? stimulus : at(impl_->name, stimulus.error());
-}
+Result<Stimulus> CaptureReader::stimulus() const { return at(impl_->name, impl_->contents.stimulus); }
 
 Result<std::vector<Attribute>> CaptureReader::attributes() const {
   const h5::Quiet quiet;
@@ -117,20 +113,18 @@ Result<std::vector<Point>> CaptureReader::points() const {
   const h5::Quiet quiet;
   std::vector<Point> points;
   if (!h5::exists(impl_->file.get(), "/points")) return points;
-  const Result<std::vector<double>> x = h5::read_doubles(impl_->file.get(), "/points/x");
-  if (!x) return at(impl_->name, x.error());
-  const Result<std::vector<double>> y = h5::read_doubles(impl_->file.get(), "/points/y");
-  if (!y) return at(impl_->name, y.error());
+  ASSIGN_OR_RETURN(const std::vector<double> x, at(impl_->name, h5::read_doubles(impl_->file.get(), "/points/x")));
+  ASSIGN_OR_RETURN(const std::vector<double> y, at(impl_->name, h5::read_doubles(impl_->file.get(), "/points/y")));
   const std::size_t pixels = impl_->contents.info.format.geometry.pixels();
-  if (x->size() != pixels || y->size() != pixels) {
-    return bad_input(impl_->name + ": /points has " + std::to_string(x->size()) + " x and " +
-                     std::to_string(y->size()) + " y for frames of " + std::to_string(pixels) + " pixels");
+  if (x.size() != pixels || y.size() != pixels) {
+    return bad_input(impl_->name + ": /points has " + std::to_string(x.size()) + " x and " + std::to_string(y.size()) +
+                     " y for frames of " + std::to_string(pixels) + " pixels");
   }
   const auto off = [](double v) { return !(v >= 0.0 && v < kMostPlaces); };
-  if (std::any_of(x->begin(), x->end(), off) || std::any_of(y->begin(), y->end(), off)) {
+  if (std::any_of(x.begin(), x.end(), off) || std::any_of(y.begin(), y.end(), off)) {
     return bad_input(impl_->name + ": /points has values that are no column or row");
   }
-  for (std::size_t i = 0; i < pixels; ++i) points.push_back({static_cast<int>((*x)[i]), static_cast<int>((*y)[i])});
+  for (std::size_t i = 0; i < pixels; ++i) points.push_back({static_cast<int>(x[i]), static_cast<int>(y[i])});
   return points;
 }
 
@@ -148,13 +142,11 @@ Status CaptureReader::read_motion(std::size_t index, BlockMotion* out) const {
 
 Result<StillImage> read_still(const std::filesystem::path& file) {
   const h5::Quiet quiet;
-  const Result<h5::Handle> handle = open_hdf5(file);
-  if (!handle) return at(file.string(), handle.error());
-  Result<StillImage> image = read_image(handle->get(), "/image_k");
-  if (!image) return at(file.string(), std::move(image.error()));
-  for (std::size_t i = 0; i < image->kelvin.size(); ++i) {
-    if (std::isfinite(image->kelvin[i])) continue;
-    const auto width = static_cast<std::size_t>(image->width);
+  ASSIGN_OR_RETURN(const h5::Handle handle, at(file.string(), open_hdf5(file)));
+  ASSIGN_OR_RETURN(StillImage image, at(file.string(), read_image(handle.get(), "/image_k")));
+  for (std::size_t i = 0; i < image.kelvin.size(); ++i) {
+    if (std::isfinite(image.kelvin[i])) continue;
+    const auto width = static_cast<std::size_t>(image.width);
     return bad_input(file.string() + ": /image_k: the value at column " + std::to_string(i % width) + ", row " +
                      std::to_string(i / width) + " is not finite");
   }

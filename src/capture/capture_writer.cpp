@@ -6,7 +6,6 @@
 // attributes nor events to be added. The oldest file format is kept: newer ones mark a file as "open for writing" and
 // refuse it afterwards.
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstdint>
@@ -121,10 +120,9 @@ struct CaptureWriter::Impl {
 Status CaptureWriter::Impl::create() {
   if (Status good = check_output({final_name, options.replace}); !good) return good;
   const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
-  auto created = CrashSafeFile::create(part_name, survives, options.replace);
-  if (!created) return at(part_name.string(), std::move(created.error()));
+  ASSIGN_OR_RETURN(auto created, at(part_name.string(), CrashSafeFile::create(part_name, survives, options.replace)));
   driven = std::make_shared<DrivenFile>();
-  driven->file = std::move(*created);
+  driven->file = std::move(created);
   // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages found no room.
   if (Status good = driven->file->reserve(frame_bytes()); !good) return at(part_name.string(), std::move(good.error()));
   file = create_hdf5(part_name, driven);
@@ -178,8 +176,7 @@ Status CaptureWriter::Impl::check_order(double t_s, std::uint64_t id) const {
 Status CaptureWriter::Impl::make_room(std::uint64_t bytes) {
   hsize_t size = 0;
   if (H5Fget_filesize(file.get(), &size) < 0) return broken("its size is not known");
-  if (Status good = driven->file->reserve(size + bytes); !good) return at(part_name.string(), std::move(good.error()));
-  return {};
+  return at(part_name.string(), driven->file->reserve(size + bytes));
 }
 
 Status CaptureWriter::Impl::write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks) {
@@ -341,14 +338,11 @@ Status CaptureWriter::append(double t_s, std::uint64_t frame_id, const void* pla
 Status CaptureWriter::write_stimulus(const Stimulus& stimulus) {
   const h5::Quiet quiet;
   if (!impl_->file) return impl_->closed();
-  Status good = check_stimulus(stimulus);
-  if (const auto* scene = std::get_if<SceneStimulus>(&stimulus); good && scene != nullptr) {
-    good = impl_->make_room(scene->image_k.size() * sizeof(float) + 3 * scene->t_s.size() * sizeof(double));
-    if (!good) return good;
+  RETURN_IF_ERROR(at(impl_->part_name.string(), check_stimulus(stimulus)));
+  if (const auto* scene = std::get_if<SceneStimulus>(&stimulus)) {
+    RETURN_IF_ERROR(impl_->make_room(scene->image_k.size() * sizeof(float) + 3 * scene->t_s.size() * sizeof(double)));
   }
-  if (good) good = capture::write_stimulus(impl_->file.get(), stimulus);
-  if (!good) return at(impl_->part_name.string(), std::move(good.error()));
-  return {};
+  return at(impl_->part_name.string(), capture::write_stimulus(impl_->file.get(), stimulus));
 }
 
 Status CaptureWriter::add_event(const Event& event) {
@@ -388,9 +382,7 @@ Status CaptureWriter::write_attribute(const std::string& name, const std::varian
 }
 
 Status CaptureWriter::write_attributes(const std::vector<Attribute>& attributes) {
-  for (const Attribute& attribute : attributes) {
-    if (Status good = impl_->write_attribute(attribute); !good) return good;
-  }
+  for (const Attribute& attribute : attributes) RETURN_IF_ERROR(impl_->write_attribute(attribute));
   return {};
 }
 

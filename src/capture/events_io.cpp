@@ -105,14 +105,12 @@ Result<std::vector<Event>> read_events(hid_t file) {
 
   std::vector<Event> events(dims[0]);
   if (events.empty()) return events;
-  Status good = H5Tis_variable_str(kind.get()) > 0 ? read_variable(dataset.get(), kind.get(), events)
-                                                   : read_fixed(dataset.get(), kind.get(), events);
-  for (std::size_t i = 0; good && i < events.size(); ++i) {
-    if (!std::isfinite(events[i].t_s)) {
-      good = bad_input(kPath + ": the time of event " + std::to_string(i) + " is not finite");
-    }
+  RETURN_IF_ERROR(H5Tis_variable_str(kind.get()) > 0 ? read_variable(dataset.get(), kind.get(), events)
+                                                     : read_fixed(dataset.get(), kind.get(), events));
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    if (std::isfinite(events[i].t_s)) continue;
+    return bad_input(kPath + ": the time of event " + std::to_string(i) + " is not finite");
   }
-  if (!good) return tl::unexpected<Error>(std::move(good.error()));
   return events;
 }
 

@@ -316,10 +316,9 @@ Result<Handle> open_dataset(hid_t file, const std::string& path, Expect expect) 
   if (H5Sget_simple_extent_type(space.get()) == H5S_NULL) return bad_input(path + " is empty");
   const Handle properties(H5Dget_create_plist(object.get()));
   if (!properties) return bad_input(path + " cannot be opened" + because());
-  Status good = check_place(properties.get(), path);
-  if (good) good = check_filters(properties.get(), path);
-  if (good && expect == Expect::kWhole) good = check_stored(object.get(), properties.get(), path);
-  if (!good) return tl::unexpected<Error>(std::move(good.error()));
+  RETURN_IF_ERROR(check_place(properties.get(), path));
+  RETURN_IF_ERROR(check_filters(properties.get(), path));
+  if (expect == Expect::kWhole) RETURN_IF_ERROR(check_stored(object.get(), properties.get(), path));
   return object;
 }
 

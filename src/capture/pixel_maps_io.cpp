@@ -106,9 +106,8 @@ Result<model::PixelMaps> read_all(hid_t file) {
   ASSIGN_OR_RETURN(const Geometry geometry, read_identity(file));
   model::PixelMaps maps;
   maps.geometry = geometry;
-  Status good = each_map(
-      maps, [&](const Rule& rule, hid_t type, auto& values) { return read_map(file, rule, type, geometry, values); });
-  if (!good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(each_map(
+      maps, [&](const Rule& rule, hid_t type, auto& values) { return read_map(file, rule, type, geometry, values); }));
   return maps;
 }
 
@@ -155,10 +154,8 @@ Result<std::string> to_bytes(const model::PixelMaps& maps) {
 
 Result<model::PixelMaps> read_pixel_maps(const std::filesystem::path& file) {
   const h5::Quiet quiet;
-  const Result<h5::Handle> handle = open_hdf5(file);
-  if (!handle) return at(file.string(), handle.error());
-  Result<model::PixelMaps> maps = read_all(handle->get());
-  if (!maps) return at(file.string(), maps.error());
+  ASSIGN_OR_RETURN(const h5::Handle handle, at(file.string(), open_hdf5(file)));
+  ASSIGN_OR_RETURN(model::PixelMaps maps, at(file.string(), read_all(handle.get())));
   return maps;
 }
 
@@ -173,9 +170,7 @@ Status write_pixel_maps(const OutputFile& file, const model::PixelMaps& maps) {
 Result<model::PixelMaps> read_profile_maps(const model::CameraProfile& profile) {
   model::PixelMaps maps;
   if (!profile.maps.empty()) {
-    Result<model::PixelMaps> read = read_pixel_maps(profile.maps);
-    if (!read) return read;
-    maps = std::move(*read);
+    ASSIGN_OR_RETURN(maps, read_pixel_maps(profile.maps));
   }
   maps.row_delay_s = profile.row_delay_s;
   return maps;

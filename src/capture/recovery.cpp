@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
@@ -90,16 +89,15 @@ Result<Recovered> write_copy(const std::filesystem::path& damaged, const std::fi
   options.motion = reader.info().has_motion;
   options.times = reader.info().has_times;
   ASSIGN_OR_RETURN(CaptureWriter writer, CaptureWriter::create(out, reader.info(), options));
-  Status good = copy_extras(reader, writer);
-  for (std::size_t i = 0; good && i < reader.events().size(); ++i) good = writer.add_event(reader.events()[i]);
+  RETURN_IF_ERROR(copy_extras(reader, writer));
+  for (const Event& event : reader.events()) RETURN_IF_ERROR(writer.add_event(event));
   FrameCopy frames(reader, writer, done);
-  for (std::size_t i = 0; good && i < reader.info().frames; ++i) {
-    good = frames.copy(i);
-    if (good && progress && !progress(i + 1, reader.info().frames)) good = failed(out.string() + ": interrupted");
+  for (std::size_t i = 0; i < reader.info().frames; ++i) {
+    RETURN_IF_ERROR(frames.copy(i));
+    if (progress && !progress(i + 1, reader.info().frames)) return failed(out.string() + ": interrupted");
   }
-  if (good && done.frames == 0) good = nothing_readable(damaged);
-  if (good) good = writer.close();
-  if (!good) return tl::unexpected<Error>(good.error());
+  if (done.frames == 0) return nothing_readable(damaged);
+  RETURN_IF_ERROR(writer.close());
   done.remarks.insert(done.remarks.end(), reader.warnings().begin(), reader.warnings().end());
   return done;
 }

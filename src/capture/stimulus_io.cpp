@@ -227,8 +227,8 @@ Result<Stimulus> read_stimulus(hid_t file) {
   if (!known) {
     return bad_input(kGroup + " attribute 'kind' is '" + kind + "'; expected uniform, chopper, bar_target or scene");
   }
-  Status good = fields.status() ? check_stimulus(stimulus) : fields.status();
-  if (!good) return tl::unexpected<Error>(std::move(good.error()));
+  RETURN_IF_ERROR(fields.status());
+  RETURN_IF_ERROR(check_stimulus(stimulus));
   return stimulus;
 }
 

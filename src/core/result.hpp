@@ -43,6 +43,10 @@ inline tl::unexpected<Error> at(std::string_view where, Error error) {
   error.message.insert(0, std::string(where) + ": ");
   return tl::unexpected<Error>(std::move(error));
 }
+template <typename T>
+Result<T> at(std::string_view where, Result<T> answer) {
+  return answer ? std::move(answer) : at(where, std::move(answer).error());
+}
 
 }  // namespace bolo
 

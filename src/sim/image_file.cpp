@@ -166,9 +166,8 @@ Result<bool> has_grey_levels(const std::filesystem::path& file) {
 Result<capture::StillImage> read_image(const std::filesystem::path& file, const GreySpan& span) {
   ASSIGN_OR_RETURN(const FileKind kind, file_kind(file));
   if (kind == FileKind::kHdf5) return read_kelvin(file);
-  const Result<GreyImage> grey = kind == FileKind::kPng ? read_png(file) : read_jpeg(file);
-  if (!grey) return at(file.string(), grey.error());
-  return in_kelvin(*grey, span);
+  ASSIGN_OR_RETURN(const GreyImage grey, at(file.string(), kind == FileKind::kPng ? read_png(file) : read_jpeg(file)));
+  return in_kelvin(grey, span);
 }
 
 }  // namespace bolo::sim

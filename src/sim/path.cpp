@@ -2,18 +2,14 @@
 #include "src/sim/path.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <optional>
-#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
 
 #include <Eigen/Core>
 
-#include "src/core/input_file.hpp"
-#include "src/core/text.hpp"
+#include "src/core/number_rows.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -40,20 +36,6 @@ void append_crossings(double a_s, double value_a, double b_s, double value_b, st
 }
 
 constexpr std::string_view kHeader = "t_s,x_px,y_px";
-
-// Exactly three finite numbers with commas between.
-std::optional<PathPoint> parse_point(std::string_view line) {
-  std::array<double, 3> values{};
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const std::size_t comma = line.find(',');
-    if ((comma == std::string_view::npos) != (i + 1 == values.size())) return std::nullopt;
-    const std::optional<double> value = number_of(trimmed(line.substr(0, comma)));
-    if (!value) return std::nullopt;
-    values[i] = *value;
-    line.remove_prefix(comma == std::string_view::npos ? line.size() : comma + 1);
-  }
-  return PathPoint{values[0], values[1], values[2]};
-}
 
 // Second derivatives, in time, of the natural cubic spline (Numerical Recipes in C, section 3.3): a tridiagonal system
 // whose first and last unknown are zero.
@@ -160,27 +142,17 @@ void Path::crossings(double from_s, double to_s, std::vector<double>& out) const
 Path steady_pan(double speed_px_s) { return Path({{0.0, 0.0, 0.0}, {1.0, -speed_px_s, 0.0}}); }
 
 Result<std::vector<PathPoint>> read_trajectory(const std::filesystem::path& file) {
-  ASSIGN_OR_RETURN(std::string whole, read_input(file));
-  std::istringstream in(std::move(whole));
   std::vector<PathPoint> points;
-  std::string text;
-  bool header_seen = false;
-  for (int number = 1; std::getline(in, text); ++number) {
-    const std::string_view line = trimmed(text);
-    if (line.empty() || line.front() == '#') continue;
-    const std::string where = file.string() + ":" + std::to_string(number) + ": ";
-    if (!header_seen) {
-      if (line != kHeader) return bad_input(where + "the first line must be '" + std::string(kHeader) + "'");
-      header_seen = true;
-      continue;
-    }
-    const std::optional<PathPoint> point = parse_point(line);
-    if (!point) return bad_input(where + "expected three finite numbers 't_s,x_px,y_px'");
-    if (!points.empty() && point->t_s <= points.back().t_s) {
-      return bad_input(where + "t_s must rise from line to line");
-    }
-    points.push_back(*point);
-  }
+  RETURN_IF_ERROR(read_rows(file, [&points](std::string_view line, bool first) -> Status {
+    if (first && line == kHeader) return {};
+    if (first) return bad_input("the first line must be '" + std::string(kHeader) + "'");
+    const auto row = numbers_of<3>(line);
+    if (!row) return bad_input("expected three finite numbers 't_s,x_px,y_px'");
+    const auto [t_s, x_px, y_px] = *row;
+    if (!points.empty() && t_s <= points.back().t_s) return bad_input("t_s must rise from line to line");
+    points.push_back({t_s, x_px, y_px});
+    return {};
+  }));
   if (points.size() < 2) return bad_input(file.string() + ": a trajectory needs at least two points");
   return points;
 }

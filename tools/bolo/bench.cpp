@@ -45,10 +45,9 @@ Result<Stream> make_stream(int frames) {
   const double to_s = frames * deblur::Settings{}.period_s;
   const auto scene = sim::make_street(kFrame, 1);
   const sim::Path path = sim::steady_pan(kSpeed_px_s);
-  auto field =
-      sim::pan_over(*scene, path, sim::centred_origin(*scene, path, kFrame, from_s, to_s), kFrame, from_s, to_s);
-  if (!field) return tl::unexpected(field.error());
-  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(*field)));
+  ASSIGN_OR_RETURN(auto field, sim::pan_over(*scene, path, sim::centred_origin(*scene, path, kFrame, from_s, to_s),
+                                             kFrame, from_s, to_s));
+  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(field)));
   Stream stream{simulator->format(), {}};
   for (int i = 0; i < frames; ++i) {
     stream.frames.emplace_back(kFrame.pixels());
@@ -56,18 +55,6 @@ Result<Stream> make_stream(int frames) {
   }
   return stream;
 }
-
-struct Band {
-  const deblur::Solver& solver;
-  const deblur::WindowView& window;
-  int workers;
-  std::uint16_t* out;
-
-  void operator()(int worker) const {
-    const int from = kFrame.height * worker / workers;
-    solver.solve(window, {0, from, kFrame.width, kFrame.height * (worker + 1) / workers - from}, out);
-  }
-};
 
 Result<Speed> measure(const Stream& input, deblur::Method method, int threads, double seconds) {
   deblur::Settings settings;
@@ -89,10 +76,11 @@ Result<Speed> measure(const Stream& input, deblur::Method method, int threads, d
   for (std::uint64_t newest = 1; ms.size() < 5 || Clock::now() < end; ++newest) {
     const std::span<const void* const> all(planes);
     const deblur::WindowView window{all.subspan(newest % period, length), settings.window - 1, newest};
-    Band band{*solver, window, threads, out.data()};
     const auto start = Clock::now();
     solver->prepare(window, crew);
-    team.run([](void* self, int worker) { (*static_cast<Band*>(self))(worker); }, &band);
+    for_parts(crew, kFrame.height, [&](int first, int last) {
+      solver->solve(window, {0, first, kFrame.width, last - first}, out.data());
+    });
     ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
   }
   const double typical_ms = median(std::move(ms));

@@ -1,11 +1,9 @@
 // `bolo fakecam`: serves a capture as a GigE Vision camera.
-#include <array>
-#include <charconv>
 #include <chrono>
 #include <cstdio>
 #include <iostream>
-#include <string_view>
 #include <thread>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -34,22 +32,6 @@ struct FakeCameraRequest {
   bool json = false;
 };
 
-// "x,y,width,height", whole numbers.
-Result<Region> parse_region(std::string_view text) {
-  std::array<int, 4> numbers{};
-  const char* at = text.data();
-  const char* end = text.data() + text.size();
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    const auto [next, error] = std::from_chars(at, end, numbers[i]);
-    const bool separated = i + 1 == numbers.size() ? next == end : next != end && *next == ',';
-    if (error != std::errc() || !separated) {
-      return bad_input("--crop '" + std::string(text) + "' is not x,y,width,height, for example 0,196,640,120");
-    }
-    at = next + 1;
-  }
-  return Region{numbers[0], numbers[1], numbers[2], numbers[3]};
-}
-
 cxxopts::Options fakecam_options() {
   cxxopts::Options options("bolo fakecam", "Serve a capture as a GigE Vision camera (a FLIR A655sc's features)\n");
   options.positional_help("CAPTURE").show_positional_help();
@@ -61,7 +43,7 @@ cxxopts::Options fakecam_options() {
   add_option<bool>(options, "once", "End after the first stream that reached its last frame");
   add_option<std::string>(options, "interface", "The camera's IP address, any of 127.0.0.0/8 too", "127.0.0.1");
   add_option<std::string>(options, "serial", "Serial number, at most 15 characters (default: the capture's)");
-  add_option<std::string>(options, "crop", "x,y,w,h: the part of the capture that is the camera's sensor");
+  add_option<std::vector<int>>(options, "crop", "x,y,w,h: the part of the capture that is the camera's sensor");
   add_option<std::string>(options, "fault", "What goes wrong, and when; may be given again", nullptr,
                           "NAME[:key=value,...]");
   add_option<bool>(options, "list-faults", "Print all faults with their keys, and end");
@@ -75,9 +57,8 @@ Result<fakecam::FaultScript> read_faults(const cxxopts::ParseResult& parsed) {
   fakecam::FaultScript script;
   for (const auto& argument : parsed.arguments()) {
     if (argument.key() != "fault") continue;
-    auto fault = fakecam::parse_fault(argument.value());
-    if (!fault) return at("--fault", fault.error());
-    script.push_back(std::move(*fault));
+    ASSIGN_OR_RETURN(auto fault, at("--fault", fakecam::parse_fault(argument.value())));
+    script.push_back(std::move(fault));
   }
   return script;
 }
@@ -108,7 +89,9 @@ Result<FakeCameraRequest> fakecam_request(const cxxopts::ParseResult& parsed) {
   if (loops && request.once) return bad_input("--loop never ends, so --once can't end it; use --repeat N --once");
   if (loops) camera.laps = 0;
   if (parsed.count("crop") != 0) {
-    ASSIGN_OR_RETURN(camera.crop, parse_region(parsed["crop"].as<std::string>()));
+    const auto crop = parsed["crop"].as<std::vector<int>>();
+    if (crop.size() != 4) return bad_input("--crop takes four numbers: x,y,width,height, for example 0,196,640,120");
+    camera.crop = Region{crop[0], crop[1], crop[2], crop[3]};
   }
   ASSIGN_OR_RETURN(camera.faults, read_faults(parsed));
   return request;

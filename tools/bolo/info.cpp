@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdio>
 #include <iostream>
-#include <span>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -104,9 +103,8 @@ Result<json> values_of(const CaptureReader& reader) {
   json values{{"unit", reader.info().format.scale.unit == Unit::kKelvin ? "kelvin" : "count"}};
   const std::size_t last = reader.info().frames - 1;
   for (const auto& [name, index] : {std::pair{"first", std::size_t{0}}, {"middle", last / 2}, {"last", last}}) {
-    Result<json> range = range_of_frame(reader, index);
-    if (!range) return range;
-    values[name] = std::move(*range);
+    ASSIGN_OR_RETURN(json range, range_of_frame(reader, index));
+    values[name] = std::move(range);
   }
   return values;
 }
@@ -167,10 +165,8 @@ Result<json> attributes_of(const CaptureReader& reader) {
 Result<json> describe(const CaptureReader& reader) {
   const capture::CaptureInfo& info = reader.info();
   const StreamFormat& format = info.format;
-  Result<json> values = values_of(reader);
-  if (!values) return values;
-  Result<json> attributes = attributes_of(reader);
-  if (!attributes) return attributes;
+  ASSIGN_OR_RETURN(json values, values_of(reader));
+  ASSIGN_OR_RETURN(json attributes, attributes_of(reader));
   const capture::Stimulus stimulus =
       reader.stimulus().value_or(capture::NoStimulus{});  // warnings() says what is wrong
   ASSIGN_OR_RETURN(const std::vector<capture::Point> points, reader.points());
@@ -190,7 +186,7 @@ Result<json> describe(const CaptureReader& reader) {
               {"rate", rate_of(reader)},
               {"lost_frames", lost_frames(reader)},
               {"irregular_times", irregular_times(reader)},
-              {"values", std::move(*values)},
+              {"values", std::move(values)},
               {"stimulus", std::visit([](const auto& kind) { return fields(kind); }, stimulus)},
               {"truth", info.has_truth},
               {"motion", info.has_motion},
@@ -198,7 +194,7 @@ Result<json> describe(const CaptureReader& reader) {
               {"events", events_of(reader)},
               {"camera_model", info.camera_model},
               {"camera_serial", info.camera_serial},
-              {"attributes", std::move(*attributes)},
+              {"attributes", std::move(attributes)},
               {"warnings", reader.warnings()}};
 }
 

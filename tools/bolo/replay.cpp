@@ -1,6 +1,4 @@
 // `bolo replay`: the daemon with a capture in the camera's place.
-#include <array>
-#include <utility>
 
 #include "drivers/shm/shm_object.hpp"
 #include "tools/bolo/verbs.hpp"

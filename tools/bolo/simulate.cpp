@@ -143,8 +143,8 @@ Result<sim::Path> camera_motion(const Options& given, const sim::CameraSettings&
   const bool has_start = given.count("trajectory-start") != 0;
   const double start_s = has_start ? given["trajectory-start"].as<double>() : points.front().t_s;
   constexpr double kPointsPerFrame = 8.0;
-  auto path = sim::follow_trajectory(points, {scale, start_s, from_s, to_s, 1.0 / (camera.rate_hz * kPointsPerFrame)});
-  if (!path) return at(file, path.error());
+  ASSIGN_OR_RETURN(auto path, at(file, sim::follow_trajectory(points, {scale, start_s, from_s, to_s,
+                                                                       1.0 / (camera.rate_hz * kPointsPerFrame)})));
   return path;
 }
 
@@ -236,9 +236,8 @@ Result<std::vector<sim::EffectSpec>> effects_of(const Options& given) {
   std::vector<sim::EffectSpec> effects;
   for (const auto& argument : given.arguments()) {  // a list would be split at the commas
     if (argument.key() != "effect") continue;
-    auto effect = sim::parse_effect(argument.value());
-    if (!effect) return at("--effect", effect.error());
-    effects.push_back(std::move(*effect));
+    ASSIGN_OR_RETURN(auto effect, at("--effect", sim::parse_effect(argument.value())));
+    effects.push_back(std::move(effect));
   }
   return effects;
 }
@@ -322,9 +321,9 @@ Result<Field> nominal_field(const Options& given, const sim::CameraSettings& cam
 Result<Field> field_of(const Options& given, const sim::CameraSettings& camera, std::size_t frames) {
   auto field = nominal_field(given, camera, frames);
   if (!field || given.count("stimulus-error") == 0) return field;
-  const auto error = sim::parse_stimulus_error(given["stimulus-error"].as<std::string>());
-  if (!error) return at("--stimulus-error", error.error());
-  field = sim::with_errors(std::move(*field), *error, camera.geometry);
+  ASSIGN_OR_RETURN(const auto error,
+                   at("--stimulus-error", sim::parse_stimulus_error(given["stimulus-error"].as<std::string>())));
+  field = sim::with_errors(std::move(*field), error, camera.geometry);
   if (!field) return at("--stimulus-error", field.error());
   return field;
 }

@@ -323,13 +323,10 @@ void note_profile(DaemonConfig& config) {
 // Profile first, then the keys that take its place.
 Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
   if (!config.profile_file.empty()) {
-    Result<model::CameraProfile> profile = model::read_profile(config.profile_file);
-    if (!profile) return tl::unexpected<Error>(profile.error());
-    config.profile = *profile;
+    ASSIGN_OR_RETURN(config.profile, model::read_profile(config.profile_file));
   }
-  Result<model::PixelMaps> maps = capture::read_profile_maps(config.profile);
-  if (!maps) return tl::unexpected<Error>(maps.error());
-  pipeline::apply_profile(config.profile, std::move(*maps), config.pipeline);
+  ASSIGN_OR_RETURN(model::PixelMaps maps, capture::read_profile_maps(config.profile));
+  pipeline::apply_profile(config.profile, std::move(maps), config.pipeline);
   const model::CameraProfile& profile = config.profile;
   const auto order = profile.big_endian_pixels ? genicam::PixelOrder::kBigEndian : genicam::PixelOrder::kLittleEndian;
   config.camera.rate_hz = overrides.rate_hz.value_or(1.0 / profile.frame_period_s);
@@ -418,10 +415,10 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
   DaemonConfig config;
   Overrides overrides;
   KeyTable keys = config_keys(config, overrides);
-  if (const Status status = keys.read(file); !status) return tl::unexpected<Error>(status.error());
+  RETURN_IF_ERROR(keys.read(file));
   config.file = file;
   config.texts = config_keys(config, overrides).texts();
-  if (const Status status = apply_profile(config, overrides); !status) return tl::unexpected<Error>(status.error());
+  RETURN_IF_ERROR(apply_profile(config, overrides));
   if (const Status status = check_together(keys, config, overrides); !status)
     return tl::unexpected<Error>(status.error());
   note_profile(config);

@@ -121,13 +121,11 @@ Status check_control_socket(const std::string& path) {
 Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& path, unsigned mode, Answer answer) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
-  if (Status status = check_control_socket(path); !status) return tl::unexpected<Error>(status.error());
+  RETURN_IF_ERROR(check_control_socket(path));
   path.copy(address.sun_path, path.size());
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   make_folder(folder);
-  if (const Status safe = check_folder(folder.empty() ? "." : folder.string()); !safe) {
-    return tl::unexpected<Error>(safe.error());
-  }
+  RETURN_IF_ERROR(check_folder(folder.empty() ? "." : folder.string()));
   if (is_listening(address)) return bad_input("control socket " + path + ": another daemon listens there; stop it");
   struct stat there {};
   if (lstat(path.c_str(), &there) == 0 && S_ISSOCK(there.st_mode)) unlink(path.c_str());

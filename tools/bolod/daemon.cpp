@@ -40,12 +40,11 @@ namespace bolo::daemon {
 namespace {
 
 Result<ComposedSource> make_replay(const ReplayOptions& options) {
-  Result<capture::CaptureReader> reader = capture::CaptureReader::open(options.file);
-  if (!reader) return tl::unexpected<Error>(reader.error());
+  ASSIGN_OR_RETURN(capture::CaptureReader reader, capture::CaptureReader::open(options.file));
   ComposedSource composed;
-  composed.warnings = reader->warnings();
+  composed.warnings = reader.warnings();
   auto source = std::make_unique<replay::ReplaySource>(
-      std::make_shared<const capture::CaptureReader>(std::move(*reader)), options.pace, std::nullopt, options.laps);
+      std::make_shared<const capture::CaptureReader>(std::move(reader)), options.pace, std::nullopt, options.laps);
   composed.replay = source.get();
   composed.source = std::move(source);
   return composed;
@@ -208,15 +207,12 @@ struct Daemon::Impl {
 };
 
 Status Daemon::Impl::compose() {
-  Result<ComposedSource> source = make_source(config);
-  if (!source) return tl::unexpected<Error>(source.error());
-  for (const std::string& warning : source->warnings) log->warn(warning);
-  camera = source->camera;
-  replay = source->replay;
+  ASSIGN_OR_RETURN(ComposedSource source, make_source(config));
+  for (const std::string& warning : source.warnings) log->warn(warning);
+  camera = source.camera;
+  replay = source.replay;
   sinks = make_sinks(config);
-  auto gyro_made = make_gyro(config);
-  if (!gyro_made) return tl::unexpected<Error>(gyro_made.error());
-  gyro = std::move(*gyro_made);
+  ASSIGN_OR_RETURN(gyro, make_gyro(config));
   std::vector<pipeline::FrameSink*> lent;
   for (const auto& sink : sinks) {
     if (sink != nullptr) lent.push_back(sink.get());
@@ -227,9 +223,7 @@ Status Daemon::Impl::compose() {
   options.must_keep_up = !waits_for_frames(config);
   options.degrade = options.degrade && options.must_keep_up;
   options.warn = [log = log](const std::string& what) { log->warn(what); };
-  auto made = pipeline::Pipeline::create(std::move(source->source), lent, options);
-  if (!made) return tl::unexpected<Error>(made.error());
-  pipeline = std::move(*made);
+  ASSIGN_OR_RETURN(pipeline, pipeline::Pipeline::create(std::move(source.source), lent, options));
   period_s = pipeline->settings().period_s;
   if (camera != nullptr) {
     for (const std::string& warning : camera->warnings()) log->warn(warning);
@@ -388,9 +382,9 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
   auto impl = std::make_unique<Impl>();
   impl->config = config;
   impl->log = std::move(log);
-  if (const Status status = impl->compose(); !status) return tl::unexpected<Error>(status.error());
+  RETURN_IF_ERROR(impl->compose());
   impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, config.camera.stall_ms});
-  if (const Status status = impl->listen(); !status) return tl::unexpected<Error>(status.error());
+  RETURN_IF_ERROR(impl->listen());
   impl->serve_metrics();
   return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
 }

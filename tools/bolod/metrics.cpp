@@ -281,11 +281,10 @@ Status check_listen(const MetricsOptions& options) {
 }
 
 Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const MetricsOptions& options, Collect collect) {
-  if (const Status good = check_listen(options); !good) return tl::unexpected<Error>(good.error());
-  Result<UniqueFd> listener = listen_at(*parse(options.listen));
-  if (!listener) return tl::unexpected<Error>(listener.error());
+  RETURN_IF_ERROR(check_listen(options));
+  ASSIGN_OR_RETURN(UniqueFd listener, listen_at(*parse(options.listen)));
   try {
-    return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(*listener), std::move(collect)));
+    return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(listener), std::move(collect)));
   } catch (const std::system_error& e) {
     return failed("metrics: " + words_of(e));
   }

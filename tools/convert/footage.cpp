@@ -14,6 +14,7 @@
 
 #include "src/core/byte_order.hpp"
 #include "src/core/input_file.hpp"
+#include "src/core/statistics.hpp"
 #include "tools/convert/flir_still.hpp"
 #include "tools/convert/picture.hpp"
 
@@ -45,6 +46,8 @@ class CaptureFootage final : public Footage {
     return reader_.read_frame(index, frame.f32.data());
   }
 
+  const std::vector<double>& t() const noexcept { return reader_.t(); }
+
   Result<Extras> extras() const override {
     ASSIGN_OR_RETURN(auto attributes, reader_.attributes());
     // A stimulus that is wrong is left out; opening the file has said so.
@@ -57,41 +60,34 @@ class CaptureFootage final : public Footage {
 
 class MergedFootage final : public Footage {
  public:
-  explicit MergedFootage(std::vector<std::unique_ptr<Footage>> footages) : next_(footages.size()) {
-    info_ = footages.front()->info();
-    info_.frames = 0;
-    for (std::unique_ptr<Footage>& footage : footages) {
-      info_.frames += footage->info().frames;
-      waiting_.emplace_back();
-      footages_.push_back(std::move(footage));
+  explicit MergedFootage(std::vector<std::unique_ptr<CaptureFootage>> footages) : footages_(std::move(footages)) {
+    for (std::size_t part = 0; part < footages_.size(); ++part) {
+      const std::vector<double>& t = footages_[part]->t();
+      for (std::size_t i = 0; i < t.size(); ++i) turns_.push_back({t[i], part, i});
     }
+    std::ranges::stable_sort(turns_, {}, &Turn::t_s);
+    info_ = footages_.front()->info();
+    info_.frames = turns_.size();
   }
 
-  Status read(std::size_t, Frame& frame) override {
-    std::size_t earliest = footages_.size();
-    for (std::size_t i = 0; i < footages_.size(); ++i) {
-      if (!waiting_[i] && next_[i] < footages_[i]->info().frames) {
-        if (Status good = footages_[i]->read(next_[i]++, waiting_[i].emplace()); !good) return good;
-      }
-      const bool before = earliest == footages_.size() || (waiting_[i] && waiting_[i]->t_s < waiting_[earliest]->t_s);
-      if (waiting_[i] && before) earliest = i;
-    }
-    frame = std::move(*waiting_[earliest]);
-    frame.part = earliest;
-    waiting_[earliest].reset();
-    return {};
+  Status read(std::size_t index, Frame& frame) override {
+    const Turn& turn = turns_[index];
+    frame.part = turn.part;
+    return footages_[turn.part]->read(turn.index, frame);
   }
 
   std::vector<const Footage*> parts() const override {
-    std::vector<const Footage*> parts;
-    for (const auto& footage : footages_) parts.push_back(footage.get());
-    return parts;
+    return mapped(footages_, [](const auto& footage) -> const Footage* { return footage.get(); });
   }
 
  private:
-  std::vector<std::unique_ptr<Footage>> footages_;
-  std::vector<std::size_t> next_;              // to be read of each
-  std::vector<std::optional<Frame>> waiting_;  // of each, the frame that was read and not given yet
+  struct Turn {
+    double t_s;
+    std::size_t part;
+    std::size_t index;  // in it
+  };
+  std::vector<std::unique_ptr<CaptureFootage>> footages_;
+  std::vector<Turn> turns_;
 };
 
 enum class Kind { kPng, kTiff, kFlirStill, kUnknown };
@@ -145,10 +141,7 @@ class PictureFootage final : public Footage {
   explicit PictureFootage(std::vector<Place> places) : places_(std::move(places)) {}
 
   Result<Picture> read_picture(std::size_t index) {
-    const Place& place = places_[index];
-    Result<Picture> picture = read_unnamed(place);
-    if (!picture) return at(place.file.string(), picture.error());
-    return picture;
+    return at(places_[index].file.string(), read_unnamed(places_[index]));
   }
 
   Result<Picture> read_page(const Place& place) {
@@ -233,17 +226,13 @@ class RawFootage final : public Footage {
 
 }  // namespace
 
-Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file) {
-  ASSIGN_OR_RETURN(CaptureReader reader, CaptureReader::open(file));
-  return std::make_unique<CaptureFootage>(std::move(reader));
-}
+Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file) { return open_captures({file}); }
 
 Result<std::unique_ptr<Footage>> open_captures(const Files& files) {
-  std::vector<std::unique_ptr<Footage>> footages;
+  std::vector<std::unique_ptr<CaptureFootage>> footages;
   for (const std::filesystem::path& file : files) {
-    auto footage = open_capture(file);
-    if (!footage) return footage;
-    footages.push_back(std::move(*footage));
+    ASSIGN_OR_RETURN(CaptureReader reader, CaptureReader::open(file));
+    footages.push_back(std::make_unique<CaptureFootage>(std::move(reader)));
   }
   if (footages.size() == 1) return std::move(footages.front());
   return std::make_unique<MergedFootage>(std::move(footages));
@@ -259,9 +248,7 @@ Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& t
     }
     RETURN_IF_ERROR(open_input(file));
     if (kind_of(file) == Kind::kTiff) {
-      const Result<std::size_t> counted = count_tiff_pages(file);
-      if (!counted) return at(file.string(), counted.error());
-      pages = *counted;
+      ASSIGN_OR_RETURN(pages, at(file.string(), count_tiff_pages(file)));
     }
     for (std::size_t page = 0; page < pages; ++page) places.push_back({file, page});
   }

@@ -94,10 +94,8 @@ class Preview {
 };
 
 Status write_extras(const Extras& extras, capture::CaptureWriter& writer) {
-  for (const capture::Event& event : extras.events) {
-    if (Status good = writer.add_event(event); !good) return good;
-  }
-  if (Status good = writer.write_attributes(extras.attributes); !good) return good;
+  for (const capture::Event& event : extras.events) RETURN_IF_ERROR(writer.add_event(event));
+  RETURN_IF_ERROR(writer.write_attributes(extras.attributes));
   if (std::holds_alternative<capture::NoStimulus>(extras.stimulus)) return {};
   return writer.write_stimulus(extras.stimulus);
 }
@@ -196,9 +194,8 @@ class TiffSink final : public FootageSink {
  public:
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
     ASSIGN_OR_RETURN(FileBeside file, FileBeside::create(target.file));
-    Result<TiffWriter> writer = TiffWriter::create(file.path());
-    if (!writer) return at(target.file.path.string(), writer.error());
-    return std::make_unique<TiffSink>(std::move(file), std::move(*writer), target.file.path.string(),
+    ASSIGN_OR_RETURN(TiffWriter writer, at(target.file.path.string(), TiffWriter::create(file.path())));
+    return std::make_unique<TiffSink>(std::move(file), std::move(writer), target.file.path.string(),
                                       footage.info().format);
   }
   TiffSink(FileBeside file, TiffWriter writer, std::string name, StreamFormat format)
@@ -219,7 +216,7 @@ class TiffSink final : public FootageSink {
   }
 
  private:
-  Status named(Status status) const { return status ? status : at(name_, std::move(status.error())); }
+  Status named(Status status) const { return at(name_, std::move(status)); }
 
   const float* kelvin(const Frame& frame) {
     const bool is_float = format_.type == PixelType::kFloat32;

@@ -2,7 +2,6 @@
 // times.
 #include <algorithm>
 #include <cmath>
-#include <set>
 #include <tuple>
 #include <utility>
 
@@ -54,18 +53,17 @@ struct Found {
 
  private:
   Status see_image(const std::string& topic, const mcap::Message& message, std::string_view data) {
-    const auto image = ros::read_image(data);
-    if (!image) return at(topic, image.error());
+    ASSIGN_OR_RETURN(const auto image, at(topic, ros::read_image(data)));
     Series& series = images[topic];
     if (series.pictures.empty()) {
-      series.size = image->size;
-      series.type = image->type;
+      series.size = image.size;
+      series.type = image.type;
     }
-    if (!(series.size == image->size) || series.type != image->type) {
+    if (!(series.size == image.size) || series.type != image.type) {
       return bad_input(topic + ": its images are not all of one size and type");
     }
     if (series.pictures.size() >= kMostFrames) return bad_input(topic + ": has too many images");
-    series.pictures.push_back({.message = message, .stamp_ns = image->stamp_ns});
+    series.pictures.push_back({.message = message, .stamp_ns = image.stamp_ns});
     return {};
   }
 };

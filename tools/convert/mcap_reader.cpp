@@ -198,7 +198,7 @@ Result<std::string_view> Reader::data(const Message& message) {
     if (head.bytes > kMostRecord) return bad_input("the file was changed meanwhile");
     ASSIGN_OR_RETURN(const auto fields, take(head.bytes, record_));
     if (head.op == Op::kChunk) {
-      if (const auto records = unpack(fields); !records) return tl::unexpected<Error>(records.error());
+      RETURN_IF_ERROR(unpack(fields));
     } else {
       unpacked_ = fields;
     }
@@ -228,9 +228,8 @@ Status Writer::put(std::string_view bytes) {
 
 Result<Writer::Place> Writer::put_record(Op op, const Fields& fields) {
   const Place place{written_, kRecordHead + fields.size()};
-  Status good = put(Fields().number(static_cast<std::uint8_t>(op)).number(std::uint64_t{fields.size()}).bytes());
-  if (good) good = put(fields.bytes());
-  if (!good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(put(Fields().number(static_cast<std::uint8_t>(op)).number(std::uint64_t{fields.size()}).bytes()));
+  RETURN_IF_ERROR(put(fields.bytes()));
   return place;
 }
 

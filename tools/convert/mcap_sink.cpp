@@ -1,7 +1,6 @@
 // Captures as a recording of ROS 2 (MCAP): what a camera's driver would publish, image by image.
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <ctime>
 #include <set>
 #include <utility>

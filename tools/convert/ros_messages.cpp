@@ -1,10 +1,8 @@
 #include "tools/convert/ros_messages.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <map>
-#include <span>
 #include <vector>
 
 #include "src/core/byte_order.hpp"

@@ -2,28 +2,24 @@
 
 #include <cmath>
 #include <cstring>
-#include <sstream>
 #include <string_view>
 
 #include <fmt/format.h>
 
 #include "drivers/replay/replay_source.hpp"
-#include "src/core/input_file.hpp"
-#include "src/core/text.hpp"
+#include "src/core/number_rows.hpp"
 
 namespace bolo::tools {
 namespace {
 
-// The index, or what is wrong with the line.
-tl::expected<std::uint32_t, std::string> parse_point(std::string_view line, Geometry frame) {
-  const std::size_t comma = line.find(',');
-  const auto x = bolo::number_of(trimmed(line.substr(0, comma)));
-  const auto y = comma == std::string_view::npos ? std::nullopt : bolo::number_of(trimmed(line.substr(comma + 1)));
-  if (!x || !y) return tl::unexpected<std::string>("'" + std::string(line) + "' is not a point; write x,y in pixels");
-  const double column = std::round(*x);
-  const double row = std::round(*y);
+// The point's index.
+Result<std::uint32_t> parse_point(std::string_view line, Geometry frame) {
+  const auto point = numbers_of<2>(line);
+  if (!point) return bad_input(fmt::format("'{}' is not a point; write x,y in pixels", line));
+  const double column = std::round((*point)[0]);
+  const double row = std::round((*point)[1]);
   if (column < 0.0 || column >= frame.width || row < 0.0 || row >= frame.height) {
-    return tl::unexpected(fmt::format("point {} is outside the frame of {}x{}", line, frame.width, frame.height));
+    return bad_input(fmt::format("point {} is outside the frame of {}x{}", line, frame.width, frame.height));
   }
   return static_cast<std::uint32_t>(row) * static_cast<std::uint32_t>(frame.width) + static_cast<std::uint32_t>(column);
 }
@@ -31,20 +27,12 @@ tl::expected<std::uint32_t, std::string> parse_point(std::string_view line, Geom
 }  // namespace
 
 Result<std::vector<std::uint32_t>> read_points(const std::filesystem::path& file, Geometry frame) {
-  ASSIGN_OR_RETURN(std::string whole, read_input(file));
-  std::istringstream in(std::move(whole));
   std::vector<std::uint32_t> points;
-  std::string whole_line;
-  bool first = true;
-  for (int at = 1; std::getline(in, whole_line); ++at) {
-    const std::string_view line = trimmed(whole_line);
-    if (line.empty() || line.front() == '#') continue;
-    const bool header = std::exchange(first, false) && (line == "x,y" || line == "x_px,y_px");
-    if (header) continue;
-    const auto point = parse_point(line, frame);
-    if (!point) return bad_input(fmt::format("{}:{}: {}", file.string(), at, point.error()));
-    points.push_back(*point);
-  }
+  RETURN_IF_ERROR(read_rows(file, [&](std::string_view line, bool first) -> Status {
+    if (first && (line == "x,y" || line == "x_px,y_px")) return {};
+    ASSIGN_OR_RETURN(points.emplace_back(), parse_point(line, frame));
+    return {};
+  }));
   if (points.empty()) return bad_input(file.string() + ": no points; write one x,y in pixels a line");
   return points;
 }

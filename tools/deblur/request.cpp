@@ -6,7 +6,6 @@
 #include <cstdlib>
 #include <optional>
 #include <set>
-#include <sstream>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -16,8 +15,7 @@
 
 #include "src/capture/pixel_maps_io.hpp"
 #include "src/core/clock.hpp"
-#include "src/core/input_file.hpp"
-#include "src/core/text.hpp"
+#include "src/core/number_rows.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
@@ -94,18 +92,11 @@ constexpr std::string_view kHeader = "t_s,x_rad_s,y_rad_s,z_rad_s";
 constexpr double kLastTime_s = 4e9;  // beyond today's UTC
 
 std::optional<GyroSample> sample_of(std::string_view line) {
-  std::array<double, 4> values{};
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const std::size_t comma = line.find(',');
-    const bool last = i + 1 == values.size();
-    const auto value = bolo::number_of(trimmed(line.substr(0, comma)));
-    if (!value || last != (comma == std::string_view::npos)) return std::nullopt;
-    values[i] = *value;
-    line.remove_prefix(last ? 0 : comma + 1);
-  }
-  const GyroSample sample{to_ns(std::clamp(values[0], -1.0, kLastTime_s)), {values[1], values[2], values[3]}};
-  if (values[0] < 0.0 || values[0] > kLastTime_s || !is_turn(sample.rate)) return std::nullopt;
-  return sample;
+  const auto row = numbers_of<4>(line);
+  if (!row || (*row)[0] < 0.0 || (*row)[0] > kLastTime_s) return std::nullopt;
+  const auto [t_s, x, y, z] = *row;
+  const GyroSample sample{to_ns(t_s), {x, y, z}};
+  return is_turn(sample.rate) ? std::optional(sample) : std::nullopt;
 }
 
 namespace fs = std::filesystem;
@@ -131,9 +122,7 @@ Status read_profile(const cxxopts::ParseResult& args, DeblurRequest& request) {
 }
 
 Status read_settings(const cxxopts::ParseResult& args, deblur::Settings& settings) {
-  const auto method = deblur::method_from_name(args["solver"].as<std::string>());
-  if (!method) return at("--solver", method.error());
-  settings.method = *method;
+  ASSIGN_OR_RETURN(settings.method, at("--solver", deblur::method_from_name(args["solver"].as<std::string>())));
   settings.iterations = args["iterations"].as<int>();
   settings.lookahead = args["lookahead"].as<int>();
   settings.window = args["window"].as<int>();
@@ -256,13 +245,11 @@ Result<Share> share_named(const std::string& text) {
 }
 
 Result<Share> share_of(const Environment& environment) {
-  auto rank = rank_of(environment);
-  if (!rank) return rank;
-  auto task = array_task_of(environment);
-  if (!task) return task;
-  if (rank->count == 1) return task->count == 1 ? Share{} : *task;
-  const std::string from = task->count == 1 ? rank->from : rank->from + ", " + task->from;
-  return Share{task->index * rank->count + rank->index, task->count * rank->count, from};
+  ASSIGN_OR_RETURN(auto rank, rank_of(environment));
+  ASSIGN_OR_RETURN(auto task, array_task_of(environment));
+  if (rank.count == 1) return task.count == 1 ? Share{} : task;
+  const std::string from = task.count == 1 ? rank.from : rank.from + ", " + task.from;
+  return Share{task.index * rank.count + rank.index, task.count * rank.count, from};
 }
 
 int threads_of(const Environment& environment, int processors) {
@@ -278,24 +265,20 @@ int threads_of(const Environment& environment, int processors) {
 }
 
 Result<std::vector<GyroSample>> read_gyro(const std::filesystem::path& file) {
-  ASSIGN_OR_RETURN(std::string whole, read_input(file));
-  std::istringstream in(std::move(whole));
   std::vector<GyroSample> samples;
-  std::string text;
-  bool first = true;
-  for (int at = 1; std::getline(in, text); ++at) {
-    const std::string_view line = trimmed(text);
-    if (line.empty() || line.front() == '#' || (std::exchange(first, false) && line == kHeader)) continue;
+  RETURN_IF_ERROR(read_rows(file, [&samples](std::string_view line, bool first) -> Status {
+    if (first && line == kHeader) return {};
     const auto sample = sample_of(line);
     if (!sample) {
-      return bad_input(fmt::format("{}:{}: '{}' is no sample of a gyro; write {}, times from 0 s, rates up to {} rad/s",
-                                   file.string(), at, line.substr(0, 80), kHeader, kFastestTurn));
+      return bad_input(fmt::format("'{}' is no sample of a gyro; write {}, times from 0 s, rates up to {} rad/s",
+                                   line.substr(0, 80), kHeader, kFastestTurn));
     }
     if (!samples.empty() && sample->time_ns <= samples.back().time_ns) {
-      return bad_input(fmt::format("{}:{}: time does not rise from the line before", file.string(), at));
+      return bad_input("time does not rise from the line before");
     }
     samples.push_back(*sample);
-  }
+    return {};
+  }));
   if (samples.empty()) return bad_input(fmt::format("{}: no samples; write lines of {}", file.string(), kHeader));
   return samples;
 }

@@ -8,7 +8,6 @@
 #include <unistd.h>
 
 #include "drivers/shm/followed_stream.hpp"
-#include "drivers/shm/shm_object.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/drivers/shm/unprivileged.hpp"
 #include "tests/refusal.hpp"

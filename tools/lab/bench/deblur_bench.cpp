@@ -78,7 +78,8 @@ class Corrected {
     for (const auto& frame : frames_) planes_.push_back(frame.data());
   }
   void begin() noexcept { correction_.begin(1); }
-  void correct(PixelRange pixels) noexcept {
+  void correct(int first_row, int end_row) noexcept {
+    const PixelRange pixels{Geometry{kFrame.width, first_row}.pixels(), Geometry{kFrame.width, end_row}.pixels()};
     float* const to = frames_.back().data();
     for (std::size_t i = pixels.begin; i < pixels.end; ++i) to[i] = static_cast<float>(raw_[i]);
     correction_.apply(to, pixels);
@@ -128,13 +129,16 @@ class Runner {
   }
 
   void measure() {
+    rt::TeamCrew crew(*team_);
     const auto start = Clock::now();
     if (what_.profile) {
       corrected_.begin();
-      team_->run([](void* self, int worker) { static_cast<Runner*>(self)->correct(worker); }, this);
+      for_parts(crew, kFrame.height, [this](int begin, int end) { corrected_.correct(begin, end); });
       corrected_.finish();
     }
-    team_->run([](void* self, int worker) { static_cast<Runner*>(self)->work(worker); }, this);
+    for_parts(crew, rows_, [this](int begin, int end) {
+      solver_->solve(window(), {0, begin, kFrame.width, end - begin}, out_.data());
+    });
     const double ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
     times_.push_back(ms * kFrame.height / rows_);
   }
@@ -176,16 +180,6 @@ class Runner {
   deblur::WindowView window() const {
     return what_.profile ? corrected_.window() : window_of(input_.without[static_cast<std::size_t>(what_.lost)]);
   }
-  void correct(int worker) noexcept {
-    const auto begin = [&](int w) { return kFrame.pixels() * static_cast<std::size_t>(w) / team_threads(); };
-    corrected_.correct({begin(worker), begin(worker + 1)});
-  }
-  void work(int worker) noexcept {
-    const int from = rows_ * worker / what_.threads;
-    const int to = rows_ * (worker + 1) / what_.threads;
-    solver_->solve(window(), {0, from, kFrame.width, to - from}, out_.data());
-  }
-  std::size_t team_threads() const { return static_cast<std::size_t>(what_.threads); }
 
   const Input& input_;
   Corrected& corrected_;

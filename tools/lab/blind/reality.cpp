@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <random>
 
 namespace bolo::tools::blind::second {
 namespace {

@@ -1,6 +1,5 @@
 // What the second reality hides, and before what bench.
 #include <algorithm>
-#include <random>
 
 #include "tools/lab/blind/reality.hpp"
 

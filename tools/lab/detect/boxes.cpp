@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "src/core/splitmix.hpp"
+#include "src/core/statistics.hpp"
 #include "src/core/text.hpp"
 
 namespace bolo::tools::detect {
@@ -213,9 +214,7 @@ std::size_t taken_by(const Detection& detection, const std::vector<Offered>& off
 }
 
 double mean_of(const std::vector<double>& values) {
-  double sum = 0.0;
-  for (const double value : values) sum += value;
-  return values.empty() ? kNoScore : sum / static_cast<double>(values.size());
+  return values.empty() ? kNoScore : sum_of(values) / static_cast<double>(values.size());
 }
 
 // Precision over recall, ready to be read at even recalls: points in rising order of recall.

@@ -246,11 +246,10 @@ Result<std::vector<Detection>> Detector::decoded(std::span<const Tensor> outputs
 
 Result<std::vector<Detection>> Detector::detect(const Levels& levels, Geometry picture) {
   ASSIGN_OR_RETURN(const auto outputs, network_(input_of(levels, picture, description_)));
-  auto found = decoded(outputs);
-  if (!found) return at(description_.files.graph.string(), found.error());
+  ASSIGN_OR_RETURN(auto found, at(description_.files.graph.string(), decoded(outputs)));
   const Fit fit = fit_of(picture, description_.input, description_.resize);
   std::vector<Detection> judged;
-  for (Detection& one : *found) {
+  for (Detection& one : found) {
     const auto number = static_cast<std::size_t>(one.label);
     one.label = number < labels_.size() ? labels_[number] : -1;
     one.box = clipped(fit.to_picture(one.box), picture.width, picture.height);

@@ -52,16 +52,15 @@ Result<Json> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
   std::string wrong;
   bool equal = true;
   for (int i = 0; i < repeats && !interrupted().load(std::memory_order_relaxed); ++i) {
-    const auto outcome = play(scenario, stage, i + 1);
-    if (!outcome) return at(scenario.name, outcome.error());
-    equal = equal && outcome->losses_match();
-    recovery_ms.push_back(outcome->verdict.recovery_ms);
-    if (wrong.empty()) wrong = what_is_wrong(scenario, *outcome);
-    row.update({{"injected", injected_text(outcome->run.injected)},
-                {"lost", text_of(outcome->run.lost)},
+    ASSIGN_OR_RETURN(const auto outcome, at(scenario.name, play(scenario, stage, i + 1)));
+    equal = equal && outcome.losses_match();
+    recovery_ms.push_back(outcome.verdict.recovery_ms);
+    if (wrong.empty()) wrong = what_is_wrong(scenario, outcome);
+    row.update({{"injected", injected_text(outcome.run.injected)},
+                {"lost", text_of(outcome.run.lost)},
                 {"equal", equal},
                 {"recovery_ms", {{"median", quantile(recovery_ms, 0.5)}, {"worst", quantile(recovery_ms, 1.0)}}},
-                {"reconnects", outcome->run.reconnects},
+                {"reconnects", outcome.run.reconnects},
                 {"wrong", wrong}});
   }
   return row;

@@ -5,6 +5,8 @@
 
 #include <array>
 
+#include <Eigen/Core>
+
 #include "src/deblur/solver.hpp"
 #include "src/report/plot.hpp"
 #include "tools/lab/eval/fidelity_data.hpp"
@@ -104,11 +106,8 @@ class SpatialWiener {
   Plane restore(double noise_to_signal) const;
 
  private:
-  struct Spectrum {
-    std::vector<float> re;
-    std::vector<float> im;
-  };
-  static void transform(Spectrum& spectrum, Geometry padded, bool back);
+  using Spectrum = Eigen::MatrixXcf;
+  static void transform(Spectrum& spectrum, bool back);
 
   Geometry geometry_;
   Geometry padded_;

@@ -21,8 +21,9 @@ Result<sim::Path> path_of(const Motion& motion, double from_s, double to_s) {
   ASSIGN_OR_RETURN(const auto points, sim::read_trajectory(motion.trajectory));
   const double start_s = motion.start_s.value_or((points.front().t_s + points.back().t_s) / 2.0);
   constexpr double kPointsPerFrame = 8.0;
-  auto path = sim::follow_trajectory(points, {1.0, start_s, from_s, to_s, kPeriodS / kPointsPerFrame});
-  if (!path) return at(motion.trajectory.string(), path.error());
+  ASSIGN_OR_RETURN(auto path,
+                   at(motion.trajectory.string(),
+                      sim::follow_trajectory(points, {1.0, start_s, from_s, to_s, kPeriodS / kPointsPerFrame})));
   return path;
 }
 

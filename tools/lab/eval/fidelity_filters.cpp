@@ -180,8 +180,7 @@ SpatialWiener::SpatialWiener(const Plane& image, Geometry g, const std::vector<T
     : geometry_(g),
       padded_{padded_length(g.width + kRamp), padded_length(g.height + kRamp)},
       mean_(std::accumulate(image.begin(), image.end(), 0.0) / static_cast<double>(image.size())) {
-  image_ = {std::vector<float>(padded_.pixels()), std::vector<float>(padded_.pixels())};
-  kernel_ = image_;
+  image_ = kernel_ = Spectrum::Zero(padded_.height, padded_.width);
   const auto value = [&](int x, int y) { return static_cast<double>(image[at(g, x, y)]) - mean_; };
   for (int y = 0; y < padded_.height; ++y) {
     const double wy = ramp(y, g.height, padded_.height);
@@ -191,34 +190,27 @@ SpatialWiener::SpatialWiener(const Plane& image, Geometry g, const std::vector<T
       const int near_x = std::min(x, g.width - 1);
       const double upper = std::lerp(value(near_x, near_y), value(0, near_y), wx);
       const double lower = std::lerp(value(near_x, 0), value(0, 0), wx);
-      image_.re[at(padded_, x, y)] = static_cast<float>(std::lerp(upper, lower, wy));
+      image_(y, x) = static_cast<float>(std::lerp(upper, lower, wy));
     }
   }
   const auto wrapped = [](int d, int length) { return ((-d) % length + length) % length; };
   for (const Tap& tap : kernel) {
-    kernel_.re[at(padded_, wrapped(tap.dx, padded_.width), wrapped(tap.dy, padded_.height))] += tap.weight;
+    kernel_(wrapped(tap.dy, padded_.height), wrapped(tap.dx, padded_.width)) += tap.weight;
   }
-  transform(image_, padded_, false);
-  transform(kernel_, padded_, false);
+  transform(image_, false);
+  transform(kernel_, false);
 }
 
-void SpatialWiener::transform(Spectrum& s, Geometry size, bool back) {
+void SpatialWiener::transform(Spectrum& spectrum, bool back) {
   Eigen::FFT<float> fft;
-  using Line = Eigen::VectorXcf;
-  const auto along = [&](int lines, int length, auto&& index) {
-    Line in(length);
-    Line out(length);
-    for (int l = 0; l < lines; ++l) {
-      for (int i = 0; i < length; ++i) in[i] = {s.re[index(l, i)], s.im[index(l, i)]};
-      back ? fft.inv(out, in) : fft.fwd(out, in);
-      for (int i = 0; i < length; ++i) {
-        s.re[index(l, i)] = out[i].real();
-        s.im[index(l, i)] = out[i].imag();
-      }
-    }
+  const auto along = [&](auto&& line) {
+    const Eigen::VectorXcf in = line;
+    Eigen::VectorXcf out(in.size());
+    back ? fft.inv(out, in) : fft.fwd(out, in);
+    line = out;
   };
-  along(size.height, size.width, [&](int y, int x) { return at(size, x, y); });
-  along(size.width, size.height, [&](int x, int y) { return at(size, x, y); });
+  for (Eigen::Index y = 0; y < spectrum.rows(); ++y) along(spectrum.row(y).transpose());
+  for (Eigen::Index x = 0; x < spectrum.cols(); ++x) along(spectrum.col(x));
 }
 
 Plane SpatialWiener::restore(double noise_to_signal) const {
@@ -230,20 +222,16 @@ Plane SpatialWiener::restore(double noise_to_signal) const {
     const double fy = frequency(y, padded_.height);
     for (int x = 0; x < padded_.width; ++x) {
       const double fx = frequency(x, padded_.width);
-      const std::size_t i = at(padded_, x, y);
-      const std::complex<double> h(static_cast<double>(kernel_.re[i]), static_cast<double>(kernel_.im[i]));
-      const std::complex<double> blurred(static_cast<double>(image_.re[i]), static_cast<double>(image_.im[i]));
+      const std::complex<double> h(kernel_(y, x));
       const double wanted = noise_to_signal * (fx * fx + fy * fy + kCorner * kCorner) / (kCorner * kCorner);
-      const std::complex<double> restored = std::conj(h) * blurred / (std::norm(h) + wanted);
-      out.re[i] = static_cast<float>(restored.real());
-      out.im[i] = static_cast<float>(restored.imag());
+      out(y, x) = std::complex<float>(std::conj(h) * std::complex<double>(image_(y, x)) / (std::norm(h) + wanted));
     }
   }
-  transform(out, padded_, true);
+  transform(out, true);
   Plane plane(geometry_.pixels());
   for (int y = 0; y < geometry_.height; ++y) {
     for (int x = 0; x < geometry_.width; ++x) {
-      plane[at(geometry_, x, y)] = static_cast<float>(static_cast<double>(out.re[at(padded_, x, y)]) + mean_);
+      plane[at(geometry_, x, y)] = static_cast<float>(static_cast<double>(out(y, x).real()) + mean_);
     }
   }
   return plane;

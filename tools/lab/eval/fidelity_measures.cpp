@@ -1,5 +1,6 @@
 #include <limits>
-#include <numeric>
+
+#include <Eigen/Dense>
 
 #include "src/core/statistics.hpp"
 #include "tools/lab/eval/fidelity_data.hpp"
@@ -11,43 +12,27 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr int kSsimTaps = 11;
 constexpr double kSsimSigma = 1.5;
 
-std::array<double, kSsimTaps> ssim_window() {
-  std::array<double, kSsimTaps> taps{};
+using Picture = Eigen::Array<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+Picture picture_of(std::span<const float> plane, Geometry g) {
+  using Floats = Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  return Eigen::Map<const Floats>(plane.data(), g.height, g.width).cast<double>();
+}
+
+Eigen::ArrayXd ssim_window() {
   constexpr int kMiddle = kSsimTaps / 2;
-  for (int i = 0; i < kSsimTaps; ++i) {
-    const double d = (i - kMiddle) / kSsimSigma;
-    taps[static_cast<std::size_t>(i)] = std::exp(-0.5 * d * d);
-  }
-  const double sum = std::accumulate(taps.begin(), taps.end(), 0.0);
-  for (double& tap : taps) tap /= sum;
-  return taps;
+  const Eigen::ArrayXd taps =
+      (-0.5 * (Eigen::ArrayXd::LinSpaced(kSsimTaps, -kMiddle, kMiddle) / kSsimSigma).square()).exp();
+  return taps / taps.sum();
 }
 
 // Windowed means at every place where the window fits: (width - 10) x (height - 10).
-std::vector<double> windowed(const std::vector<double>& values, Geometry g) {
-  static const auto taps = ssim_window();
-  const auto width = static_cast<std::size_t>(g.width - kSsimTaps + 1);
-  const auto height = static_cast<std::size_t>(g.height - kSsimTaps + 1);
-  std::vector<double> rows(width * static_cast<std::size_t>(g.height), 0.0);
-  for (std::size_t y = 0; y < static_cast<std::size_t>(g.height); ++y) {
-    for (std::size_t k = 0; k < taps.size(); ++k) {
-      const double* from = values.data() + y * static_cast<std::size_t>(g.width) + k;
-      for (std::size_t x = 0; x < width; ++x) rows[y * width + x] += taps[k] * from[x];
-    }
-  }
-  std::vector<double> out(width * height, 0.0);
-  for (std::size_t y = 0; y < height; ++y) {
-    for (std::size_t k = 0; k < taps.size(); ++k) {
-      const double* from = rows.data() + (y + k) * width;
-      for (std::size_t x = 0; x < width; ++x) out[y * width + x] += taps[k] * from[x];
-    }
-  }
-  return out;
-}
-
-std::vector<double> products(const std::vector<double>& a, const std::vector<double>& b) {
-  std::vector<double> out(a.size());
-  std::transform(a.begin(), a.end(), b.begin(), out.begin(), std::multiplies<>());
+Picture windowed(const Picture& values) {
+  static const Eigen::ArrayXd taps = ssim_window();
+  Picture rows = Picture::Zero(values.rows(), values.cols() - kSsimTaps + 1);
+  for (int k = 0; k < kSsimTaps; ++k) rows += taps[k] * values.middleCols(k, rows.cols());
+  Picture out = Picture::Zero(values.rows() - kSsimTaps + 1, rows.cols());
+  for (int k = 0; k < kSsimTaps; ++k) out += taps[k] * rows.middleRows(k, out.rows());
   return out;
 }
 
@@ -161,77 +146,71 @@ double ssim_of_all(const Planes& estimate, const Planes& truth, Geometry g) {
   return sum / static_cast<double>(truth.size());
 }
 
-// What a shift of the truth by d leaves of an estimate, and the step that Gauss and Newton would take from there.
-struct Shift {
-  double x = 0.0;
-  double y = 0.0;
-};
+// What a shift of the truth by d (x, y) leaves of an estimate, and the step that Gauss and Newton would take from
+// there.
 struct ShiftedError {
   double mean_square = std::numeric_limits<double>::infinity();
-  Shift step;
+  Eigen::Vector2d step = Eigen::Vector2d::Zero();
 };
 
-ShiftedError shifted_error(const Plane& estimate, const Plane& truth, Geometry g, Shift d) {
-  Plane moved(g.pixels());
+ShiftedError shifted_error(const Picture& estimate, const Plane& truth, Geometry g, const Eigen::Vector2d& d) {
+  Picture moved(g.height, g.width);
   for (int y = 0; y < g.height; ++y) {
-    for (int x = 0; x < g.width; ++x) moved[at(g, x, y)] = sample(truth, g, x - d.x, y - d.y);
+    for (int x = 0; x < g.width; ++x) moved(y, x) = static_cast<double>(sample(truth, g, x - d.x(), y - d.y()));
   }
-  const int left = 1 + std::max(0, static_cast<int>(std::ceil(d.x)));
-  const int right = g.width - 1 + std::min(0, static_cast<int>(std::floor(d.x)));
-  const int top = 1 + std::max(0, static_cast<int>(std::ceil(d.y)));
-  const int bottom = g.height - 1 + std::min(0, static_cast<int>(std::floor(d.y)));
-  std::array<double, 6> sums{};  // gradient xx, xy, yy; gradient times error x, y; error squared
-  for (int y = top; y < bottom; ++y) {
-    for (int x = left; x < right; ++x) {
-      const auto value = [&](int px, int py) { return static_cast<double>(moved[at(g, px, py)]); };
-      const double gx = (value(x + 1, y) - value(x - 1, y)) / 2.0;
-      const double gy = (value(x, y + 1) - value(x, y - 1)) / 2.0;
-      const double e = static_cast<double>(estimate[at(g, x, y)]) - value(x, y);
-      const std::array terms{gx * gx, gx * gy, gy * gy, gx * e, gy * e, e * e};
-      for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += terms[i];
-    }
+  const int left = 1 + std::max(0, static_cast<int>(std::ceil(d.x())));
+  const int top = 1 + std::max(0, static_cast<int>(std::ceil(d.y())));
+  const int columns = g.width - 1 + std::min(0, static_cast<int>(std::floor(d.x()))) - left;
+  const int rows = g.height - 1 + std::min(0, static_cast<int>(std::floor(d.y()))) - top;
+  const auto beside = [&](int dx, int dy) { return moved.block(top + dy, left + dx, rows, columns); };
+  const Picture gx = (beside(1, 0) - beside(-1, 0)) / 2.0;
+  const Picture gy = (beside(0, 1) - beside(0, -1)) / 2.0;
+  const Picture e = estimate.block(top, left, rows, columns) - beside(0, 0);
+  Eigen::Matrix2d normal;
+  normal << (gx * gx).sum(), (gx * gy).sum(), (gx * gy).sum(), (gy * gy).sum();
+  ShiftedError error{e.square().mean()};
+  if (normal.determinant() > 1e-9 * normal(0, 0) * normal(1, 1)) {
+    error.step = -normal.inverse() * Eigen::Vector2d((gx * e).sum(), (gy * e).sum());
   }
-  const auto [xx, xy, yy, xe, ye, ee] = sums;
-  const double determinant = xx * yy - xy * xy;
-  ShiftedError error{ee / ((right - left) * (bottom - top)), {}};
-  if (determinant > 1e-9 * xx * yy) error.step = {(xy * ye - yy * xe) / determinant, (xy * xe - xx * ye) / determinant};
   return error;
 }
 
 // Mean square error, of every second pixel each way, after a whole shift.
-double whole_shift_error(const Plane& estimate, const Plane& truth, Geometry g, int dx, int dy) {
-  double sum = 0.0;
-  int count = 0;
-  for (int y = std::max(0, dy); y < g.height + std::min(0, dy); y += 2) {
-    for (int x = std::max(0, dx); x < g.width + std::min(0, dx); x += 2, ++count) {
-      sum += std::pow(static_cast<double>(estimate[at(g, x, y)] - truth[at(g, x - dx, y - dy)]), 2);
-    }
-  }
-  return sum / count;
+double whole_shift_error(const Picture& estimate, const Picture& truth, int dx, int dy) {
+  const auto every_second = [&](const Picture& picture, int x, int y) {
+    return picture(Eigen::seqN(y, (picture.rows() - std::abs(dy) + 1) / 2, 2),
+                   Eigen::seqN(x, (picture.cols() - std::abs(dx) + 1) / 2, 2));
+  };
+  return (every_second(estimate, std::max(0, dx), std::max(0, dy)) -
+          every_second(truth, std::max(0, -dx), std::max(0, -dy)))
+      .square()
+      .mean();
 }
 
 // Mean square error at the best shift: of whole ones first, then between them.
 double best_shifted_error(const Plane& estimate, const Plane& truth, Geometry g) {
+  const Picture shown = picture_of(estimate, g);
+  const Picture still = picture_of(truth, g);
   const int far_x = std::min(24, g.width / 4);
   const int far_y = std::min(8, g.height / 4);
-  Shift from;
-  double least = whole_shift_error(estimate, truth, g, 0, 0);
+  const Eigen::Vector2d far(far_x, far_y);
+  Eigen::Vector2d from = Eigen::Vector2d::Zero();
+  double least = whole_shift_error(shown, still, 0, 0);
   for (int y = -far_y; y <= far_y; y += 2) {
     for (int x = -far_x; x <= far_x; x += 2) {
-      const double error = whole_shift_error(estimate, truth, g, x, y);
-      if (error < least) from = {static_cast<double>(x), static_cast<double>(y)};
+      const double error = whole_shift_error(shown, still, x, y);
+      if (error < least) from = {x, y};
       least = std::min(least, error);
     }
   }
-  ShiftedError best = shifted_error(estimate, truth, g, from);
+  ShiftedError best = shifted_error(shown, truth, g, from);
   constexpr int kMostSteps = 12;
   for (int i = 0; i < kMostSteps; ++i) {
-    from = {std::clamp(from.x + best.step.x, -1.0 * far_x, 1.0 * far_x),
-            std::clamp(from.y + best.step.y, -1.0 * far_y, 1.0 * far_y)};
-    const ShiftedError next = shifted_error(estimate, truth, g, from);
+    from = (from + best.step).cwiseMax(-far).cwiseMin(far);
+    const ShiftedError next = shifted_error(shown, truth, g, from);
     const bool better = next.mean_square < best.mean_square;
     if (better) best = next;
-    if (!better || std::hypot(best.step.x, best.step.y) < 0.01) break;
+    if (!better || best.step.norm() < 0.01) break;
   }
   return best.mean_square;
 }
@@ -252,24 +231,15 @@ double psnr(double rmse, double range) {
 
 double ssim(std::span<const float> a, std::span<const float> b, Geometry g, double range) {
   if (g.width < kSsimTaps || g.height < kSsimTaps) return kNan;
-  const std::vector<double> x(a.begin(), a.end());
-  const std::vector<double> y(b.begin(), b.end());
-  const auto mean_x = windowed(x, g);
-  const auto mean_y = windowed(y, g);
-  const auto xx = windowed(products(x, x), g);
-  const auto yy = windowed(products(y, y), g);
-  const auto xy = windowed(products(x, y), g);
+  const Picture x = picture_of(a, g);
+  const Picture y = picture_of(b, g);
+  const Picture mx = windowed(x);
+  const Picture my = windowed(y);
   const double c1 = std::pow(0.01 * range, 2);
   const double c2 = std::pow(0.03 * range, 2);
-  double sum = 0.0;
-  for (std::size_t i = 0; i < mean_x.size(); ++i) {
-    const double mx = mean_x[i];
-    const double my = mean_y[i];
-    const double spread = xx[i] - mx * mx + yy[i] - my * my + c2;
-    const double common = 2.0 * (xy[i] - mx * my) + c2;
-    sum += (2.0 * mx * my + c1) * common / ((mx * mx + my * my + c1) * spread);
-  }
-  return sum / static_cast<double>(mean_x.size());
+  const Picture spread = windowed(x * x) - mx * mx + windowed(y * y) - my * my + c2;
+  const Picture common = 2.0 * (windowed(x * y) - mx * my) + c2;
+  return ((2.0 * mx * my + c1) * common / ((mx * mx + my * my + c1) * spread)).mean();
 }
 
 double edge_width(const Planes& estimate, const Planes& truth, Geometry g) {
@@ -312,32 +282,24 @@ double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry g) {
 
 double flat_noise(const Planes& estimate, const Planes& truth, Geometry g) {
   constexpr int kTile = 16;
-  struct Spread {
-    double truth = 0.0;
-    double error = 0.0;
-  };
-  std::vector<Spread> tiles;
+  std::vector<std::pair<double, double>> tiles;  // mean squares about their means, of truth and error
   for (std::size_t k = 0; k < truth.size(); ++k) {
-    for (int ty = 0; ty + kTile <= g.height; ty += kTile) {
-      for (int tx = 0; tx + kTile <= g.width; tx += kTile) {
-        std::array<double, 4> sums{};
-        for (int i = 0; i < kTile * kTile; ++i) {
-          const std::size_t p = at(g, tx + i % kTile, ty + i / kTile);
-          const auto t = static_cast<double>(truth[k][p] - truth[k][at(g, tx, ty)]);
-          const double e = static_cast<double>(estimate[k][p]) - static_cast<double>(truth[k][p]);
-          const std::array terms{t, t * t, e, e * e};
-          for (std::size_t s = 0; s < sums.size(); ++s) sums[s] += terms[s] / (kTile * kTile);
-        }
-        tiles.push_back({sums[1] - sums[0] * sums[0], sums[3] - sums[2] * sums[2]});
+    const Picture still = picture_of(truth[k], g);
+    const Picture error = picture_of(estimate[k], g) - still;
+    for (int y = 0; y + kTile <= g.height; y += kTile) {
+      for (int x = 0; x + kTile <= g.width; x += kTile) {
+        const auto spread = [&](const Picture& whole) {
+          const Picture tile = whole.block(y, x, kTile, kTile);
+          return (tile - tile.mean()).square().mean();
+        };
+        tiles.emplace_back(spread(still), spread(error));
       }
     }
   }
   if (tiles.empty()) return kNan;
-  std::ranges::sort(tiles, {}, &Spread::truth);
+  std::ranges::sort(tiles);
   tiles.resize(std::max<std::size_t>(1, tiles.size() / 10));
-  const double sum =
-      std::accumulate(tiles.begin(), tiles.end(), 0.0, [](double s, const Spread& t) { return s + t.error; });
-  return std::sqrt(std::max(0.0, sum / static_cast<double>(tiles.size())));
+  return std::sqrt(sum_of(tiles, &std::pair<double, double>::second) / static_cast<double>(tiles.size()));
 }
 
 Json measure(const Planes& estimate, const Planes& truth, Geometry g) {

@@ -1,0 +1,49 @@
+// Files of numbers that people write: a row a line, with commas between.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "src/core/input_file.hpp"
+#include "src/core/result.hpp"
+#include "src/core/text.hpp"
+
+namespace bolo {
+
+// Exactly N finite numbers; nothing of any other line. Thread: any.
+template <std::size_t N>
+std::optional<std::array<double, N>> numbers_of(std::string_view line) {
+  std::array<double, N> values{};
+  for (std::size_t i = 0; i < N; ++i) {
+    const std::size_t comma = line.find(',');
+    const std::optional<double> value = number_of(trimmed(line.substr(0, comma)));
+    if (!value || (comma == std::string_view::npos) != (i + 1 == N)) return std::nullopt;
+    values[i] = *value;
+    line.remove_prefix(comma == std::string_view::npos ? line.size() : comma + 1);
+  }
+  return values;
+}
+
+// take(line, first) for each line in turn but empty ones and those that begin with #; `first` may be a header. What it
+// refuses is told with file and line. Thread: any.
+template <typename Take>
+Status read_rows(const std::filesystem::path& file, const Take& take) {
+  ASSIGN_OR_RETURN(std::string whole, read_input(file));
+  std::istringstream in(std::move(whole));
+  std::string text;
+  bool first = true;
+  for (int number = 1; std::getline(in, text); ++number) {
+    const std::string_view line = trimmed(text);
+    if (line.empty() || line.front() == '#') continue;
+    const Status taken = take(line, std::exchange(first, false));
+    if (!taken) return at(file.string() + ":" + std::to_string(number), taken.error());
+  }
+  return {};
+}
+
+}  // namespace bolo
