@@ -29,6 +29,8 @@ constexpr double kLeastGrowth = 1.0;  // over the recording, of the mean: from a
 constexpr double kLeastGain = 0.0015;
 constexpr double kMostLikeness = 0.2;  // of gains of neighbours
 constexpr double kClearTime = 3.5;     // standard errors of a time, which have what the models are off by in them
+constexpr double kLeastTau = 0.025;    // of the time constant, that it is off by
+constexpr double kLeastDelay_s = 5e-6;
 
 bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
 
@@ -194,17 +196,18 @@ void name_parts(const FieldParts& parts, Findings& out) {
 double name_times(const FromMotion& motion, const Options& options, Findings& out) {
   double closed = 0.0;
   const auto judge = [&](const char* effect, const char* key, const FromMotion::Figure& found, double nominal,
-                         double unit, const char* alike) {
-    const double z = std::abs(found.value.value - nominal) / found.value.error();
-    if (z < kClearTime) return;
+                         double unit, double least, const char* alike) {
+    const double off = std::abs(found.value.value - nominal);
+    const double z = off / found.value.error();
+    if (z < kClearTime || off < least) return;
     if (allowed(options, effect)) closed += found.gap_before * found.gap_before - found.gap_after * found.gap_after;
     add_named(out, effect, z, {{key, interval(found.value.value / unit, found.value.error() / unit)}},
               {found.gap_before, found.gap_after}, "the moving scene tells another time than the profile", alike);
   };
   const double tau_s = options.profile.tau_s;
-  if (motion.tau_s) judge("tau_global", "scale", *motion.tau_s, tau_s, tau_s, "iir");
+  if (motion.tau_s) judge("tau_global", "scale", *motion.tau_s, tau_s, tau_s, kLeastTau * tau_s, "iir");
   if (motion.row_delay_s) {
-    judge("row_delay", "row_delay_s", *motion.row_delay_s, options.profile.row_delay_s, 1.0, nullptr);
+    judge("row_delay", "row_delay_s", *motion.row_delay_s, options.profile.row_delay_s, 1.0, kLeastDelay_s, nullptr);
   }
   return closed;
 }

@@ -18,6 +18,7 @@ using deblur::GapMeter;
 constexpr int kBlocks = 16;             // of time, of the jackknife
 constexpr int kFewestShears = 192;      // frames
 constexpr double kOutlyingShear = 6.0;  // standard deviations of a shear
+constexpr double kMostChange_px = 8.0;  // of the velocity, a frame: beyond it the scene was not followed
 constexpr std::size_t kFewestBursts = 4;
 constexpr double kOutlyingBurst = 5.0;  // standard deviations of the bursts' time constants
 // What the models are off by, whatever the noise: of streets, by trajectories and sizes that gave the rest of the
@@ -178,8 +179,9 @@ std::vector<Shear> shears_of(const Followed& all, std::size_t axis) {
   const auto count = static_cast<Index>(all.frames.size());
   for (Index k = 3; k + 2 < count; ++k) {
     if (!all.whole(k - 3, k + 2)) continue;
-    out.push_back({static_cast<int>(k * kBlocks / count), velocity_at(all, k, axis) - velocity_at(all, k - 1, axis),
-                   all.at(k).affine[3 * axis + 2]});
+    const double change = velocity_at(all, k, axis) - velocity_at(all, k - 1, axis);
+    if (std::abs(change) > kMostChange_px) continue;
+    out.push_back({static_cast<int>(k * kBlocks / count), change, all.at(k).affine[3 * axis + 2]});
   }
   if (out.empty()) return out;
   const double middle = median(mapped(out, [](const Shear& s) { return s.shear; }));

@@ -185,6 +185,12 @@ double around(const ArrayXf& map, Index p, Geometry g) {
   return values.size() < 3 ? 0.0 : median(std::move(values));
 }
 
+// As a standard deviation; a few that stand out do not count.
+double usual_scatter(const std::vector<double>& values) {
+  const double middle = median(values);
+  return kSigmaOfMad * median(mapped(values, [middle](double v) { return std::abs(v - middle); }));
+}
+
 // By how much what stays before a pixel differs from one of its neighbours to the one across, the larger way.
 double slope_at(const ArrayXf& map, Index p, Geometry g) {
   const Index x = p % g.width;
@@ -202,24 +208,25 @@ std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const s
   const Index pixels = cells.residual.values.cols();
   ArrayXf scatter = ArrayXf::Zero(pixels);
   ArrayXf follows = ArrayXf::Zero(pixels);  // slope and one half; 0: not known
-  ArrayXf varies = ArrayXf::Zero(pixels);   // what is predicted, standard deviation
+  ArrayXf varies = ArrayXf::Zero(pixels);   // what is predicted, mostly
   ArrayXf level = ArrayXf::Zero(pixels);    // in the mean
-  std::vector<double> size;
+  std::vector<double> predicted;
+  std::vector<double> missed;
   for (Index p = 0; p < pixels; ++p) {
     Line line;
-    size.clear();
+    predicted.clear();
+    missed.clear();
     for (const Index i : of) {
       if (cells.residual.valid(i, cells.blocks.of(p)) == 0) continue;
       const double y = frames.values(sights[static_cast<std::size_t>(i)].frame, p);
-      line.add(y - cells.residual.values(i, p), y);
-      size.push_back(cells.residual.values(i, p));
+      missed.push_back(cells.residual.values(i, p));
+      predicted.push_back(y - missed.back());
+      line.add(predicted.back(), y);
     }
     if (line.count() < kLeastLooks) continue;
     level[p] = static_cast<float>(line.level(0.0));
-    const double middle = median(size);
-    for (double& one : size) one = std::abs(one - middle);
-    scatter[p] = static_cast<float>(median(size));
-    varies[p] = static_cast<float>(std::sqrt(line.scatter_x() / line.count()));
+    scatter[p] = static_cast<float>(usual_scatter(missed));
+    varies[p] = static_cast<float>(usual_scatter(predicted));
     if (varies[p] > kSeenContrast * floor) follows[p] = static_cast<float>(std::max(line.slope(), -0.4) + 0.5);
   }
   std::vector<char> deaf(static_cast<std::size_t>(pixels), 0);
@@ -227,7 +234,7 @@ std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const s
     const double edge = kOfEdge * slope_at(level, p, g);
     const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
     const double usual = around(scatter, p, g);
-    const bool noisy = usual > 0.0 && scatter[p] > kNoisy * usual;
+    const bool noisy = usual > 0.0 && scatter[p] > kNoisy * std::max(usual, floor);  // coarse steps may hide noise
     deaf[static_cast<std::size_t>(p)] = (still && varies[p] > edge) || (noisy && scatter[p] > edge) ? 1 : 0;
   }
   return deaf;
