@@ -94,9 +94,9 @@ TEST_F(DiagnoseVerb, WritesTheReportAndSaysWhatItFound) {
 
 // Before any capture is read.
 TEST_F(DiagnoseVerb, APlaceThatTakesNoReportIsRefusedAtOnce) {
-  for (const std::vector<std::string>& place :
-       {{"-o", files_[0]}, {"-o", folder_ / "out", "--write-profile", folder_ / "missing" / "p.toml"}}) {
-    std::vector<std::string> words = place;
+  using Words = std::vector<std::string>;
+  const Words profile{"-o", folder_ / "out", "--write-profile", folder_ / "missing" / "p.toml"};
+  for (Words words : {Words{"-o", files_[0]}, profile}) {
     words.push_back(folder_ / "missing.h5");
     const Outcome outcome = run(words);
     EXPECT_EQ(outcome.exit_code, 2);
