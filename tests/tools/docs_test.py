@@ -34,10 +34,13 @@ ENDLESS = {"bolo view ": lambda said, folder: "http://" in said, "bolo stat ": l
 
 def environment(folder):
     """The caller's, and what quickstart tells users to add to it."""
-    lines = re.findall(r'echo "(export .*)"', (SOURCE / "tools/quickstart").read_text())
-    assert len(lines) == 2, lines
-    script = "\n".join([f"root={SOURCE}", *lines, "env -0"]).replace("\\$", "$").replace("$root/build/release", str(BUILD))
-    told = subprocess.run(["bash", "-c", script], check=True, capture_output=True, text=True).stdout
+    def printed(script):
+        return subprocess.run(["bash", "-c", script], check=True, capture_output=True, text=True).stdout
+
+    told = re.search(r"printf 'export PATH=.*\\\n.*", (SOURCE / "tools/quickstart").read_text())[0]
+    lines = printed(f"root={SOURCE}\n{told}").replace(f"{SOURCE}/build/release", str(BUILD))
+    assert lines.count("export ") == 2, lines
+    told = printed(f"{lines}env -0")
     found = dict(entry.split("=", 1) for entry in told.split("\0") if entry)
     editor = folder / "editor"
     address = own_address()
