@@ -67,7 +67,8 @@ class WeightTable {
 
   // Weights across the motion for what `along` makes; `structure`: half the mean square difference of the past's mean
   // over 2 px across, less its noise. `e`: direction of the motion. Thread: any.
-  void find_across(const FilterWeights& along, const Place& place, Vec2 e, float structure, AcrossWeights& out) const noexcept;
+  void find_across(const FilterWeights& along, const Place& place, Vec2 e, float structure,
+                   AcrossWeights& out) const noexcept;
 
   // Of the contrast at lag_of(a speed) to that at two pixels. Thread: any.
   float lag_factor(float speed) const noexcept;
@@ -100,7 +101,7 @@ class WeightTable {
   std::array<float, kSpeeds> lag_factor_{};          // of the contrast at lag_of(speed) to that at two pixels
   std::array<float, kSpeeds> across_factor_{};       // of the scene's contrast over 2 px to that of y across the motion
   std::array<std::vector<FilterWeights>, 2> cells_;  // with the near past's mean, and the whole past's
-  std::vector<float> far_gain_;  // by how much the far past makes the mean square error less
+  std::vector<float> far_gain_;                      // by how much the far past makes the mean square error less
   std::vector<float> per_pixel_;
   std::array<AcrossWeights, kRatios> across_;  // by contrast over 2 px in units of the noise's variance
 };
