@@ -362,7 +362,7 @@ float WeightTable::near_error(const Place& place, const PathWeights* path, float
   float error = 0.0F;
   for (std::size_t k = 0; k < place.cell.size(); ++k) {
     const float straight = cells_[0][place.cell[k]].w[FilterWeights::kError];
-    const FilterWeights* of_path = bent > 0.0F ? path->at(place.cell[k] % kKinds) : nullptr;
+    const FilterWeights* of_path = path != nullptr && bent > 0.0F ? path->at(place.cell[k] % kKinds) : nullptr;
     const float along = of_path != nullptr ? of_path->w[FilterWeights::kError] : straight;
     error += place.share[k] * (straight + bent * (along - straight));
   }
@@ -372,7 +372,7 @@ float WeightTable::near_error(const Place& place, const PathWeights* path, float
 float WeightTable::far_gain(const Place& place, float beside) const noexcept {
   float less = 0.0F;
   for (std::size_t k = 0; k < place.cell.size(); ++k) less += place.share[k] * far_gain_[place.cell[k]];
-  const float error = std::max(near_error(place, nullptr, 0.0F), 0.0F);
+  const float error = std::max(near_error(place), 0.0F);
   return std::clamp((less * error / (error + beside + 1e-30F) + kMayAdd) / kWorthwhile, 0.0F, 1.0F);
 }
 
@@ -387,7 +387,7 @@ void WeightTable::find(const Kernels& kernels, const Place& place, float far, Fi
     shares[count++] = share;
   };
   for (std::size_t k = 0; k < place.cell.size(); ++k) {
-    const FilterWeights* of_path = bent > 0.0F ? path->at(place.cell[k] % kKinds) : nullptr;
+    const FilterWeights* of_path = path != nullptr && bent > 0.0F ? path->at(place.cell[k] % kKinds) : nullptr;
     const float along = of_path != nullptr ? bent : 0.0F;
     if (of_path != nullptr) add(*of_path, (1.0F - far) * along * place.share[k]);
     add(cells_[0][place.cell[k]], (1.0F - far) * (1.0F - along) * place.share[k]);
