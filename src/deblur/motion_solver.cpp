@@ -133,7 +133,8 @@ int MotionSolver::scene_length(int newest) noexcept {
 
 // True if there is another displacement within its scene: repeated texture matches far away, too.
 bool MotionSolver::is_confirmed(int newest) noexcept {
-  for (int i = 1; i < scene_length(newest); ++i) {
+  const int length = scene_length(newest);
+  for (int i = 1; i < length; ++i) {
     if (displacement(newest + i).there) return true;
   }
   return false;

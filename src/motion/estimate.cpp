@@ -196,10 +196,10 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
       const float from_fit = unexplained / gradient / (kMeanAge * kMeanAge);
       const float sigma =
           std::sqrt(from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
-      unexplained_.at(c, row) = unexplained;
+      unexplained_.at(c, row) = unexplained * age * age / noise;
       contrast_across_.at(c, row) = across / noise;
       place_.at(c, row) = table_->place_of(speed, structure / noise, sigma / std::max(speed, kSlowest));
-      far_gain_.at(c, row) = table_->far_gain(place_.at(c, row), unexplained * age * age / noise);
+      far_gain_.at(c, row) = table_->far_gain(place_.at(c, row), unexplained_.at(c, row));
       far_share_.at(c, row) = 0.0F;
     }
   });
@@ -337,13 +337,12 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
   gauss_of_9(raw_[3], row, smooth_[1]);
   const auto noise = static_cast<float>(in.noise * in.noise);
   const auto of_innovation = kMargin * static_cast<float>(inertia_.noise()) * noise;
-  const auto age = static_cast<float>(inertia_.tau) / kMeanAge;
   const auto first = static_cast<std::size_t>(row) * static_cast<std::size_t>(step_.across());
   for (std::size_t i = first; i < first + static_cast<std::size_t>(step_.across()); ++i) {
     const float error = std::max(table_->near_error(place_[i], &path_weights_, bent_[i]), 0.0F);
     const float left = std::max(smooth_[0][i] - of_innovation, 0.0F);
     step_[i] = leaves_[i] != 0 ? 0.0F : left / (left + of_innovation + kOfError * error * noise + 1e-30F);
-    const float mine = error + unexplained_[i] * age * age / noise;
+    const float mine = error + unexplained_[i];
     const Evidence evidence{
         .mine = mine,
         .other = in.other_error[i],

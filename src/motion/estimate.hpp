@@ -95,8 +95,8 @@ class Estimator {
   ScalarField contrast_across_;  // noise variances
   ScalarField far_gain_;         // how much of the far past is of use, and taken
   ScalarField far_share_;
-  ScalarField bent_;  // how much of the weights is the path's
-  ScalarField unexplained_;
+  ScalarField bent_;         // how much of the weights is the path's
+  ScalarField unexplained_;  // mean square error that no weights take out, noise variances
   BlockField<char> leaves_;  // where trails do not stay within the picture
   ScalarField step_;         // how much of what is left is added
   ScalarField share_;

@@ -23,8 +23,8 @@ constexpr std::array kUncertain = {0.004, 0.02, 0.07, 0.25, 1.0};  // of the spe
 constexpr int kNodes = 48;                                         // of ages
 constexpr double kSmallestRatio = 1e-3;                            // of contrast across to noise
 constexpr double kRatioDecades = 0.15;                             // a step
-constexpr float kMayAdd = -0.01F;       // of the mean square error, that the far past adds where it is not yet used
-constexpr float kWorthwhile = 0.1F;     // between that and where it is used in full
+constexpr float kLeastLess = 0.01F;     // of the mean square error, that the far past must take off to be used
+constexpr float kWorthwhile = 0.1F;     // more than that: it is used in full
 constexpr float kLeastAcross = 0.007F;  // noise variances
 constexpr float kSlanted = 0.7F;        // of the noise, that values between pixels have less on the diagonal
 constexpr float kLargestIndex = 1e-4F;  // below the last, so that there is one above
@@ -169,7 +169,7 @@ double WeightTable::contrast_of(std::size_t kind) noexcept {
 double WeightTable::uncertainty_of(std::size_t kind) noexcept { return kUncertain[kind % kUncertainties]; }
 
 WeightTable::WeightTable(double tau_periods, int ahead)
-    : tau_(tau_periods), ahead_(ahead), far_gain_(kCells), per_pixel_(kCells) {
+    : tau_(tau_periods), ahead_(ahead), far_less_(kCells), per_pixel_(kCells) {
   for (std::vector<FilterWeights>& cells : cells_) cells.resize(kCells);
   constexpr std::array kSlow = {0.02, 0.05, 0.1};
   for (std::size_t i = 0; i < kSpeeds; ++i) {
@@ -268,8 +268,7 @@ void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
   }
   for (std::size_t c = 0; c < kContrasts; ++c) {
     const std::size_t i = cell(speed, c, uncertainty);
-    const float less = 1.0F - cells_[1][i].w[FilterWeights::kError] / cells_[0][i].w[FilterWeights::kError];
-    far_gain_[i] = less;
+    far_less_[i] = 1.0F - cells_[1][i].w[FilterWeights::kError] / cells_[0][i].w[FilterWeights::kError];
   }
 }
 
@@ -371,9 +370,9 @@ float WeightTable::near_error(const Place& place, const PathWeights* path, float
 
 float WeightTable::far_gain(const Place& place, float beside) const noexcept {
   float less = 0.0F;
-  for (std::size_t k = 0; k < place.cell.size(); ++k) less += place.share[k] * far_gain_[place.cell[k]];
+  for (std::size_t k = 0; k < place.cell.size(); ++k) less += place.share[k] * far_less_[place.cell[k]];
   const float error = std::max(near_error(place), 0.0F);
-  return std::clamp((less * error / (error + beside + 1e-30F) + kMayAdd) / kWorthwhile, 0.0F, 1.0F);
+  return std::clamp((less * error / (error + beside + 1e-30F) - kLeastLess) / kWorthwhile, 0.0F, 1.0F);
 }
 
 void WeightTable::find(const Kernels& kernels, const Place& place, float far, FilterWeights& out,

@@ -101,7 +101,7 @@ class WeightTable {
   std::array<float, kSpeeds> lag_factor_{};          // of the contrast at lag_of(speed) to that at two pixels
   std::array<float, kSpeeds> across_factor_{};       // of the scene's contrast over 2 px to that of y across the motion
   std::array<std::vector<FilterWeights>, 2> cells_;  // with the near past's mean, and the whole past's
-  std::vector<float> far_gain_;                      // by how much the far past makes the mean square error less
+  std::vector<float> far_less_;                      // part of the mean square error that the far past takes off
   std::vector<float> per_pixel_;
   std::array<AcrossWeights, kRatios> across_;  // by contrast over 2 px in units of the noise's variance
 };
