@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "src/core/clock.hpp"
 #include "src/deblur/method.hpp"
@@ -16,6 +17,7 @@ constexpr float kLargestValue = 1e7F;
 constexpr float kMovesItself = 0.5F;   // px a frame
 constexpr double kCut = 2.0;           // px that half of the picture is off
 constexpr double kTimesNext = 4.0;     // as far off as the displacement after it leaves it
+constexpr int kBefore = 3;             // displacements, that one which does not match is held against
 constexpr double kUnconfirmed = 12.0;  // px a frame: what is faster is believed once it was seen twice
 constexpr double kAbrupt = 0.9;        // of Path::steady: above it nothing stopped just now
 
@@ -119,15 +121,20 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   }
 }
 
-// Number of displacements up to that of the period `newest` before the newest within one scene. What does not match
-// at all, where the next does, is a cut; what never matches is a scene of many motions.
+// What does not match at all, where the displacements [from, to) do, is a cut; what never matches is a scene of many
+// motions.
+bool MotionSolver::is_cut(int at, int from, int to) noexcept {
+  double least = std::numeric_limits<double>::max();
+  for (int i = from; i < to; ++i) {
+    if (displacement(i).there) least = std::min(least, displacement(i).misfit);
+  }
+  return displacement(at).there && displacement(at).misfit > std::max(kCut, kTimesNext * least);
+}
+
+// Number of displacements up to that of the period `newest` before the newest within one scene.
 int MotionSolver::scene_length(int newest) noexcept {
   int length = 1;
-  for (; length < motion::kHistory; ++length) {
-    const Displacement& d = displacement(newest + length);
-    const Displacement& next = displacement(newest + length - 1);
-    if (d.there && next.there && d.misfit > std::max(kCut, kTimesNext * next.misfit)) break;
-  }
+  while (length < motion::kHistory && !is_cut(newest + length, newest, newest + length)) ++length;
   return length;
 }
 
@@ -182,6 +189,9 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   motion::Displacements left = history(newest, told);
   const bool knows = ask_gyro(meta, newest, left, told);
   path = motion::path_of(inertia_, left, ahead, displacement(newest).uncertainty, knows ? &told : nullptr);
+  for (int i = 0; i <= target; ++i) {
+    if (is_cut(i, i + 1, i + 1 + kBefore)) path.steady = 0.0;
+  }
   if (!is_confirmed(newest)) {
     const motion::Vec2 d = displacement(newest).motion.at(0.0, 0.0);
     path.steady /= 1.0 + std::pow(std::hypot(d.x, d.y) / kUnconfirmed, 4.0);

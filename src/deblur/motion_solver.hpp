@@ -62,6 +62,7 @@ class MotionSolver final : public Solver {
   void take(const void* plane, Crew& crew) noexcept;
   void load(const void* plane, motion::PaddedPlane& to) const noexcept;
   bool find_path(const FrameMeta& meta, motion::Path& path, bool& ahead) noexcept;
+  bool is_cut(int at, int from, int to) noexcept;
   int scene_length(int newest) noexcept;
   bool is_confirmed(int newest) noexcept;
   motion::Displacements history(int newest, const motion::Told& told) noexcept;

@@ -16,6 +16,9 @@ constexpr double kByChance = 8.0;    // what a second difference may be by noise
 // Of the speed: what second differences were before is taken for a hand's, or for noise that the uncertainty does not
 // cover. More would let noise of .8 K pass for motion (MotionSafety), less costs hands in .5 K of noise 3 %.
 constexpr double kMostUsual = 0.25;
+// px of a frame as long as tau: hands go to and fro by up to 3.6 (0.7 px at 200 Hz, 8 at 60). What repeats is matched
+// now here, now there.
+constexpr double kHop = 4.0;
 // With a bend that is told only the error of straight trails remains, and it drowns in noise.
 constexpr double kTold = 6.0;         // times kByChance
 constexpr double kUnexplained = 0.5;  // of the squared changes, that a gyro may leave, and what noise makes of them
@@ -79,14 +82,28 @@ float jerk(const Displacements& d, std::size_t i) noexcept {
   return std::hypot(j.x, j.y);
 }
 
-double steadiness(const Displacements& d, double uncertainty) noexcept {
+// The largest change of the picture's middle that the next one takes back, px a frame.
+double hop(const Displacements& d) noexcept {
+  double most = 0.0;
+  for (std::size_t i = 0; i + 2 < d.size(); ++i) {
+    const Vec2 here = d[i + 1].at(0.0, 0.0);
+    const Vec2 in = here - d[i + 2].at(0.0, 0.0);
+    const Vec2 out = d[i].at(0.0, 0.0) - here;
+    if (in.x * out.x + in.y * out.y < 0.0F)
+      most = std::max<double>(most, std::min(std::hypot(in.x, in.y), std::hypot(out.x, out.y)));
+  }
+  return most;
+}
+
+double steadiness(const Inertia& inertia, const Displacements& d, double uncertainty) noexcept {
   const Vec2 last = d[1].at(0.0, 0.0);
   const double speed = std::max<double>(std::hypot(last.x, last.y), kSlowPan);
   const double chance = kByChance * uncertainty;
   const double before = std::max({jerk(d, 3), jerk(d, 4), jerk(d, 5)});  // not touched by what was abrupt just now
   const double usual = std::clamp(before, chance, std::max(chance, kMostUsual * speed));
   const double relative = std::max(jerk(d, 0) - kUnnoticed - usual, 0.0) / (kAbrupt * speed + chance);
-  return 1.0 / (1.0 + relative * relative * relative * relative);
+  const double hops = std::max(hop(d) - chance, 0.0) * inertia.tau * inertia.tau / kHop;
+  return 1.0 / (1.0 + std::pow(relative, 4.0) + std::pow(hops, 4.0));
 }
 
 // James and Stein's estimator: towards the mean by the share of the scatter that chance explains.
@@ -130,8 +147,9 @@ Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, doub
   for (std::size_t i = 0; i < u.size(); ++i) path.spans[i] = u[std::min(now + i, u.size() - 1)];
   path.next = u[0];
   path.displacement = d[now] + known.displacements[now];
-  path.steady = std::min({steadiness(left, uncertainty), steadiness(d + known.displacements, kTold * uncertainty),
-                          steadiness(d + known.spans, kTold * uncertainty)});
+  path.steady = std::min({steadiness(inertia, left, uncertainty),
+                          steadiness(inertia, d + known.displacements, kTold * uncertainty),
+                          steadiness(inertia, d + known.spans, kTold * uncertainty)});
   const Affine mean = mean_of(left);
   for (std::size_t i = now; told != nullptr && i < u.size() && rests(mean + told->spans[i]); ++i) ++path.rests;
   Affine moved;
