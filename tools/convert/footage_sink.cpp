@@ -242,7 +242,7 @@ class FilmSink final : public FootageSink {
     ASSIGN_OR_RETURN(FileBeside file, FileBeside::create(target.file));
     std::vector<std::string> words{"ffmpeg"};
     std::istringstream options(
-        fmt::format("-v error -nostdin -y -f rawvideo -pix_fmt gray -s {}x{} -r {:.6g} "
+        fmt::format("-v error -xerror -nostdin -y -f rawvideo -pix_fmt gray -s {}x{} -r {:.6g} "
                     "-i pipe:0 -vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -pix_fmt yuv420p -c:v libx264 "  // even sides
                     "-movflags +faststart -f mp4",
                     format.geometry.width, format.geometry.height, 1.0 / format.frame_period_s));
