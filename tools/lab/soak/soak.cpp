@@ -52,12 +52,10 @@ std::vector<std::string> not_done(const Schedule& schedule) {
   for (const KindInfo& info : kinds()) {
     if (scheduled.contains(info.kind)) continue;
     const bool no_room = std::ranges::find(schedule.no_room, info.kind) != schedule.no_room.end();
-    const char* const why =
-        no_room ? "no room in a run so short"
-        : info.kind == Kind::kClockStep
-            ? "it would set the whole computer's clock: --step-clock does; time_jump moves the camera's"
-        : info.kind == Kind::kCameraReplaced ? "it begins each round after the first, and there is one only"
-                                             : "not asked for";
+    const char* const why = no_room ? "no room in a run so short"
+                            : info.kind == Kind::kCameraReplaced
+                                ? "it begins each round after the first, and there is one only"
+                                : "not asked for";
     all.push_back(std::string(info.name) + ": " + why);
   }
   return all;
@@ -175,7 +173,6 @@ cxxopts::Options make_options() {
                           "FILE");
   add_option<std::string>(options, "only", "These kinds of trouble only; may be given again (--schedule shows all)",
                           nullptr, "KIND");
-  add_option<bool>(options, "step-clock", "Set this computer's clock by 2 s and back, too; as root");
   add_option<double>(options, "latency-ms", "Most that 99 % of the frames of quiet times may take", "100", "MS");
   add_option<std::string>(options, "report", "Folder for report.txt, report.json and the daemon's log", "", "DIR");
   add_option<bool>(options, "schedule", "Print what would happen when, and end");
@@ -204,9 +201,8 @@ Result<std::set<Kind>> read_kinds(const cxxopts::ParseResult& parsed) {
     if (!kind) return bad_input("--only '" + argument.value() + "' is no kind; bolo-lab soak --schedule shows all");
     named.insert(*kind);
   }
-  if (!named.empty()) return named;
-  for (const KindInfo& info : kinds()) {
-    if (info.kind != Kind::kClockStep || parsed.count("step-clock") != 0) named.insert(info.kind);
+  if (named.empty()) {
+    for (const KindInfo& info : kinds()) named.insert(info.kind);
   }
   return named;
 }
