@@ -15,17 +15,6 @@ namespace bolo::fakecam {
 using Bytes = std::span<std::uint8_t>;
 using ConstBytes = std::span<const std::uint8_t>;
 
-// The caller has checked that the field lies inside `bytes`; load_u16() and load_u32() are core's. Thread: any.
-constexpr void store_u16(Bytes bytes, std::size_t at, std::uint16_t value) {
-  bytes[at] = static_cast<std::uint8_t>(value >> 8U);
-  bytes[at + 1] = static_cast<std::uint8_t>(value & 0xffU);
-}
-
-constexpr void store_u32(Bytes bytes, std::size_t at, std::uint32_t value) {
-  store_u16(bytes, at, static_cast<std::uint16_t>(value >> 16U));
-  store_u16(bytes, at + 2, static_cast<std::uint16_t>(value & 0xffffU));
-}
-
 // The control protocol (chapters 13 to 16).
 namespace gvcp {
 

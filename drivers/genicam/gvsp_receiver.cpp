@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "drivers/genicam/network.hpp"
+#include "src/core/byte_order.hpp"
 #include "src/core/clock.hpp"
 #include "src/rt/thread.hpp"
 
@@ -26,32 +27,6 @@ constexpr std::int64_t kIdleNs = 1'000'000'000;
 constexpr int kNiceLevel = -10;
 constexpr long kLeastPauseNs = 60'000;  // about what a sleep is late by
 constexpr long kMostPauseNs = 2'000'000;
-
-sockaddr_in address_of(const std::string& ipv4, std::uint16_t port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  inet_pton(AF_INET, ipv4.c_str(), &address.sin_addr);
-  return address;
-}
-
-class GvcpWords {
- public:
-  void add16(unsigned value) noexcept {
-    bytes_[size_++] = static_cast<std::uint8_t>(value >> 8U & 0xffU);
-    bytes_[size_++] = static_cast<std::uint8_t>(value & 0xffU);
-  }
-  void add32(std::uint32_t value) noexcept {
-    add16(value >> 16U);
-    add16(value & 0xffffU);
-  }
-  const std::uint8_t* data() const noexcept { return bytes_.data(); }
-  std::size_t size() const noexcept { return size_; }
-
- private:
-  std::array<std::uint8_t, 28> bytes_{};
-  std::size_t size_ = 0;
-};
 
 }  // namespace
 
@@ -159,20 +134,19 @@ void Receiver::request_resend(const ResendRequest& request) noexcept {
   constexpr unsigned kResendExtendedIds = 0x10;
   constexpr unsigned kPacketResend = 0x0040;
   request_id_ = request_id_ == 0xffff ? std::uint16_t{1} : static_cast<std::uint16_t>(request_id_ + 1);
-  GvcpWords words;
-  words.add16(kKey << 8U | (request.extended ? kResendExtendedIds : 0U));
-  words.add16(kPacketResend);
-  words.add16(request.extended ? 20 : 12);
-  words.add16(request_id_);
-  words.add16(0);  // stream channel
-  words.add16(request.extended ? 0U : static_cast<unsigned>(request.frame_id));
-  words.add32(request.extended ? request.first : request.first & kShortPacketId);
-  words.add32(request.extended ? request.last : request.last & kShortPacketId);
-  if (request.extended) {
-    words.add32(static_cast<std::uint32_t>(request.frame_id >> 32U));
-    words.add32(static_cast<std::uint32_t>(request.frame_id));
-  }
-  sendto(socket_.get(), words.data(), words.size(), MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&camera_),
+  std::array<std::uint8_t, 28> message{};
+  const std::size_t bytes = request.extended ? 28 : 20;
+  const std::uint32_t ids = request.extended ? ~std::uint32_t{0} : kShortPacketId;
+  store_u16(message, 0, kKey << 8U | (request.extended ? kResendExtendedIds : 0U));
+  store_u16(message, 2, kPacketResend);
+  store_u16(message, 4, static_cast<std::uint32_t>(bytes - 8));
+  store_u16(message, 6, request_id_);
+  if (!request.extended) store_u16(message, 10, static_cast<std::uint32_t>(request.frame_id));
+  store_u32(message, 12, request.first & ids);
+  store_u32(message, 16, request.last & ids);
+  store_u32(message, 20, static_cast<std::uint32_t>(request.frame_id >> 32U));
+  store_u32(message, 24, static_cast<std::uint32_t>(request.frame_id));
+  sendto(socket_.get(), message.data(), bytes, MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&camera_),
          sizeof camera_);
 }
 

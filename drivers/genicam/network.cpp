@@ -4,7 +4,6 @@
 #include <ifaddrs.h>
 #include <linux/filter.h>
 #include <net/if.h>
-#include <netinet/in.h>
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/ioctl.h>
@@ -19,6 +18,7 @@
 #include <optional>
 #include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "src/core/byte_order.hpp"
@@ -46,10 +46,7 @@ class UdpSocket {
 
   // 0, or errno.
   int connect_to(const std::string& ipv4) const {
-    sockaddr_in peer{};
-    peer.sin_family = AF_INET;
-    peer.sin_port = htons(kGvcpPort);
-    inet_pton(AF_INET, ipv4.c_str(), &peer.sin_addr);
+    const sockaddr_in peer = address_of(ipv4, kGvcpPort);
     return connect(fd_.get(), reinterpret_cast<const sockaddr*>(&peer), sizeof peer) == 0 ? 0 : errno;
   }
 
@@ -66,10 +63,6 @@ class UdpSocket {
   UniqueFd fd_{socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)};
 };
 
-void append(std::vector<unsigned char>& bytes, std::uint32_t value, int size) {
-  for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) bytes.push_back(static_cast<unsigned char>(value >> shift));
-}
-
 // Sends a GVCP command of 32-bit words and waits for its acknowledgement, three times at most, 0.7 s in all: the answer
 // from its first word on, at least one, or nothing when the camera refuses or is silent.
 std::optional<std::vector<unsigned char>> ask_all(const UdpSocket& socket, Command command,
@@ -77,11 +70,13 @@ std::optional<std::vector<unsigned char>> ask_all(const UdpSocket& socket, Comma
   constexpr int kTries = 3;
   constexpr int kWaitMs = 230;
   constexpr std::uint16_t kRequest = 1;
-  std::vector<unsigned char> message{0x42, 0x01};  // key; flag: acknowledge
-  append(message, static_cast<std::uint32_t>(command), 2);
-  append(message, static_cast<std::uint32_t>(4 * words.size()), 2);
-  append(message, kRequest, 2);
-  for (const std::uint32_t word : words) append(message, word, 4);
+  constexpr std::uint32_t kKeyAndAcknowledge = 0x4201;
+  std::vector<std::uint8_t> message(8 + 4 * words.size());
+  store_u16(message, 0, kKeyAndAcknowledge);
+  store_u16(message, 2, static_cast<std::uint32_t>(command));
+  store_u16(message, 4, static_cast<std::uint32_t>(4 * words.size()));
+  store_u16(message, 6, kRequest);
+  for (std::size_t at = 8; const std::uint32_t word : words) store_u32(message, std::exchange(at, at + 4), word);
   for (int i = 0; i < kTries; ++i) {
     if (send(socket.fd(), message.data(), message.size(), 0) < 0 && errno != ECONNREFUSED) return std::nullopt;
     pollfd event{socket.fd(), POLLIN, 0};
@@ -119,6 +114,14 @@ std::optional<ifaddrs> find_interface(const ifaddrs* list, const in_addr& addres
 }
 
 }  // namespace
+
+sockaddr_in address_of(const std::string& ipv4, std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  inet_pton(AF_INET, ipv4.c_str(), &address.sin_addr);
+  return address;
+}
 
 bool is_ipv4(const std::string& text) {
   in_addr address{};

@@ -1,6 +1,8 @@
 // Route to a camera, GVCP probes and socket filters.
 #pragma once
 
+#include <netinet/in.h>
+
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -19,6 +21,8 @@ struct Route {
   bool loopback = false;
 };
 
+// Of an IPv4 address in dotted form. Thread: any.
+sockaddr_in address_of(const std::string& ipv4, std::uint16_t port);
 // True for an IPv4 address in dotted form. Thread: any.
 bool is_ipv4(const std::string& text);
 

@@ -16,34 +16,40 @@ bool Nodes::has(const char* name) {
   return available && ok();
 }
 
-std::int64_t Nodes::integer(const char* name) {
-  if (!ok()) return 0;
+// `get` and `set`: functions of Aravis.
+template <typename Value>
+Value Nodes::read(Value (*get)(ArvDevice*, const char*, GError**), const char* name) {
+  if (!ok()) return {};
   GlibError error;
-  const std::int64_t value = arv_device_get_integer_feature_value(device_, name, error.out());
+  const Value value = get(device_, name, error.out());
   check(error, name);
-  return ok() ? value : 0;
+  return ok() ? value : Value{};
 }
 
-double Nodes::real(const char* name) {
-  if (!ok()) return 0.0;
+template <typename Value>
+void Nodes::write(void (*set)(ArvDevice*, const char*, Value, GError**), const char* name, Value value,
+                  const std::string& asked) {
+  if (!ok()) return;
   GlibError error;
-  const double value = arv_device_get_float_feature_value(device_, name, error.out());
-  check(error, name);
-  return ok() ? value : 0.0;
+  set(device_, name, value, error.out());
+  check(error, name, asked);
+}
+
+std::int64_t Nodes::integer(const char* name) { return read(arv_device_get_integer_feature_value, name); }
+
+double Nodes::real(const char* name) { return read(arv_device_get_float_feature_value, name); }
+
+bool Nodes::boolean(const char* name) { return read(arv_device_get_boolean_feature_value, name) == TRUE; }
+
+std::string Nodes::text(const char* name) {
+  const char* const value = read(arv_device_get_string_feature_value, name);
+  return value != nullptr ? value : "";
 }
 
 double Nodes::number(const char* name) {
   if (!ok()) return 0.0;
   const bool is_float = ARV_IS_GC_FLOAT(arv_device_get_feature(device_, name)) != FALSE;
   return is_float ? real(name) : static_cast<double>(integer(name));
-}
-
-std::string Nodes::text(const char* name) {
-  if (!ok()) return {};
-  GlibError error;
-  const char* value = arv_device_get_string_feature_value(device_, name, error.out());
-  check(error, name);
-  return ok() && value != nullptr ? value : "";
 }
 
 std::vector<std::string> Nodes::entries(const char* name) {
@@ -58,44 +64,24 @@ std::vector<std::string> Nodes::entries(const char* name) {
 }
 
 void Nodes::set_integer(const char* name, std::int64_t value) {
-  if (!ok()) return;
-  GlibError error;
-  arv_device_set_integer_feature_value(device_, name, value, error.out());
-  check(error, name, std::to_string(value));
+  write<gint64>(arv_device_set_integer_feature_value, name, value, std::to_string(value));
 }
 
 void Nodes::set_real(const char* name, double value) {
-  if (!ok()) return;
-  GlibError error;
-  arv_device_set_float_feature_value(device_, name, value, error.out());
-  check(error, name, fmt::format("{:g}", value));
-}
-
-bool Nodes::boolean(const char* name) {
-  if (!ok()) return false;
-  GlibError error;
-  const bool value = arv_device_get_boolean_feature_value(device_, name, error.out()) == TRUE;
-  check(error, name);
-  return value && ok();
+  write(arv_device_set_float_feature_value, name, value, fmt::format("{:g}", value));
 }
 
 void Nodes::set_boolean(const char* name, bool value) {
-  if (!ok()) return;
-  GlibError error;
-  arv_device_set_boolean_feature_value(device_, name, value ? TRUE : FALSE, error.out());
-  check(error, name, value ? "true" : "false");
+  write(arv_device_set_boolean_feature_value, name, value ? TRUE : FALSE, value ? "true" : "false");
 }
 
 void Nodes::choose(const char* name, const char* entry, std::int64_t value) {
   const std::vector<std::string> offered = entries(name);
-  if (!ok()) return;
-  GlibError error;
   if (std::find(offered.begin(), offered.end(), entry) != offered.end()) {
-    arv_device_set_string_feature_value(device_, name, entry, error.out());
+    write(arv_device_set_string_feature_value, name, entry, entry);
   } else {
-    arv_device_set_integer_feature_value(device_, name, value, error.out());
+    write<gint64>(arv_device_set_integer_feature_value, name, value, entry);
   }
-  check(error, name, entry);
 }
 
 void Nodes::execute(const char* command) {

@@ -39,6 +39,11 @@ class Nodes {
   bool ok() const { return status_.has_value(); }
 
  private:
+  template <typename Value>
+  Value read(Value (*get)(ArvDevice*, const char*, GError**), const char* name);
+  template <typename Value>
+  void write(void (*set)(ArvDevice*, const char*, Value, GError**), const char* name, Value value,
+             const std::string& asked);
   bool is_enumeration(const char* name) const;
   // Takes the error of a call on `name`; `asked` is the value that was being set, or empty.
   void check(const GlibError& error, const char* name, const std::string& asked = {});

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <span>
 
 namespace bolo {
 
@@ -23,6 +24,15 @@ constexpr std::uint32_t load_u32(const auto& bytes, std::size_t at) noexcept {
 }
 constexpr std::uint64_t load_u64(const auto& bytes, std::size_t at) noexcept {
   return static_cast<std::uint64_t>(load_u32(bytes, at)) << 32U | load_u32(bytes, at + 4);
+}
+
+constexpr void store_u16(std::span<std::uint8_t> bytes, std::size_t at, std::uint32_t value) {
+  bytes[at] = static_cast<std::uint8_t>(value >> 8U & 0xffU);
+  bytes[at + 1] = static_cast<std::uint8_t>(value & 0xffU);
+}
+constexpr void store_u32(std::span<std::uint8_t> bytes, std::size_t at, std::uint32_t value) {
+  store_u16(bytes, at, value >> 16U);
+  store_u16(bytes, at + 2, value & 0xffffU);
 }
 
 // 16-bit values from bytes in big-endian or little-endian order. The loop becomes vector shuffles. `from` need not be

@@ -9,7 +9,7 @@
 namespace bolo::sim {
 namespace {
 
-// The longest step in which a kink, where dT_ss/dt changes by `kink_k_s`, is within kStepToleranceK; see BarField.
+// The longest step in which a kink, where dT_ss/dt changes by `kink_k_s`, is within kStepToleranceK; see SoftBars.
 double longest_step_s(double kink_k_s, double response_s) {
   return kink_k_s > 0.0 ? std::sqrt(24.0 * kStepToleranceK * response_s / kink_k_s)
                         : std::numeric_limits<double>::infinity();
@@ -164,59 +164,6 @@ class SweptChopper final : public Field {
   double ramp_s_ = 0.0;
 };
 
-class BarField final : public Field {
- public:
-  explicit BarField(const capture::BarTarget& target) : target_(target) {}
-
-  void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
-    std::ranges::fill(out, static_cast<float>(target_.cold_k));
-    const double contrast = target_.hot_k - target_.cold_k;
-    const double shift =
-        std::fmod(target_.slant_px_per_row * row + target_.velocity_px_s * t_s - column, target_.period_px);
-    const double right_end = static_cast<double>(out.size()) - 0.5;
-    for (double left = shift - 2.0 * target_.period_px; left < right_end; left += target_.period_px) {
-      add_bar(left, contrast, out);
-    }
-  }
-
-  // A pixel's T_ss is made of straight lines whose slope changes by contrast * velocity at each kink, when an edge
-  // enters or leaves it. Simpson's rule misjudges the area of a kink within a step h by at most slope change * h^2 /
-  // 24, and the pixel spreads it over its response time.
-  void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const override {
-    const double kink = std::abs((target_.hot_k - target_.cold_k) * target_.velocity_px_s);
-    divide(from_s, to_s, longest_step_s(kink, response_s), out);
-  }
-
-  Extremes extremes() const override { return extremes_of(target_); }
-  std::unique_ptr<const Field> blurred(const Blur& blur) const override {
-    return make_soft_bars(target_, {})->blurred(blur);
-  }
-  capture::Stimulus stimulus(double, double) const override { return target_; }
-
- private:
-  // Adds a bar from `left` on: the pixels at its ends by the share it covers of them.
-  void add_bar(double left, double contrast, std::span<float> out) const noexcept {
-    const double right = left + target_.bar_width_px;
-    const auto first = static_cast<std::ptrdiff_t>(std::floor(left + 0.5));
-    const auto last = static_cast<std::ptrdiff_t>(std::floor(right + 0.5));
-    const auto size = static_cast<std::ptrdiff_t>(out.size());
-    const auto add = [&](std::ptrdiff_t x, double share) {
-      if (x >= 0 && x < size) out[static_cast<std::size_t>(x)] += static_cast<float>(contrast * share);
-    };
-    if (first == last) {
-      add(first, target_.bar_width_px);
-      return;
-    }
-    add(first, static_cast<double>(first) + 0.5 - left);
-    add(last, right - (static_cast<double>(last) - 0.5));
-    const auto inner = std::clamp<std::ptrdiff_t>(first + 1, 0, size);
-    const auto inner_end = std::clamp<std::ptrdiff_t>(last, inner, size);
-    std::fill(out.begin() + inner, out.begin() + inner_end, static_cast<float>(target_.hot_k));
-  }
-
-  capture::BarTarget target_;
-};
-
 // A pixel's view of an edge at distance d to its left: the mean over the pixel of a step that is blurred by a
 // Gaussian, and by a disc seen from its side.
 class EdgeProfile {
@@ -280,6 +227,9 @@ class SoftBars final : public Field {
     }
   }
 
+  // A pixel's T_ss is made of lines whose slope changes by contrast * velocity at each kink, when an edge enters or
+  // leaves it, most of all a sharp one. Simpson's rule misjudges the area of a kink within a step h by at most slope
+  // change * h^2 / 24, and the pixel spreads it over its response time.
   void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const override {
     const double fastest = std::abs(target_.velocity_px_s * (1.0 + error_.velocity)) * (1.0 + std::abs(error_.uneven));
     divide(from_s, to_s, longest_step_s(std::abs(target_.hot_k - target_.cold_k) * fastest, response_s), out);
@@ -339,7 +289,7 @@ std::unique_ptr<const Field> make_chopper(capture::Chopper chopper) {
   return std::make_unique<ChopperField>(std::move(chopper));
 }
 
-std::unique_ptr<const Field> make_bars(const capture::BarTarget& target) { return std::make_unique<BarField>(target); }
+std::unique_ptr<const Field> make_bars(const capture::BarTarget& target) { return make_soft_bars(target, {}); }
 
 std::unique_ptr<const Field> make_swept_chopper(capture::Chopper chopper, const StimulusError& error, int width) {
   return std::make_unique<SweptChopper>(std::move(chopper), error, width);

@@ -1,8 +1,11 @@
 #include "tools/lab/common.hpp"
 
 #include <cstdio>
+#include <map>
 #include <mutex>
 
+#include "src/core/statistics.hpp"
+#include "src/core/text.hpp"
 #include "src/core/threads.hpp"
 
 namespace bolo::tools {
@@ -24,38 +27,79 @@ std::string joined(const std::vector<std::string>& words, const char* between) {
   return text;
 }
 
-std::string line_of(std::span<const TextColumn> columns, const Json& row) {
-  const auto text_of = [&row](const TextColumn& column) -> std::string {
-    if (row.is_null()) return column.head;
-    const Json::json_pointer place("/" + column.key);
-    const Json value = row.contains(place) ? row.at(place) : Json();
-    if (value.is_string()) return value.get<std::string>();
-    if (value.is_array() && !value.empty()) return joined(value.get<std::vector<std::string>>(), " ");
-    if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
-    if (!value.is_number() || !std::isfinite(value.get<double>())) return "-";
-    return plot::format(column.form, column.times * value.get<double>());
-  };
-  std::string line;
-  for (const TextColumn& column : columns) {
-    line += plot::format("%s%*s", line.empty() ? "" : " ", column.width, text_of(column).c_str());
+namespace {
+
+std::string text_of(const Json& value) {
+  if (value.is_string()) return printable(value.get_ref<const std::string&>());
+  if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
+  if (value.is_number_integer()) return value.dump();
+  return value.is_number() && std::isfinite(value.get<double>()) ? plot::format("%.4g", value.get<double>()) : "-";
+}
+
+// Names and texts of all that is in it, "recovery_ms/median".
+using Fields = std::vector<std::pair<std::string, std::string>>;
+Fields fields_of(const Json& object) {
+  Fields fields;
+  const Json flat = object.empty() ? Json::object() : object.flatten();
+  for (const auto& [place, value] : flat.items()) fields.emplace_back(place.substr(1), text_of(value));
+  return fields;
+}
+
+bool is_table(const Json& value) {
+  return value.is_structured() && !value.empty() && std::ranges::all_of(value, &Json::is_object);
+}
+
+std::string table_of(const Json& rows, const std::string& indent);
+
+// A line of what is no table, then the tables.
+std::string lines_of(const Json& object, const std::string& indent, const std::string& name = "") {
+  Json plain = Json::object();
+  std::string tables;
+  for (const auto& [key, value] : object.items()) {
+    is_table(value) ? void(tables += indent + key + "\n" + table_of(value, indent + "  ")) : void(plain[key] = value);
   }
-  return line;
+  const auto words = mapped(fields_of(plain), [](const auto& field) { return field.first + " " + field.second; });
+  const std::string line = name + (name.empty() || words.empty() ? "" : ": ") + joined(words);
+  return (line.empty() ? "" : indent + line + "\n") + tables;
 }
 
-Rows::Rows(bool json, std::vector<TextColumn> columns) : json_(json), columns_(std::move(columns)) {
-  if (!json_) std::puts(line_of(columns_).c_str());
+// A row a line; where that would be too wide, the rows one by one.
+std::string table_of(const Json& rows, const std::string& indent) {
+  constexpr std::size_t kWidest = 240;
+  Fields heads;
+  std::map<std::string, std::size_t> widths;
+  std::vector<std::map<std::string, std::string>> lines(1);
+  for (const auto& [name, row] : rows.items()) {
+    Fields fields = fields_of(row);
+    if (rows.is_object()) fields.insert(fields.begin(), {"", name});
+    for (const auto& [head, text] : fields) {
+      if (!widths.contains(head)) heads.emplace_back(head, lines[0][head] = head);
+      widths[head] = std::max({widths[head], head.size(), text.size()});
+    }
+    lines.emplace_back(fields.begin(), fields.end());
+  }
+  std::string out;
+  if (sum_of(widths, [](const auto& width) { return width.second + 2; }) > kWidest) {
+    for (const auto& [name, row] : rows.items()) out += lines_of(row, indent, rows.is_object() ? name : "");
+    return out;
+  }
+  for (auto& line : lines) {
+    out += indent;
+    for (const auto& [head, ignored] : heads) {
+      const auto width = static_cast<int>(widths[head]);
+      out += plot::format("%*s  ", head == heads.front().first ? -width : width, line[head].c_str());
+    }
+    out.erase(out.find_last_not_of(' ') + 1) += "\n";
+  }
+  return out;
 }
 
-void Rows::add(Json row) {
-  if (!json_) std::puts(line_of(columns_, row).c_str());
-  std::fflush(stdout);
-  rows_.push_back(std::move(row));
-}
+}  // namespace
 
-void Rows::finish(Json around, const char* key, const char* words) {
-  around[key] = std::move(rows_);
-  if (json_) std::puts(around.dump(2).c_str());
-  if (!json_ && words != nullptr) std::puts(words);
+std::string report_text(const Json& report) { return lines_of(report, ""); }
+
+void print_report(const Json& report, bool json) {
+  std::fputs((json ? json_text(report, 2) + "\n" : report_text(report)).c_str(), stdout);
 }
 
 Status Jobs::run(int threads, Progress& progress, std::uint64_t& done) {

@@ -39,32 +39,12 @@ Json list_of(const Range& items, Of json_of) {
   return list;
 }
 
-// What a line of text shows of a row, which is a JSON object.
-struct TextColumn {
-  std::string head;
-  int width = 0;            // below 0: to the left
-  std::string key;          // of the row; with slashes between: of what stands in it
-  const char* form = "%g";  // printf's, of a number
-  double times = 1.0;       // 100 for percent
-};
+// A report as people read it: by the names of its JSON, lists of objects and objects of objects as tables, or, where
+// those would be too wide, line by line. Thread: any.
+std::string report_text(const Json& report);
 
-// The columns of a row, "-" for what is no number; without a row their heads. Thread: any.
-std::string line_of(std::span<const TextColumn> columns, const Json& row = {});
-
-// A table's rows: each is printed as it comes, or all of them as JSON in the end. Thread: one at a time.
-class Rows {
- public:
-  Rows(bool json, std::vector<TextColumn> columns);
-  void add(Json row);
-  std::size_t count() const { return rows_.size(); }
-  // Prints `around` with the rows in it as `key`; of the text what there is to say below it.
-  void finish(Json around, const char* key, const char* words = nullptr);
-
- private:
-  bool json_;
-  std::vector<TextColumn> columns_;
-  Json rows_ = Json::array();
-};
+// To stdout, as JSON or as text. Thread: one at a time.
+void print_report(const Json& report, bool json);
 
 // A picture between its pixels, bicubic (Catmull and Rom); beyond the border its pixels repeat. Thread: any.
 inline float sample(std::span<const float> plane, Geometry g, double x, double y) noexcept {

@@ -21,13 +21,15 @@ from __future__ import annotations
 
 import ctypes
 import enum
+import math
 import os
 import threading
 import time
 import weakref
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, fields
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Callable, Iterator, Optional, Sequence, Tuple
 
 import numpy as np
@@ -39,7 +41,6 @@ _SLICE_MS = 100  # of a wait: how long Ctrl-C and close() may take
 
 class Flag(enum.IntFlag):
     """What is special about a frame; enum bolo_shm_flag."""
-
     GAP = 1  # a frame of its window was lost
     WARM_UP = 2  # no full window yet: the deblurred plane is the raw one
     NUC = 4  # the camera was correcting
@@ -117,13 +118,13 @@ _State = _structure(  # bolo_client_state
 )
 
 
-def _load() -> ctypes.CDLL:
+def _load() -> SimpleNamespace:
     path = os.environ.get("BOLO_CLIENT_LIBRARY", "libbolo-client.so.0")
     try:
         library = ctypes.CDLL(path)
     except OSError as error:
         raise ImportError(f"{path}: {error}; install the package libbolo-client, or set BOLO_CLIENT_LIBRARY") from error
-    handle, frame = ctypes.c_void_p, ctypes.POINTER(_Frame)
+    functions, handle, frame = {}, ctypes.c_void_p, ctypes.POINTER(_Frame)
     for name, result, arguments in (
         ("version", ctypes.c_char_p, []),
         ("streams", ctypes.c_int, [ctypes.c_char_p, ctypes.c_size_t]),
@@ -135,50 +136,45 @@ def _load() -> ctypes.CDLL:
         ("next", ctypes.c_int, [handle, ctypes.c_int, frame]),
         ("latest", ctypes.c_int, [handle, ctypes.c_int, frame]),
         ("valid", ctypes.c_int, [frame]),
-        ("copy", ctypes.c_int, [frame, ctypes.c_void_p, ctypes.c_void_p]),
-        ("copy_motion", ctypes.c_int, [frame, ctypes.c_void_p, ctypes.c_void_p]),
         ("points", ctypes.c_int, [handle, ctypes.c_uint64, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p]),
         ("hold_new", handle, [handle]),
         ("hold_free", None, [handle]),
     ):
-        function = getattr(library, "bolo_client_" + name)
+        function = functions[name] = getattr(library, "bolo_client_" + name)
         function.restype, function.argtypes = result, arguments
-    return library
+    return SimpleNamespace(**functions)
 
 
-_library = _load()
-
-
-def _call(name: str, *arguments):
-    return getattr(_library, "bolo_client_" + name)(*arguments)
+_client = _load()
 
 
 def _error(result: int, handle=None) -> Error:
-    return _ERRORS.get(result, Error)(result, _call("error", handle).decode())
+    return _ERRORS.get(result, Error)(result, _client.error(handle).decode())
 
 
 def version() -> str:
     """The library's version."""
-    return _call("version").decode()
+    return _client.version().decode()
 
 
 def streams() -> list[str]:
     """The names of the streams that exist now, of dead daemons too."""
-    room = 1 << 16
-    while True:
-        text = ctypes.create_string_buffer(room)
-        needed = _call("streams", text, room)
+    text, needed = b"", 1 << 16
+    while len(text) < needed:
+        text = ctypes.create_string_buffer(needed)
+        needed = _client.streams(text, len(text))
         if needed < 0:
             raise _error(needed)
-        if needed <= room:
-            return text.value.decode().split()
-        room = needed
+    return text.value.decode().split()
+
+
+def _seconds(ns: int) -> float:
+    return ns * 1e-9
 
 
 @dataclass(frozen=True)
 class Info:
     """What a stream is; bolo/client.h has each field's meaning."""
-
     width: int
     height: int
     kelvin: bool  # kelvin = scale * value + offset; otherwise values are counts
@@ -206,21 +202,18 @@ class Info:
         values |= {name: values[name].decode(errors="replace") for name in ("camera_model", "camera_serial", "solver")}
         values["control_socket"] = os.fsdecode(info.control_socket)
         values["kelvin"] = info.unit == 0
-        values["lambda_"] = settings.lambda_ if settings else None
-        values["kappa"] = settings.kappa if settings else None
+        values |= {name: getattr(settings, name, None) for name in ("lambda_", "kappa")}
         return Info(**values)
 
 
 _CAMERA_STATES = ("idle", "streaming", "stalled", "lost", "correcting")
-_PTP_STATES = ("off", "initializing", "faulty", "disabled", "listening", "pre-master", "master", "passive")
-_PTP_STATES += ("uncalibrated", "slave")
+_PTP_STATES = ("initializing", "faulty", "disabled", "listening", "pre-master", "master", "passive", "uncalibrated", "slave")
 _LOSS_CAUSES = ("incomplete", "missing", "pool_exhausted", "queue_full", "bad_frame", "driver", "out_of_order")
 
 
 @dataclass(frozen=True)
 class State:
     """What daemon and camera do, as they did when it was asked for."""
-
     alive: bool
     heartbeat_age_s: float
     published: int
@@ -240,34 +233,27 @@ class State:
 
     @staticmethod
     def _of(state: _State) -> "State":
-        camera = state.camera.contents if state.camera else None
-        ptp = camera.ptp if camera and 0 < camera.ptp < len(_PTP_STATES) else 0
-        known = camera is not None and camera.state < len(_CAMERA_STATES)
-        counts = ("published", "received", "restarts", "warm_up", "gap_frames")
-        return State(
-            **{name: getattr(state, name) for name in counts},
-            alive=bool(state.alive),
-            heartbeat_age_s=state.heartbeat_age_ns * 1e-9,
-            lost=dict(zip(_LOSS_CAUSES, state.lost)),
-            camera=_CAMERA_STATES[camera.state] if known else None,
-            reopened=camera.reopened if camera else 0,
-            temperature_k=camera.temperature_k if camera and camera.temperature_k > 0 else None,
-            ptp=_PTP_STATES[ptp] if ptp else None,
-            ptp_offset_s=camera.ptp_offset_ns * 1e-9 if ptp else None,
-            clock_synchronised=bool(state.clock_synchronised),
-            clock_error_s=state.clock_error_ns * 1e-9,
-            clock_steps=state.clock_steps,
-        )
+        camera = state.camera.contents if state.camera else _Camera(state=len(_CAMERA_STATES))
+        values = {field.name: getattr(state, field.name, None) for field in fields(State)}
+        values["lost"] = dict(zip(_LOSS_CAUSES, state.lost))
+        values["heartbeat_age_s"], values["clock_error_s"] = _seconds(state.heartbeat_age_ns), _seconds(state.clock_error_ns)
+        values |= {name: bool(values[name]) for name in ("alive", "clock_synchronised")}
+        values["camera"] = dict(enumerate(_CAMERA_STATES)).get(camera.state)
+        values["reopened"] = camera.reopened
+        values["temperature_k"] = camera.temperature_k if camera.temperature_k > 0 else None
+        values["ptp"] = dict(enumerate(_PTP_STATES, 1)).get(camera.ptp)
+        values["ptp_offset_s"] = _seconds(camera.ptp_offset_ns) if values["ptp"] else None
+        return State(**values)
 
 
 class _Ring:
     """Keeps a ring mapped as long as arrays lie in it."""
 
     def __init__(self, handle):
-        hold = _call("hold_new", handle)
+        hold = _client.hold_new(handle)
         if not hold:
             raise MemoryError("bolo: no memory to hold a ring")
-        weakref.finalize(self, _library.bolo_client_hold_free, hold)
+        weakref.finalize(self, _client.hold_free, hold)
 
     def view(self, address: int, *shape: int, kind=ctypes.c_uint16) -> np.ndarray:
         words = (kind * int(np.prod(shape))).from_address(address)
@@ -275,25 +261,16 @@ class _Ring:
         return np.frombuffer(memoryview(words).toreadonly(), np.dtype(kind)).reshape(shape)
 
 
-def _seconds(ns: int) -> float:
-    return ns * 1e-9
-
-
-def _seconds_or_none(ns: int) -> Optional[float]:
-    return ns * 1e-9 if ns else None
-
-
-def _told(name: str, words: str, made: Callable = int) -> property:
-    """What the library says of a frame."""
-    return property(lambda frame: made(getattr(frame._lent, name)), doc=words)
+def _told(name: str, words: str, made: Callable = int, unknown: Optional[int] = None) -> property:
+    """What the library says of a frame; None for the value `unknown`."""
+    return property(lambda frame: None if (told := getattr(frame._lent, name)) == unknown else made(told), doc=words)
 
 
 class Frame:
     """A frame where it lies in the ring. What is made of it counts only if valid() holds afterwards."""
 
     def __init__(self, lent: _Frame, ring: _Ring, info: Info, restarted: bool):
-        self._lent = lent
-        self._ring = ring
+        self._lent, self._ring = lent, ring
         self.info = info
         self.restarted = restarted  # the first one of another daemon: info may differ
         self._own = False
@@ -333,81 +310,53 @@ class Frame:
 
     def valid(self) -> bool:
         """Whether the planes were this frame's during all that was read of them until now."""
-        return self._own or _call("valid", self._lent) == 1
+        return self._own or _client.valid(self._lent) == 1
 
     def copy(self) -> Optional["Frame"]:
         """The same with planes of its own, always valid; None when it was overwritten."""
         other = Frame(self._lent, self._ring, self.info, self.restarted)
-        if self._own:
-            other.raw, other.deblurred = self.raw.copy(), self.deblurred.copy()
-            if self.motion is not None:
-                other.motion, other.affine = self.motion.copy(), self.affine.copy()
-        else:
-            other.raw = np.empty((self.info.height, self.info.width), np.uint16)
-            other.deblurred = np.empty_like(other.raw)
-            if _call("copy", self._lent, other.raw.ctypes.data, other.deblurred.ctypes.data) != _OK:
-                return None
-            if self.motion is not None:
-                whole = np.empty(8)  # struct bolo_shm_motion
-                other.motion = np.empty(self.motion.shape, np.float32)
-                if _call("copy_motion", self._lent, whole.ctypes.data, other.motion.ctypes.data) != _OK:
-                    return None
-                other.affine = whole[:6].reshape(2, 3)
-        other._own = True
-        return other
+        for name in ("raw", "deblurred", "motion", "affine"):
+            values = getattr(self, name)
+            setattr(other, name, None if values is None else values.copy())
+        other._own = self.valid()
+        return other if other._own else None
 
     number = _told("number", "Publication order of its daemon, from 0.")
     missed = _told("missed", "Frames published between this and the one given before it that were not given.")
     frame_id = _told("frame_id", "The camera's counter.")
     flags = _told("flags", "What is special about it.", Flag)
     camera_time = _told("camera_ns", "When it was taken, s of the camera's clock.", _seconds)
-    host_time = _told("host_ns", "When it was taken; None: not known.", _seconds_or_none)
+    host_time = _told("host_ns", "When it was taken; None: not known.", _seconds, 0)
     receive_time = _told("receive_ns", "When its first byte came in.", _seconds)
     publish_time = _told("publish_ns", "When it was put into the ring.", _seconds)
-    utc_ns = _told(
-        "utc_ns",
-        "When it was taken, by host_time, or receive_time where that is None: ns since 1970, UTC; None: not known.",
-        lambda ns: ns or None,
-    )
-    utc = _told("utc_ns", "The same in seconds, as time.time() has them; a float holds them to 0.2 us.", _seconds_or_none)
-    utc_uncertainty = _told(
-        "utc_uncertainty_us",
-        "How wrong utc is at most, s; 16 and more: nothing disciplines the host's clock, and nothing bounds it.",
-        lambda us: us * 1e-6,
-    )
+    utc_ns = _told("utc_ns", "When it was taken, ns since 1970 by host_time, or else receive_time; None: not known.", int, 0)
+    utc = _told("utc_ns", "The same in seconds, as time.time() has them; a float holds them to 0.2 us.", _seconds, 0)
+    utc_uncertainty = _told("utc_uncertainty_us", "How wrong utc is at most, s; 16: nothing bounds it.", lambda us: us * 1e-6)
 
 
-class Camera:
+class Camera(AbstractContextManager):
     """A daemon's stream, followed across its restarts. Iterate, or call next() and latest()."""
 
     def __init__(self, name: str, timeout: Optional[float] = 0.0, follow: bool = True):
         """Opens the stream of the daemon with [shm] name = `name`, waiting up to `timeout` seconds for it (None: as long
         as it takes). follow=False: iteration ends with the daemon, instead of waiting for the next one."""
-        self.name = name
-        self.follow = follow
+        self.name, self.follow = name, follow
         self.restarts = 0  # daemons followed after the first one
         self._handle = ctypes.c_void_p()
         self._lock = threading.RLock()  # held while the library uses the handle
         self._users = 0  # of the handle: one, and a signal's handler that came in between
-        self._closed = False
-        self._restarted = False
+        self._closed = self._restarted = False
         end = _end(timeout)
-        while True:
-            result = _call("open", os.fsencode(name), _slice_ms(end), ctypes.byref(self._handle))
-            if result == _OK:
-                break
-            if result not in (-1, -2, -3) or _passed(end):
+        while (result := _client.open(os.fsencode(name), _slice_ms(end), ctypes.byref(self._handle))) != _OK:
+            if result not in (-1, -2, -3) or time.monotonic() >= end:
                 raise _error(result)
-        self._close = weakref.finalize(self, _library.bolo_client_close, self._handle)
+        self._close = weakref.finalize(self, _client.close, self._handle)
         self._close.atexit = False  # the process's end frees it all; another thread may still wait
         self._look()
 
     def _look(self) -> None:
-        self.info = Info._of(_call("get_info", self._handle).contents)
+        self.info = Info._of(_client.get_info(self._handle).contents)
         self._ring = _Ring(self._handle)
-
-    def __enter__(self) -> "Camera":
-        return self
 
     def __exit__(self, *_) -> None:
         self.close()
@@ -435,11 +384,7 @@ class Camera:
 
     def __iter__(self) -> Iterator[Frame]:
         """Every frame in order, waiting for each as long as it takes."""
-        while True:
-            frame = self.next()
-            if frame is None:
-                return
-            yield frame
+        return iter(self.next, None)
 
     def next(self, timeout: Optional[float] = None) -> Optional[Frame]:
         """The next frame in order; None when none came within `timeout` seconds (None: as long as it takes), or when the
@@ -455,7 +400,7 @@ class Camera:
         while True:
             lent = _Frame()
             with self._open_handle() as handle:
-                result = _call(function, handle, _slice_ms(end), lent)
+                result = getattr(_client, function)(handle, _slice_ms(end), lent)
                 if result < 0:
                     raise _error(result, handle)
                 if result == _RESTARTED:
@@ -465,14 +410,16 @@ class Camera:
             if result == _OK:
                 restarted, self._restarted = self._restarted, False
                 return Frame(lent, self._ring, self.info, restarted)
-            if (result in (_ENDED, _RESTARTED) and not self.follow) or _passed(end):
+            if (result in (_ENDED, _RESTARTED) and not self.follow) or time.monotonic() >= end:
                 return None
 
     def points(self, points: Sequence[Tuple[int, int]], frame: Optional[Frame] = None) -> np.ndarray:
         """float32: kelvin (counts without kelvin) at each (x, y) of `frame`, or of the newest frame that can be solved,
         from the raw planes of its window, here: the bits of the deblurred plane. Raises Unavailable when the ring does
         not hold the window."""
-        number = self._newest_solvable() if frame is None else frame.number
+        number = self.state().published - 1 - self.info.lookahead if frame is None else frame.number
+        if number < 0:
+            raise Unavailable(_NOT_YET, "no frame is published that could be solved")
         asked = np.ascontiguousarray(points)
         if asked.size == 0:
             return np.empty(0, np.float32)
@@ -481,34 +428,22 @@ class Camera:
         asked = np.ascontiguousarray(asked, dtype=np.uint32)
         values = np.empty(len(asked), np.float32)
         with self._open_handle() as handle:
-            result = _call("points", handle, number, asked.ctypes.data, len(asked), values.ctypes.data)
+            result = _client.points(handle, number, asked.ctypes.data, len(asked), values.ctypes.data)
             if result < 0:
                 raise _error(result, handle)
         if result != _OK:
             raise Unavailable(result, f"no points of frame {number}: {_UNAVAILABLE[result]}")
         return values
 
-    def _newest_solvable(self) -> int:
-        newest = self.state().published - 1 - self.info.lookahead
-        if newest < 0:
-            raise Unavailable(_NOT_YET, "no frame is published that could be solved")
-        return newest
-
     def state(self) -> State:
         """What daemon and camera do now."""
         with self._open_handle() as handle:
-            return State._of(_call("get_state", handle).contents)
+            return State._of(_client.get_state(handle).contents)
 
 
-def _end(timeout: Optional[float]) -> Optional[float]:
-    return None if timeout is None else time.monotonic() + timeout
+def _end(timeout: Optional[float]) -> float:
+    return math.inf if timeout is None else time.monotonic() + timeout
 
 
-def _passed(end: Optional[float]) -> bool:
-    return end is not None and time.monotonic() >= end
-
-
-def _slice_ms(end: Optional[float]) -> int:
-    if end is None:
-        return _SLICE_MS
-    return max(0, min(_SLICE_MS, round((end - time.monotonic()) * 1000)))
+def _slice_ms(end: float) -> int:
+    return max(0, round(min(_SLICE_MS, (end - time.monotonic()) * 1000)))

@@ -219,12 +219,8 @@ Status draw_and_score(const Request& request) {
   ASSIGN_OR_RETURN(const auto opened, seal.open(request.sessions));
   RETURN_IF_ERROR(keep_answers(request, opened));
   const Json scored = score(trials, {request.draw, seal.digest(), took.count()});
-  if (request.json) {
-    // A broken diagnosis may have said anything, no UTF-8 included.
-    std::puts(json_text(scored, 2).c_str());
-  } else {
-    std::printf("opened: the answers are those that were sealed\n%s", score_text(scored).c_str());
-  }
+  if (!request.json) std::puts("opened: the answers are those that were sealed");
+  print_report(scored, request.json);
   if (std::ranges::all_of(trials, [](const Trial& trial) { return trial.finding.has_value(); })) return {};
   return failed("some diagnoses broke; they are listed among the failed");
 }

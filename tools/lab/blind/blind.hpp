@@ -125,9 +125,6 @@ Json score(const std::vector<Trial>& trials, const Setting& setting);
 // Median and 90 %, nearest ranks; 0 for none. NaN are left out. Thread: any.
 Json spread_of(std::vector<double> values);
 
-// Lines for a terminal, each ended. Thread: any.
-std::string score_text(const Json& score);
-
 // The words that draw one session again. Thread: any.
 std::string rerun_words(Kind kind, std::size_t index, const DrawOptions& draw);
 

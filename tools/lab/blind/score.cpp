@@ -147,85 +147,6 @@ void tabulate(const Trial& trial, Table& confusion, Table& instead) {
 
 using plot::format;
 
-std::string share(int part, int all) {
-  return all == 0 ? "-" : format("%d of %d (%.1f %%)", part, all, 100.0 * part / all);
-}
-
-// What is asked of each kind, then what else is worth knowing of it.
-struct Detail {
-  const char* words;
-  const char* part;
-};
-constexpr Detail kFalse{"another effect besides, or instead", "false_effect"};
-constexpr Detail kSilent{"nothing said", "nothing"};
-constexpr Detail kFlagged{"flagged as unknown or partly explained", "flagged"};
-constexpr Detail kPlaced{"flagged, and the right stage named", "flagged_right_stage"};
-const std::map<std::string, std::vector<Detail>> kDetails{
-    {"effect-free", {{"a false camera effect", "false_effect"}, {"a false unknown", "flagged"}}},
-    {"single",
-     {{"right cause first", "right_first"},
-      {"right cause in the top three", "right_in_top_three"},
-      {"just the right cause", "exact"},
-      kFalse,
-      kSilent}},
-    {"pair",
-     {{"both named", "all_named"}, {"just these two", "exact"}, {"at least one of them", "at_least_one"}, kFalse}},
-    {"outside", {kFlagged, kPlaced, {"silently blamed on the catalogue", "blamed"}, kSilent}},
-    {"withheld", {kFlagged, kPlaced, {"silently blamed on another", "blamed"}, kSilent}},
-    {"forms",
-     {{"the right name first, or flagged", "passed"},
-      {"the right name first", "right_first"},
-      {"flagged as not fully explained", "flagged"},
-      kSilent}},
-    {"bench", {{"the description doubted, and no effect", "passed"}, {"an effect named", "false_effect"}}}};
-
-std::string kind_text(const std::string& kind, const Json& s) {
-  const int sessions = s["sessions"];
-  const auto line = [](const char* words, const std::string& figure) {
-    return format("    %-44s %s\n", words, figure.c_str());
-  };
-  std::string out = kind + ": " + std::to_string(sessions) + " sessions, passed " + share(s["passed"], sessions) + "\n";
-  for (const Detail& one : kDetails.at(kind)) out += line(one.words, share(s[one.part], sessions));
-  if (kind == "single") out += line("of those it is sure of (0.95), right", share(s["sure_right"], s["sure"]));
-  if (s["broken"] > 0) out += line("no report", share(s["broken"], sessions));
-  const auto figure = [&s](const char* key, const char* rank) { return s[key][rank].get<double>(); };
-  if (s["broken"] < sessions) {
-    out += line("gap before -> after, median",
-                format("%.2f -> %.2f (90 %%: %.2f -> %.2f)", figure("gap_before", "median"),
-                       figure("gap_after", "median"), figure("gap_before", "p90"), figure("gap_after", "p90")));
-  }
-  return out + line("seconds a session, median",
-                    format("%.1f (90 %%: %.1f)", figure("seconds", "median"), figure("seconds", "p90")));
-}
-
-// "row_delay        12: row_delay 11, clock_skew 1"
-std::string named_text(const Json& table) {
-  std::string out;
-  for (const auto& [hidden, said] : table.items()) {
-    std::vector<std::pair<std::string, int>> counts;
-    for (const auto& [name, count] : said.items()) counts.emplace_back(name, count.get<int>());
-    std::ranges::stable_sort(counts, [](const auto& a, const auto& b) { return a.second > b.second; });
-    int all = 0;
-    for (const auto& [name, count] : counts) all += count;
-    const auto text =
-        joined(mapped(counts, [](const auto& one) { return one.first + " " + std::to_string(one.second); }));
-    out += format("    %-26s %4d: %s\n", hidden.c_str(), all, text.c_str());
-  }
-  return out;
-}
-
-std::string coverage_text(const Json& intervals) {
-  int inside = 0;
-  int all = 0;
-  std::string out;
-  for (const auto& [key, one] : intervals.items()) {
-    inside += one["inside"].get<int>();
-    all += one["all"].get<int>();
-    out += format("    %-36s %s\n", key.c_str(), share(one["inside"], one["all"]).c_str());
-  }
-  return all == 0 ? "" : "  parameters within their 95 % interval: " + share(inside, all) + "\n" + out;
-}
-
 }  // namespace
 
 Judgement judge(const Trial& trial) {
@@ -316,25 +237,6 @@ std::string rerun_words(Kind kind, std::size_t index, const DrawOptions& draw) {
   if (draw.geometry.height != 24) words += format(" --height %d", draw.geometry.height);
   if (draw.frames_scale != 1.0) words += format(" --frames-scale %g", draw.frames_scale);
   return words;
-}
-
-std::string score_text(const Json& score) {
-  std::string out;
-  for (const auto& [kind, s] : score["kinds"].items()) out += kind_text(kind, s);
-  if (!score["confusion"].empty()) {
-    out += "  hidden, and what was named first (- nothing, ? something unknown)\n" + named_text(score["confusion"]);
-  }
-  if (!score["said_instead"].empty()) {
-    out += "  outside the catalogue or withheld, and what was said (? flagged)\n" + named_text(score["said_instead"]);
-  }
-  out += coverage_text(score["intervals"]);
-  const Json& failures = score["failures"];
-  if (!failures.empty()) out += format("  failed: %zu\n", failures.size());
-  for (const Json& failure : failures) {
-    out += "    " + failure["hidden"].get<std::string>() + " -> " + failure["said"].get<std::string>() + "\n      " +
-           failure["again"].get<std::string>() + '\n';
-  }
-  return out;
 }
 
 }  // namespace bolo::tools::blind

@@ -113,11 +113,7 @@ Status evaluate(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const Options options, options_of(given));
   ASSIGN_OR_RETURN(const auto found, run(options));
   const Json table = table_of(found, options);
-  if (options.json) {
-    std::puts(table.dump(2).c_str());
-  } else {
-    print_text(options, found, table);
-  }
+  print_report(table, options.json);
   if (options.plot.empty()) return {};
   plot::Sheet sheet = sheet_of(table, found, options);
   sheet.how = plot::format(
@@ -204,22 +200,6 @@ void add_exhibit(plot::Sheet& sheet, const Found& found, const Options& options,
   }
 }
 
-std::string detector_of(const Json& row) {
-  return row["detector"].is_null() ? "mean" : row["detector"].get<std::string>();
-}
-
-const std::vector<TextColumn> kContest{{"Bolo's", -12, "bolo"},
-                                       {"against", -15, "baseline"},
-                                       {"points", 7, "delta_ap", "%+.1f"},
-                                       {"from", 6, "delta_ap_ci95/0", "%+.1f"},
-                                       {"to", 6, "delta_ap_ci95/1", "%+.1f"}};
-const std::vector<TextColumn> kCell{{"", -12, "title"},
-                                    {"AP", 6, "ap", "%.1f"},
-                                    {"against blurred", 15, "delta_ap", "%+.1f"},
-                                    {"from", 6, "delta_ap_ci95/0", "%+.1f"},
-                                    {"to", 6, "delta_ap_ci95/1", "%+.1f"},
-                                    {"regained", 8, "recovered", "%.0f %%", 100.0}};
-
 plot::Table rows_table(const Json& table, const Found& found, const std::string& truth) {
   plot::Table shown{.caption = truth == "labels" ? "AP in percent, judged against people's labels"
                                                  : "AP in percent, judged against own boxes on the sharp frame"};
@@ -227,40 +207,18 @@ plot::Table rows_table(const Json& table, const Found& found, const std::string&
   for (const Column& column : found.columns) shown.head.push_back(column.title);
   for (const Json& row : table["rows"]) {
     if (row["truth"] != truth) continue;
-    std::vector<std::string> line{row["motion"].get<std::string>(), detector_of(row)};
-    for (const Json& cell : row["columns"])
-      line.push_back(line_of(std::vector<TextColumn>{{"", 0, "ap", "%.1f"}}, cell));
+    const Json& detector = row["detector"];
+    std::vector<std::string> line{row["motion"], detector.is_null() ? "mean" : detector.get<std::string>()};
+    for (const Json& cell : row["columns"]) {
+      const double ap = cell["ap"];
+      line.push_back(std::isfinite(ap) ? format("%.1f", ap) : "-");
+    }
     shown.rows.push_back(std::move(line));
   }
   return shown;
 }
 
 }  // namespace
-
-void print_text(const Options& options, const Found& found, const Json& table) {
-  std::printf(
-      "AP in percent (COCO: IoU 0.5 to 0.95), with 95 %% intervals over stills (%d draws); %dx%d pixels, noise %g K, "
-      "tau 11 ms, 200 frames/s\n",
-      options.resamples, options.picture.width, options.picture.height, options.noise_k);
-  for (const Column& column : found.columns) std::printf("  %-12s  %s\n", column.title.c_str(), column.words.c_str());
-  for (const Json& motion : table["motions"]) {
-    std::printf("%s: median %.0f px/s\n", motion["name"].get<std::string>().c_str(),
-                motion["speed_px_s"]["p50"].get<double>());
-  }
-  for (const Json& row : table["rows"]) {
-    std::printf("\n%s, %s, %s: %d looks at %d stills, %.0f objects\n%s\n", row["motion"].get<std::string>().c_str(),
-                row["truth"] == "labels" ? "people's labels" : "own boxes on the sharp frame", detector_of(row).c_str(),
-                row["looks"].get<int>(), row["stills"].get<int>(), row["objects"].get<double>(),
-                line_of(kCell).c_str());
-    for (const Column& column : found.columns) {
-      Json cell = row["columns"][column.name];
-      cell["title"] = column.title;
-      std::puts(line_of(kCell, cell).c_str());
-    }
-    std::printf("best column, AP\n%s\n%s\n", line_of(kContest).c_str(),
-                line_of(kContest, row["bolo_over_best_baseline"]).c_str());
-  }
-}
 
 plot::Sheet sheet_of(const Json& table, const Found& found, const Options& options) {
   plot::Sheet sheet{.title = "What deblurring is worth to object detectors"};

@@ -120,9 +120,6 @@ Json table_of(const Found& found, const Options& options);
 std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detector, double truth_score,
                             const std::vector<bool>& knows);
 
-// To stdout. Thread: one at a time.
-void print_text(const Options& options, const Found& found, const Json& table);
-
 // For each motion one look as the columns show it, with the boxes that one detector found; a page has the table, too.
 // Thread: any.
 plot::Sheet sheet_of(const Json& table, const Found& found, const Options& options);

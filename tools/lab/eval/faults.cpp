@@ -66,20 +66,11 @@ Result<Json> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
   return row;
 }
 
-const std::vector<TextColumn> kFaultColumns{{"fault", -17, "fault"},
-                                            {"injected", -26, "injected"},
-                                            {"counted as lost", -26, "lost"},
-                                            {"equal", -6, "equal"},
-                                            {"median", 8, "recovery_ms/median", "%.0f"},
-                                            {"worst ms", 8, "recovery_ms/worst", "%.0f"},
-                                            {"reconnects", 11, "reconnects"},
-                                            {" wrong", 0, "wrong"}};
-
 Status evaluate_fault(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const int repeats, number_of<int>(given, "repeats", 1, 1000));
   const auto only = given["only"].as<std::string>();
   ASSIGN_OR_RETURN(const auto stage, make_stage());
-  Rows rows(given.count("json") != 0, kFaultColumns);
+  Json rows = Json::array();
   std::vector<std::string> wrong;
   Progress progress("faults", scenarios().size());
   for (const Scenario& scenario : scenarios()) {
@@ -88,15 +79,11 @@ Status evaluate_fault(const cxxopts::ParseResult& given) {
     if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
     RETURN_IF_ERROR(row);
     if (!(*row)["wrong"].get_ref<const std::string&>().empty()) wrong.push_back(scenario.name);
-    rows.add(std::move(*row));
-    progress.update(rows.count());
+    rows.push_back(std::move(*row));
+    progress.update(rows.size());
   }
-  if (rows.count() == 0) return bad_input("there is no fault '" + only + "' here; without --only all are tried");
-  rows.finish(
-      {{"repeats", repeats}}, "rows",
-      "64x24 pixels at 200 Hz; a silent camera is opened again after 0.6 s. Recovery: from the fault's end until\n"
-      "every published plane is that of an undisturbed run again; a window of 17 frames is 85 ms. Where 'equal'\n"
-      "may be no: frames that a camera does not send while it is opened again, which are nobody's.");
+  if (rows.empty()) return bad_input("there is no fault '" + only + "' here; without --only all are tried");
+  print_report({{"repeats", repeats}, {"rows", rows}}, given.count("json") != 0);
   return wrong.empty() ? Status{} : failed("what must hold does not: " + joined(wrong));
 }
 
@@ -239,20 +226,6 @@ Result<fakecam::FaultScript> script_of(const LossTask& task) {
   return fakecam::FaultScript{std::move(fault)};
 }
 
-const std::vector<TextColumn> kLossColumns{{"packets", 8, "rate", "%.2f %%", 100.0},
-                                           {"resend", -6, "resend"},
-                                           {"frames", 7, "frames_sent", "%.0f"},
-                                           {"hit", 7, "frames_hit", "%.0f"},
-                                           {"network", 8, "frames_lost/network", "%.0f"},
-                                           {"behind", 7, "frames_lost/behind", "%.0f"},
-                                           {"frames/s", 9, "frames_per_s", "%.1f"},
-                                           {"ms each", 8, "deblur_ms_per_frame", "%.2f"},
-                                           {"p50 ms", 8, "latency_ms/p50", "%.2f"},
-                                           {"p99 ms", 8, "latency_ms/p99", "%.2f"},
-                                           {"raw K", 8, "rmse_raw_k", "%.4f"},
-                                           {"sharp K", 8, "rmse_deblurred_k", "%.4f"},
-                                           {"dropped here", 12, "host_dropped_packets", "%.0f"}};
-
 Status evaluate_loss(const cxxopts::ParseResult& given) {
   const auto rates = given["rates"].as<std::vector<double>>();
   pipeline::PipelineOptions pipeline;
@@ -262,21 +235,17 @@ Status evaluate_loss(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const int packet_size, number_of<int>(given, "packet-size", 576, 9000));
   ASSIGN_OR_RETURN(const double seconds, number_of<double>(given, "seconds", 0.5, 60.0));
   ASSIGN_OR_RETURN(const auto scene, loss_scene(seconds));
-  Rows rows(given.count("json") != 0, kLossColumns);
+  Json rows = Json::array();
   Progress progress("runs", 2 * rates.size());
   for (const double rate : rates) {
     for (const bool resend : {false, true}) {
       if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
       ASSIGN_OR_RETURN(auto row, try_loss({rate, resend, packet_size, seconds}, scene, pipeline));
-      rows.add(std::move(row));
-      progress.update(rows.count());
+      rows.push_back(std::move(row));
+      progress.update(rows.size());
     }
   }
-  rows.finish({}, "rows",
-              "hit: frames that lost a packet at first. Counted as lost: network (incomplete, missing), behind "
-              "(deblurring\ncould not keep up). ms each: deblurring. Latency: first packet received to published. RMSE "
-              "against the truth\nover the frames that came, those with a lost one in their window included. dropped "
-              "here: packets, by this computer.");
+  print_report({{"rows", rows}}, given.count("json") != 0);
   return {};
 }
 
@@ -327,10 +296,13 @@ Result<Json> try_loss(const LossTask& task, const Recording& scene, const pipeli
 }  // namespace bolo::tools::faults
 
 int bolo::tools::eval_faults_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo-lab eval faults",
-                       "Runs the daemon's pipeline against a fake camera that fails, one fault after the other,\n"
-                       "through real packets, and compares what it counts with what was injected and what it\n"
-                       "publishes with an undisturbed run.\n");
+  cxxopts::Options cli(
+      "bolo-lab eval faults",
+      "Runs the daemon's pipeline against a fake camera that fails, one fault after the other,\n"
+      "through real packets, and compares what it counts with what was injected and what it\n"
+      "publishes with an undisturbed run. recovery_ms: from the fault's end until every published plane\n"
+      "is that of an undisturbed run again; a window of 17 frames is 85 ms, and a silent camera is\n"
+      "opened again after 0.6 s. Frames that it does not send meanwhile are nobody's: not 'equal'.\n");
   add_option<int>(cli, "repeats", "Runs of each fault", "3", "N");
   add_option<std::string>(cli, "only", "This fault only, by its name in the table", "", "NAME");
   add_option<bool>(cli, "json", "Print the table as JSON");
@@ -338,9 +310,12 @@ int bolo::tools::eval_faults_main(int argc, char** argv) {
 }
 
 int bolo::tools::eval_loss_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo-lab eval loss",
-                       "Streams a street of 640x120 pixels at 200 Hz from a fake camera that loses packets, once\n"
-                       "without and once with asking for them again, and judges what is published.\n");
+  cxxopts::Options cli(
+      "bolo-lab eval loss",
+      "Streams a street of 640x120 pixels at 200 Hz from a fake camera that loses packets, once\n"
+      "without and once with asking for them again, and judges what is published. frames_hit: those that\n"
+      "lost a packet at first. frames_lost: by the network (incomplete, missing), or since deblurring\n"
+      "was behind. latency_ms: first packet received to published. Errors are over the frames that came.\n");
   add_option<std::vector<double>>(cli, "rates", "Shares of the packets that are lost, separated by commas",
                                   "0,0.001,0.01,0.05", "A,B");
   add_option<int>(cli, "packet-size", "Bytes: 1500 on every link, up to 9000 with jumbo frames", "1500", "BYTES");

@@ -218,13 +218,9 @@ Result<Options> options_of(const cxxopts::ParseResult& given) {
 Status run(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const Options options, options_of(given));
   ASSIGN_OR_RETURN(const Json table, Evaluation(options).run());
-  if (options.json) {
-    Json whole = head_of(options);
-    whole.update(table);
-    std::puts(whole.dump(2).c_str());
-  } else {
-    print_text(options, table);
-  }
+  Json whole = head_of(options);
+  whole.update(table);
+  print_report(whole, options.json);
   if (options.plot.empty()) return {};
   plot::Sheet sheet = sheet_of(table);
   sheet.how = plot::format(

@@ -15,24 +15,23 @@ namespace bolo::tools::fidelity {
 
 struct Column {
   const char* name;                      // in JSON
-  const char* title;                     // in the text table
   const char* words;                     // in the picture and the help
   std::optional<deblur::Method> live{};  // the solver that makes it without being told; another one is another line
 };
 
 inline constexpr std::array<Column, 12> kColumns{{
-    {"blurred", "blurred", "blurred: as the camera sends it"},
-    {"inverse", "inverse", "inverse filter"},
-    {"qp_authors", "qp 0.1", "QP, the authors' lambda 0.1"},
-    {"qp_best", "qp best", "QP, best lambda (picked with the truth)"},
-    {"auto", "auto", "QP, lambda auto", deblur::Method::kAdmm},
-    {"mmae", "mmae", "mmae", deblur::Method::kMmae},
-    {"motion", "motion", "motion, estimated live", deblur::Method::kMotion},
-    {"unsharp", "unsharp", "unsharp mask (strength picked with the truth)"},
-    {"spatial_wiener", "s.wiener", "spatial Wiener (told the motion; strength picked)"},
-    {"spatial_wiener_10", "s.wien.+10", "the same, told 10 % too much speed"},
-    {"richardson_lucy", "rich.-lucy", "Richardson-Lucy (told the motion; iterations picked)"},
-    {"temporal_wiener", "t.wiener", "temporal filter fitted on another scene"},
+    {"blurred", "blurred: as the camera sends it"},
+    {"inverse", "inverse filter"},
+    {"qp_authors", "QP, the authors' lambda 0.1"},
+    {"qp_best", "QP, best lambda (picked with the truth)"},
+    {"auto", "QP, lambda auto", deblur::Method::kAdmm},
+    {"mmae", "mmae", deblur::Method::kMmae},
+    {"motion", "motion, estimated live", deblur::Method::kMotion},
+    {"unsharp", "unsharp mask (strength picked with the truth)"},
+    {"spatial_wiener", "spatial Wiener (told the motion; strength picked)"},
+    {"spatial_wiener_10", "the same, told 10 % too much speed"},
+    {"richardson_lucy", "Richardson-Lucy (told the motion; iterations picked)"},
+    {"temporal_wiener", "temporal filter fitted on another scene"},
 }};
 
 // kappa 0.1; in units of half squares they are 0.001 to 2.
@@ -200,9 +199,6 @@ Json verdicts(const Json& cells, const Json& drops);
 
 // What was asked for and what the columns are: stands before the cells. Thread: any.
 Json head_of(const Options& options);
-
-// Thread: one at a time.
-void print_text(const Options& options, const Json& table);
 
 // The name of a row's scene without its folder. Thread: any.
 inline std::string stem_of(const Json& row) {

@@ -108,83 +108,6 @@ void add_drops(const Json& rows, const std::string& method, Json& all) {
   all.push_back(noticed.verdict());
 }
 
-// --- The text.
-
-const std::vector<TextColumn> kPlace{
-    {"scene", -16, "scene"}, {"motion", -16, "motion"}, {"noise", 5, "noise_k"}, {"L", 2, "lookahead"}};
-
-void print_rows(const std::string& title, const std::vector<TextColumn>& columns, Json rows) {
-  std::printf("\n%s\n%s\n", title.c_str(), line_of(columns).c_str());
-  for (Json& row : rows) {
-    row["scene"] = stem_of(row);
-    std::puts(line_of(columns, row).c_str());
-  }
-}
-
-void print_measure(const Json& cells, const char* title, const std::string& measure, const char* form) {
-  std::vector<TextColumn> columns = kPlace;
-  if (measure == "edge_width_px") columns.push_back({"truth", 10, "truth_edge_width_px", form});
-  for (const Column& column : kColumns) {
-    columns.push_back({column.title, 10, std::string("columns/") + column.name + "/" + measure, form});
-  }
-  print_rows(title, columns, cells);
-}
-
-void print_settings(const Json& cells) {
-  std::printf("\nWhat was picked with the truth, measured without it, and skipped\n");
-  for (Json cell : cells) {
-    cell["scene"] = stem_of(cell);
-    std::printf("%s", line_of(kPlace, cell).c_str());
-    for (const Column& column : kColumns) {
-      const Json& figures = cell["columns"][column.name];
-      const std::string said = figures.contains("skipped") ? "skipped: " + figures["skipped"].get<std::string>()
-                                                           : figures.value("setting", "");
-      if (!said.empty()) std::printf("  %s: %s;", column.title, said.c_str());
-    }
-    std::printf("\n");
-  }
-}
-
-void print_drops(const Options& options, Json rows) {
-  std::vector<TextColumn> columns = kPlace;
-  columns.insert(columns.end(), {{"method", 10, "method"},
-                                 {"RMSE, K", 10, "all/whole_rmse_k", "%.3f"},
-                                 {"aware", 10, "all/aware", "%.3f"},
-                                 {"blind", 10, "all/blind", "%.3f"},
-                                 {"near:aware", 10, "near/aware", "%.3f"},
-                                 {"near:blind", 10, "near/blind", "%.3f"},
-                                 {"lost", 7, "frames_lost"},
-                                 {" skipped", 0, "skipped"}});
-  for (Json& row : rows) {
-    for (const char* part : {"all", "near"}) {
-      if (!row.contains(part)) continue;
-      row[part]["aware"] = ratio_of(row[part], "gap_aware_rmse_k", "whole_rmse_k");
-      row[part]["blind"] = ratio_of(row[part], "gap_blind_rmse_k", "whole_rmse_k");
-    }
-  }
-  print_rows(plot::format("RMSE with %g %% of the frames lost over RMSE without losses: gaps left empty (aware) or not "
-                          "noticed (blind), over all frames and over those at most %d frames from a loss",
-                          options.drop * 100.0, kNearLoss),
-             columns, std::move(rows));
-}
-
-void print_verdicts(const Json& verdicts) {
-  std::printf("\nVerdicts (ratios of RMSE)\n");
-  for (const Json& verdict : verdicts) {
-    const Json& holds = verdict["holds"];
-    const std::string words = verdict["words"];
-    if (holds.is_null()) std::printf("  not judged  %s\n", words.c_str());
-    if (holds.is_null()) continue;
-    std::printf("  %-10s  %s: %zu of %d cells miss, mean %.3f, worst %.3f\n", holds == true ? "holds" : "MISSED",
-                words.c_str(), verdict["misses"].size(), verdict["cells"].get<int>(),
-                verdict["mean_ratio"].get<double>(), verdict["worst_ratio"].get<double>());
-    for (const Json& miss : verdict["misses"]) {
-      std::printf("                %s: %.3f against %s\n", miss["cell"].get<std::string>().c_str(),
-                  miss["ratio"].get<double>(), miss["against"].get<std::string>().c_str());
-    }
-  }
-}
-
 }  // namespace
 
 Json verdicts(const Json& cells, const Json& drops) {
@@ -234,23 +157,6 @@ Json head_of(const Options& options) {
           {"columns", list_of(kColumns, [](const Column& c) {
              return Json{{"name", c.name}, {"words", c.words}};
            })}};
-}
-
-void print_text(const Options& options, const Json& table) {
-  std::printf("%d targets a cell, %dx%d pixels, tau 11 ms, 200 frames/s, window %d, steps of 10 mK; L: look-ahead\n",
-              options.frames, options.crop.width, options.crop.height, kWindow);
-  for (const Column& column : kColumns) std::printf("  %-10s  %s\n", column.title, column.words);
-  const Json& cells = table["cells"];
-  print_measure(cells, "RMSE, K", "rmse_k", "%.3f");
-  print_measure(cells, "RMSE after the best shift of each frame, K", "shifted_rmse_k", "%.3f");
-  print_measure(cells, "Noise in the flattest tiles, K", "flat_noise_k", "%.3f");
-  print_measure(cells, "RMSE at the 5 % steepest pixels, K", "edge_rmse_k", "%.3f");
-  print_measure(cells, "PSNR, dB (range 25 K)", "psnr_db", "%.1f");
-  print_measure(cells, "SSIM (range 25 K)", "ssim", "%.4f");
-  print_measure(cells, "Width of the strongest vertical edges, 10-90 %, px", "edge_width_px", "%.2f");
-  print_settings(cells);
-  if (table.contains("drops")) print_drops(options, table["drops"]);
-  print_verdicts(table["verdicts"]);
 }
 
 // --- The picture.

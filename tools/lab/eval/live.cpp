@@ -15,8 +15,7 @@ Status evaluate(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const double seconds, number_of<double>(given, "seconds", 0.001, 86400.0));
   ASSIGN_OR_RETURN(const auto outcome,
                    check_live(given["name"].as<std::string>(), given["truth"].as<std::string>(), seconds));
-  const Json figures = to_json(outcome);
-  given.count("json") != 0 ? void(std::puts(figures.dump(2).c_str())) : print_text(figures);
+  print_report(to_json(outcome), given.count("json") != 0);
   return {};
 }
 

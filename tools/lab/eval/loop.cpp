@@ -209,15 +209,6 @@ Result<Json> row_of(const blind::DrawOptions& draw, int threads) {
               {"found", list_of(report.effects, [](const auto& found) { return found.name; })}};
 }
 
-const std::vector<TextColumn> kColumns{{"effect", -25, "effect"},
-                                       {"without", 9, "without_k", "%.4f"},
-                                       {"nominal", 9, "nominal_k", "%.4f"},
-                                       {"diagnosed", 9, "diagnosed_k", "%.4f"},
-                                       {"true", 9, "true_k", "%.4f"},
-                                       {"hurts", 7, "hurts", "%.0f %%", 100.0},
-                                       {"recovered", 9, "recovered_share", "%.0f %%", 100.0},
-                                       {" found", 0, "found"}};
-
 Status evaluate(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const auto effects, effects_of(given));
   blind::DrawOptions draw;
@@ -225,19 +216,16 @@ Status evaluate(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(draw.frames_scale, number_of<double>(given, "frames-scale", 0.1, 10.0));
   ASSIGN_OR_RETURN(const int threads, number_of<int>(given, "threads", 1, 64));
   Progress progress("effects", effects.size());
-  Rows rows(given.count("json") != 0, kColumns);
+  Json rows = Json::array();
   for (const std::string& effect : effects) {
     draw.only = effect;
     auto row = row_of(draw, threads);
     if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
     if (!row) return at(effect, row.error());
-    rows.add(std::move(*row));
-    progress.update(rows.count());
+    rows.push_back(std::move(*row));
+    progress.update(rows.size());
   }
-  rows.finish(
-      {{"seed", draw.seed}}, "rows",
-      "RMSE of the deblurred scene against the truth, K. hurts: nominal against the camera without the effect;\n"
-      "recovered: (nominal - diagnosed) / (nominal - true), - where true parameters gain less than 1 %.");
+  print_report({{"seed", draw.seed}, {"rows", rows}}, given.count("json") != 0);
   return {};
 }
 
@@ -249,7 +237,10 @@ int bolo::tools::eval_loop_main(int argc, char** argv) {
   cxxopts::Options cli(
       "bolo-lab eval loop",
       "For each effect: simulates a bench session and a moving scene of one camera, diagnoses the session without "
-      "being\ntold, and deblurs the scene with the nominal profile, the diagnosed one, and the true one.");
+      "being\ntold, and deblurs the scene with the nominal profile, the diagnosed one, and the true one: RMSE against "
+      "the "
+      "truth, K.\nhurts: nominal against the camera without the effect. recovered_share: (nominal - diagnosed) / "
+      "(nominal - true), where\ntrue parameters gain 1 % or more.");
   add_option<std::vector<std::string>>(cli, "effects", "Of the catalogue, separated by commas (default: all)", nullptr,
                                        "A,B");
   add_option<std::uint64_t>(cli, "seed", "Another one draws other strengths and another camera", "1", "N");

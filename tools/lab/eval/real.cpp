@@ -269,32 +269,6 @@ class Judge {
   std::uint64_t looked_at_ = 0;
 };
 
-const std::vector<TextColumn> kColumns{{"", -10, "name"},
-                                       {"still", 12, "still", "%.4g"},
-                                       {"moved", 12, "moved", "%.4g"},
-                                       {"truth", 12, "truth", "%.4g"},
-                                       {" skipped", 0, "skipped"}};
-
-void print(const Json& capture) {
-  std::printf("%s: %d frames, %.3g ms apart, tau %.3g ms; in %ss\n", capture["file"].get<std::string>().c_str(),
-              capture["frames"].get<int>(), 1e3 * capture["frame_period_s"].get<double>(),
-              1e3 * capture["tau_s"].get<double>(), capture["unit"].get<std::string>().c_str());
-  for (const Json& task : capture["tasks"]) {
-    std::printf("  %s: ", task["name"].get<std::string>().c_str());
-    if (task.contains("skipped")) std::printf("skipped: %s\n", task["skipped"].get<std::string>().c_str());
-    if (task.contains("skipped")) continue;
-    std::printf("%d frames judged, noise %.3g; %.0f %% of the pixels move, by a median of %.2g px\n",
-                task["judged"].get<int>(), task["noise"].get<double>(), 1e2 * task["moving_share"].get<double>(),
-                task["speed_px"].get<double>());
-    std::printf("    %s\n", line_of(kColumns).c_str());
-    for (const auto& [name, figures] : task["pictures"].items()) {
-      Json row = figures;
-      row["name"] = name;
-      std::printf("    %s\n", line_of(kColumns, row).c_str());
-    }
-  }
-}
-
 Status evaluate(const cxxopts::ParseResult& given) {
   if (given.count("captures") == 0) return bad_input("CAPTURE.h5 is missing: which recordings?");
   ASSIGN_OR_RETURN(const double tau_s, number_of<double>(given, "tau", 0.0005, 1.0));
@@ -314,9 +288,8 @@ Status evaluate(const cxxopts::ParseResult& given) {
       made["tasks"].push_back(judged ? std::move(*judged)
                                      : Json{{"name", task.name}, {"skipped", judged.error().message}});
     }
-    if (given.count("json") == 0) print(made);
   }
-  if (given.count("json") != 0) std::puts(Json{{"captures", captures}}.dump(2).c_str());
+  print_report({{"captures", captures}}, given.count("json") != 0);
   return {};
 }
 

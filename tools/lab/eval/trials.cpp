@@ -47,34 +47,25 @@ sim::CameraSettings camera_of(const PulseTrial& trial) {
   return camera;
 }
 
-const std::vector<TextColumn> kPulseColumns{{"trial", -20, "name"},
-                                            {"seeds", 7, "trials"},
-                                            {"failed", 7, "failed"},
-                                            {"in CI95", 8, "inside_ci95_share", "%.0f%%", 100.0},
-                                            {"mean err", 9, "mean_error", "%+.4f%%", 100.0},
-                                            {"worst err", 9, "worst_error", "%.4f%%", 100.0},
-                                            {"CI95 +-", 9, "ci95_half_width", "%.4f%%", 100.0},
-                                            {"gap", 7, "gap", "%.4f"},
-                                            {"rmse K", 8, "rmse_k", "%.4f"},
-                                            {"sweep ms", 9, "sweep_s", "%.3f", 1e3},
-                                            {"spread", 8, "tau_spread", "%.2f%%", 100.0}};
-
 Status evaluate_pulse(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const int seeds, number_of<int>(given, "seeds", 1, 100000));
   ASSIGN_OR_RETURN(const double tau_s, number_of<double>(given, "tau", 0.003, 0.1));
   const bool one_noise = given.count("noise") != 0;
-  Rows rows(given.count("json") != 0, kPulseColumns);
-  for (PulseTrial& trial : pulse_trials()) {
+  Json rows = Json::array();
+  std::vector<PulseTrial> trials = pulse_trials();
+  Progress progress("kinds", trials.size());
+  for (PulseTrial& trial : trials) {
     if (one_noise && trial.noise_k != PulseTrial{}.noise_k) continue;
     if (one_noise) {
       ASSIGN_OR_RETURN(trial.noise_k, number_of<double>(given, "noise", 0.0, 100.0));
     }
     trial.tau_s = tau_s;
     ASSIGN_OR_RETURN(auto score, score_pulses(trial, seeds, interrupted()));
-    rows.add(std::move(score));
+    rows.push_back(std::move(score));
+    progress.update(rows.size());
     if (interrupted()) return failed("interrupted");
   }
-  rows.finish({{"tau_s", tau_s}}, "trials");
+  print_report({{"tau_s", tau_s}, {"trials", rows}}, given.count("json") != 0);
   return {};
 }
 
@@ -230,13 +221,6 @@ double overshoot(const PixelTrial& trial, const std::vector<double>& bins) {
   return std::max({0.0, most - high, low - least});
 }
 
-const std::vector<TextColumn> kPixelColumns{{"noise K", 7, "noise_k", "%.2f"},
-                                            {"lambda", 7, "lambda"},
-                                            {"least squares: RMSE K", 22, "ols_rmse_k", "%.3f"},
-                                            {"overshoot K", 12, "ols_overshoot_k", "%.2f"},
-                                            {"programme: RMSE K", 18, "qp_rmse_k", "%.3f"},
-                                            {"overshoot K", 12, "qp_overshoot_k", "%.2f"}};
-
 Status evaluate_pixel(const cxxopts::ParseResult& given) {
   std::vector<double> lambdas{0.1, 0.001};
   if (given.count("lambda") != 0) lambdas = {given["lambda"].as<double>()};
@@ -244,24 +228,20 @@ Status evaluate_pixel(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const int draws, number_of<int>(given, "draws", 1, 100000));
   RETURN_IF_ERROR(within(lambdas.front(), "lambda", 1e-9, 1000.0));
   PixelTrial trial;
-  const bool json = given.count("json") != 0;
-  if (!json) {
-    std::printf("one pixel, tau %g ms, %d frames every %g ms, %d bins, kappa %g, four jumps of the input\n",
-                1e3 * trial.tau_s, trial.frames, 1e3 * trial.period_s, 1 << trial.levels, trial.kappa);
-  }
-  Rows rows(json, kPixelColumns);
+  Json rows = Json::array();
   for (const double lambda : lambdas) {
     trial.lambda = lambda;
     for (const double noise : {0.0, noise_k}) {
-      rows.add(score_pixel(trial, noise, draws, given["seed"].as<std::uint64_t>()));
+      rows.push_back(score_pixel(trial, noise, draws, given["seed"].as<std::uint64_t>()));
     }
   }
-  rows.finish({{"tau_s", trial.tau_s},
-               {"frame_period_s", trial.period_s},
-               {"frames", trial.frames},
-               {"bins", 1 << trial.levels},
-               {"kappa", trial.kappa}},
-              "cases");
+  print_report({{"tau_s", trial.tau_s},
+                {"frame_period_s", trial.period_s},
+                {"frames", trial.frames},
+                {"bins", 1 << trial.levels},
+                {"kappa", trial.kappa},
+                {"cases", rows}},
+               given.count("json") != 0);
   return {};
 }
 

@@ -1,5 +1,3 @@
-#include <time.h>
-
 #include <algorithm>
 #include <array>
 #include <csignal>
@@ -78,7 +76,6 @@ constexpr double kReaderBegin_s = 20.0;
 constexpr double kFullAfter_s = 0.8;                // of frames, on the disk that gets full
 constexpr std::uint64_t kLeastDisk = 2U << 20U;     // bytes: what a capture takes before its first frame, and more
 constexpr std::uint64_t kMostMemory = 1ULL << 29U;  // bytes
-constexpr double kClockStep_s = 2.0;
 
 std::uint64_t available_memory() {
   std::ifstream in("/proc/meminfo");
@@ -142,7 +139,6 @@ void Acts::begin(const Disturbance& d) {
   if (const Signals* signals = signals_of(kind)) signals->to(rig_).signal(signals->begin);
   if (kind == kReaderSlow) start_helper(rig_.reader("slow-reader-" + std::to_string(++count_), kSlowReader_ms));
   if (kind == kRecording || kind == kRecorderKilled || kind == kDiskFull) record(d);
-  if (kind == kClockStep) step_clock(kClockStep_s);
   if (kind == kCpuTaken || kind == kMemoryTaken) take(kind);
   if (kind == kReload || kind == kBadReload) write_config(kind == kReload);
   if (kind == kCorrection) {
@@ -159,7 +155,6 @@ void Acts::end(const Disturbance& d) {
   }
   if (kind == kReaderKilled) findings_.done(Invariant::kProcesses, rig_.replace_reader());
   if (kind == kReaderSlow || kind == kCpuTaken || kind == kMemoryTaken) end_helper(kind == kReaderSlow);
-  if (kind == kClockStep) step_clock(-kClockStep_s);
   if (kind == kBadReload) findings_.done(Invariant::kCommands, write_daemon_file(rig_.daemon_file()));
 }
 
@@ -213,14 +208,6 @@ void Acts::write_config(bool right) {
   if (written && !right) std::ofstream(config_of(file), std::ios::app) << "\n[nuc_]\ninterval_s = 'never'\n";
   findings_.require(Invariant::kCommands, written.has_value(), written ? "" : written.error().message);
   rig_.daemon().signal(SIGHUP);
-}
-
-void Acts::step_clock(double by_s) {
-  timespec now{};
-  clock_gettime(CLOCK_REALTIME, &now);
-  now.tv_sec += static_cast<time_t>(std::lround(by_s));
-  findings_.require(Invariant::kCommands, clock_settime(CLOCK_REALTIME, &now) == 0,
-                    "this computer's clock cannot be set; leave out clock_step");
 }
 
 }  // namespace bolo::tools::soak

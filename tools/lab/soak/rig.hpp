@@ -146,7 +146,6 @@ class Acts {
   void start_helper(const Command& command);
   void end_helper(bool must_be_well);
   void write_config(bool right);
-  void step_clock(double by_s);
 
   // Does what takes its time and is judged at its end: recordings and commands.
   void run_beside(std::function<void()> job) { jobs_.push_back(std::async(std::launch::async, std::move(job))); }

@@ -12,7 +12,7 @@ namespace {
 // after 0.2 s and opened again, with its start-up; a killed daemon is started again after 0.3 s, and
 // promised to be back 2 s after the kill (PROMISES.md).
 // AT, FOR: of the disturbance; LONGER: requests for lost packets come after them.
-constexpr std::array<KindInfo, 31> kKinds{{
+constexpr std::array<KindInfo, 30> kKinds{{
     {Kind::kLoss, "loss", "packets are lost and asked for again", 0.3, 0.8, 3.0, 2.2,
      "at=AT,for=FOR,rate=RATE,seed=SEED"},
     {Kind::kReorder, "reorder", "packets arrive late", 0.3, 0.8, 3.0, 2.2, "at=AT,for=FOR,rate=RATE,seed=SEED"},
@@ -43,7 +43,6 @@ constexpr std::array<KindInfo, 31> kKinds{{
     {Kind::kRecording, "recording", "a recording, ended in good order", 1.0, 1.5, 3.0, 3.0},
     {Kind::kRecorderKilled, "recorder_killed", "SIGKILL of a recording; what is left is recovered", 1.2, 1.8, 3.0, 3.2},
     {Kind::kDiskFull, "disk_full", "a recording on a disk without room", 1.5, 2.5, 3.0, 3.8},
-    {Kind::kClockStep, "clock_step", "CLOCK_REALTIME is set by seconds, then back", 0.5, 1.0, 3.0, 2.4},
     {Kind::kCpuTaken, "cpu_taken", "other programs on every processor", 0.8, 1.5, 5.0, 3.2},
     {Kind::kMemoryTaken, "memory_taken", "another program fills memory", 0.8, 1.5, 5.0, 3.2},
     {Kind::kReload, "reload", "SIGHUP with a changed file", 0.0, 0.0, 2.0, 1.4},

@@ -40,7 +40,6 @@ enum class Kind {
   kRecorderKilled,
   kDiskFull,
   // The computer.
-  kClockStep,
   kCpuTaken,
   kMemoryTaken,
   // The daemon's commands.

@@ -52,12 +52,10 @@ std::vector<std::string> not_done(const Schedule& schedule) {
   for (const KindInfo& info : kinds()) {
     if (scheduled.contains(info.kind)) continue;
     const bool no_room = std::ranges::find(schedule.no_room, info.kind) != schedule.no_room.end();
-    const char* const why =
-        no_room ? "no room in a run so short"
-        : info.kind == Kind::kClockStep
-            ? "it would set the whole computer's clock: --step-clock does; time_jump moves the camera's"
-        : info.kind == Kind::kCameraReplaced ? "it begins each round after the first, and there is one only"
-                                             : "not asked for";
+    const char* const why = no_room ? "no room in a run so short"
+                            : info.kind == Kind::kCameraReplaced
+                                ? "it begins each round after the first, and there is one only"
+                                : "not asked for";
     all.push_back(std::string(info.name) + ": " + why);
   }
   return all;
@@ -130,37 +128,23 @@ std::string schedule_text(const Schedule& schedule) {
   return out;
 }
 
-// The table of invariants, each one that was broken, how long each kind of trouble was felt, and what was not done.
-std::string report_text(const SoakRequest& request, const SoakResult& result, const Findings& findings) {
+// What held, then the report without its long lists.
+std::string words_of(Json report) {
   std::vector<std::string> unjudged;
-  std::string table;
-  for (std::size_t i = 0; i < kInvariants; ++i) {
-    const auto& info = info_of(static_cast<Invariant>(i));
-    const Findings::Tally tally = findings.tally(static_cast<Invariant>(i));
-    if (tally.looks == 0) unjudged.emplace_back(info.name);
-    table += format("%-12s %-7s %9llu looks  %s\n", info.name.data(),
-                    tally.broken == 0 ? (tally.looks == 0 ? "-" : "holds") : "BROKEN",
-                    static_cast<unsigned long long>(tally.looks),
-                    tally.figure.empty() ? info.about.data() : tally.figure.c_str());
+  for (const Json& invariant : report["invariants"]) {
+    if (invariant["looks"] == 0) unjudged.push_back(invariant["name"]);
   }
-  std::string out = !findings.all_hold() ? "BROKEN.\n"
-                    : unjudged.empty()   ? "All held.\n"
-                                         : "What was judged held; not judged: " + joined(unjudged) + ".\n";
-  out += table;
-  double worst_s = 0.0;
-  std::size_t struck = 0;
-  for (const Struck& s : result.struck) {
-    if (s.recovery_s) worst_s = std::max(worst_s, *s.recovery_s);
-    struck += s.begin_s >= 0.0 ? 1 : 0;
+  double slowest_s = 0.0;
+  for (const Json& struck : report["disturbances"]) {
+    slowest_s = std::max(slowest_s, struck["recovery_s"].is_null() ? 0.0 : struck["recovery_s"].get<double>());
   }
-  out += format("%zu disturbances in %.0f s, the slowest recovery took %.2f s\n", struck, result.seconds, worst_s);
-  for (const Breach& breach : findings.breaches()) {
-    out += format("BROKEN at %.2f s, %s, during %s: ", breach.at_s, info_of(breach.invariant).name.data(),
-                  breach.during.c_str()) +
-           breach.what + "\n";
-  }
-  for (const std::string& line : not_done(request.schedule)) out += "not done: " + line + "\n";
-  return out;
+  const std::string verdict = report["holds"] == false ? "BROKEN.\n"
+                              : unjudged.empty()       ? "All held.\n"
+                                                 : "What was judged held; not judged: " + joined(unjudged) + ".\n";
+  const std::string recovery = format("%zu disturbances in %.0f s, the slowest recovery took %.2f s\n",
+                                      report["disturbances"].size(), report["seconds"].get<double>(), slowest_s);
+  for (const char* list : {"disturbances", "injected"}) report.erase(list);
+  return verdict + recovery + report_text(report);
 }
 
 // --- the verb ---
@@ -189,7 +173,6 @@ cxxopts::Options make_options() {
                           "FILE");
   add_option<std::string>(options, "only", "These kinds of trouble only; may be given again (--schedule shows all)",
                           nullptr, "KIND");
-  add_option<bool>(options, "step-clock", "Set this computer's clock by 2 s and back, too; as root");
   add_option<double>(options, "latency-ms", "Most that 99 % of the frames of quiet times may take", "100", "MS");
   add_option<std::string>(options, "report", "Folder for report.txt, report.json and the daemon's log", "", "DIR");
   add_option<bool>(options, "schedule", "Print what would happen when, and end");
@@ -218,9 +201,8 @@ Result<std::set<Kind>> read_kinds(const cxxopts::ParseResult& parsed) {
     if (!kind) return bad_input("--only '" + argument.value() + "' is no kind; bolo-lab soak --schedule shows all");
     named.insert(*kind);
   }
-  if (!named.empty()) return named;
-  for (const KindInfo& info : kinds()) {
-    if (info.kind != Kind::kClockStep || parsed.count("step-clock") != 0) named.insert(info.kind);
+  if (named.empty()) {
+    for (const KindInfo& info : kinds()) named.insert(info.kind);
   }
   return named;
 }
@@ -276,7 +258,7 @@ Status soak_and_report(Request& request, const std::string& command) {
   const auto tell = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
   ASSIGN_OR_RETURN(const auto result, run_soak(request.soak, programs, interrupted(), tell, findings));
   const Json json = report_json(request.soak, measured, result, findings);
-  const std::string text = report_text(request.soak, result, findings);
+  const std::string text = words_of(json);
   RETURN_IF_ERROR(write_report(request, json, text));
   std::fputs(request.json ? (json.dump(2) + "\n").c_str() : text.c_str(), stdout);
   return findings.all_hold() ? Status{} : failed("something did not hold");

@@ -48,8 +48,7 @@ TEST_F(FidelityVerb, DoesNotDependOnThreads) {
 }
 
 TEST_F(FidelityVerb, TextHasTableAndVerdicts) {
-  expect_parts(printed_small("--lookaheads 1"),
-               {"RMSE, K", "SSIM", "Width of the strongest", "rich.-lucy", "Verdicts"});
+  expect_parts(printed_small("--lookaheads 1"), {"cells\n", "rmse_k", "ssim", "richardson_lucy", "verdicts\n"});
 }
 
 TEST_F(FidelityVerb, FollowsATrajectoryOverAPictureAndDraws) {

@@ -5,13 +5,24 @@
 
 namespace bolo::tools::trials_test {
 
-TEST(TextColumns, ShowWhatARowHas) {
-  const std::vector<TextColumn> columns{
-      {"name", -6, "name"}, {"share", 7, "in/share", "%.0f %%", 100.0}, {"none", 5, "none"}, {"list", 0, "list"}};
-  EXPECT_EQ(line_of(columns), "name     share  none list");
-  const Json row{{"name", "a"}, {"in", {{"share", 0.25}}}, {"none", nullptr}, {"list", {"x", "y"}}};
-  EXPECT_EQ(line_of(columns, row), "a         25 %     - x y");
-  EXPECT_EQ(line_of(columns, {{"in", {{"share", NAN}}}}), "-            -     - -");
+TEST(ReportText, ShowsListsAsTablesAndWhatIsTooWideLineByLine) {
+  const Json row{{"name", "a"}, {"in", {{"share", 0.25}}}, {"whole", 12345678}, {"list", {"x", "y"}}, {"none", NAN}};
+  EXPECT_EQ(report_text({{"seed", 1}, {"rows", {row, {{"name", "bcd"}, {"more", true}}}}}),
+            "seed 1\n"
+            "rows\n"
+            "  name  in/share     whole  list/0  list/1  none  more\n"
+            "  a         0.25  12345678       x       y     -\n"
+            "  bcd                                              yes\n");
+  const std::string wide(240, 'w');
+  const Json one{{"wide", wide}, {"table", {{"l", {{"n", 1}}}}}};
+  EXPECT_EQ(report_text({{"of", {{"k", one}}}}),
+            "of\n"
+            "  k: wide " +
+                wide +
+                "\n"
+                "  table\n"
+                "       n\n"
+                "    l  1\n");
 }
 
 TEST(PulseTrials, AllKindsComeOutWithinAPerCent) {
