@@ -24,8 +24,7 @@ constexpr Index kMostSights = 320;
 // So far a fixed pattern must have moved against the scene to be told from it: beyond the reach of a pixel's
 // neighbours.
 constexpr double kLeastMove_px = 3.0;
-constexpr std::size_t kEnoughSights = 24;
-constexpr std::array<Index, 4> kFarthest{16, 32, 64, 128};  // frames on either side, the next where sights are too few
+constexpr Index kFarthest = 16;             // frames on either side
 constexpr double kLargestDifference = 1e3;  // in noises, of values that are matched: what is more counts no more
 // Frames are matched as they are, with their inertia: what an innovation of this time constant (in periods) is.
 constexpr double kAsTheyAre = 0.05;
@@ -78,9 +77,9 @@ class Matcher {
 using Shift = std::array<double, 2>;
 
 // The nearest frame, in the direction of `by`, from which the scene has moved far enough.
-std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by, Index farthest) {
+std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by) {
   const auto& here = place[static_cast<std::size_t>(k)];
-  for (Index i = 1; i <= farthest; ++i) {
+  for (Index i = 1; i <= kFarthest; ++i) {
     const Index other = k + by * i;
     if (other < 0 || other >= static_cast<Index>(place.size())) return std::nullopt;
     const auto& there = place[static_cast<std::size_t>(other)];
@@ -243,16 +242,12 @@ std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t fir
     place[k] = {place[k - 1][0] + step[first + k][0], place[k - 1][1] + step[first + k][1]};
   }
   std::vector<Sight> all;
-  for (const Index farthest : kFarthest) {
-    all.clear();
-    for (Index k = 0; k < static_cast<Index>(place.size()); ++k) {
-      const auto before = partner(place, k, -1, farthest);
-      const auto after = partner(place, k, 1, farthest);
-      const auto from = static_cast<Index>(first);
-      const double time = static_cast<double>(from + k) / static_cast<double>(step.size());
-      if (before && after) all.push_back({from + k, from + *before, from + *after, time, {}, {}});
-    }
-    if (all.size() >= kEnoughSights) break;
+  for (Index k = 0; k < static_cast<Index>(place.size()); ++k) {
+    const auto before = partner(place, k, -1);
+    const auto after = partner(place, k, 1);
+    const auto from = static_cast<Index>(first);
+    const double time = static_cast<double>(from + k) / static_cast<double>(step.size());
+    if (before && after) all.push_back({from + k, from + *before, from + *after, time, {}, {}});
   }
   const auto limit = std::min<Index>(kMostSights, static_cast<Index>(kMostResidual / pixels));
   std::vector<Sight> chosen;

@@ -75,16 +75,6 @@ inline sim::Path restless(double from_s = -10.0) {
   return sim::Path(std::move(points));
 }
 
-// A hand that rests as well as it can: some pixels within a second.
-inline sim::Path resting() {
-  std::vector<sim::PathPoint> points;
-  for (double t = -0.6; t < 5.0; t += 0.001) {
-    const double tremor = 0.2 * std::sin(55.0 * t);
-    points.push_back({t, 5.0 * std::sin(4.0 * t) + tremor, 4.0 * std::sin(6.0 * t + 1.0) - tremor});
-  }
-  return sim::Path(std::move(points));
-}
-
 // A hand that rests, but for some moves within a few frames.
 inline sim::Path jerks() {
   std::vector<sim::PathPoint> points;

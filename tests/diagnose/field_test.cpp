@@ -93,15 +93,6 @@ TEST_F(FieldRecording, AJerkOverAnUnevenSkyIsNoJump) {
   }
 }
 
-// So slow that what moves by three pixels takes some dozen frames.
-TEST_F(FieldRecording, FollowsAHandThatRests) {
-  for (const char* effect : {"", "fpn_offset", "dead_pixels"}) {
-    Shot shot{.view = {96, 72}, .frames = 320, .path = bed::resting(), .sky = true};
-    if (*effect != 0) shot.effects = {effect};
-    EXPECT_EQ(told(diagnosed(shot)), *effect == 0 ? "no_gap:" : std::string("explained: ") + effect);
-  }
-}
-
 // Offsets of pixels that grow with the package's temperature are no fixed pattern, also where they are seen for a part
 // of the time only.
 TEST_F(FieldRecording, NamesAPatternThatGrowsADrift) {
