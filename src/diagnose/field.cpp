@@ -172,8 +172,9 @@ Estimate estimate(const Measured& m) { return interval(m.value, m.error); }
 void name_parts(const FieldParts& parts, Findings& out) {
   const Gaps gaps{parts.gap_before, parts.gap_after};
   const auto clear = [&](const Measured& m, double least) { return m.z > kClear && m.value > least * parts.noise; };
-  const bool gain =
-      parts.gain.z > kClear && parts.gain.value > kLeastGain && std::abs(parts.gain_likeness) < kMostLikeness;
+  // A pattern that grows while the scene changes one way looks like gains.
+  const bool gain = parts.gain.z > std::max(kClear, parts.growth.z) && parts.gain.value > kLeastGain &&
+                    std::abs(parts.gain_likeness) < kMostLikeness;
   const Offsets& offset = gain ? parts.beside_gain : parts.offset;
   if (gain) {
     add_named(out, "fpn_gain", parts.gain.z, {{"pixel", estimate(parts.gain)}}, gaps,

@@ -246,7 +246,8 @@ std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t fir
     const auto before = partner(place, k, -1);
     const auto after = partner(place, k, 1);
     const auto from = static_cast<Index>(first);
-    if (before && after) all.push_back({from + k, from + *before, from + *after, {}, {}});
+    const double time = static_cast<double>(from + k) / static_cast<double>(step.size());
+    if (before && after) all.push_back({from + k, from + *before, from + *after, time, {}, {}});
   }
   const auto limit = std::min<Index>(kMostSights, static_cast<Index>(kMostResidual / pixels));
   std::vector<Sight> chosen;

@@ -15,6 +15,7 @@ constexpr int kRounds = 8;             // of the search for a fixed pattern
 constexpr double kStep = 0.7;          // of each
 constexpr double kClip = 3.0;          // sigmas, of a value that counts
 constexpr double kLeastLooks = 6.0;    // at a pixel, of each half
+constexpr float kTelling = 1e4F;       // 1 / squared error of a gain that counts
 constexpr double kSeenContrast = 6.0;  // sigmas that a pixel's scene must vary by to show whether it follows
 constexpr double kFollows = 0.4;       // slope of what a pixel shows against what it should: less is deaf
 constexpr double kFollow = 0.85;       // of its neighbours, at least
@@ -50,17 +51,12 @@ Cells cells_of(const Residual& r, const PredictionFloor& floor, const std::vecto
 // What two estimates of the same numbers share, as a standard deviation, with the scatter over groups of them as
 // its error.
 struct Sharing {
-  std::vector<double> product;
-  std::vector<double> weight;
-  explicit Sharing(std::size_t groups) : product(groups, 0.0), weight(groups, 0.0) {}
-  void add(std::size_t group, double a, double b, double w) {
-    product[group] += w * a * b;
-    weight[group] += w;
-  }
+  Eigen::Array2Xd sums = Eigen::Array2Xd::Zero(2, kGroups);  // of products, and how many
+  void add(Index group, double product) { sums.col(group) += Eigen::Array2d(product, 1.0); }
   Measured measured() const {
     std::vector<double> each;
-    for (std::size_t g = 0; g < product.size(); ++g) {
-      if (weight[g] > 0.0) each.push_back(product[g] / weight[g]);
+    for (const auto& sum : sums.colwise()) {
+      if (sum[1] > 0.0) each.push_back(sum[0] / sum[1]);
     }
     if (each.size() < 4) return {};
     const auto n = static_cast<double>(each.size());
@@ -104,16 +100,15 @@ ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const s
 // How much of a pattern each part of the time shows.
 class Growth {
  public:
-  void add(Index group, double weight, double pattern, double seen) {
-    product_[static_cast<std::size_t>(group)] += weight * pattern * seen;
-    square_[static_cast<std::size_t>(group)] += weight * pattern * pattern;
+  // `time`: of the recording, 0 to 1.
+  void add(Index group, double time, double weight, double pattern, double seen) {
+    sums_.col(group) += weight * pattern * Eigen::Array3d(seen, pattern, pattern * time);
   }
-  // A straight line from the first to the last part.
+  // A straight line from the recording's beginning to its end.
   Measured measured() const {
     Line line;
-    for (std::size_t group = 0; group < square_.size(); ++group) {
-      if (square_[group] > 0.0)
-        line.add((static_cast<double>(group) + 0.5) / kGroups, product_[group] / square_[group]);
+    for (const auto& sum : sums_.colwise()) {
+      if (sum[1] > 0.0) line.add(sum[2] / sum[1], sum[0] / sum[1]);
     }
     if (line.count() < kGroups / 2.0) return {};
     const double mean = line.at(0.5);
@@ -123,8 +118,7 @@ class Growth {
   }
 
  private:
-  std::array<double, kGroups> product_{};
-  std::array<double, kGroups> square_{};
+  Eigen::Array<double, 3, kGroups> sums_ = Eigen::Array<double, 3, kGroups>::Zero();
 };
 
 ArrayXf column_means(const ArrayXf& map, Geometry g) {
@@ -142,20 +136,19 @@ ArrayXf column_means(const ArrayXf& map, Geometry g) {
 
 // Groups of pixels are tiles of the picture.
 Measured shared(const std::array<ArrayXf, 2>& half, Geometry g) {
-  Sharing sharing(kGroups);
+  Sharing sharing;
   for (Index p = 0; p < half[0].size(); ++p) {
     if (half[0][p] == 0.0F || half[1][p] == 0.0F) continue;
     const Index tile = p / g.width * 4 / g.height * 4 + p % g.width * 4 / g.width;
-    sharing.add(static_cast<std::size_t>(tile), half[0][p], half[1][p], 1.0);
+    sharing.add(tile, half[0][p] * half[1][p]);
   }
   return sharing.measured();
 }
 
 Measured shared_lines(const std::array<ArrayXf, 2>& half) {
-  Sharing sharing(kGroups);
-  for (Index x = 0; x < half[0].size(); ++x) {
-    sharing.add(static_cast<std::size_t>(x * kGroups / half[0].size()), half[0][x], half[1][x], 1.0);
-  }
+  Sharing sharing;
+  const Index lines = half[0].size();
+  for (Index x = 0; x < lines; ++x) sharing.add(x * kGroups / lines, half[0][x] * half[1][x]);
   return sharing.measured();
 }
 
@@ -280,21 +273,21 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
                const std::vector<Index>& of, const std::vector<char>& dead) {
   const Index pixels = left.values.cols();
   Gains gain{ArrayXf::Zero(pixels), ArrayXf::Zero(pixels)};
-  // What all pixels should show in sight i, and which of them count.
+  // What all pixels should show in sight i, and what they weigh.
   const auto shown = [&](Index i) -> ArrayXf {
     const Index frame = sights[static_cast<std::size_t>(i)].frame;
     return (frames.values.row(frame) - cells.residual.values.row(i)).transpose().array();
   };
-  const auto counts = [&](Index i, Index p) {
-    return dead[static_cast<std::size_t>(p)] == 0 && cells.weight(i, cells.blocks.of(p)) > 0.0F ? 1.0F : 0.0F;
+  const auto weight = [&](Index i, Index p) {
+    return dead[static_cast<std::size_t>(p)] == 0 ? cells.weight(i, cells.blocks.of(p)) : 0.0F;
   };
-  ArrayXf looks = ArrayXf::Zero(pixels);
+  ArrayXf weights = ArrayXf::Zero(pixels);
   for (const Index i : of) {
-    const ArrayXf one = ArrayXf::NullaryExpr(pixels, [&](Index p) { return counts(i, p); });
-    looks += one;
+    const ArrayXf one = ArrayXf::NullaryExpr(pixels, [&](Index p) { return weight(i, p); });
+    weights += one;
     gain.level += one * shown(i);
   }
-  gain.level /= looks.max(1.0F);
+  gain.level /= weights.max(1e-12F);
   ArrayXf moved(pixels);
   Aligner mover(left.geometry);
   for (int round = 0; round < kRounds; ++round) {
@@ -305,13 +298,12 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
       const ArrayXf own = gain.slope * x;
       mover.move(sights[static_cast<std::size_t>(i)], own.data(), moved.data());
       for (Index p = 0; p < pixels; ++p) {
-        const float seen = counts(i, p) * x[p];
+        const float seen = weight(i, p) * x[p];
         along[p] += seen * (left.values(i, p) - own[p] + moved[p]);
         spread[p] += seen * x[p];
       }
     }
-    gain.slope += (looks >= static_cast<float>(kLeastLooks) && spread > 0.0F)
-                      .select(static_cast<float>(kStep) * along / spread.max(1e-12F), 0.0F);
+    gain.slope += (spread > kTelling).select(static_cast<float>(kStep) * along / spread.max(1.0F), 0.0F);
   }
   std::vector<std::vector<Index>> block(static_cast<std::size_t>(cells.blocks.count()));
   for (Index p = 0; p < pixels; ++p) {
@@ -407,7 +399,8 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
       for (Index p = 0; p < moved.size(); ++p) {
         if (raw.valid(i, cells.blocks.of(p)) == 0) continue;
         const float expected = pattern[1 - h][p] - moved[p];
-        growth.add(i * kGroups / cells.sights(), cells.weight(i, cells.blocks.of(p)), expected, raw.values(i, p));
+        const double time = sights[static_cast<std::size_t>(i)].time;
+        growth.add(i * kGroups / cells.sights(), time, cells.weight(i, cells.blocks.of(p)), expected, raw.values(i, p));
         left.values(i, p) -= expected;
       }
     }

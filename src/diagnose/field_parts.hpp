@@ -30,6 +30,7 @@ struct Sight {
   Index frame = 0;  // rows of FieldFrames::values
   Index before = 0;
   Index after = 0;
+  double time = 0.0;  // of the frame in the recording, 0 to 1
   motion::VectorField from_before;
   motion::VectorField from_after;
   double noise_gain = 1.5;  // variance of the residual of white noise of variance 1

@@ -64,11 +64,13 @@ struct Shot {
   std::vector<int> lost{};  // frames that never come, though the counter of those that do runs on
 };
 
-// A path that starts, stops and turns, up to 750 px/s.
-inline sim::Path restless() {
+// A path that starts, stops and turns, up to 750 px/s, and rests before a time.
+inline sim::Path restless(double from_s = -10.0) {
   std::vector<sim::PathPoint> points;
   for (double t = -0.6; t < 5.0; t += 0.001) {
-    points.push_back({t, 27.0 * std::sin(11.0 * t) + 17.0 * std::sin(23.0 * t + 1.0), 7.0 * std::sin(17.0 * t)});
+    const double moves = 1.0 / (1.0 + std::exp((from_s - t) / 0.02));
+    const double along = 27.0 * std::sin(11.0 * t) + 17.0 * std::sin(23.0 * t + 1.0);
+    points.push_back({t, moves * along, moves * 7.0 * std::sin(17.0 * t)});
   }
   return sim::Path(std::move(points));
 }
