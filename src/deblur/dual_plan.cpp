@@ -156,7 +156,8 @@ class GapBuilder {
 
 // Lost samples and sweeps wait for each other, more so where several move together, or one is near the published time
 // or at the window's begin. One needs no sweep of its own if it is moved early enough and a sweep over everything
-// stands for one over the near bins: found by search, as tuning.cpp's tables.
+// stands for one over the near bins; where it is far from these, the last of two may be near instead. Found by search,
+// as tuning.cpp's tables.
 void balance_sweeps(DualPlan& plan, const Pattern& pattern) noexcept {
   const auto lost = [&](int slot) { return !pattern.received[static_cast<std::size_t>(slot)]; };
   bool near = false;
@@ -165,6 +166,12 @@ void balance_sweeps(DualPlan& plan, const Pattern& pattern) noexcept {
   const bool pairs_only = plan.gap[plan.lost - 1].pair;
   const bool several = std::any_of(plan.move.begin(), plan.move.begin() + plan.moves,
                                    [](const LostMove& move) { return move.first != move.second; });
+  const bool far = !two && plan.gap[0].slot + (pairs_only ? 2 : 6) <= pattern.target;
+  if (plan.sweeps == 2 && plan.near_sweeps == 0 && plan.bins > 8 && far) {
+    plan.sweeps = plan.near_sweeps = 1;
+    plan.first_balance = pairs_only ? 1 : 0;
+    return;
+  }
   const bool hard = near || lost(0) || (two && !pairs_only) || plan.lost > 2;
   if (several || plan.bins <= 8 || (two && (near || plan.near_sweeps == 2))) ++plan.sweeps;
   if (plan.bins <= 8 && hard) ++plan.sweeps;
