@@ -347,7 +347,8 @@ class Camera(AbstractContextManager):
         self._users = 0  # of the handle: one, and a signal's handler that came in between
         self._closed = self._restarted = False
         end = _end(timeout)
-        while (result := _client.open(os.fsencode(name), _slice_ms(end), ctypes.byref(self._handle))) != _OK:
+        told = os.fsencode(name).replace(b"\0", b"/")  # neither is in a name, and C's would end at the first
+        while (result := _client.open(told, _slice_ms(end), ctypes.byref(self._handle))) != _OK:
             if result not in (-1, -2, -3) or time.monotonic() >= end:
                 raise _error(result)
         self._close = weakref.finalize(self, _client.close, self._handle)

@@ -328,8 +328,9 @@ class Alone(unittest.TestCase):
     def test_an_absent_stream_is_one_clear_line(self):
         with self.assertRaisesRegex(bolo.NotFound, "no shared memory named 'no-such-camera'"):
             bolo.Camera("no-such-camera")
-        with self.assertRaisesRegex(bolo.Error, "is no name"):
-            bolo.Camera("a/b", timeout=None)
+        for name in ("a/b", "a\0b"):
+            with self.assertRaisesRegex(bolo.Error, "is no name"):
+                bolo.Camera(name, timeout=None)
 
     def test_streams_are_names(self):
         self.assertIsInstance(bolo.streams(), list)
