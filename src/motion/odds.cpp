@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kTerms = 12;
 constexpr std::array<std::array<float, kTerms>, 2> kOdds = {
     {{-2.86F, 1.59F, -1.76F, 0.95F, 1.30F, -0.65F, 1.13F, 1.60F, 2.30F, 8.34F, 0.0F, 0.0F},
-     {-1.45F, 1.84F, 0.66F, 4.32F, 0.15F, -0.84F, 5.77F, 2.91F, 0.73F, 0.67F, -0.56F, -1.44F}}};  // with look-ahead
+     {-1.35F, 1.78F, 0.89F, 4.50F, 0.35F, -0.97F, 3.07F, 2.96F, 0.21F, 0.75F, -0.71F, -1.60F}}};  // with look-ahead
 constexpr float kLeastChange = 0.3F;                                                              // noise variances
 constexpr float kLeastError = 0.02F;                                                              // noise variances
 constexpr float kQuiet = 0.3F;       // noise variances: below it there is little to gain
@@ -29,8 +29,8 @@ constexpr float kNearRest = 0.3F;    // px a frame: below it what both promise c
 // The coefficients are those of the least error of the blend, in frames relative to what it was, and of the least
 // excess over mmae's in any frame or tile of 32 x 32 pixels: of 260 random scenes (tests/motion/random_scene.hpp) and
 // 48 stretches of pans and hands before street stills. The first was raised by 0.2 for MotionSafety's bounds. With
-// look-ahead: of 240 random scenes and 28 stretches; of 240 others 19 frames instead of 56 were more than 10 % worse
-// than mmae's, and the error of 28 others fell by 1.2 %.
+// look-ahead: of 240 random scenes and 28 stretches, those of fast hands six times; of 240 others 32 frames instead of
+// 56 were more than 10 % worse than mmae's, and the error of 28 others fell by 1.4 %.
 //
 // A per-pixel estimate does not know what crossed a pixel between two frames, nor, therefore, how wrong it is in fast
 // motion: where that explains what has changed, it tells.
