@@ -46,8 +46,11 @@ def check_frames(name: str, recorder: Recorder) -> None:
     numbers = [recorder.deblurred.get(digest(frame)) for frame in frames]
     print(name, numbers)
     check(None not in numbers, f"{name} saw frames that are not in shared memory: {numbers}")
-    check(numbers == sorted(numbers), f"{name} saw frames out of order: {numbers}")
-    saw(f"{name}: {len(set(numbers))} frames byte for byte, of {numbers[-1] - numbers[0] + 1}")
+    # The capture is played in turns: a frame that the recorder missed has the number that it had in the turn before.
+    turn = next((i for i in range(1, FRAMES) if numbers[i] < numbers[i - 1]), 0)
+    in_order = numbers[turn:] + numbers[:turn]
+    check(in_order == sorted(in_order), f"{name} saw frames out of order: {numbers}")
+    saw(f"{name}: {len(set(numbers))} frames byte for byte")
 
 
 info = run("v4l2-ctl", "-d", DEVICE, "--info")
