@@ -331,7 +331,7 @@ class Frame:
     publish_time = _told("publish_ns", "When it was put into the ring.", _seconds)
     utc_ns = _told("utc_ns", "When it was taken, ns since 1970 by host_time, or else receive_time; None: not known.", int, 0)
     utc = _told("utc_ns", "The same in seconds, as time.time() has them; a float holds them to 0.2 us.", _seconds, 0)
-    utc_uncertainty = _told("utc_uncertainty_us", "How wrong utc is at most, s; 16: nothing bounds it.", lambda us: us * 1e-6)
+    utc_uncertainty = _told("utc_uncertainty_us", "How wrong utc is at most, s; 16 and more: no bound.", lambda us: us * 1e-6)
 
 
 class Camera(AbstractContextManager):

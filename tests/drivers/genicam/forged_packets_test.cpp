@@ -9,6 +9,7 @@
 
 #include "drivers/fakecam/camera_features.hpp"
 #include "drivers/fakecam/fake_camera.hpp"
+#include "drivers/genicam/network.hpp"
 #include "src/core/unique_fd.hpp"
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
@@ -26,14 +27,6 @@ struct Stream {
   sockaddr_in to{};
   sockaddr_in camera{};
 };
-
-sockaddr_in address_of(const std::string& ipv4, std::uint16_t port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  inet_pton(AF_INET, ipv4.c_str(), &address.sin_addr);
-  return address;
-}
 
 UniqueFd socket_from(const std::string& ipv4) {
   UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));

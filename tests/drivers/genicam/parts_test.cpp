@@ -180,9 +180,7 @@ TEST(NetworkTest, NothingAnswersWhereNoCameraListens) { EXPECT_FALSE(answers_gvc
 
 UniqueFd socket_at(const char* ipv4, sockaddr_in& address) {
   UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  address = {};
-  address.sin_family = AF_INET;
-  inet_pton(AF_INET, ipv4, &address.sin_addr);
+  address = address_of(ipv4, 0);
   socklen_t size = sizeof address;
   if (bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), size) != 0) return {};
   getsockname(fd.get(), reinterpret_cast<sockaddr*>(&address), &size);

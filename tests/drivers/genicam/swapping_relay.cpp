@@ -6,19 +6,12 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "drivers/genicam/network.hpp"
+
 namespace bolo::genicam::test {
 namespace {
 
-constexpr std::uint16_t kGvcpPort = 3956;
 using Packet = std::array<unsigned char, 2048>;
-
-sockaddr_in endpoint(const std::string& ipv4) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(kGvcpPort);
-  inet_pton(AF_INET, ipv4.c_str(), &address.sin_addr);
-  return address;
-}
 
 // READMEM_ACK and WRITEMEM_CMD carry an address after the header of 8 bytes, then the data.
 bool swap_register(Packet& packet, ssize_t bytes, unsigned char command) {
@@ -31,8 +24,8 @@ bool swap_register(Packet& packet, ssize_t bytes, unsigned char command) {
 
 SwappingRelay::SwappingRelay(const std::string& own, const std::string& camera)
     : front_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)), back_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-  const sockaddr_in front = endpoint(own);
-  const sockaddr_in back = endpoint(camera);
+  const sockaddr_in front = address_of(own, kGvcpPort);
+  const sockaddr_in back = address_of(camera, kGvcpPort);
   EXPECT_EQ(bind(front_, reinterpret_cast<const sockaddr*>(&front), sizeof front), 0);
   EXPECT_EQ(connect(back_, reinterpret_cast<const sockaddr*>(&back), sizeof back), 0);
   thread_ = std::thread([this] { run(); });
