@@ -8,6 +8,7 @@
 #include <utility>
 
 #include <Eigen/Dense>
+#include <Eigen/SparseCore>
 
 #include "src/core/threads.hpp"
 #include "src/motion/best_weights.hpp"
@@ -53,7 +54,7 @@ struct Raw {
 // Weighted sums of raw values that get one weight together.
 struct Taps {
   std::vector<Raw> raw;
-  std::array<Eigen::MatrixXd, 2> rows;  // with the near past's mean, and the whole past's
+  std::array<Eigen::SparseMatrix<double>, 2> rows;  // with the near past's mean, and the whole past's
 };
 
 // In the order of FilterWeights.
@@ -68,15 +69,16 @@ Taps taps_at(double speed, int ahead) {
   for (int j = -kReach; ahead > 0 && j <= kReach; ++j) rows.push_back({{-1, j + speed}});
   Taps taps;
   for (const auto& row : rows) taps.raw.insert(taps.raw.end(), row.begin(), row.end());
-  for (Eigen::MatrixXd& m : taps.rows) {
-    m = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(rows.size()), static_cast<Eigen::Index>(taps.raw.size()));
+  for (auto& m : taps.rows) {
+    m.resize(static_cast<Eigen::Index>(rows.size()), static_cast<Eigen::Index>(taps.raw.size()));
   }
   Eigen::Index column = 0;
   for (std::size_t r = 0; r < rows.size(); ++r) {
     const bool near = rows[r].size() == 1;
     for (const Raw& raw : rows[r]) {
-      taps.rows[0](static_cast<Eigen::Index>(r), column) = near ? 1.0 : raw.back <= kNear ? 1.0 / kNear : 0.0;
-      taps.rows[1](static_cast<Eigen::Index>(r), column++) = 1.0 / static_cast<double>(rows[r].size());
+      const auto row = static_cast<Eigen::Index>(r);
+      if (near || raw.back <= kNear) taps.rows[0].insert(row, column) = near ? 1.0 : 1.0 / kNear;
+      taps.rows[1].insert(row, column++) = 1.0 / static_cast<double>(rows[r].size());
     }
   }
   return taps;
@@ -256,11 +258,11 @@ void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
   const double unit = structure(v, 2.0);
   fill_per_pixel(speed, uncertainty, covariances, unit);
   for (std::size_t far = 0; far < cells_.size(); ++far) {
-    const Eigen::MatrixXd& rows = taps.rows[far];
+    const Eigen::SparseMatrix<double>& rows = taps.rows[far];
     const Eigen::MatrixXd scene_part = rows * y * rows.transpose();
     const Eigen::MatrixXd noise_part = rows * noise * rows.transpose();
     const Eigen::VectorXd truth_part = rows * truth;
-    const Eigen::VectorXd sums = rows.rowwise().sum();
+    const Eigen::VectorXd sums = rows * Eigen::VectorXd::Ones(n);
     for (std::size_t c = 0; c < kContrasts; ++c) {
       const double variance = contrast_of(c * kUncertainties) / unit;
       best_weights(scene_part, noise_part, truth_part, sums, variance, cells_[far][cell(speed, c, uncertainty)]);
