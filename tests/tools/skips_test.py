@@ -16,6 +16,7 @@ set_tests_properties(root PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
 add_test(numpy sh -c "echo 'skipped: python3-numpy is not installed'; exit 77")
 set_tests_properties(numpy PROPERTIES SKIP_RETURN_CODE 77)
 add_test(part sh -c "echo 'test_fish (m.T.test_fish) ... skipped \"fish is not installed\"' >&2")
+add_test(program sh -c "echo 'a.cpp:3: Skipped'; echo 'needs root'; echo; echo '[  SKIPPED ] A.C (0 ms)'; echo '[ OK ] A.D'")
 foreach(n 1 2 3 4)
   add_test(busy${n} sh -c "test -e ran${n} || { touch ran${n}; exit 1; }")
 endforeach()
@@ -39,7 +40,8 @@ class Skips(unittest.TestCase):
         self.assertNotIn("BOLO_TEST_DATA", summary)
 
     def test_every_other_reason_is(self):
-        for test, reason in (("root", "needs root"), ("numpy", "python3-numpy is not installed"), ("part", "fish is not")):
+        for test, reason in (("root", "needs root"), ("numpy", "python3-numpy is not installed"), ("part", "fish is not"),
+                             ("program", "program: A.C: needs root")):
             done = self.check("good", "data", test)
             self.assertEqual(done.returncode, 1, done.stdout)
             self.assertIn(reason, done.stdout)

@@ -4,7 +4,8 @@ usage: skips.py [--allow WORDS]... BUILD [CTEST OPTION...]
 
 A test that fails runs once more, since others load the machine beside it; that it did is told, and more than a few are a
 failure. What failed is shown again behind all else, the end of its output each.
-A skip is one of a whole test (gtest's GTEST_SKIP, ctest's SKIP_RETURN_CODE) or of a part that Python's unittest leaves out.
+A skip is one of a whole test (gtest's GTEST_SKIP, ctest's SKIP_RETURN_CODE) or of a part: a TEST of a program that is one
+test of ctest's, or what Python's unittest leaves out.
 Its reason must have "BOLO_TEST_DATA" in it, or the words of an --allow. The last lines are ctest's own summary.
 Exit code: ctest's, or 1 for a skip that is not allowed or too many tests that needed a second run.
 """
@@ -24,7 +25,7 @@ MOST_REPEATED = 3  # tests that pass only when they run again
 FAILED = re.compile(r"Test +#\d+: (\S+) \.*\*\*\*(?!Skipped)")
 SUMMARY = re.compile(r"^\d+% tests passed")
 # A line of gtest "file:line: Skipped" stands before the reason; Python prints "test_x (...) ... skipped 'reason'".
-GTEST = re.compile(r"^.*: Skipped\n(.*)$", re.MULTILINE)
+GTEST = re.compile(r"^.*: Skipped\n(.*)\n(?:.*\n)*?(?:\[  SKIPPED \] (\S+)|\Z)", re.MULTILINE)
 UNITTEST = re.compile(r"^(\w+) \(.*\.\.\. skipped (['\"])(.*)\2$", re.MULTILINE)
 PROGRAM = re.compile(r"^skipped:? *(.*)$", re.MULTILINE | re.IGNORECASE)
 
@@ -43,6 +44,8 @@ def skips_of(cases: list[xml.etree.ElementTree.Element]) -> list[tuple[str, str]
         skipped = case.find("skipped")
         if skipped is not None:
             skips.append((name, reason_of(output, skipped.get("message", ""))))
+        else:
+            skips += [(f"{name}: {part}", reason.strip()) for reason, part in GTEST.findall(output)]
         skips += [(f"{name}: {part}", reason) for part, _, reason in UNITTEST.findall(output)]
     return skips
 
