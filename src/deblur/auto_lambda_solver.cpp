@@ -144,9 +144,9 @@ AutoLambdaSolver::AutoLambdaSolver(const StreamTask& task)
 
 double AutoLambdaSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
 
-void AutoLambdaSolver::prepare(const WindowView& window) noexcept {
+void AutoLambdaSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   const Pattern pattern = pattern_of(window);
-  posterior_.prepare(window, pattern);
+  posterior_.prepare(window, pattern, crew);
   if (pattern == pattern_) return;
   pattern_ = pattern;
   method_->prepare(pattern);

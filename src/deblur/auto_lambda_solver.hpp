@@ -41,7 +41,7 @@ class AutoLambdaSolver final : public Solver {
  public:
   explicit AutoLambdaSolver(const StreamTask& task);
 
-  void prepare(const WindowView& window) noexcept override;
+  void prepare(const WindowView& window, Crew& crew) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
   void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels, void* out) const noexcept override;
   int iterations() const noexcept override { return method_->iterations(); }

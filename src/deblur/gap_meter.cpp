@@ -286,7 +286,8 @@ GapFigures GapMeter::measure(std::span<const void* const> planes, double period_
   Pattern pattern;
   pattern.slots = kFrames;
   std::fill_n(pattern.received.begin(), kFrames, true);
-  meter.look({planes, kFrames - 1, 0}, pattern);
+  Alone alone;
+  meter.look({planes, kFrames - 1, 0}, pattern, alone);
   noise_ = meter.noise();
   GapFigures figures{.noise_k = task_.in_kelvin(noise_)};
   const Geometry g = task_.input.geometry;

@@ -21,7 +21,9 @@ MmaeSolver::MmaeSolver(const StreamTask& task) : task_(task), posterior_(task) {
 
 double MmaeSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
 
-void MmaeSolver::prepare(const WindowView& window) noexcept { posterior_.prepare(window, pattern_of(window)); }
+void MmaeSolver::prepare(const WindowView& window, Crew& crew) noexcept {
+  posterior_.prepare(window, pattern_of(window), crew);
+}
 
 void MmaeSolver::solve(const WindowView& window, const Region& part, void* out) const noexcept {
   solve(window, part, out, nullptr);

@@ -13,7 +13,7 @@ class MmaeSolver final : public Solver {
  public:
   explicit MmaeSolver(const StreamTask& task);
 
-  void prepare(const WindowView& window) noexcept override;
+  void prepare(const WindowView& window, Crew& crew) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
   void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels, void* out) const noexcept override;
   // As solve(); also the mean square errors that the estimate should have, in units of the noise's variance, of the

@@ -44,8 +44,8 @@ MotionPosterior::MotionPosterior(const StreamTask& task)
   for (std::size_t i = 0; i < kOtherPatterns; ++i) add(all);
 }
 
-void MotionPosterior::prepare(const WindowView& window, const Pattern& pattern) noexcept {
-  noise_.look(window, pattern);
+void MotionPosterior::prepare(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
+  noise_.look(window, pattern, crew);
   current_ = place_of(pattern);
 }
 

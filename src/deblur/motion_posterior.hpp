@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "src/core/crew.hpp"
 #include "src/deblur/mmae_kernels.hpp"
 #include "src/deblur/motion_models.hpp"
 #include "src/deblur/noise_meter.hpp"
@@ -19,7 +20,7 @@ class MotionPosterior {
 
   // Measures the noise and makes ready for the pattern of lost frames: windows with one lost frame at most are prepared
   // in advance, others cost some 0.5 ms when their pattern changes. No allocation. Thread: pipeline.
-  void prepare(const WindowView& window, const Pattern& pattern) noexcept;
+  void prepare(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
 
   // Of `count` blocks (at most kStatBlocks) from `first` on in a row of blocks. The same for a block, whatever blocks
   // it is asked for with. Thread: worker.

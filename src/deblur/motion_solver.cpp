@@ -89,18 +89,23 @@ void MotionSolver::forget() noexcept {
   for (Displacement& d : displacements_) d.there = false;
 }
 
-void MotionSolver::load(const void* plane, motion::PaddedPlane& to) const noexcept {
+// By those who will read it: each row comes from memory once.
+void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) const noexcept {
   const Geometry g = to.geometry();
-  const auto width = static_cast<std::size_t>(g.width);
-  for (int y = 0; y < g.height; ++y) {
-    const std::size_t row = static_cast<std::size_t>(y) * width;
-    if (task_.input.type == PixelType::kUint16) {
-      load_row(static_cast<const std::uint16_t*>(plane) + row, g.width, to.at(0, y));
-    } else {
-      load_row(static_cast<const float*>(plane) + row, g.width, to.at(0, y));
+  for_rows(crew, to.blocks_down(), [&](int block_row) {
+    const int begin = block_row * motion::kBlock;
+    const int end = std::min(begin + motion::kBlock, g.height);
+    for (int y = begin; y < end; ++y) {
+      const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width);
+      if (task_.input.type == PixelType::kUint16) {
+        load_row(static_cast<const std::uint16_t*>(plane) + row, g.width, to.at(0, y));
+      } else {
+        load_row(static_cast<const float*>(plane) + row, g.width, to.at(0, y));
+      }
     }
-  }
-  to.extend(1.0F);  // taps at the border see its gradient
+    to.mirror_sides(begin, end);  // taps at the border see its gradient
+  });
+  to.mirror_ends();
 }
 
 // The next period's frame; null: lost.
@@ -112,7 +117,7 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   now.there = plane != nullptr;
   z.there = now.there && frame(1).there;
   d.there = z.there && innovation(1).there;
-  if (now.there) load(plane, now.values);
+  if (now.there) load(plane, crew, now.values);
   if (z.there) find_innovation(kernels_, inertia_, now.values, frame(1).values, crew, z.values, z.smoothed);
   if (d.there) {
     d.motion = global_.find(kernels_, inertia_, innovation(1).smoothed, z.smoothed, mmae_.noise(), crew);
@@ -233,13 +238,8 @@ void MotionSolver::solve_per_pixel(const WindowView& window, Crew& crew) noexcep
   });
 }
 
-void MotionSolver::prepare(const WindowView& window) noexcept {
-  Alone alone;
-  prepare(window, alone);
-}
-
 void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
-  mmae_.prepare(window);
+  mmae_.prepare(window, crew);
   solve_per_pixel(window, crew);
   const auto slots = static_cast<std::uint64_t>(window.planes.size());
   if (usable()) {

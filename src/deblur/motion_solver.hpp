@@ -27,7 +27,6 @@ class MotionSolver final : public Solver {
  public:
   explicit MotionSolver(const StreamTask& task);
 
-  void prepare(const WindowView& window) noexcept override;
   void prepare(const WindowView& window, Crew& crew) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
   void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels, void* out) const noexcept override;
@@ -60,7 +59,7 @@ class MotionSolver final : public Solver {
   Geometry followed() const noexcept;
   void forget() noexcept;
   void take(const void* plane, Crew& crew) noexcept;
-  void load(const void* plane, motion::PaddedPlane& to) const noexcept;
+  void load(const void* plane, Crew& crew, motion::PaddedPlane& to) const noexcept;
   bool find_path(const FrameMeta& meta, motion::Path& path, bool& ahead) noexcept;
   bool is_cut(int at, int from, int to) noexcept;
   int scene_length(int newest) noexcept;

@@ -42,8 +42,8 @@ NoiseMeter::NoiseMeter(const StreamTask& task) : task_(task) {
   floor_ = task.input.type == PixelType::kUint16 ? 1.0 / std::sqrt(12.0) : kFloatFloor / unit;
   given_ = task.settings.noise_k / unit;
   const Geometry g = task.input.geometry;
-  column_.resize(static_cast<std::size_t>(g.width));
-  block_.reserve(static_cast<std::size_t>(g.width + 1) * static_cast<std::size_t>(g.height / kRowStep + 1));
+  column_.resize(static_cast<std::size_t>(g.width) * static_cast<std::size_t>(g.height / kRowStep + 1));
+  block_.reserve(column_.size());
 }
 
 double NoiseMeter::noise() const noexcept {
@@ -51,13 +51,13 @@ double NoiseMeter::noise() const noexcept {
   return std::min(kMostNoise, noise);
 }
 
-void NoiseMeter::look(const WindowView& window, const Pattern& pattern) noexcept {
+void NoiseMeter::look(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
   if (given_ > 0.0) return;
   int run = 0;  // received frames in a row, newest first
   for (int s = pattern.slots - 1; s >= 0 && run <= kOrder; --s) {
     run = pattern.received[static_cast<std::size_t>(s)] ? run + 1 : 0;
     if (run <= kOrder) continue;
-    const double now = measure(&window.planes[static_cast<std::size_t>(s)], kOrder);
+    const double now = measure(&window.planes[static_cast<std::size_t>(s)], kOrder, crew);
     if (now <= 0.0) continue;
     if (measured_ == 0.0) measured_ = now;
     measured_ = now < measured_ ? measured_ + kFall * (now - measured_) : std::min(now, kRise * measured_);
@@ -65,20 +65,24 @@ void NoiseMeter::look(const WindowView& window, const Pattern& pattern) noexcept
 }
 
 // 0 when no block shows any difference: a frozen or synthetic picture.
-double NoiseMeter::measure(const void* const* planes, int order) noexcept {
+double NoiseMeter::measure(const void* const* planes, int order, Crew& crew) noexcept {
   const MmaeKernels& kernels = best_mmae_kernels();
   const Geometry g = task_.input.geometry;
   const auto stride = static_cast<std::size_t>(g.width);
   const int rows = std::min(kBlockRows, g.height);
   const int width = std::min(kBlockColumns, g.width);
+  std::fill(column_.begin(), column_.end(), 0.0F);
+  const int strips = (g.height - rows) / kRowStep + 1;
+  for_rows(crew, strips, [&](int strip) {
+    const std::size_t first = static_cast<std::size_t>(strip * kRowStep) * stride;
+    kernels.add_squared_differences(task_.input.type, planes, order, first, rows, stride, g.width,
+                                    column_.data() + static_cast<std::size_t>(strip) * stride);
+  });
   block_.clear();
-  for (int row = 0; row + rows <= g.height; row += kRowStep) {
-    std::fill(column_.begin(), column_.end(), 0.0F);
-    kernels.add_squared_differences(task_.input.type, planes, order, static_cast<std::size_t>(row) * stride, rows,
-                                    stride, g.width, column_.data());
+  for (int strip = 0; strip < strips; ++strip) {
+    const auto columns = column_.begin() + strip * g.width;
     for (int x = 0; x + width <= g.width; x += width) {
-      const auto first = column_.begin() + x;
-      const float sum = std::accumulate(first, first + width, 0.0F);
+      const float sum = std::accumulate(columns + x, columns + x + width, 0.0F);
       if (sum > 0.0F && std::isfinite(sum)) block_.push_back(sum);  // none at all: dead or saturated
     }
   }

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "src/core/crew.hpp"
 #include "src/deblur/grid.hpp"
 #include "src/deblur/settings.hpp"
 
@@ -18,22 +19,20 @@ class NoiseMeter {
   explicit NoiseMeter(const StreamTask& task);
 
   // Looks at the newest frames of a window. No allocation. Thread: pipeline.
-  void look(const WindowView& window, const Pattern& pattern) noexcept;
+  void look(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
 
   // Standard deviation in the values' unit: the settings' if they give one, else the measured, at least what the
   // quantisation makes. Thread: pipeline.
   double noise() const noexcept;
 
-  // The estimate so far, for a meter that goes on elsewhere; 0: none. Thread: pipeline.
-
  private:
-  double measure(const void* const* planes, int order) noexcept;
+  double measure(const void* const* planes, int order, Crew& crew) noexcept;
 
   StreamTask task_;
   double floor_;
   double given_;
-  double measured_ = 0.0;  // 0: nothing yet
-  std::vector<float> column_;
+  double measured_ = 0.0;      // 0: nothing yet
+  std::vector<float> column_;  // sums of each strip of rows
   std::vector<float> block_;
 };
 

@@ -43,7 +43,7 @@ class PackedSamples {
 PlaneSolver::PlaneSolver(const StreamTask& task, std::unique_ptr<PixelMethod> method)
     : task_(task), grid_(reduce(task.settings, 0.0)), method_(std::move(method)) {}
 
-void PlaneSolver::prepare(const WindowView& window) noexcept {
+void PlaneSolver::prepare(const WindowView& window, Crew& /*crew*/) noexcept {
   const Pattern pattern = pattern_of(window);
   if (pattern == pattern_) return;
   pattern_ = pattern;

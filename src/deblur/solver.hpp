@@ -35,11 +35,13 @@ class Solver {
   static Result<std::unique_ptr<Solver>> create(const Settings& settings, const StreamFormat& input, PixelType output,
                                                 double row_delay_s = 0.0);
 
-  // Makes ready for the pattern of lost frames in this window; cheap when it did not change. No allocation.
-  // Thread: pipeline, before the workers.
-  virtual void prepare(const WindowView& window) noexcept = 0;
-  // The same with a crew's help, which changes no bit. Thread: pipeline, before the workers.
-  virtual void prepare(const WindowView& window, Crew& /*crew*/) noexcept { prepare(window); }
+  // Makes ready for the pattern of lost frames in this window; cheap when it did not change. Who is in the crew changes
+  // no bit. No allocation. Thread: pipeline, before the workers.
+  virtual void prepare(const WindowView& window, Crew& crew) noexcept = 0;
+  void prepare(const WindowView& window) noexcept {
+    Alone alone;
+    prepare(window, alone);
+  }
 
   // Estimates the pixels of `part` into the same pixels of `out`, a whole plane of the output type. `part` lies
   // inside the frame. What a pixel becomes does not depend on which part it is solved with. No allocation.

@@ -65,7 +65,7 @@ Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
   const int across = blocks_over(geometry.width);
   const int down = blocks_over(geometry.height);
   for (VectorField& f : past_) f = VectorField(across, down);
-  for (VectorField* f : {&next_, &way_, &tap_step_, &trail_, &direction_}) *f = VectorField(across, down);
+  for (VectorField* f : {&next_, &tap_step_, &trail_, &direction_}) *f = VectorField(across, down);
   for (ScalarField* f :
        {&speed_, &lag_, &far_gain_, &far_share_, &bent_, &contrast_across_, &unexplained_, &step_, &share_, &most_})
     *f = ScalarField(across, down);
@@ -83,55 +83,49 @@ std::array<const T*, 3> Estimator::rows_around(const BlockField<T>& field, int r
 }
 
 void Estimator::extend_row(int row, PaddedPlane& plane) const noexcept {
-  plane.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+  plane.extend(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
 }
 
-// How far each block goes the way of the picture's middle, for which the path's weights are.
-void Estimator::follow_path(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
-  path_weights_.follow(kernels, in.path, crew);
-  std::fill(bent_.begin(), bent_.end(), 0.0F);
-  if (!path_weights_.bent()) return;
+// How far each block of a row goes the way of the picture's middle, for which the path's weights are.
+void Estimator::compare_paths(const EstimateInputs& in, int row) noexcept {
   const Vec2 v = in.path.velocity.at(0.0, 0.0);
   const float speed = std::max(std::hypot(v.x, v.y), kSlowPath);
-  for (std::size_t j = 0; j < kNear; ++j) {
-    const Vec2 middle = in.path.spans[j].at(0.0, 0.0);
-    spread(in.path.spans[j], geometry_, 1, way_);
-    for (std::size_t i = 0; i < bent_.size(); ++i) {
-      const Vec2 off = way_[i] + (*in.deviation)[i] - middle;
-      bent_[i] = std::max(bent_[i], std::hypot(off.x, off.y));
-    }
-  }
   const float most = std::clamp((PathWeights::kFastest - speed) / kFading, 0.0F, 1.0F);
-  for (float& b : bent_) b = most * std::clamp((kOtherPath - b / speed) / (kOtherPath - kSamePath), 0.0F, 1.0F);
+  for (int c = 0; c < bent_.across(); ++c) {
+    const Centre centre = centre_of(geometry_, 1, c, row);
+    float apart = 0.0F;
+    for (std::size_t j = 0; j < kNear; ++j) {
+      const Affine& span = in.path.spans[j];
+      const Vec2 off = span.at(centre.x, centre.y) + in.deviation->at(c, row) - span.at(0.0, 0.0);
+      apart = std::max(apart, std::hypot(off.x, off.y));
+    }
+    bent_.at(c, row) = most * std::clamp((kOtherPath - apart / speed) / (kOtherPath - kSamePath), 0.0F, 1.0F);
+  }
 }
 
-// Displacements and velocities of the blocks.
-void Estimator::set_fields(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
-  const VectorField& deviation = *in.deviation;
-  spread(in.path.trail, geometry_, 1, trail_);
-  spread(in.path.velocity, geometry_, 1, direction_);
-  spread(in.path.ahead, geometry_, 1, next_);
-  follow_path(kernels, in, crew);
-  Affine way;
-  for (std::size_t j = 0; j < past_.size(); ++j) {
-    spread(in.path.past[j], geometry_, 1, past_[j]);
-    const auto frames = static_cast<float>(j + 1);
-    if (path_weights_.bent()) {
-      way = way + in.path.spans[std::min(j, in.path.spans.size() - 1)];
-      spread(way, geometry_, 1, way_);
-      for (std::size_t i = 0; i < bent_.size(); ++i) past_[j][i] = past_[j][i] + (way_[i] - past_[j][i]) * bent_[i];
+// Displacements and velocities of a row of blocks. `ways`: from the past's frames, along the path.
+void Estimator::set_fields(const EstimateInputs& in, std::span<const Affine, kPast> ways, int row) noexcept {
+  std::fill_n(bent_.row(row), bent_.across(), 0.0F);
+  if (path_weights_.bent()) compare_paths(in, row);
+  for (int c = 0; c < trail_.across(); ++c) {
+    const Centre centre = centre_of(geometry_, 1, c, row);
+    const auto here = [&](const Affine& motion) { return motion.at(centre.x, centre.y); };
+    const Vec2 deviation = in.deviation->at(c, row);
+    const float bent = bent_.at(c, row);
+    for (std::size_t j = 0; j < past_.size(); ++j) {
+      Vec2 way = here(in.path.past[j]);
+      if (bent > 0.0F) way = way + (here(ways[j]) - way) * bent;
+      past_[j].at(c, row) = way + deviation * static_cast<float>(j + 1);
     }
-    for (std::size_t i = 0; i < deviation.size(); ++i) past_[j][i] = past_[j][i] + deviation[i] * frames;
-  }
-  for (std::size_t i = 0; i < deviation.size(); ++i) {
-    trail_[i] = trail_[i] + deviation[i];
-    next_[i] = next_[i] - deviation[i];
-    const Vec2 v = direction_[i] + deviation[i];
+    trail_.at(c, row) = here(in.path.trail) + deviation;
+    next_.at(c, row) = here(in.path.ahead) - deviation;
+    const Vec2 v = here(in.path.velocity) + deviation;
     const float speed = std::sqrt(v.x * v.x + v.y * v.y);
-    speed_[i] = speed;
-    lag_[i] = WeightTable::lag_of(speed);
-    direction_[i] = speed < kStill ? Vec2{1.0F, 0.0F} : v * (1.0F / speed);
-    tap_step_[i] = direction_[i] + (path_weights_.step() - direction_[i]) * bent_[i];
+    speed_.at(c, row) = speed;
+    lag_.at(c, row) = WeightTable::lag_of(speed);
+    const Vec2 direction = speed < kStill ? Vec2{1.0F, 0.0F} : v * (1.0F / speed);
+    direction_.at(c, row) = direction;
+    tap_step_.at(c, row) = direction + (path_weights_.step() - direction) * bent;
   }
 }
 
@@ -158,8 +152,6 @@ void Estimator::align_past(const Kernels& kernels, const EstimateInputs& in, Cre
     kernels.align(&in.ahead, &ahead, 1, *in.now, row, ahead_);
     extend_row(row, ahead_);
   });
-  mean_.extend_ends();
-  if (in.ahead != nullptr) ahead_.extend_ends();
 }
 
 void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
@@ -295,7 +287,6 @@ void Estimator::add_far_past(const Kernels& kernels, const EstimateInputs& in, C
     }
     extend_row(row, mean_);
   });
-  mean_.extend_ends();
 }
 
 // True if the frame before saw what is in the middle of a block now; what has just come in has no past to go by.
@@ -374,7 +365,13 @@ void Estimator::spare_what_rests(const EstimateInputs& in, int row) noexcept {
 }
 
 void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept {
-  set_fields(kernels, in, crew);
+  path_weights_.follow(kernels, in.path, crew);
+  std::array<Affine, kPast> ways;
+  Affine way;
+  for (std::size_t j = 0; j < ways.size(); ++j) {
+    ways[j] = way = way + in.path.spans[std::min(j, in.path.spans.size() - 1)];
+  }
+  for_rows(crew, weights_.down(), [&](int row) { set_fields(in, ways, row); });
   align_past(kernels, in, crew);
   choose_weights(kernels, in, crew);
   const FilterInputs inputs{in.now,
@@ -385,12 +382,10 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
     kernels.filter(inputs, tap_step_.row(row), rows_around(weights_, row).data(), row, along_);
     extend_row(row, along_);
   });
-  along_.extend_ends();
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.across(along_, direction_.row(row), across_.row(row), row, x_);
     extend_row(row, x_);
   });
-  x_.extend_ends();
   check(kernels, in, crew);
   const bool at_once = in.row_delay.empty();
   const auto blend = [&](const PaddedPlane& sharp, int row) {
@@ -413,7 +408,6 @@ const PaddedPlane& Estimator::at_frame_time(const Kernels& kernels, const Estima
     const float delay = in.row_delay[static_cast<std::size_t>(row)];
     for (int c = 0; c < trail_.across(); ++c) trail_.at(c, row) = trail_.at(c, row) * -delay;
   });
-  x_.extend_ends();
   for_rows(crew, weights_.down(), [&](int row) { kernels.shift(x_, trail_.row(row), row, left_); });
   return left_;
 }

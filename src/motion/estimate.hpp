@@ -48,9 +48,9 @@ class Estimator {
     std::array<const Vec2*, kPast> displacements{};
   };
 
-  void follow_path(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  void compare_paths(const EstimateInputs& in, int row) noexcept;
   void make_path_weights(Crew& crew) noexcept;
-  void set_fields(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  void set_fields(const EstimateInputs& in, std::span<const Affine, kPast> ways, int row) noexcept;
   void extend_row(int row, PaddedPlane& plane) const noexcept;
   int past_of(const EstimateInputs& in, std::size_t begin, std::size_t end, int row, PastRows& rows) const noexcept;
   void align_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
@@ -80,7 +80,6 @@ class Estimator {
   PaddedPlane left_;
   std::array<VectorField, kPast> past_;
   VectorField next_;
-  VectorField way_;
   VectorField tap_step_;  // from one of the estimate's values to the next
   VectorField trail_;
   VectorField direction_;

@@ -60,10 +60,12 @@ float still_share(const PaddedPlane& plane) noexcept {
 // Mean differences of two planes at every whole displacement up to kSearch.
 class Differences {
  public:
-  Differences(const Kernels& kernels, const PaddedPlane& from, const PaddedPlane& to) noexcept {
-    for (int y = -kSearch; y <= kSearch; ++y) {
-      for (int x = -kSearch; x <= kSearch; ++x) sum_ += at(x, y) = kernels.mean_difference(from, to, x, y);
-    }
+  Differences(const Kernels& kernels, const PaddedPlane& from, const PaddedPlane& to, Crew& crew) noexcept {
+    for_rows(crew, static_cast<int>(kWidth), [&](int row) {
+      const int y = row - kSearch;
+      for (int x = -kSearch; x <= kSearch; ++x) at(x, y) = kernels.mean_difference(from, to, x, y);
+    });
+    for (const float value : values_) sum_ += value;
     at(0, 0) *= still_share(from);
   }
   float mean() const noexcept { return sum_ / static_cast<float>(values_.size()); }
@@ -125,16 +127,6 @@ bool solve(std::array<std::array<double, 6>, 6>& m, std::array<double, 6>& v, st
     v[i] /= m[i][i];
   }
   return true;
-}
-
-// Column and row of a block's centre in halves of the frame's width.
-struct Centre {
-  double x;
-  double y;
-};
-Centre centre_of(Geometry frame, int scale, int column, int row) noexcept {
-  const double half = 0.5 * frame.width;
-  return {((column + 0.5) * kBlock * scale - half) / half, ((row + 0.5) * kBlock * scale - 0.5 * frame.height) / half};
 }
 
 // Of a row of blocks: weighted sums of 1, x and x^2 times the gradients' products and what is left along them.
@@ -204,6 +196,11 @@ Affine Affine::operator*(double k) const noexcept {
   return scaled;
 }
 
+Centre centre_of(Geometry frame, int scale, int column, int row) noexcept {
+  const double half = 0.5 * frame.width;
+  return {((column + 0.5) * kBlock * scale - half) / half, ((row + 0.5) * kBlock * scale - 0.5 * frame.height) / half};
+}
+
 void spread(const Affine& motion, Geometry frame, int scale, VectorField& out) noexcept {
   const float to_level = 1.0F / static_cast<float>(scale);
   for (int r = 0; r < out.down(); ++r) {
@@ -227,8 +224,9 @@ GlobalMotion::GlobalMotion(Geometry geometry) : geometry_(geometry) {
 // Finds the whole displacements of the smallest level that fit better than those around them and nearly as well as the
 // best of these: the smallest ones first, the best among them. A repeated texture fits in many places.
 std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels, const Pyramid& a, const Pyramid& b,
+                                                          Crew& crew,
                                                           std::array<Start, kStarts>& found) const noexcept {
-  Differences differences(kernels, a.level.back(), b.level.back());
+  Differences differences(kernels, a.level.back(), b.level.back(), crew);
   Start best{std::numeric_limits<float>::max(), 0, 0};
   differences.each_least([&](int x, int y) {
     const float error = differences.between(x, y);
@@ -282,7 +280,7 @@ Affine GlobalMotion::refined(const Kernels& kernels, const Pyramid& a, const Pyr
 Affine GlobalMotion::start(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                            double noise, Crew& crew) noexcept {
   std::array<Start, kStarts> list{};
-  const auto found = search(kernels, a, b, list);
+  const auto found = search(kernels, a, b, crew, list);
   if (found.size() == 1) return refined(kernels, a, b, found[0]);
   std::array<Affine, kStarts> from;
   std::array<float, kStarts> error{};

@@ -25,6 +25,13 @@ struct Affine {
   Affine operator*(double k) const noexcept;
 };
 
+// Centre of a block of `scale` times 8 pixels, as Affine::at() takes it. Thread: any.
+struct Centre {
+  double x;
+  double y;
+};
+Centre centre_of(Geometry frame, int scale, int column, int row) noexcept;
+
 // The field at the centres of `scale` times 8 pixels, as of a level of a pyramid, in that level's pixels.
 void spread(const Affine& motion, Geometry frame, int scale, VectorField& out) noexcept;
 
@@ -75,7 +82,7 @@ class GlobalMotion {
   };
   static constexpr std::size_t kStarts = 4;
 
-  std::span<const Start> search(const Kernels& kernels, const Pyramid& a, const Pyramid& b,
+  std::span<const Start> search(const Kernels& kernels, const Pyramid& a, const Pyramid& b, Crew& crew,
                                 std::array<Start, kStarts>& found) const noexcept;
   Affine refined(const Kernels& kernels, const Pyramid& a, const Pyramid& b, Start start) const noexcept;
   Affine start(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, double noise,

@@ -38,9 +38,8 @@ void find_innovation(const Kernels& kernels, const Inertia& inertia, const Padde
     int begin = 0;
     const int end = rows_of(block_row, z.geometry().height, begin);
     kernels.innovate(now, before, gain, begin, end, z);
-    z.extend_sides(begin, end);
+    z.extend(begin, end);
   });
-  z.extend_ends();
   for (int i = 0; i < smoothed.levels(); ++i) {
     PaddedPlane& to = smoothed.level[static_cast<std::size_t>(i)];
     for_rows(crew, to.blocks_down(), [&](int block_row) {
@@ -51,9 +50,8 @@ void find_innovation(const Kernels& kernels, const Inertia& inertia, const Padde
       } else {
         kernels.halve(smoothed.level[static_cast<std::size_t>(i) - 1], begin, end, to);
       }
-      to.extend_sides(begin, end);
+      to.extend(begin, end);
     });
-    to.extend_ends();
   }
 }
 

@@ -14,20 +14,20 @@ void PaddedPlane::extend_sides(int begin, int end, float slope) noexcept {
   }
 }
 
-void PaddedPlane::extend_ends(float slope) noexcept {
+void PaddedPlane::extend(int begin, int end) noexcept {
+  extend_sides(begin, end, 0.0F);
+  for (int y = -kRim; begin == 0 && y < 0; ++y) std::copy_n(row(0), stride_, row(y));
+  for (int y = end; end == geometry_.height && y < end_row(); ++y) std::copy_n(row(end - 1), stride_, row(y));
+}
+
+void PaddedPlane::mirror_ends() noexcept {
   const int last = geometry_.height - 1;
-  const auto extend_row = [&](int to, int border, int inside) {
-    const float* b = at(-kRim, border);
-    const float* i = at(-kRim, inside);
-    if (slope == 0.0F) {
-      std::copy_n(b, stride_, at(-kRim, to));
-      return;
-    }
-    std::transform(b, b + stride_, i, at(-kRim, to), [=](float v, float w) { return v + slope * (v - w); });
+  const auto mirror = [&](int to, int border, int inside) {
+    std::transform(row(border), row(border) + stride_, row(inside), row(to),
+                   [](float b, float i) { return b + (b - i); });
   };
-  for (int y = 1; y <= kRim; ++y) extend_row(-y, 0, std::min(y, last));
-  const int end = blocks_down() * kBlock + kRim;
-  for (int y = last + 1; y < end; ++y) extend_row(y, last, std::max(2 * last - y, 0));
+  for (int y = 1; y <= kRim; ++y) mirror(-y, 0, std::min(y, last));
+  for (int y = last + 1; y < end_row(); ++y) mirror(y, last, std::max(2 * last - y, 0));
 }
 
 }  // namespace bolo::motion

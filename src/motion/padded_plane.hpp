@@ -32,17 +32,19 @@ class PaddedPlane {
   const float* at(int x, int y) const noexcept { return values_.data() + offset(x, y); }
 
   void fill(float value) noexcept { std::ranges::fill(values_, value); }
-  // Repeats the frame's border beyond it: to the sides of rows [begin, end), and above and below the frame where these
-  // are its first and last. `slope` 1: mirrors what is inside about the border's value, so that gradients go on.
-  // Thread: worker.
-  void extend_sides(int begin, int end, float slope = 0.0F) noexcept;
-  void extend_ends(float slope = 0.0F) noexcept;
-  void extend(float slope = 0.0F) noexcept {
-    extend_sides(0, geometry_.height, slope);
-    extend_ends(slope);
-  }
+  // Repeats the frame's border beyond rows [begin, end): to their sides, and above and below the frame where these are
+  // its first and last. Thread: worker.
+  void extend(int begin, int end) noexcept;
+  void extend() noexcept { extend(0, geometry_.height); }
+  // Mirrors what is inside about the border's value, so that gradients go on; first the rows' sides, then, from whole
+  // rows, above and below. Thread: worker.
+  void mirror_sides(int begin, int end) noexcept { extend_sides(begin, end, 1.0F); }
+  void mirror_ends() noexcept;
 
  private:
+  void extend_sides(int begin, int end, float slope) noexcept;
+  float* row(int y) noexcept { return at(-kRim, y); }
+  int end_row() const noexcept { return blocks_down() * kBlock + kRim; }
   std::size_t offset(int x, int y) const noexcept {
     return static_cast<std::size_t>(y + kRim) * stride_ + static_cast<std::size_t>(x + kRim);
   }
