@@ -188,7 +188,7 @@ const void* Pipeline::Impl::corrected(const rt::FrameSlot& slot, bool restart_wi
           auto* const impl = static_cast<Impl*>(self);
           impl->corrections->apply(impl->pass, impl->share_of_pixels(worker));
         },
-        this);
+        this, true);
   }
   corrections->finish();
   stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));

@@ -117,9 +117,10 @@ WorkerTeam::~WorkerTeam() {
   sem_destroy(&done_);
 }
 
-void WorkerTeam::run(Job job, void* context) noexcept {
+void WorkerTeam::run(Job job, void* context, bool more) noexcept {
   job_ = job;
   context_ = context;
+  more_ = more;
   for (std::size_t i = 0; i < threads_.size(); ++i) sem_post(&gates_[i].start);
   job(context, 0);
   for (std::size_t i = 0; i < threads_.size(); ++i) wait(done_, spins_);
@@ -129,8 +130,9 @@ void WorkerTeam::work(int worker, const ThreadOptions& options, Status& applied)
   applied = apply_to_this_thread(options);
   sem_post(&done_);
   sem_t& start = gates_[static_cast<std::size_t>(worker) - 1].start;
-  for (wait(start, 0); job_ != nullptr; wait(start, spins_)) {
+  for (int spins = 0; wait(start, spins), job_ != nullptr;) {
     job_(context_, worker);
+    spins = more_ ? spins_ : 0;
     sem_post(&done_);
   }
 }
@@ -149,7 +151,7 @@ void TeamCrew::run(int rows, void (*work)(void*, int, int) noexcept, void* self)
         const Call& c = *static_cast<const Call*>(context);
         c.work(c.self, c.rows * worker / c.parts, c.rows * (worker + 1) / c.parts);
       },
-      &call);
+      &call, true);
 }
 
 }  // namespace bolo::rt

@@ -41,14 +41,15 @@ class WorkerTeam {
   // The first refusal, if any. Thread: setup.
   const Status& status() const noexcept { return status_; }
 
-  // Calls job(context, worker) once on each worker and returns when all have. No allocation. Thread: pipeline.
+  // Calls job(context, worker) once on each worker and returns when all have. `more`: another call follows at once, and
+  // the workers stay awake for it. No allocation. Thread: pipeline.
   using Job = void (*)(void* context, int worker);
-  void run(Job job, void* context) noexcept;
+  void run(Job job, void* context, bool more = false) noexcept;
 
  private:
   void work(int worker, const ThreadOptions& options, Status& applied) noexcept;
 
-  // run() writes job_ and context_, then posts start: sem_post/sem_wait order them. done_ orders the way back.
+  // run() writes job_, context_ and more_, then posts start: sem_post/sem_wait order them. done_ orders the way back.
   struct alignas(kCacheLine) Gate {
     sem_t start;
   };
@@ -57,6 +58,7 @@ class WorkerTeam {
   sem_t done_{};
   Job job_ = nullptr;  // nullptr: the threads end
   void* context_ = nullptr;
+  bool more_ = false;
   std::vector<std::thread> threads_;
   Status status_;
 };
