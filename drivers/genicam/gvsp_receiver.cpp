@@ -25,8 +25,11 @@ namespace {
 constexpr std::size_t kBatch = 32;  // datagrams a system call
 constexpr std::int64_t kIdleNs = 1'000'000'000;
 constexpr int kNiceLevel = -10;
-constexpr long kLeastPauseNs = 60'000;  // about what a sleep is late by
+constexpr long kLeastPauseNs = 100'000;  // twice what a sleep is late by
 constexpr long kMostPauseNs = 2'000'000;
+// Of a frame's expected rest. With more, a frame that was read late would make the next one be read late too: the
+// sleep's own lateness over what is left of 1 stands in for the frame's length.
+constexpr double kMostPauseShare = 0.75;
 
 }  // namespace
 
@@ -77,7 +80,7 @@ Status Receiver::start(const StreamPlan& plan, std::uint16_t source_port, int re
   int buffer = 0;
   socklen_t size = sizeof buffer;
   getsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &buffer, &size);
-  pause_share_ = std::min(0.5, buffer / (4.0 * static_cast<double>(plan.payload_bytes + 1)));
+  pause_share_ = std::min(kMostPauseShare, buffer / (4.0 * static_cast<double>(plan.payload_bytes + 1)));
   take_ = std::move(take);
   FrameOutput& output = *this;
   assembler_ = std::make_unique<Assembler>(plan, output);
@@ -119,8 +122,8 @@ void Receiver::run() noexcept {
   }
 }
 
-// While most of a frame is on its way, sleeps for half of what it still takes: a few wake-ups a frame instead of one a
-// packet, and none of them late for the last one.
+// While most of a frame is on its way, sleeps for most of what it still takes: two or three wake-ups a frame instead of
+// one a packet, and none of them late for the last one.
 void Receiver::pause(std::int64_t rest_ns) const noexcept {
   const auto pause_ns = static_cast<long>(pause_share_ * static_cast<double>(rest_ns));
   if (pause_ns < kLeastPauseNs) return;
