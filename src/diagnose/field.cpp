@@ -19,6 +19,9 @@ constexpr int kTiles = 8;           // of the picture's width and of its height
 // Of a followed scene: the share of blocks that go their own way, from which on it is not followed.
 constexpr double kMostOwn = 0.35;
 constexpr std::size_t kFewestSights = 12;
+// Patterns need more of them, or every second frame: a scene that rests but for some jerks is before the same pixels in
+// both halves of the data.
+constexpr std::size_t kFewestOfPattern = 48;
 
 // Both halves of the data must show a part by so many standard errors, and by so much of the noise: recordings without
 // any effect stay below both.
@@ -254,13 +257,14 @@ double first_noise(const Recording& r, const Options& options) {
 // Of one recording whose scene moves; when it is not followed, jumps only.
 Result<FieldParts> judge_moving(const std::filesystem::path& file, const Recording& r, Events& events,
                                 const Options& options) {
-  ASSIGN_OR_RETURN(auto motion, follow_field(file, r, first_noise(r, options)));
+  ASSIGN_OR_RETURN(auto motion, follow_field(file, r, first_noise(r, options), options.profile.tau_s));
   FieldParts parts;
   if (motion.sights.size() >= kFewestSights) {
     const std::vector<char> known = dead_of(events);
     parts = take_field_apart(motion.frames, motion.sights, known);
     parts.followed = parts.followed && parts.moving <= kMostOwn;
-    for (std::size_t p = 0; parts.followed && p < parts.dead.size(); ++p) {
+    parts.patterns = motion.sights.size() >= std::min(kFewestOfPattern, r.used_frames().size() / 2);
+    for (std::size_t p = 0; parts.followed && parts.patterns && p < parts.dead.size(); ++p) {
       if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
     }
   }
@@ -275,7 +279,7 @@ Result<FieldParts> judge_moving(const std::filesystem::path& file, const Recordi
 bool Field::tells(const Effect& effect) const {
   using enum WithoutBench;
   const WithoutBench by = effect.without_bench;
-  return (still && (by == kStill || by == kBoth)) || (moving && (by == kMoving || by == kBoth)) ||
+  return (still && by == kStill) || (patterns && by == kMoving) || ((still || moving) && by == kBoth) ||
          (tells_tau && effect.name == "tau_global") || (tells_delay && effect.name == "row_delay") ||
          std::ranges::any_of(findings.effects, [&](const Finding& f) { return f.effect.name == effect.name; });
 }
@@ -338,7 +342,8 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
     before += count * parts.gap_before * parts.gap_before;
     after += count * parts.gap_after * parts.gap_after;
     out.gaps[r.name] = parts.gap_before;
-    name_parts(parts, out.findings);
+    if (parts.patterns) name_parts(parts, out.findings);
+    out.patterns = out.patterns || parts.patterns;
     if (!parts.lost.empty()) out.lost[r.name] = parts.lost;
     if (out.scene.empty()) {
       out.scene = parts.scene;

@@ -16,6 +16,7 @@ struct Field {
   bool judged = false;       // false: nothing is known well enough, or there is a bench
   std::string why;           // not
   bool moving = false;       // one of them was followed
+  bool patterns = false;     // so far that patterns of pixels were told from the scene
   bool still = false;        // one of them stands still
   bool tells_tau = false;    // of those that were followed, one changes its speed enough
   bool tells_delay = false;  // the same

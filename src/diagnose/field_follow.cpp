@@ -24,7 +24,9 @@ constexpr Index kMostSights = 320;
 // So far a fixed pattern must have moved against the scene to be told from it: beyond the reach of a pixel's
 // neighbours.
 constexpr double kLeastMove_px = 3.0;
-constexpr Index kFarthest = 16;             // frames on either side
+constexpr Index kFarthest = 16;  // frames on either side
+// By how much more or less than the two frames that predict it a frame may lag behind the scene.
+constexpr double kMostLag_px = 1.0;
 constexpr double kLargestDifference = 1e3;  // in noises, of values that are matched: what is more counts no more
 // Frames are matched as they are, with their inertia: what an innovation of this time constant (in periods) is.
 constexpr double kAsTheyAre = 0.05;
@@ -139,6 +141,7 @@ class UsedFrames {
     if (frame_.size() > kMostFrames) frame_.resize(kMostFrames);
   }
   Geometry geometry() const { return reader_.info().format.geometry; }
+  double period_s() const { return reader_.info().format.frame_period_s; }
   const std::vector<Index>& frame() const { return frame_; }  // of the recording
 
   void take_out(std::vector<Observation::Jump> jumps) { jumps_ = std::move(jumps); }
@@ -199,7 +202,18 @@ void add_rise(const std::vector<float>& last, const std::vector<float>& now, Geo
       std::ranges::count_if(changes, [change](float c) { return static_cast<double>(c) * change > 0.0; });
   out.change.push_back(change);
   out.agreement.push_back(changes.empty() ? 0.0 : static_cast<double>(agree) / static_cast<double>(changes.size()));
+  out.scatter.push_back(quantile(mapped(changes, [change](float c) { return std::abs(c - change); }), 0.9));
   out.repeated.push_back(0);
+}
+
+// Whether a frame differs from the one before by no more than its neighbours do, but for a jump, or by far less than
+// the jump: what a jerk that is not followed leaves is another picture.
+bool is_followed(const FrameStatistics& rise, std::size_t k, double jump) {
+  constexpr double kMost = 2.0;
+  constexpr double kOfJump = 0.2;
+  const double beside =
+      k + 1 < rise.frames() ? std::min(rise.scatter[k - 1], rise.scatter[k + 1]) : rise.scatter[k - 1];
+  return rise.scatter[k] < std::max(kMost * std::max(beside, median(rise.scatter)), kOfJump * std::abs(jump));
 }
 
 Result<Advance> advance_of(const UsedFrames& used, Matcher& matcher) {
@@ -234,8 +248,9 @@ std::pair<std::size_t, std::size_t> longest_stretch(const std::vector<Index>& fr
   return longest;
 }
 
-// Evenly spread over used frames [first, last).
-std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t first, std::size_t last,
+// Evenly spread over used frames [first, last). A frame that was caught within a jerk is no sight: it shows what was
+// before the pixels as well as what is. `lag`: of pixels, in periods.
+std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t first, std::size_t last, double lag,
                                  std::size_t pixels) {
   std::vector<Shift> place(last - first);
   for (std::size_t k = 1; k < place.size(); ++k) {
@@ -245,9 +260,15 @@ std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t fir
   for (Index k = 0; k < static_cast<Index>(place.size()); ++k) {
     const auto before = partner(place, k, -1);
     const auto after = partner(place, k, 1);
+    if (!before || !after) continue;
     const auto from = static_cast<Index>(first);
+    const auto uneven = [&](std::size_t axis) {
+      const auto at = [&](Index i) { return step[static_cast<std::size_t>(from + i)][axis]; };
+      return at(k) - (at(*before) + at(*after)) / 2.0;
+    };
+    if (lag * std::hypot(uneven(0), uneven(1)) > kMostLag_px) continue;
     const double time = static_cast<double>(from + k) / static_cast<double>(step.size());
-    if (before && after) all.push_back({from + k, from + *before, from + *after, time, {}, {}});
+    all.push_back({from + k, from + *before, from + *after, time, {}, {}});
   }
   const auto limit = std::min<Index>(kMostSights, static_cast<Index>(kMostResidual / pixels));
   std::vector<Sight> chosen;
@@ -298,7 +319,8 @@ void match_sights(const FieldFrames& frames, Matcher& matcher, std::vector<Sight
 
 }  // namespace
 
-Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording, double noise) {
+Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording, double noise,
+                                 double tau_s) {
   ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
   UsedFrames used(std::move(reader), recording);
   FieldMotion out;
@@ -309,12 +331,12 @@ Result<FieldMotion> follow_field(const std::filesystem::path& file, const Record
   ASSIGN_OR_RETURN(const auto advance, advance_of(used, matcher));
   out.lost = find_lost(used.frame(), advance.step);
   for (auto [k, size] : jumps_among(advance.rise, noise)) {
-    out.jumps.push_back({static_cast<std::size_t>(used.frame()[k]), size});
+    if (is_followed(advance.rise, k, size)) out.jumps.push_back({static_cast<std::size_t>(used.frame()[k]), size});
   }
   used.take_out(out.jumps);
   const auto [first, last] = longest_stretch(used.frame());
   out.after_freeze = first > 0;
-  out.sights = choose_sights(advance.step, first, last, used.geometry().pixels());
+  out.sights = choose_sights(advance.step, first, last, tau_s / used.period_s(), used.geometry().pixels());
   ASSIGN_OR_RETURN(out.frames, read_for(out.sights, used));
   match_sights(out.frames, matcher, out.sights);
   return out;

@@ -50,7 +50,8 @@ struct FieldMotion {
 };
 
 // `noise`: standard deviation of one value. kBadInput, kFailed: the file cannot be read again. Thread: setup.
-Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording, double noise);
+Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording, double noise,
+                                 double tau_s);
 
 // Blocks of frames.
 struct Blocks {
@@ -124,6 +125,7 @@ struct FieldParts {
   double noise = 0.0;     // of one value where the scene is flat, sigma
   double moving = 0.0;    // share of the blocks whose motion is their own: left out
   bool followed = false;  // the scene, not a pattern or something before it
+  bool patterns = false;  // by enough sights to tell patterns of pixels from it
   std::size_t cells = 0;  // blocks of frames that were predicted
   double gap_before = 1.0;
   double gap_after = 1.0;

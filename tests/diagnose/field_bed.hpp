@@ -60,6 +60,7 @@ struct Shot {
   sim::Path path = sim::steady_pan(300.0);
   double mover_px_s = 0.0;  // 0: nothing moves by itself
   std::vector<std::string> effects{};
+  double period_s = testing::kPeriodS;
   bool sky = false;         // above some roofs, instead of the street
   std::vector<int> lost{};  // frames that never come, though the counter of those that do runs on
 };
@@ -75,10 +76,10 @@ inline sim::Path restless(double from_s = -10.0) {
   return sim::Path(std::move(points));
 }
 
-// A hand that rests, but for some moves within a few frames.
-inline sim::Path jerks() {
+// A hand that rests, but for some moves of about four times `rise_s`.
+inline sim::Path jerks(double rise_s = 0.008) {
   std::vector<sim::PathPoint> points;
-  const auto moved = [](double t, double at_s) { return 1.0 / (1.0 + std::exp((at_s - t) / 0.008)); };
+  const auto moved = [rise_s](double t, double at_s) { return 1.0 / (1.0 + std::exp((at_s - t) / rise_s)); };
   for (double t = -0.6; t < 5.0; t += 0.001) {
     const double along = 55.0 * moved(t, 0.3) - 80.0 * moved(t, 0.62);
     points.push_back({t, 3.0 * std::sin(3.0 * t) + along, 3.0 * std::sin(5.0 * t) + 0.8 * along});
@@ -105,12 +106,13 @@ inline std::unique_ptr<const sim::Scene> make_sky() {
 inline std::filesystem::path shoot(const Shot& shot, const std::filesystem::path& file) {
   constexpr std::uint64_t kSeed = 3;
   const auto scene = shot.sky ? make_sky() : sim::make_street(shot.view, kSeed);
-  const double end_s = shot.frames * testing::kPeriodS + 0.1;
+  const double end_s = shot.frames * shot.period_s + 0.1;
   const auto origin = sim::centred_origin(*scene, shot.path, shot.view, -0.5, end_s);
   std::unique_ptr<const sim::Field> seen = sim::pan_over(*scene, shot.path, origin, shot.view, -0.5, end_s).value();
   if (shot.mover_px_s != 0.0) seen = std::make_unique<WithMover>(std::move(seen), shot.view, shot.mover_px_s);
   sim::CameraSettings camera;
   camera.geometry = shot.view;
+  camera.rate_hz = 1.0 / shot.period_s;
   camera.tau_s = shot.tau_s;
   camera.readout.seed = kSeed;
   camera.camera_seed = kSeed + 77;
@@ -121,7 +123,8 @@ inline std::filesystem::path shoot(const Shot& shot, const std::filesystem::path
     do simulator->next(plane.data(), nullptr);
     while (std::ranges::count(shot.lost, taken++) != 0);
   };
-  return testing::write_capture<std::uint16_t>(file, shot.view, shot.frames - static_cast<int>(shot.lost.size()), next);
+  return testing::write_capture<std::uint16_t>(file, shot.view, shot.frames - static_cast<int>(shot.lost.size()), next,
+                                               capture::NoStimulus{}, shot.period_s);
 }
 
 }  // namespace bolo::diagnose::bed
