@@ -80,7 +80,7 @@ double NoiseMeter::measure(const void* const* planes, int order, Crew& crew) noe
   });
   block_.clear();
   for (int strip = 0; strip < strips; ++strip) {
-    const auto columns = column_.begin() + strip * g.width;
+    const float* const columns = column_.data() + static_cast<std::size_t>(strip) * stride;
     for (int x = 0; x + width <= g.width; x += width) {
       const float sum = std::accumulate(columns + x, columns + x + width, 0.0F);
       if (sum > 0.0F && std::isfinite(sum)) block_.push_back(sum);  // none at all: dead or saturated
