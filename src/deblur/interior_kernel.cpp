@@ -19,10 +19,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 #include "src/deblur/block-inl.hpp"
-#include "src/deblur/targets.hpp"
+#include "src/deblur/isa.hpp"
+#include "src/motion/targets.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
@@ -397,24 +397,13 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace bolo::deblur {
-namespace {
 
 HWY_EXPORT(interior_kernel);
 
-std::vector<const InteriorKernel*> find_kernels() {
-  std::vector<const InteriorKernel*> found;
-  for_each_target(HWY_TARGETS, [&] { found.push_back(&HWY_DYNAMIC_DISPATCH(interior_kernel)()); });
-  return found;
-}
-
-}  // namespace
-
 const InteriorKernel& best_interior_kernel() {
-  static const std::vector<const InteriorKernel*> found = find_kernels();
-  for (const InteriorKernel* kernel : found) {
-    if (kernel->isa == best_kernels().isa) return *kernel;
-  }
-  return *found.back();
+  static const auto found = motion::tables_of_targets(
+      HWY_TARGETS, []() -> const InteriorKernel& { return HWY_DYNAMIC_DISPATCH(interior_kernel)(); });
+  return motion::table_for(found, best_isa());
 }
 
 }  // namespace bolo::deblur

@@ -12,7 +12,7 @@
 #include "src/deblur/admm-inl.hpp"
 #include "src/deblur/admm_dense-inl.hpp"
 #include "src/deblur/dual-inl.hpp"
-#include "src/deblur/targets.hpp"
+#include "src/motion/targets.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
@@ -44,14 +44,9 @@ namespace {
 
 HWY_EXPORT(kernels);
 
-std::vector<const Kernels*> find_kernels() {
-  std::vector<const Kernels*> found;
-  for_each_target(HWY_TARGETS, [&] { found.push_back(&HWY_DYNAMIC_DISPATCH(kernels)()); });
-  return found;
-}
-
 const std::vector<const Kernels*>& available() {
-  static const std::vector<const Kernels*> found = find_kernels();
+  static const auto found =
+      motion::tables_of_targets(HWY_TARGETS, []() -> const Kernels& { return HWY_DYNAMIC_DISPATCH(kernels)(); });
   return found;
 }
 

@@ -4,7 +4,6 @@
 #include <array>
 #include <iterator>
 #include <type_traits>
-#include <vector>
 
 #include "src/deblur/kernels.hpp"
 
@@ -19,7 +18,8 @@
 #include <hwy/contrib/math/math-inl.h>
 
 #include "src/deblur/block-inl.hpp"
-#include "src/deblur/targets.hpp"
+#include "src/deblur/isa.hpp"
+#include "src/motion/targets.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
@@ -380,24 +380,13 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace bolo::deblur {
-namespace {
 
 HWY_EXPORT(mmae_kernels);
 
-std::vector<const MmaeKernels*> find_kernels() {
-  std::vector<const MmaeKernels*> found;
-  for_each_target(HWY_TARGETS, [&] { found.push_back(&HWY_DYNAMIC_DISPATCH(mmae_kernels)()); });
-  return found;
-}
-
-}  // namespace
-
 const MmaeKernels& best_mmae_kernels() {
-  static const std::vector<const MmaeKernels*> found = find_kernels();
-  for (const MmaeKernels* kernels : found) {
-    if (kernels->isa == best_kernels().isa) return *kernels;
-  }
-  return *found.back();
+  static const auto found = motion::tables_of_targets(
+      HWY_TARGETS, []() -> const MmaeKernels& { return HWY_DYNAMIC_DISPATCH(mmae_kernels)(); });
+  return motion::table_for(found, best_isa());
 }
 
 }  // namespace bolo::deblur

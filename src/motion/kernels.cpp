@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 #include "src/core/simd_targets.hpp"
 
@@ -12,10 +11,10 @@
 #include <hwy/highway.h>
 
 #include <hwy/contrib/math/math-inl.h>
-#include <hwy/targets.h>
 
 #include "src/motion/estimate-inl.hpp"
 #include "src/motion/matching-inl.hpp"
+#include "src/motion/targets.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::motion::HWY_NAMESPACE {
@@ -190,31 +189,13 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace bolo::motion {
-namespace {
 
 HWY_EXPORT(kernels);
 
-std::vector<const Kernels*> find_kernels() {
-  std::vector<const Kernels*> found;
-  std::int64_t left = (hwy::SupportedTargets() | HWY_STATIC_TARGET) & HWY_TARGETS;
-  for (; left != 0; left &= left - 1) {
-    hwy::SetSupportedTargetsForTest(left & -left);
-    hwy::GetChosenTarget().DeInit();  // the next dispatch chooses again
-    found.push_back(&HWY_DYNAMIC_DISPATCH(kernels)());
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  return found;
-}
-
-}  // namespace
-
 const Kernels& best_kernels(std::string_view isa) {
-  static const std::vector<const Kernels*> found = find_kernels();
-  for (const Kernels* kernels : found) {
-    if (isa.empty() || kernels->isa == isa) return *kernels;
-  }
-  return *found.back();
+  static const auto found =
+      tables_of_targets(HWY_TARGETS, []() -> const Kernels& { return HWY_DYNAMIC_DISPATCH(kernels)(); });
+  return table_for(found, isa);
 }
 
 }  // namespace bolo::motion
