@@ -93,8 +93,7 @@ void MotionSolver::forget() noexcept {
 void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) const noexcept {
   const Geometry g = to.geometry();
   for_rows(crew, to.blocks_down(), [&](int block_row) {
-    const int begin = block_row * motion::kBlock;
-    const int end = std::min(begin + motion::kBlock, g.height);
+    const auto [begin, end] = to.rows_of(block_row);
     for (int y = begin; y < end; ++y) {
       const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width);
       if (task_.input.type == PixelType::kUint16) {

@@ -83,7 +83,8 @@ std::array<const T*, 3> Estimator::rows_around(const BlockField<T>& field, int r
 }
 
 void Estimator::extend_row(int row, PaddedPlane& plane) const noexcept {
-  plane.extend(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+  const auto [begin, end] = plane.rows_of(row);
+  plane.extend(begin, end);
 }
 
 // How far each block of a row goes the way of the picture's middle, for which the path's weights are.

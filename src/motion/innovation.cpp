@@ -9,11 +9,6 @@ namespace {
 
 constexpr int kSmallestSide = 12;  // px of the smallest level
 
-int rows_of(int block_row, int height, int& begin) {
-  begin = block_row * kBlock;
-  return std::min(begin + kBlock, height);
-}
-
 }  // namespace
 
 Inertia::Inertia(double tau_periods) : tau(tau_periods), rho(std::exp(-1.0 / tau_periods)) {}
@@ -35,16 +30,14 @@ void find_innovation(const Kernels& kernels, const Inertia& inertia, const Padde
                      Crew& crew, PaddedPlane& z, Pyramid& smoothed) noexcept {
   const auto gain = static_cast<float>(inertia.gain());
   for_rows(crew, z.blocks_down(), [&](int block_row) {
-    int begin = 0;
-    const int end = rows_of(block_row, z.geometry().height, begin);
+    const auto [begin, end] = z.rows_of(block_row);
     kernels.innovate(now, before, gain, begin, end, z);
     z.extend(begin, end);
   });
   for (int i = 0; i < smoothed.levels(); ++i) {
     PaddedPlane& to = smoothed.level[static_cast<std::size_t>(i)];
     for_rows(crew, to.blocks_down(), [&](int block_row) {
-      int begin = 0;
-      const int end = rows_of(block_row, to.geometry().height, begin);
+      const auto [begin, end] = to.rows_of(block_row);
       if (i == 0) {
         kernels.smooth(z, begin, end, to);
       } else {

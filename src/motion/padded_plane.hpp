@@ -15,6 +15,11 @@ inline constexpr int kRim = 16;  // at least two blocks: a displaced block of 12
 
 constexpr int blocks_over(int pixels) { return motion_blocks(pixels); }
 
+struct RowRange {
+  int begin;
+  int end;
+};
+
 // Rows and columns are counted from the frame's first pixel; from -kRim to whole blocks + kRim they can be read.
 class PaddedPlane {
  public:
@@ -27,6 +32,10 @@ class PaddedPlane {
   Geometry geometry() const noexcept { return geometry_; }
   int blocks_across() const noexcept { return blocks_over(geometry_.width); }
   int blocks_down() const noexcept { return blocks_over(geometry_.height); }
+  // The frame's rows [begin, end) of a row of blocks.
+  RowRange rows_of(int block_row) const noexcept {
+    return {block_row * kBlock, std::min((block_row + 1) * kBlock, geometry_.height)};
+  }
   std::ptrdiff_t stride() const noexcept { return static_cast<std::ptrdiff_t>(stride_); }
   float* at(int x, int y) noexcept { return values_.data() + offset(x, y); }
   const float* at(int x, int y) const noexcept { return values_.data() + offset(x, y); }
