@@ -188,7 +188,8 @@ PointReader::Outcome PointReader::solve(std::uint64_t number, std::span<std::uin
   const std::uint64_t last = number + static_cast<std::uint64_t>(self.settings.lookahead);
   if (last >= published()) return Outcome::kNotYet;
   bolo_shm_slot head{};
-  if (!self.reader.read_samples(number, {}, head, nullptr)) return Outcome::kOverwritten;
+  std::uint16_t none{};
+  if (!self.reader.read_samples(number, {}, head, &none)) return Outcome::kOverwritten;
   if ((head.flags & BOLO_FLAG_WARM_UP) != 0) return Outcome::kWarmUp;
   deblur::Window window(self.settings);
   deblur::Window::Ready ready;

@@ -25,7 +25,7 @@ constexpr std::size_t kFewestOfPattern = 48;
 
 // Both halves of the data must show a part by so many standard errors, and by so much of the noise: recordings without
 // any effect stay below both.
-constexpr double kClear = 6.0;
+constexpr double kPatternIsSure = 6.0;
 constexpr double kLeastPattern = 0.4;  // slow noise of pixels is a pattern for a while
 constexpr double kLeastColumn = 0.2;
 constexpr double kLeastGrowth = 1.0;  // over the recording, of the mean: from a half of it to half as much again
@@ -174,9 +174,11 @@ Estimate estimate(const Measured& m) { return interval(m.value, m.error); }
 
 void name_parts(const FieldParts& parts, Findings& out) {
   const Gaps gaps{parts.gap_before, parts.gap_after};
-  const auto clear = [&](const Measured& m, double least) { return m.z > kClear && m.value > least * parts.noise; };
+  const auto clear = [&](const Measured& m, double least) {
+    return m.z > kPatternIsSure && m.value > least * parts.noise;
+  };
   // A pattern that grows while the scene changes one way looks like gains.
-  const bool gain = parts.gain.z > std::max(kClear, parts.growth.z) && parts.gain.value > kLeastGain &&
+  const bool gain = parts.gain.z > std::max(kPatternIsSure, parts.growth.z) && parts.gain.value > kLeastGain &&
                     std::abs(parts.gain_likeness) < kMostLikeness;
   const Offsets& offset = gain ? parts.beside_gain : parts.offset;
   if (gain) {
@@ -184,7 +186,7 @@ void name_parts(const FieldParts& parts, Findings& out) {
               "pixels show more or less of the scene's changes than others");
   }
   if (parts.after_freeze || !(clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn))) return;
-  if (parts.growth.value > kLeastGrowth && parts.growth.z > kClear) {
+  if (parts.growth.value > kLeastGrowth && parts.growth.z > kPatternIsSure) {
     const double change = parts.growth.value * offset.pixel.value;
     add_named(out, "drift", parts.growth.z, {{"change_k", interval(change, parts.growth.error * offset.pixel.value)}},
               gaps, "a pattern stays with the pixels while the scene moves on, and grows", "fpn_offset");

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kOwnVariance = 4.0;   // times the floor's variance: the block does not move as it was taken to
 constexpr int kGroups = 16;            // of time, of which every second is one half
-constexpr int kRounds = 8;             // of the search for a fixed pattern
+constexpr int kPatternRounds = 8;      // of the search for a fixed pattern
 constexpr double kStep = 0.7;          // of each
 constexpr double kClip = 3.0;          // sigmas, of a value that counts
 constexpr double kLeastLooks = 6.0;    // at a pixel, of each half
@@ -20,7 +20,7 @@ constexpr double kSeenContrast = 6.0;  // sigmas that a pixel's scene must vary 
 constexpr double kFollows = 0.4;       // slope of what a pixel shows against what it should: less is deaf
 constexpr double kFollow = 0.85;       // of its neighbours, at least
 constexpr double kMostPattern = 0.2;   // of the picture's standard deviation
-constexpr double kNoisy = 5.0;         // times the usual scatter
+constexpr double kNoisyPixel = 5.0;    // times the usual scatter
 constexpr double kOfEdge = 0.5;        // px that an edge may be off by
 
 // A residual with what its blocks weigh.
@@ -74,7 +74,7 @@ ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const s
   ArrayXf pattern = ArrayXf::Zero(pixels);
   ArrayXf moved(pixels);
   Aligner mover(cells.residual.geometry);
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kPatternRounds; ++round) {
     ArrayXf sum = ArrayXf::Zero(pixels);
     ArrayXf weight = ArrayXf::Zero(pixels);
     for (const Index i : of) {
@@ -227,7 +227,7 @@ std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const s
     const double edge = kOfEdge * slope_at(level, p, g);
     const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
     const double usual = around(scatter, p, g);
-    const bool noisy = usual > 0.0 && scatter[p] > kNoisy * std::max(usual, floor);  // coarse steps may hide noise
+    const bool noisy = usual > 0.0 && scatter[p] > kNoisyPixel * std::max(usual, floor);  // coarse steps may hide noise
     deaf[static_cast<std::size_t>(p)] = (still && varies[p] > edge) || (noisy && scatter[p] > edge) ? 1 : 0;
   }
   return deaf;
@@ -290,7 +290,7 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
   gain.level /= weights.max(1e-12F);
   ArrayXf moved(pixels);
   Aligner mover(left.geometry);
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kPatternRounds; ++round) {
     ArrayXf along = ArrayXf::Zero(pixels);
     ArrayXf spread = ArrayXf::Zero(pixels);
     for (const Index i : of) {

@@ -100,7 +100,7 @@ struct Queue {
   bool done = false;
 };
 
-void write(spdlog::sinks::sink& to, const Entry& entry) {
+void log_entry(spdlog::sinks::sink& to, const Entry& entry) {
   const NoticeOnThisThread notice(entry.notice ? &*entry.notice : nullptr);
   to.log(entry.message);
   to.flush();
@@ -120,7 +120,7 @@ void write_all(Queue& queue) {
     queue.changed.wait(lock, [&queue] { return queue.closing || !queue.waiting.empty(); });
     std::deque<Entry> entries = std::exchange(queue.waiting, {});
     lock.unlock();
-    for (const Entry& entry : entries) write(*queue.inner, entry);
+    for (const Entry& entry : entries) log_entry(*queue.inner, entry);
     lock.lock();
     if (!queue.waiting.empty()) continue;
     const std::uint64_t dropped = std::exchange(queue.dropped, 0);
@@ -177,7 +177,7 @@ class QueuedSink final : public spdlog::sinks::sink {
       std::thread([queue = queue_] { write_all(*queue); }).detach();
       queue_->started = true;
     } catch (const std::system_error&) {
-      for (const Entry& entry : std::exchange(queue_->waiting, {})) write(*queue_->inner, entry);
+      for (const Entry& entry : std::exchange(queue_->waiting, {})) log_entry(*queue_->inner, entry);
     }
   }
 

@@ -25,8 +25,8 @@ namespace {
 using plot::format;
 using plot::Hue;
 
-constexpr double kWidth = 1240.0;  // px
-constexpr double kBetween = 26.0;  // px, close-ups
+constexpr double kPictureWidth = 1240.0;  // px
+constexpr double kBetween = 26.0;         // px, close-ups
 // Of solvers, as they come.
 constexpr std::array kSolverHues{Hue::kDeblurred, Hue::kGreen, Hue::kPurple};
 constexpr double kSides = 70.0;  // px, of a plane's width that its axis takes
@@ -123,7 +123,7 @@ plot::Plot profile(const std::vector<Layer>& layers, Geometry g, Region region) 
                  .caption = "Where blurred climbs slowly and too late, deblurred should follow the truth.",
                  .x = {.name = "column", .unit = "px"},
                  .y = {.name = "temperature", .unit = "K"},
-                 .width = kWidth,
+                 .width = kPictureWidth,
                  .height = 230.0};
   for (const Layer& layer : layers) {
     plot::Series series{.label = layer.name, .hue = layer.hue};
@@ -145,7 +145,7 @@ plot::Plot latency_plot(const LiveFigures& figures, const std::string& title, Hu
       .levels = {{quantile(figures.latency_ms, 0.5), "p50"},
                  {quantile(figures.latency_ms, 0.99), "p99"},
                  {1e3 * figures.period_s, "frame period"}},
-      .width = kWidth,
+      .width = kPictureWidth,
       .height = 150.0};
   plot::Series series{.hue = hue, .y = figures.latency_ms, .width = 1.2};
   for (std::size_t i = 0; i < figures.latency_ms.size(); ++i) {
@@ -289,11 +289,11 @@ plot::Sheet sheet_of(std::span<const LiveResult> results) {
   }
   layers.push_back({&shown.truth, "Truth: what a camera without thermal inertia would see", "truth", Hue::kTruth});
   const auto columns = static_cast<double>(layers.size());
-  const double close_up_width = (kWidth - (columns - 1.0) * kBetween) / columns;
+  const double close_up_width = (kPictureWidth - (columns - 1.0) * kBetween) / columns;
   plot::Sheet sheet{.title = format("One frame of the live stream, camera time %.3f s", shown.camera_s)};
   std::vector<plot::Plot> close_ups;
   for (const Layer& layer : layers) {
-    plot::Plot whole = plane(*layer.image, g, {0, 0, g.width, g.height}, range, kWidth);
+    plot::Plot whole = plane(*layer.image, g, {0, 0, g.width, g.height}, range, kPictureWidth);
     whole.title = layer.title;
     whole.series.push_back(frame_of(close_up));
     sheet.rows.push_back({std::move(whole)});

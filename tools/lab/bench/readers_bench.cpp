@@ -24,7 +24,7 @@
 namespace bolo::tools {
 namespace {
 
-constexpr Geometry kFrame{640, 120};
+constexpr Geometry kStreamed{640, 120};
 constexpr std::int64_t kPeriodNs = 5'000'000;
 constexpr int kWarmUpFrames = 30;
 constexpr int kFrames = 200;  // measured in a phase
@@ -55,8 +55,8 @@ int read_all(const std::string& name, Manner manner, Told& told) {
   sched_setscheduler(0, SCHED_OTHER, &ordinary);
   bolo_client* client = nullptr;
   if (bolo_client_open(name.c_str(), kOpenTimeout_ms, &client) != BOLO_CLIENT_OK) return 1;
-  std::vector<std::uint16_t> raw(kFrame.pixels());
-  std::vector<std::uint16_t> deblurred(kFrame.pixels());
+  std::vector<std::uint16_t> raw(kStreamed.pixels());
+  std::vector<std::uint16_t> deblurred(kStreamed.pixels());
   bolo_client_frame frame{};
   told.ready.set(true);
   while (bolo_client_next(client, kFrameTimeout_ms, &frame) == BOLO_CLIENT_OK) {
@@ -134,12 +134,12 @@ class Writer {
  public:
   Status open(const std::string& name) {
     pipeline::SinkFormat format;
-    format.source.format.geometry = kFrame;
+    format.source.format.geometry = kStreamed;
     format.source.format.frame_period_s = static_cast<double>(kPeriodNs) / kNsPerSecond;
     format.solver_text = "bench";
     sink_ = std::make_unique<shm::ShmSink>(shm::ShmOptions{name, 0, 0600, ""});
     for (std::vector<std::uint16_t>& plane : planes_) {
-      plane.resize(kFrame.pixels());
+      plane.resize(kStreamed.pixels());
       std::iota(plane.begin(), plane.end(), static_cast<std::uint16_t>(&plane - planes_.data()));
     }
     return sink_->open(format);
