@@ -97,32 +97,43 @@ float mean_difference(const PaddedPlane& a, const PaddedPlane& b, int dx, int dy
 
 // ------------------------------------------------------------------ the scene's model
 
-double covariance(const double* time, const double* share, std::size_t count, double back, double at, double along,
-                  double across) noexcept {
-  using Double = hn::ScalableTag<double>;
-  const Double d;
+double covariance(const float* share, std::size_t count, double x, double dx, double y, double dy) noexcept {
+  using Wide = hn::CappedTag<float, 16>;
+  const Wide d;
   constexpr std::size_t kStep = hn::MaxLanes(d);
-  const auto add = [&](const double* t, const double* w, auto sum) HWY_ATTR {
-    const auto when = hn::Add(hn::LoadU(d, t), hn::Set(d, back));
-    const auto x = hn::MulAdd(hn::Set(d, along), when, hn::Set(d, at));
-    const auto y = hn::Mul(hn::Set(d, across), when);
-    const auto square = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Set(d, 0.36)));
-    const auto distance = hn::Sub(hn::Sqrt(square), hn::Set(d, 0.6));
-    const auto slow = hn::Exp(d, hn::Max(hn::Mul(distance, hn::Set(d, -1.0 / 30.0)), hn::Set(d, -100.0)));
+  constexpr std::size_t kRun = 64 * kStep;  // values that are added up in single precision
+  constexpr double kFar = 500.0;            // px, where the scene has nothing in common any more
+  // Steps are counted from where the scene is nearest, so that what counts most is known best.
+  const auto all = static_cast<double>(count);
+  const double nearest = dx == 0.0 ? 0.0 : std::clamp(std::round(-x / dx), 0.0, all);
+  const double reach = dx == 0.0 ? all : std::ceil(kFar / std::abs(dx));
+  const auto end = static_cast<std::size_t>(std::min(nearest + reach, all));
+  const auto x0 = hn::Set(d, static_cast<float>(x + nearest * dx));
+  const auto y0 = hn::Set(d, static_cast<float>(y + nearest * dy));
+  const auto add = [&](const float* w, double first, auto sum) HWY_ATTR {
+    const auto step = hn::Iota(d, static_cast<float>(first - nearest));
+    const auto at = hn::MulAdd(hn::Set(d, static_cast<float>(dx)), step, x0);
+    const auto across = hn::MulAdd(hn::Set(d, static_cast<float>(dy)), step, y0);
+    const auto square = hn::MulAdd(at, at, hn::MulAdd(across, across, hn::Set(d, 0.36F)));
+    const auto distance = hn::Sub(hn::Sqrt(square), hn::Set(d, 0.6F));
+    const auto slow = hn::Exp(d, hn::Max(hn::Mul(distance, hn::Set(d, -1.0F / 30.0F)), hn::Set(d, -80.0F)));
     const auto cube = hn::Mul(hn::Mul(slow, slow), slow);
     return hn::MulAdd(hn::LoadU(d, w), hn::MulAdd(cube, cube, slow), sum);  // exp(-R / 5) is the sixth power
   };
-  auto total = hn::Zero(d);
-  std::size_t i = 0;
-  for (; i + kStep <= count; i += kStep) total = add(time + i, share + i, total);
-  if (i < count) {
-    HWY_ALIGN double t[kStep] = {};
-    HWY_ALIGN double w[kStep] = {};
-    std::copy_n(time + i, count - i, t);
-    std::copy_n(share + i, count - i, w);
-    total = add(t, w, total);
+  double total = 0.0;
+  auto i = static_cast<std::size_t>(std::max(nearest - reach, 0.0));
+  while (i + kStep <= end) {
+    auto sum = hn::Zero(d);
+    const std::size_t until = std::min(i + kRun, end);
+    for (; i + kStep <= until; i += kStep) sum = add(share + i, static_cast<double>(i), sum);
+    total += static_cast<double>(hn::GetLane(hn::SumOfLanes(d, sum)));
   }
-  return 0.5 * hn::GetLane(hn::SumOfLanes(d, total));
+  if (i < end) {
+    HWY_ALIGN float w[kStep] = {};
+    std::copy_n(share + i, end - i, w);
+    total += static_cast<double>(hn::GetLane(hn::SumOfLanes(d, add(w, static_cast<double>(i), hn::Zero(d)))));
+  }
+  return 0.5 * total;
 }
 
 void correlate(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, int count, double* out) noexcept {

@@ -142,10 +142,9 @@ struct Kernels {
   // difference, and both's blur. As mean over velocities this is good to 2 %, and like it a covariance: c falls
   // completely monotonely with r^2. Thread: any.
   void (*correlate)(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, int count, double* out) noexcept;
-  // Sum over i of share[i] c(r_i), r_i the length of (at + along t_i, across t_i), t_i = back + time[i]; c is the
-  // scene's autocovariance (weights.hpp). Thread: setup.
-  double (*covariance)(const double* time, const double* share, std::size_t count, double back, double at, double along,
-                       double across) noexcept;
+  // Sum over i of share[i] c(r_i), r_i the length of (x + i dx, y + i dy), to 2e-7; c is the scene's autocovariance
+  // (weights.hpp). Thread: setup.
+  double (*covariance)(const float* share, std::size_t count, double x, double dx, double y, double dy) noexcept;
 };
 
 // The best this processor has, or the one forced: "" is the best. Thread: setup.

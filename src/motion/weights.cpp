@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <numeric>
 #include <thread>
 #include <utility>
 
@@ -84,12 +85,17 @@ Taps taps_at(double speed, int ahead) {
   return taps;
 }
 
+// Shares of times, one step apart.
+struct Times {
+  double first = 0.0;  // periods
+  double step = 0.0;
+  std::vector<float> share;
+};
+
 // Thermal inertia in steps of time, the same for both covariances.
 struct Inertia {
-  std::vector<double> age;  // of y's inputs, periods
-  std::vector<double> share;
-  std::vector<double> lag;  // between those of two values
-  std::vector<double> lag_share;
+  Times age;  // of y's inputs
+  Times lag;  // between those of two values
 
   Inertia(double tau, double fastest) {
     const double longest = std::min(tau / 22.0, 0.4 / std::max(fastest, 1e-3));
@@ -97,20 +103,20 @@ struct Inertia {
     const int n = static_cast<int>(9.0 * tau / step);
     const double e = std::exp(-step / tau);
     const double first = (1.0 - e) / (1.0 - std::pow(e, n));
-    for (int a = 0; a < n; ++a) {
-      age.push_back((a + 0.5) * step);
-      share.push_back(first * std::pow(e, a));
+    age = {0.5 * step, step, {}};
+    for (int a = 0; a < n; ++a) age.share.push_back(static_cast<float>(first * std::pow(e, a)));
+    std::vector<double> weights;
+    for (int s = 0; s < n; ++s) {
+      const double weight = first * first * std::pow(e, s) * (1.0 - std::pow(e, 2 * (n - s))) / (1.0 - e * e);
+      if (weight <= 1e-7) break;
+      weights.push_back(weight);
     }
-    double total = 0.0;
-    for (int s = 1 - n; s < n; ++s) {
-      const int apart = std::abs(s);
-      const double weight = first * first * std::pow(e, apart) * (1.0 - std::pow(e, 2 * (n - apart))) / (1.0 - e * e);
-      if (weight <= 1e-7) continue;
-      lag.push_back(s * step);
-      lag_share.push_back(weight);
-      total += weight;
+    const double total = 2.0 * std::accumulate(weights.begin(), weights.end(), 0.0) - weights.front();
+    const int most = static_cast<int>(weights.size()) - 1;
+    lag = {-most * step, step, {}};
+    for (int s = -most; s <= most; ++s) {
+      lag.share.push_back(static_cast<float>(weights[static_cast<std::size_t>(std::abs(s))] / total));
     }
-    for (double& weight : lag_share) weight /= total;
   }
 };
 
@@ -126,18 +132,21 @@ class Covariances {
     const auto key = std::pair(apart.back, std::llround(apart.at * 4096.0));
     const auto known = known_.find(key);
     if (known != known_.end()) return known->second;
-    return known_[key] = mean(apart, inertia_.lag, inertia_.lag_share);
+    return known_[key] = mean(apart, inertia_.lag);
   }
-  double with_truth(const Raw& a) const { return mean(a, inertia_.age, inertia_.share); }
+  double with_truth(const Raw& a) const { return mean(a, inertia_.age); }
 
  private:
-  double mean(const Raw& apart, const std::vector<double>& time, const std::vector<double>& share) const {
+  double mean(const Raw& apart, const Times& times) const {
+    const double begin = apart.back + times.first;
     double sum = 0.0;
-    for (const Node& along : kAlong) {
-      for (const Node& across : kAcross) {
-        sum += along.weight * across.weight *
-               kernels_.covariance(time.data(), share.data(), time.size(), apart.back, apart.at,
-                                   speed_ + along.at * sigma_, across.at * sigma_);
+    for (const Node& node : kAlong) {
+      const double along = speed_ + node.at * sigma_;
+      for (const Node& beside : kAcross) {
+        const double across = beside.at * sigma_;
+        sum += node.weight * beside.weight *
+               kernels_.covariance(times.share.data(), times.share.size(), apart.at + along * begin, along * times.step,
+                                   across * begin, across * times.step);
       }
     }
     return sum;

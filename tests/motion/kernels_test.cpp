@@ -352,16 +352,22 @@ TEST_P(MotionKernels, CorrectAndBlend) {
 }
 
 TEST_P(MotionKernels, Covariance) {
-  const std::vector<double> time{0.0, 0.7, 1.9, 3.2, 8.5};
-  const std::vector<double> share{0.3, 0.25, 0.2, 0.15, 0.1};
-  double want = 0.0;
-  for (std::size_t i = 0; i < time.size(); ++i) {
-    const double t = 2.0 + time[i];
-    const double r = std::hypot(-3.0 + 1.7 * t, 0.4 * t);
-    const double distance = std::sqrt(r * r + 0.36) - 0.6;
-    want += share[i] * 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
+  std::vector<float> share(1003);  // no whole number of vectors
+  for (std::size_t i = 0; i < share.size(); ++i) share[i] = 2e-3F / (1.0F + 0.002F * static_cast<float>(i));
+  const std::array<std::array<double, 4>, 6> lines{{{-3.0, 0.011, 0.2, 0.004},
+                                                    {-380.0, 0.4, 0.0, 0.0},
+                                                    {250.0, -0.25, -9.0, 0.01},
+                                                    {4.0, 0.3, 1.0, 0.0},
+                                                    {7.0, 0, 0, 0}}};
+  for (const auto& [x, dx, y, dy] : lines) {
+    double want = 0.0;
+    for (std::size_t i = 0; i < share.size(); ++i) {
+      const auto n = static_cast<double>(i);
+      const double distance = std::sqrt((x + n * dx) * (x + n * dx) + (y + n * dy) * (y + n * dy) + 0.36) - 0.6;
+      want += share[i] * 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
+    }
+    EXPECT_NEAR(kernels_.covariance(share.data(), share.size(), x, dx, y, dy), want, 2e-7) << x;
   }
-  EXPECT_NEAR(kernels_.covariance(time.data(), share.data(), time.size(), 2.0, -3.0, 1.7, 0.4), want, 1e-12);
 }
 
 TEST_P(MotionKernels, WhatTwoTrailsHaveInCommon) {
