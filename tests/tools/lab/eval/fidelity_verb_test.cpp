@@ -57,27 +57,6 @@ TEST_F(FidelityVerb, FollowsATrajectoryOverAPictureAndDraws) {
   expect_parts(contents(file("fidelity.html")), {"Error over latency", "300 px/s", "hand"});
 }
 
-TEST_F(FidelityVerb, RealScenesAndTrajectories) {
-  const char* data = std::getenv("BOLO_TEST_DATA");
-  if (data == nullptr) GTEST_SKIP() << "set BOLO_TEST_DATA to the folder of real scenes and trajectories";
-  const auto first = [](const std::filesystem::path& folder, const std::string& extension) -> std::string {
-    std::error_code error;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-      if (entry.path().extension() == extension) return entry.path().string();
-    }
-    return "";
-  };
-  const std::string scene = first(std::filesystem::path(data) / "street", ".png");
-  const std::string trajectory = first(std::filesystem::path(data) / "trajectories", ".csv");
-  if (scene.empty() || trajectory.empty()) GTEST_SKIP() << data << " has no street/*.png or trajectories/*.csv";
-  const auto table =
-      nlohmann::json::parse(printed_small("--json --lookaheads 1 --scene " + scene + " --trajectory " + trajectory));
-  for (const auto& cell : table.at("cells")) {
-    const auto& columns = cell.at("columns");
-    EXPECT_GT(columns.at("blurred").at("rmse_k").get<double>(), 0.1) << cell.at("motion");
-  }
-}
-
 TEST_F(FidelityVerb, RefusesWrongInputInOneLine) {
   write("bad.csv", "t_s,x_px,y_px\n0,0\n");
   refused_each("", "--crop 320", "--crop 8x8", "--crop 64x16x2", "--speeds 1e9", "--noises -1", "--noises 0.1,0.1",
