@@ -18,7 +18,6 @@ int eval_loss_main(int argc, char** argv);
 int eval_main(int argc, char** argv);
 int eval_pixel_main(int argc, char** argv);
 int eval_pulses_main(int argc, char** argv);
-int eval_real_main(int argc, char** argv);
 int lab_bench_main(int argc, char** argv);
 int soak_main(int argc, char** argv);
 
@@ -29,12 +28,11 @@ inline constexpr std::array<Verb, 4> kLabVerbs{{
     {"bench", "measure the solvers, and what readers cost the daemon", lab_bench_main},
 }};
 
-inline constexpr std::array<Verb, 9> kEvaluations{
+inline constexpr std::array<Verb, 8> kEvaluations{
     {{"live", "a running daemon against the truth of the capture that its fake camera replays", eval_live_main},
      {"pulses", "tau from pulses, with its interval, over many simulated recordings", eval_pulses_main},
      {"pixel", "one pixel: least squares against the quadratic programme", eval_pixel_main},
      {"fidelity", "every estimator against the truth, over speeds, noises and look-ahead", eval_fidelity_main},
-     {"real", "captures without a truth: how well each picture foretells what the camera measured", eval_real_main},
      {"detect", "what deblurring is worth to object detectors, against baselines", eval_detect_main},
      {"loop", "each effect diagnosed, and undone as diagnosed: what that is worth", eval_loop_main},
      {"faults", "a camera that fails: what is lost, what is counted, how long it takes to recover", eval_faults_main},

@@ -53,7 +53,7 @@ struct Request {
   }
 };
 
-constexpr std::array kKeptFiles{"answers.json", "nonce.txt", "seal.txt"};
+constexpr std::array kKeptFiles{"answers.json", "nonce.txt"};
 
 cxxopts::Options command_line() {
   cxxopts::Options options(
@@ -70,7 +70,6 @@ cxxopts::Options command_line() {
   add_option<std::string>(options, "reality",
                           "first: the project's simulator; second: a camera and a bench that share nothing with it",
                           "first", "", group);
-  add_option<double>(options, "magnitude", "Of the effects' strength, 1: realistic", "1", "", group);
   add_option<std::uint64_t>(options, "seed", "The same sessions each time", "1", "", group);
   add_option<int>(options, "width", "Pixels", "32", "", group);
   add_option<int>(options, "height", "Pixels", "24", "", group);
@@ -88,7 +87,6 @@ cxxopts::Options command_line() {
 Status read_draw(const Given& given, DrawOptions& draw) {
   draw.seed = given["seed"].as<std::uint64_t>();
   draw.geometry = {given["width"].as<int>(), given["height"].as<int>()};
-  draw.magnitude = given["magnitude"].as<double>();
   draw.imperfect = given.count("imperfect") != 0;
   if (given.count("only") != 0) draw.only = given["only"].as<std::string>();
   const auto reality = given["reality"].as<std::string>();
@@ -98,7 +96,6 @@ Status read_draw(const Given& given, DrawOptions& draw) {
   if (draw.geometry.width < 8 || draw.geometry.height < 8 || draw.geometry.pixels() > std::size_t{640} * 480) {
     return bad_input("--width, --height: expected at least 8 and at most 640x480 pixels");
   }
-  if (!(draw.magnitude > 0.0 && draw.magnitude <= 2.0)) return bad_input("--magnitude: expected above 0, up to 2");
   ASSIGN_OR_RETURN(draw.frames_scale, number_of<double>(given, "frames-scale", 0.1, 10.0));
   return {};
 }
@@ -172,16 +169,14 @@ Status keep_as(ScratchFolder& folder, const fs::path& target, Replace replace) {
 // Simulates and diagnoses one session in a folder that only this user can enter, named after nothing. A diagnosis that
 // broke is a trial without a finding; kFailed: the disk, the simulator, or an interrupt.
 Result<Trial> run_trial(const Session& session, const Request& request) {
-  const auto started = std::chrono::steady_clock::now();
   ASSIGN_OR_RETURN(auto folder, request.keep.empty() ? ScratchFolder::make() : ScratchFolder::make(request.keep));
   ASSIGN_OR_RETURN(const auto captures, write_captures(session, folder.path()));
   const ChildWork work{request.program, captures, folder.path() / "report", session.withheld};
   const Status ran = run_child(work, interrupted());
   if (interrupted()) return failed("interrupted; nothing was scored");
-  Trial trial{session, std::nullopt, {}, 0.0};
+  Trial trial{session, std::nullopt, {}};
   auto finding = ran ? read_finding(work.folder / "report.json") : tl::unexpected(ran.error());
   finding ? void(trial.finding = std::move(*finding)) : void(trial.error = finding.error().message);
-  trial.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   if (!request.keep.empty()) RETURN_IF_ERROR(keep_as(folder, request.kept(session), request.replace));
   return trial;
 }
@@ -200,11 +195,8 @@ Result<std::vector<Trial>> run_trials(const Request& request) {
 
 Status keep_answers(const Request& request, const Opened& opened) {
   if (request.keep.empty()) return {};
-  const std::array texts{opened.answers, opened.nonce, opened.digest + "  sha256 of answers.json and nonce.txt\n"};
-  for (std::size_t i = 0; i < texts.size(); ++i) {
-    RETURN_IF_ERROR(write_file({request.keep / kKeptFiles[i], request.replace}, texts[i]));
-  }
-  return {};
+  RETURN_IF_ERROR(write_file({request.keep / kKeptFiles[0], request.replace}, opened.answers));
+  return write_file({request.keep / kKeptFiles[1], request.replace}, opened.nonce);
 }
 
 // The seal is shown before anything is diagnosed, beside the JSON, which is alone on stdout.
@@ -242,9 +234,9 @@ Result<Seal> Seal::close(const std::vector<Session>& sessions) {
 }
 
 Result<Opened> Seal::open(const std::vector<Session>& sessions) const {
-  Opened opened{canonical(sessions), nonce_, {}};
-  opened.digest = sha256(opened.answers + nonce_);
-  if (opened.digest != digest_) return failed("the answers are not those that were sealed; the check is void");
+  Opened opened{canonical(sessions), nonce_};
+  if (sha256(opened.answers + nonce_) != digest_)
+    return failed("the answers are not those that were sealed; the check is void");
   return opened;
 }
 
@@ -283,31 +275,12 @@ double number(const json& value) {
 }
 
 Named named_of(const json& effect) {
-  Named named;
-  named.name = effect.at("name").get<std::string>();
-  named.confidence = number(effect.at("confidence"));
+  Named named{effect.at("name").get<std::string>(), {}};
   for (const auto& [key, estimate] : effect.at("parameters").items()) {
     const json& ends = estimate.at("ci95");
     named.parameters[key] = {number(estimate.at("value")), number(ends.at(0)), number(ends.at(1))};
   }
-  for (const json& other : effect.at("alternatives")) named.alternatives.push_back(other.at("name"));
   return named;
-}
-
-Finding finding_of(const json& report) {
-  Finding finding;
-  finding.verdict = report.at("verdict").get<std::string>();
-  for (const json& effect : report.at("effects")) finding.effects.push_back(named_of(effect));
-  finding.unexplained_stage = report.at("unexplained").value("stage", "");
-  finding.location_stage = report.at("location").value("stage", "");
-  finding.gap_before = number(report.at("gap").at("before"));
-  finding.gap_after = number(report.at("gap").at("after"));
-  const double noise_before = number(report.value("noise_gap_before", json(1.0)));
-  if (noise_before > finding.gap_before) {
-    finding.gap_before = noise_before;
-    finding.gap_after = number(report.at("noise_gap_after"));
-  }
-  return finding;
 }
 
 }  // namespace
@@ -335,7 +308,7 @@ Result<Finding> parse_finding(const std::string& text) {
   try {
     const json report = json::parse(text);
     if (report.at("bolo_report") != 1) return failed("report.json: not a report of version 1");
-    return finding_of(report);
+    return Finding{report.at("verdict").get<std::string>(), mapped(report.at("effects"), named_of)};
   } catch (const json::exception& e) {
     return failed(std::string("report.json: ") + e.what());
   }

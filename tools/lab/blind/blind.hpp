@@ -16,7 +16,6 @@ std::string sha256(const std::string& text);
 struct Opened {
   std::string answers;  // JSON with sorted keys and without blanks
   std::string nonce;    // 64 hexadecimal digits
-  std::string digest;   // sha256(answers + nonce)
 };
 
 // The digest is published before any diagnosis; the answers stay here until open(). Thread: setup.
@@ -57,18 +56,12 @@ struct Interval {
 
 struct Named {
   std::string name;
-  double confidence = 0.0;
   std::map<std::string, Interval> parameters;
-  std::vector<std::string> alternatives;
 };
 
 struct Finding {
   std::string verdict;
   std::vector<Named> effects;  // in the order of the report
-  std::string unexplained_stage;
-  std::string location_stage;
-  double gap_before = 0.0;  // of the residual, or of the noise's own statistics where that is larger
-  double gap_after = 0.0;
 };
 
 // Reads a report.json. kFailed when it is none. Thread: any.
@@ -82,26 +75,20 @@ struct Trial {
   Session session;
   std::optional<Finding> finding;  // none: the diagnosis broke
   std::string error;               // why it broke
-  double seconds = 0.0;            // simulation and diagnosis
 };
 
 // Which of these hold is a matter of the session's kind; what does not apply is false.
 struct Judgement {
-  bool passed = false;          // what the kind asks for
-  bool broken = false;          // no report
-  bool right_first = false;     // the hidden effect is named first
-  bool right_in_three = false;  // among the first three named, or the first one's best two alternatives
-  bool exact = false;           // just the hidden effects are named
-  bool any_right = false;       // at least one of them
-  bool all_right = false;       // all of them
-  bool false_effect = false;    // an effect is named that was not there
-  bool flagged = false;         // it says that something unknown is left
-  bool right_stage = false;     // and in the right place
-  bool blamed = false;          // explained by what was not there, and nothing unknown said
-  bool sure = false;            // confidence of at least 0.95 in the first named
-  bool sure_right = false;      // and it was right
-  bool doubted = false;         // what /stimulus says does not fit
-  bool nothing = false;         // neither an effect nor anything unknown
+  bool passed = false;        // what the kind asks for
+  bool broken = false;        // no report
+  bool right_first = false;   // the hidden effect is named first
+  bool exact = false;         // just the hidden effects are named
+  bool all_right = false;     // all of them
+  bool false_effect = false;  // an effect is named that was not there
+  bool flagged = false;       // it says that something unknown is left
+  bool blamed = false;        // explained by what was not there, and nothing unknown said
+  bool doubted = false;       // what /stimulus says does not fit
+  bool nothing = false;       // neither an effect nor anything unknown
 };
 
 // What counts as passed: effect-free: nothing said; single: right first; pair: both named; outside: flagged; withheld:
@@ -115,15 +102,11 @@ struct Setting {
   double seconds = 0.0;  // of the whole check
 };
 
-// As the verb prints it with --json. Of each kind: sessions, in how many what a judgement tells holds, spreads of the
-// gap and of the time. `confusion`, of sessions with one hidden effect: [hidden][first named], "-" for nothing, "?" for
-// something unknown; not of withheld ones, whose name cannot come: of those and of effects outside the catalogue
-// `said_instead`. `intervals`: by "effect.key", those that held the true value, of all given for effects that were
-// named. Thread: any.
+// As the verb prints it with --json. Of each kind: sessions, and in how many what a judgement tells holds.
+// `confusion`, of sessions with one hidden effect: [hidden][first named], "-" for nothing, "?" for something unknown;
+// not of withheld ones, whose name cannot come: of those and of effects outside the catalogue `said_instead`.
+// `intervals`: by "effect.key", those that held the true value, of all given for effects that were named. Thread: any.
 Json score(const std::vector<Trial>& trials, const Setting& setting);
-
-// Median and 90 %, nearest ranks; 0 for none. NaN are left out. Thread: any.
-Json spread_of(std::vector<double> values);
 
 // The words that draw one session again. Thread: any.
 std::string rerun_words(Kind kind, std::size_t index, const DrawOptions& draw);

@@ -187,7 +187,6 @@ std::vector<std::string> effects_of(Kind kind) {
 }
 
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index) {
-  if (options.magnitude != 1.0) return bad_input("--magnitude: the second reality has none");
   Session session;
   session.reality = Reality::kSecond;
   session.kind = kind;

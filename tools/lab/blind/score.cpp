@@ -6,34 +6,12 @@
 namespace bolo::tools::blind {
 namespace {
 
-constexpr double kSure = 0.95;
-
 bool hides(const Session& session, const std::string& name) {
   return std::ranges::any_of(session.effects, [&](const sim::EffectSpec& e) { return e.name == name; });
 }
 
 bool names(const Finding& finding, const std::string& name) {
   return std::ranges::any_of(finding.effects, [&](const Named& e) { return e.name == name; });
-}
-
-bool in_three(const Finding& finding, const std::string& name) {
-  const auto& effects = finding.effects;
-  for (std::size_t i = 0; i < std::min<std::size_t>(3, effects.size()); ++i) {
-    if (effects[i].name == name) return true;
-  }
-  if (effects.empty()) return false;
-  const auto& others = effects.front().alternatives;
-  const auto end = others.begin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(2, others.size()));
-  return std::find(others.begin(), end, name) != end;
-}
-
-bool right_stage(const Session& session, const Finding& finding) {
-  return std::ranges::any_of(session.effects, [&](const sim::EffectSpec& effect) {
-    const sim::EffectDescription* const description = sim::find_effect(effect.name);
-    if (description == nullptr) return false;
-    const std::string_view stage = sim::name_of(description->stage);
-    return stage == (finding.unexplained_stage.empty() ? finding.location_stage : finding.unexplained_stage);
-  });
 }
 
 bool passes(Kind kind, const Judgement& j) {
@@ -72,37 +50,21 @@ std::string said_text(const Trial& trial) {
 }
 
 // What is counted of each kind, in the order of the JSON.
-constexpr std::array<std::pair<const char*, bool Judgement::*>, 14> kCounts{
-    {{"passed", &Judgement::passed},
-     {"broken", &Judgement::broken},
-     {"right_first", &Judgement::right_first},
-     {"right_in_top_three", &Judgement::right_in_three},
-     {"exact", &Judgement::exact},
-     {"at_least_one", &Judgement::any_right},
-     {"all_named", &Judgement::all_right},
-     {"false_effect", &Judgement::false_effect},
-     {"flagged", &Judgement::flagged},
-     {"flagged_right_stage", &Judgement::right_stage},
-     {"blamed", &Judgement::blamed},
-     {"nothing", &Judgement::nothing},
-     {"sure", &Judgement::sure},
-     {"sure_right", &Judgement::sure_right}}};
+constexpr std::array<std::pair<const char*, bool Judgement::*>, 9> kCounts{{{"passed", &Judgement::passed},
+                                                                            {"broken", &Judgement::broken},
+                                                                            {"right_first", &Judgement::right_first},
+                                                                            {"exact", &Judgement::exact},
+                                                                            {"all_named", &Judgement::all_right},
+                                                                            {"false_effect", &Judgement::false_effect},
+                                                                            {"flagged", &Judgement::flagged},
+                                                                            {"blamed", &Judgement::blamed},
+                                                                            {"nothing", &Judgement::nothing}}};
 
 Json kind_score(const std::vector<const Trial*>& trials) {
   Json out{{"sessions", trials.size()}};
   for (const auto& [key, holds] : kCounts) {
     out[key] = std::ranges::count_if(trials, [holds = holds](const Trial* trial) { return judge(*trial).*holds; });
   }
-  const auto spread = [&](auto of) {
-    std::vector<double> values;
-    for (const Trial* trial : trials) {
-      if (trial->finding) values.push_back(of(*trial->finding));
-    }
-    return spread_of(values);
-  };
-  out["gap_before"] = spread([](const Finding& finding) { return finding.gap_before; });
-  out["gap_after"] = spread([](const Finding& finding) { return finding.gap_after; });
-  out["seconds"] = spread_of(mapped(trials, [](const Trial* trial) { return trial->seconds; }));
   return out;
 }
 
@@ -145,8 +107,6 @@ void tabulate(const Trial& trial, Table& confusion, Table& instead) {
   }
 }
 
-using plot::format;
-
 }  // namespace
 
 Judgement judge(const Trial& trial) {
@@ -163,27 +123,11 @@ Judgement judge(const Trial& trial) {
   j.false_effect =
       std::ranges::any_of(finding.effects, [&](const Named& effect) { return !hides(session, effect.name); });
   j.blamed = j.false_effect && !j.flagged;
-  j.any_right = std::ranges::any_of(hidden, is_named);
   j.all_right = !hidden.empty() && std::ranges::all_of(hidden, is_named);
   j.exact = hidden.empty() ? j.nothing : j.all_right && !j.false_effect;
-  j.sure = !finding.effects.empty() && finding.effects.front().confidence >= kSure;
   j.right_first = !finding.effects.empty() && hides(session, finding.effects.front().name);
-  j.right_in_three = std::ranges::any_of(hidden, [&](const auto& effect) { return in_three(finding, effect.name); });
-  j.right_stage = j.flagged && right_stage(session, finding);
-  j.sure_right = j.sure && j.right_first;
   j.passed = passes(session.kind, j);
   return j;
-}
-
-Json spread_of(std::vector<double> values) {
-  std::erase_if(values, [](double v) { return std::isnan(v); });
-  std::ranges::sort(values);
-  const auto rank = [&](double share) {
-    if (values.empty()) return 0.0;
-    const auto place = static_cast<std::size_t>(std::ceil(share * static_cast<double>(values.size())));
-    return values[std::clamp<std::size_t>(place, 1, values.size()) - 1];
-  };
-  return {{"median", rank(0.5)}, {"p90", rank(0.9)}};
 }
 
 Json score(const std::vector<Trial>& trials, const Setting& setting) {
@@ -198,7 +142,6 @@ Json score(const std::vector<Trial>& trials, const Setting& setting) {
     if (!judge(trial).passed) {
       failures.push_back({{"kind", name_of(session.kind)},
                           {"index", session.index},
-                          {"seed", session.seed},
                           {"hidden", hidden_text(session)},
                           {"said", said_text(trial)},
                           {"again", rerun_words(session.kind, session.index, setting.draw)}});
@@ -213,7 +156,6 @@ Json score(const std::vector<Trial>& trials, const Setting& setting) {
           {"reality", setting.draw.reality == Reality::kSecond ? "second" : "first"},
           {"seed", setting.draw.seed},
           {"imperfect", setting.draw.imperfect},
-          {"magnitude", setting.draw.magnitude},
           {"width", setting.draw.geometry.width},
           {"height", setting.draw.geometry.height},
           {"frames_scale", setting.draw.frames_scale},
@@ -227,15 +169,15 @@ Json score(const std::vector<Trial>& trials, const Setting& setting) {
 }
 
 std::string rerun_words(Kind kind, std::size_t index, const DrawOptions& draw) {
-  std::string words = format("bolo-lab blind --kind %s --seed %llu --first %zu --sessions 1",
-                             std::string(name_of(kind)).c_str(), static_cast<unsigned long long>(draw.seed), index);
+  std::string words =
+      plot::format("bolo-lab blind --kind %s --seed %llu --first %zu --sessions 1", std::string(name_of(kind)).c_str(),
+                   static_cast<unsigned long long>(draw.seed), index);
   if (draw.reality == Reality::kSecond) words += " --reality second";
   if (draw.imperfect) words += " --imperfect";
-  if (draw.magnitude != 1.0) words += format(" --magnitude %g", draw.magnitude);
   if (!draw.only.empty()) words += " --only " + draw.only;
-  if (draw.geometry.width != 32) words += format(" --width %d", draw.geometry.width);
-  if (draw.geometry.height != 24) words += format(" --height %d", draw.geometry.height);
-  if (draw.frames_scale != 1.0) words += format(" --frames-scale %g", draw.frames_scale);
+  if (draw.geometry.width != 32) words += plot::format(" --width %d", draw.geometry.width);
+  if (draw.geometry.height != 24) words += plot::format(" --height %d", draw.geometry.height);
+  if (draw.frames_scale != 1.0) words += plot::format(" --frames-scale %g", draw.frames_scale);
   return words;
 }
 

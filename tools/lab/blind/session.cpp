@@ -170,11 +170,11 @@ std::uint64_t session_seed(const DrawOptions& options, Kind kind, std::size_t in
   return key(key(key(options.seed, 0) + static_cast<std::uint64_t>(kind), 0) + index, 0);
 }
 
-Result<sim::EffectSpec> drawn(const Choice& choice, double magnitude, Dice& dice) {
+Result<sim::EffectSpec> drawn(const Choice& choice, Dice& dice) {
   ASSIGN_OR_RETURN(auto effect, sim::draw_effect(choice.effect, dice.word()));
   effect.form = choice.form;
   place_in_scene(effect, dice);
-  return weakened(std::move(effect), magnitude);
+  return effect;
 }
 
 Status draw_effects(const DrawOptions& options, Session& session, Dice& dice) {
@@ -195,27 +195,11 @@ Status draw_effects(const DrawOptions& options, Session& session, Dice& dice) {
     chosen.push_back(others[dice.below(others.size())]);
   }
   for (const Choice& choice : chosen) {
-    ASSIGN_OR_RETURN(auto effect, drawn(choice, options.magnitude, dice));
+    ASSIGN_OR_RETURN(auto effect, drawn(choice, dice));
     session.effects.push_back(std::move(effect));
   }
   if (session.kind == Kind::kWithheld) session.withheld = session.effects[0].name;
   return {};
-}
-
-// How a parameter's strength is weakened.
-enum class Strength { kNone, kAboutZero, kAboutOne, kInverse };
-
-Strength strength_of(const sim::EffectSpec& effect, std::string_view key) {
-  constexpr std::array<std::string_view, 3> kAboutOneKeys{"scale", "alpha", "emissivity"};
-  constexpr std::array<std::string_view, 21> kAboutZeroKeys{
-      "rms",          "share",   "row_delay_s", "pixel_k",  "column_k", "row_k",         "amplitude_k",
-      "amplitude",    "sigma_k", "corner_hz",   "step_k",   "sigma_px", "coupling",      "corner_loss",
-      "per_thousand", "rms_s",   "skew",        "offset_k", "jump_k",   "freeze_frames", "window_s"};
-  if (std::ranges::find(kAboutOneKeys, key) != kAboutOneKeys.end()) return Strength::kAboutOne;
-  if (std::ranges::find(kAboutZeroKeys, key) != kAboutZeroKeys.end()) return Strength::kAboutZero;
-  if (key == "degrees") return Strength::kInverse;
-  // Of telegraph noise the step is weakened, not the number of pixels.
-  return key == "fraction" && effect.name != "rts" ? Strength::kAboutZero : Strength::kNone;
 }
 
 Json json_of(const sim::EffectSpec& effect) {
@@ -312,22 +296,6 @@ std::vector<std::string> effects_of(Kind kind, Reality reality) {
     if (names.empty() || names.back() != choice.effect) names.emplace_back(choice.effect);
   }
   return names;
-}
-
-sim::EffectSpec weakened(sim::EffectSpec effect, double magnitude) {
-  const sim::EffectDescription* const description = sim::find_effect(effect.name);
-  if (description == nullptr || magnitude == 1.0) return effect;
-  for (const sim::Parameter& parameter : description->parameters) {
-    const auto found = effect.values.find(parameter.key);
-    const double value = found != effect.values.end() ? found->second : parameter.standard;
-    const Strength strength = strength_of(effect, parameter.key);
-    if (strength == Strength::kNone || !std::isfinite(value)) continue;
-    double weak = value * magnitude;
-    if (strength == Strength::kAboutOne) weak = 1.0 + (value - 1.0) * magnitude;
-    if (strength == Strength::kInverse) weak = value / magnitude;
-    effect.values[std::string(parameter.key)] = std::clamp(weak, parameter.accepted.low, parameter.accepted.high);
-  }
-  return effect;
 }
 
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index) {

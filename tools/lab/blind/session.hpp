@@ -33,7 +33,6 @@ struct DrawOptions {
   std::uint64_t seed = 1;
   Geometry geometry{32, 24};
   double frames_scale = 1.0;  // of the captures' lengths
-  double magnitude = 1.0;     // of the effects' strength, 1: realistic
   bool imperfect = false;     // the stimuli have errors
   std::string only{};         // the effect of every session; empty: all in turn
   Reality reality = Reality::kFirst;
@@ -75,9 +74,6 @@ Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t 
 // What /stimulus may have wrong, in turn.
 inline constexpr std::array<const char*, 6> kMisdescribed{"slant", "velocity", "period", "width", "speed", "on_off"};
 
-// The effect with its strength times `magnitude` (1: unchanged), within what the simulator accepts. Thread: any.
-sim::EffectSpec weakened(sim::EffectSpec effect, double magnitude);
-
 // Everything that was drawn. Thread: any.
 nlohmann::json to_json(const Session& session);
 
@@ -100,7 +96,7 @@ namespace second {
 std::vector<std::string> effects_of(Kind kind);
 
 // A session of six captures; its effects are hidden by name, with the numbers of this reality. kBadInput when `only`
-// names no effect of the kind, or a magnitude is asked for. Thread: any.
+// names no effect of the kind. Thread: any.
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index);
 
 // All frames of a capture, row-major, 10 mK a count. Thread: any.

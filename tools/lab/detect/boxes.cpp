@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cassert>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <optional>
@@ -83,27 +81,6 @@ std::vector<std::string> split_names(const std::string& text) {
   return names;
 }
 
-Result<std::vector<JudgedClass>> classes_of(const std::string& text) {
-  std::vector<JudgedClass> classes;
-  for (const std::string& part : split_names(text)) {
-    JudgedClass one;
-    const char* const end = part.data() + part.size();
-    const auto [colon, error] = std::from_chars(part.data(), end, one.number);
-    if (error == std::errc() && colon != end && *colon == ':') one.name = trimmed({colon + 1, end});
-    if (one.name.empty() || one.number < 0) {
-      return bad_input("classes '" + text + "': expected NUMBER:NAME with commas between, as in 1:person,3:car");
-    }
-    const auto same = [&](const JudgedClass& other) { return other.name == one.name || other.number == one.number; };
-    if (std::ranges::any_of(classes, same)) {
-      return bad_input(
-          std::string("classes '").append(text).append("': '").append(part).append("' repeats a number or a name"));
-    }
-    classes.push_back(std::move(one));
-  }
-  if (classes.empty()) return bad_input("classes: none given; as in 1:person,3:car");
-  return classes;
-}
-
 Result<std::vector<Truth>> read_labels(const std::filesystem::path& file, Geometry picture,
                                        const std::vector<JudgedClass>& classes) {
   std::ifstream in(file);
@@ -173,27 +150,28 @@ struct Offered {
   bool crowd = false;
 };
 
-std::vector<Offered> offered_of(const ImageBoxes& image, int label, const ApSettings& settings) {
+std::vector<Offered> offered_of(const ImageBoxes& image, int label) {
   std::vector<Offered> offered;
   for (const Truth& truth : image.truth) {
     if (truth.label != label) continue;
-    const double size = area(truth.box);
-    const bool fits = size >= settings.least_area_px2 && size <= settings.most_area_px2;
-    offered.push_back({truth.box, truth.kind != TruthKind::kObject || !fits, truth.kind == TruthKind::kCrowd});
+    offered.push_back({truth.box, truth.kind != TruthKind::kObject, truth.kind == TruthKind::kCrowd});
   }
   std::stable_partition(offered.begin(), offered.end(), [](const Offered& o) { return !o.ignored; });
   return offered;
 }
 
-std::vector<Detection> best_detections(const ImageBoxes& image, int label, std::size_t most) {
+std::vector<Detection> best_detections(const ImageBoxes& image, int label) {
+  constexpr std::size_t kMost = 100;
   std::vector<Detection> found;
   std::ranges::copy_if(image.detections, std::back_inserter(found),
                        [label](const Detection& d) { return d.label == label; });
   std::ranges::stable_sort(found, std::ranges::greater{}, &Detection::score);
-  if (found.size() > most) found.resize(most);
+  if (found.size() > kMost) found.resize(kMost);
   return found;
 }
 
+constexpr std::array kIous{0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95};
+constexpr int kRecallPoints = 101;  // from 0 to 1
 constexpr std::size_t kNothing = std::numeric_limits<std::size_t>::max();
 
 // The truth that a detection takes, of those that are free; a crowd always is.
@@ -222,18 +200,18 @@ struct Curve {
   std::vector<double> recall;
   std::vector<double> precision;
 
-  double mean(int recall_points) {
+  double mean() {
     for (std::size_t i = precision.size(); i-- > 1;) precision[i - 1] = std::max(precision[i - 1], precision[i]);
     double sum = 0.0;
     auto at = recall.begin();
-    const double step = 1.0 / (recall_points - 1);
-    for (int i = 0; i < recall_points; ++i) {
-      const double wanted = i + 1 < recall_points ? i * step : 1.0;  // as numpy.linspace has them, to the last bit
+    const double step = 1.0 / (kRecallPoints - 1);
+    for (int i = 0; i < kRecallPoints; ++i) {
+      const double wanted = i + 1 < kRecallPoints ? i * step : 1.0;  // as numpy.linspace has them, to the last bit
       at = std::lower_bound(at, recall.end(), wanted);
       if (at == recall.end()) break;
       sum += precision[static_cast<std::size_t>(at - recall.begin())];
     }
-    return sum / recall_points;
+    return sum / kRecallPoints;
   }
 };
 
@@ -246,9 +224,7 @@ double quantile(const std::vector<double>& sorted, double share) {
 
 }  // namespace
 
-Evaluator::Evaluator(std::span<const ImageBoxes> images, int labels, ApSettings settings)
-    : settings_(std::move(settings)), classes_(static_cast<std::size_t>(labels)) {
-  assert(settings_.ious.size() <= 32 && settings_.recall_points >= 2);
+Evaluator::Evaluator(std::span<const ImageBoxes> images, int labels) : classes_(static_cast<std::size_t>(labels)) {
   for (int label = 0; label < labels; ++label) {
     for (std::size_t i = 0; i < images.size(); ++i) match(images[i], i, label);
     std::ranges::stable_sort(classes_[static_cast<std::size_t>(label)].ranking, std::ranges::greater{}, &Ranked::score);
@@ -256,21 +232,20 @@ Evaluator::Evaluator(std::span<const ImageBoxes> images, int labels, ApSettings 
 }
 
 void Evaluator::match(const ImageBoxes& image, std::size_t index, int label) {
-  const std::vector<Offered> offered = offered_of(image, label, settings_);
-  const std::vector<Detection> found = best_detections(image, label, settings_.most_detections);
+  const std::vector<Offered> offered = offered_of(image, label);
+  const std::vector<Detection> found = best_detections(image, label);
   std::vector<Ranked> ranked;
   ranked.reserve(found.size());
   for (const Detection& detection : found) ranked.push_back({detection.score, index, 0, 0});
-  for (std::size_t t = 0; t < settings_.ious.size(); ++t) {
+  for (std::size_t t = 0; t < kIous.size(); ++t) {
     const std::uint32_t bit = 1U << t;
     std::vector<bool> taken(offered.size(), false);
     for (std::size_t d = 0; d < found.size(); ++d) {
-      const std::size_t choice = taken_by(found[d], offered, taken, settings_.ious[t]);
-      const double size = area(found[d].box);
-      const bool fits = size >= settings_.least_area_px2 && size <= settings_.most_area_px2;
-      if (choice != kNothing) taken[choice] = true;
-      if (choice == kNothing ? !fits : offered[choice].ignored) ranked[d].ignored |= bit;
-      if (choice != kNothing) ranked[d].right |= bit;
+      const std::size_t choice = taken_by(found[d], offered, taken, kIous[t]);
+      if (choice == kNothing) continue;
+      taken[choice] = true;
+      ranked[d].right |= bit;
+      if (offered[choice].ignored) ranked[d].ignored |= bit;
     }
   }
   Class& one = classes_[static_cast<std::size_t>(label)];
@@ -279,13 +254,13 @@ void Evaluator::match(const ImageBoxes& image, std::size_t index, int label) {
       static_cast<int>(std::ranges::count_if(offered, [](const Offered& o) { return !o.ignored; })));
 }
 
-ClassScore Evaluator::score_of(const Class& one, std::span<const int> weights) const {
+ApScore Evaluator::score_of(const Class& one, std::span<const int> weights) const {
   const auto weight = [&](std::size_t image) { return weights.empty() ? 1.0 : static_cast<double>(weights[image]); };
-  ClassScore score;
+  ApScore score;
   for (std::size_t i = 0; i < one.objects_a_image.size(); ++i) score.objects += weight(i) * one.objects_a_image[i];
   if (score.objects <= 0.0) return score;
   std::vector<double> aps;
-  for (std::size_t t = 0; t < settings_.ious.size(); ++t) {
+  for (std::size_t t = 0; t < kIous.size(); ++t) {
     const std::uint32_t bit = 1U << t;
     Curve curve;
     double right = 0.0;
@@ -297,31 +272,22 @@ ClassScore Evaluator::score_of(const Class& one, std::span<const int> weights) c
       curve.recall.push_back(right / score.objects);
       curve.precision.push_back(right / (right + wrong));
     }
-    aps.push_back(curve.mean(settings_.recall_points));
-    if (std::abs(settings_.ious[t] - 0.5) < 1e-9) score.ap50 = aps.back();
-    if (std::abs(settings_.ious[t] - 0.75) < 1e-9) score.ap75 = aps.back();
+    aps.push_back(curve.mean());
   }
   score.ap = mean_of(aps);
   return score;
 }
 
 ApScore Evaluator::score(std::span<const int> weights) const {
-  ApScore made;
-  std::vector<double> ap;
-  std::vector<double> ap50;
-  std::vector<double> ap75;
+  ApScore total;
+  std::vector<double> aps;
   for (const Class& one : classes_) {
-    const ClassScore& score = made.classes.emplace_back(score_of(one, weights));
-    made.total.objects += score.objects;
-    if (score.objects <= 0.0) continue;
-    ap.push_back(score.ap);
-    ap50.push_back(score.ap50);
-    ap75.push_back(score.ap75);
+    const ApScore score = score_of(one, weights);
+    total.objects += score.objects;
+    if (score.objects > 0.0) aps.push_back(score.ap);
   }
-  made.total.ap = mean_of(ap);
-  made.total.ap50 = mean_of(ap50);
-  made.total.ap75 = mean_of(ap75);
-  return made;
+  total.ap = mean_of(aps);
+  return total;
 }
 
 std::vector<int> drawn_scenes(std::size_t scenes, std::uint64_t seed, std::uint64_t draw) {

@@ -86,42 +86,37 @@ void add_places(const GflPair& pair, int cells_across, int stride, int bins, dou
   }
 }
 
-constexpr float kAround = 128.0F;  // grey level beside a letterboxed picture
-
-// For each place along one side of the input: the two pixels around it and the second one's weight; `inside` is false
-// beside the picture.
+// For each place along one side of the input: the two pixels around it and the second one's weight.
 struct Between {
   std::size_t first = 0;
   std::size_t second = 0;
   float weight = 0.0F;
-  bool inside = true;
 };
 
-std::vector<Between> places_along(int input, int picture, double scale, double offset) {
+std::vector<Between> places_along(int input, int picture) {
+  const double scale = static_cast<double>(input) / picture;
   std::vector<Between> places;
   for (int i = 0; i < input; ++i) {
-    const double at = (i + 0.5 - offset) / scale;  // edges at whole numbers
-    const double centred = std::clamp(at - 0.5, 0.0, picture - 1.0);
+    const double centred = std::clamp((i + 0.5) / scale - 0.5, 0.0, picture - 1.0);
     const auto first = static_cast<std::size_t>(centred);
     places.push_back({first, std::min(first + 1, static_cast<std::size_t>(picture) - 1),
-                      static_cast<float>(centred - static_cast<double>(first)), at >= 0.0 && at < picture});
+                      static_cast<float>(centred - static_cast<double>(first))});
   }
   return places;
 }
 
-Levels resized(const Levels& levels, Geometry picture, Geometry input, const Fit& fit) {
-  const std::vector<Between> columns = places_along(input.width, picture.width, fit.scale_x, fit.left);
-  const std::vector<Between> rows = places_along(input.height, picture.height, fit.scale_y, fit.top);
+Levels resized(const Levels& levels, Geometry picture, Geometry input) {
+  const std::vector<Between> columns = places_along(input.width, picture.width);
   Levels out;
   out.reserve(input.pixels());
   const auto width = static_cast<std::size_t>(picture.width);
-  for (const Between& row : rows) {
+  for (const Between& row : places_along(input.height, picture.height)) {
     const float* const upper = levels.data() + row.first * width;
     const float* const lower = levels.data() + row.second * width;
     for (const Between& column : columns) {
       const float above = std::lerp(upper[column.first], upper[column.second], column.weight);
       const float below = std::lerp(lower[column.first], lower[column.second], column.weight);
-      out.push_back(row.inside && column.inside ? std::lerp(above, below, row.weight) : kAround);
+      out.push_back(std::lerp(above, below, row.weight));
     }
   }
   return out;
@@ -188,20 +183,8 @@ Levels levels_of(std::span<const float> kelvin, double cold_k, double hot_k) {
   return levels;
 }
 
-Box Fit::to_picture(const Box& in) const {
-  return {(in.x - left) / scale_x, (in.y - top) / scale_y, in.width / scale_x, in.height / scale_y};
-}
-
-Fit fit_of(Geometry picture, Geometry input, Resize resize) {
-  const double x = static_cast<double>(input.width) / picture.width;
-  const double y = static_cast<double>(input.height) / picture.height;
-  if (resize == Resize::kStretch) return {x, y, 0.0, 0.0};
-  const double scale = std::min(x, y);
-  return {scale, scale, (input.width - scale * picture.width) / 2.0, (input.height - scale * picture.height) / 2.0};
-}
-
 Tensor input_of(const Levels& levels, Geometry picture, const DetectorDescription& d) {
-  const Levels grey = resized(levels, picture, d.input, fit_of(picture, d.input, d.resize));
+  const Levels grey = resized(levels, picture, d.input);
   Tensor input{{1, 3, d.input.height, d.input.width}, {}};
   input.values.reserve(3 * grey.size());
   std::array<const Channel*, 3> channels{&d.red, &d.green, &d.blue};
@@ -247,36 +230,17 @@ Result<std::vector<Detection>> Detector::decoded(std::span<const Tensor> outputs
 Result<std::vector<Detection>> Detector::detect(const Levels& levels, Geometry picture) {
   ASSIGN_OR_RETURN(const auto outputs, network_(input_of(levels, picture, description_)));
   ASSIGN_OR_RETURN(auto found, at(description_.files.graph.string(), decoded(outputs)));
-  const Fit fit = fit_of(picture, description_.input, description_.resize);
+  const double across = static_cast<double>(description_.input.width) / picture.width;
+  const double down = static_cast<double>(description_.input.height) / picture.height;
   std::vector<Detection> judged;
   for (Detection& one : found) {
     const auto number = static_cast<std::size_t>(one.label);
     one.label = number < labels_.size() ? labels_[number] : -1;
-    one.box = clipped(fit.to_picture(one.box), picture.width, picture.height);
+    one.box = {one.box.x / across, one.box.y / down, one.box.width / across, one.box.height / down};
+    one.box = clipped(one.box, picture.width, picture.height);
     if (one.label >= 0 && area(one.box) > 0.0) judged.push_back(one);
   }
   return suppressed(std::move(judged), description_.nms_iou);
-}
-
-Result<LearnedDeblurring> LearnedDeblurring::open(const std::filesystem::path& file) {
-  ASSIGN_OR_RETURN(auto network, open_network({NetworkFormat::kOnnx, file, {}, 0.0}));
-  return LearnedDeblurring(file, std::move(network));
-}
-
-Result<Levels> LearnedDeblurring::apply(const Levels& blurred, Geometry picture) {
-  constexpr float kWhite = 255.0F;
-  Tensor input{{1, 1, picture.height, picture.width}, blurred};
-  for (float& value : input.values) value /= kWhite;
-  ASSIGN_OR_RETURN(const auto outputs, network_(input));
-  if (outputs.size() != 1 || outputs.front().shape != input.shape) {
-    return bad_input(file_.string() + ": gives no image of " + std::to_string(picture.width) + "x" +
-                     std::to_string(picture.height) + " with one channel; give a network that does");
-  }
-  Levels levels = outputs.front().values;
-  for (float& value : levels) {
-    value = std::isfinite(value) ? std::clamp(std::round(value * kWhite), 0.0F, kWhite) : 0.0F;
-  }
-  return levels;
 }
 
 // --- Descriptions.
@@ -287,8 +251,6 @@ constexpr std::array<std::pair<std::string_view, NetworkFormat>, 2> kFormats{
     {{"darknet", NetworkFormat::kDarknet}, {"onnx", NetworkFormat::kOnnx}}};
 constexpr std::array<std::pair<std::string_view, OutputKind>, 2> kOutputs{
     {{"yolo", OutputKind::kYolo}, {"nanodet_gfl", OutputKind::kNanodetGfl}}};
-constexpr std::array<std::pair<std::string_view, Resize>, 2> kResizes{
-    {{"stretch", Resize::kStretch}, {"letterbox", Resize::kLetterbox}}};
 constexpr std::array<std::pair<std::string_view, ChannelOrder>, 2> kOrders{
     {{"rgb", ChannelOrder::kRgb}, {"bgr", ChannelOrder::kBgr}}};
 
@@ -316,7 +278,6 @@ model::KeyTable keys_of(DetectorDescription& d, FileNames& files) {
   keys.integer("width", d.input.width, {32, 4096, "pixels"},
                "As the network was made for; a multiple of its largest stride");
   keys.integer("height", d.input.height, {32, 4096, "pixels"}, "The same");
-  keys.choice<Resize>("resize", d.resize, kResizes, "A picture of another shape is stretched, or keeps its shape");
   keys.choice<ChannelOrder>("order", d.order, kOrders, "Which channel comes first");
   channel_keys(keys, "red", d.red);
   channel_keys(keys, "green", d.green);

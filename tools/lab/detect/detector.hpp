@@ -44,10 +44,6 @@ enum class OutputKind : std::uint8_t {
   kYolo,        // Darknet's [yolo] layers as OpenCV gives them: rows of cx, cy, w, h, objectness, score of each class
   kNanodetGfl,  // NanoDet: scores and distances as distributions (generalised focal loss), one pair a stride
 };
-enum class Resize : std::uint8_t {
-  kStretch,    // the picture fills the input, whatever its shape
-  kLetterbox,  // keeps its shape, centred, grey around
-};
 enum class ChannelOrder : std::uint8_t { kRgb, kBgr };
 
 struct Channel {
@@ -59,7 +55,6 @@ struct DetectorDescription {
   std::string name;
   NetworkFiles files;  // as written: relative to whatever folder the networks are in
   Geometry input{416, 416};
-  Resize resize = Resize::kStretch;
   ChannelOrder order = ChannelOrder::kRgb;
   Channel red;
   Channel green;
@@ -114,21 +109,8 @@ using Levels = std::vector<float>;
 // Black at cold_k and white at hot_k, rounded and clamped: what a video of 8 bits would show. Thread: any.
 Levels levels_of(std::span<const float> kelvin, double cold_k, double hot_k);
 
-// Where a picture lies in a network's input: input = scale * picture + offset, in pixels, edges at whole numbers.
-struct Fit {
-  double scale_x = 1.0;
-  double scale_y = 1.0;
-  double left = 0.0;
-  double top = 0.0;
-
-  Box to_picture(const Box& in_input) const;
-};
-
-// Thread: any.
-Fit fit_of(Geometry picture, Geometry input, Resize resize);
-
-// The input {1, 3, height, width} that a description asks for: bilinear between the centres of pixels,
-// (as OpenCV's INTER_LINEAR); grey around a letterboxed picture. Thread: any.
+// The input {1, 3, height, width} that a description asks for: the picture fills it, whatever its shape; bilinear
+// between the centres of pixels (as OpenCV's INTER_LINEAR). Thread: any.
 Tensor input_of(const Levels& levels, Geometry picture, const DetectorDescription& description);
 
 // --- A detector that can be asked: description, network, and the classes that are judged.
@@ -156,27 +138,6 @@ class Detector {
   DetectorDescription description_;
   Network network_;
   std::vector<int> labels_;  // of the network's classes; -1: not judged
-};
-
-// Any learned deblurring that somebody has as ONNX: a one-channel image in, the same out.
-
-class LearnedDeblurring {
- public:
-  // kBadInput when the file is no ONNX network that can be run. Thread: setup.
-  static Result<LearnedDeblurring> open(const std::filesystem::path& file);
-
-  // The network is given {1, 1, height, width} of levels / 255, and must give the same; the result is rounded and
-  // clamped. kBadInput when it gives something else. Thread: one at a time.
-  Result<Levels> apply(const Levels& blurred, Geometry picture);
-
-  std::string name() const { return file_.stem().string(); }
-
- private:
-  LearnedDeblurring(std::filesystem::path file, Network network)
-      : file_(std::move(file)), network_(std::move(network)) {}
-
-  std::filesystem::path file_;
-  Network network_;
 };
 
 }  // namespace bolo::tools::detect

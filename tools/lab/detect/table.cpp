@@ -7,32 +7,15 @@
 namespace bolo::tools::detect {
 namespace {
 
-// Networks are used by one thread at a time: one of these a thread.
-struct Networks {
-  std::vector<Detector> detectors;
-  std::vector<LearnedDeblurring> models;
-};
+using Networks = std::vector<Detector>;  // used by one thread at a time: one of these a thread
 
 Result<Networks> open_networks(const Options& options) {
   Networks networks;
   for (const DetectorDescription& description : options.detectors) {
     ASSIGN_OR_RETURN(auto detector, Detector::open(description, options.classes));
-    networks.detectors.push_back(std::move(detector));
-  }
-  for (const std::filesystem::path& file : options.models) {
-    ASSIGN_OR_RETURN(auto model, LearnedDeblurring::open(file));
-    networks.models.push_back(std::move(model));
+    networks.push_back(std::move(detector));
   }
   return networks;
-}
-
-std::vector<Column> columns_with(const std::vector<LearnedDeblurring>& models) {
-  std::vector<Column> columns = own_columns();
-  for (const LearnedDeblurring& model : models) {
-    columns.push_back(
-        {ColumnKind::kLearned, "model:" + model.name(), model.name(), "the given network " + model.name()});
-  }
-  return columns;
 }
 
 class Runner {
@@ -79,13 +62,11 @@ class Runner {
     ASSIGN_OR_RETURN(const auto views, plan_views(found_.stills, options_.trajectories,
                                                   {options_.picture, options_.repeats, options_.seed}));
     for (const View& view : views) found_.looks.emplace_back().view = view;
-    if (!options_.plot.empty()) choose_exhibits();
     return {};
   }
 
   void describe(const Networks& networks) {
-    found_.columns = columns_with(networks.models);
-    for (const Detector& detector : networks.detectors) {
+    for (const Detector& detector : networks) {
       std::vector<bool>& knows = found_.knows.emplace_back();
       for (std::size_t label = 0; label < options_.classes.size(); ++label) {
         knows.push_back(detector.knows(static_cast<int>(label)));
@@ -96,27 +77,9 @@ class Runner {
   // What does not fit is told before minutes of simulation.
   Status try_out(Networks& networks) const {
     const Levels grey(options_.picture.pixels(), 128.0F);
-    for (Detector& detector : networks.detectors) {
-      RETURN_IF_ERROR(detector.detect(grey, options_.picture));
-    }
-    for (LearnedDeblurring& model : networks.models) {
-      RETURN_IF_ERROR(model.apply(grey, options_.picture));
-    }
+    for (Detector& detector : networks) RETURN_IF_ERROR(detector.detect(grey, options_.picture));
     return {};
   }
-
-  // Of each motion the first look at a still with the most labels.
-  void choose_exhibits() {
-    for (std::size_t motion = 0; motion < options_.trajectories.size(); ++motion) {
-      std::size_t best = found_.looks.size();
-      for (std::size_t i = 0; i < found_.looks.size(); ++i) {
-        if (found_.looks[i].view.motion != motion) continue;
-        if (best == found_.looks.size() || labels_of(i) > labels_of(best)) best = i;
-      }
-      if (best < found_.looks.size()) found_.exhibits.push_back({best, {}});
-    }
-  }
-  std::size_t labels_of(std::size_t look) const { return found_.stills[found_.looks[look].view.still].labels.size(); }
 
   Status look(std::size_t index, Networks& networks) {
     Look& look = found_.looks[index];
@@ -128,27 +91,14 @@ class Runner {
       look.labels = truth_in_view(still.labels, static_cast<int>(options_.classes.size()), still.size, options_.picture,
                                   look.view.looks_at);
     }
-    ASSIGN_OR_RETURN(auto shown, shown_columns(fidelity::read_out(clean, options_.noise_k, options_.seed + index)));
-    for (LearnedDeblurring& model : networks.models) {
-      ASSIGN_OR_RETURN(auto made, model.apply(shown[kBlurredColumn], options_.picture));
-      shown.push_back(std::move(made));
-    }
-    return detect(index, shown, networks.detectors);
-  }
-
-  Status detect(std::size_t index, std::vector<Levels>& shown, std::vector<Detector>& detectors) {
-    Look& look = found_.looks[index];
-    look.found.resize(detectors.size());
-    for (const Levels& one : shown) {
-      for (std::size_t d = 0; d < detectors.size(); ++d) {
-        ASSIGN_OR_RETURN(auto boxes, detectors[d].detect(one, options_.picture));
-        look.found[d].push_back(std::move(boxes));
+    ASSIGN_OR_RETURN(const auto shown,
+                     shown_columns(fidelity::read_out(clean, options_.noise_k, options_.seed + index)));
+    for (Detector& detector : networks) {
+      auto& found = look.found.emplace_back();
+      for (const Levels& one : shown) {
+        ASSIGN_OR_RETURN(auto boxes, detector.detect(one, options_.picture));
+        found.push_back(std::move(boxes));
       }
-    }
-    for (Exhibit& exhibit : found_.exhibits) {
-      if (exhibit.look != index) continue;
-      exhibit.frames = std::move(shown);
-      break;
     }
     return {};
   }
@@ -163,7 +113,7 @@ constexpr double kPercent = 100.0;
 
 // AP of each column, in percent: as it is, and in each draw of the bootstrap.
 struct Scores {
-  std::vector<ApScore> all;
+  double objects = 0.0;
   std::vector<double> ap;
   std::vector<std::vector<double>> draws;  // [column][draw]
 };
@@ -183,34 +133,42 @@ void add(Json& to, const std::string& key, double value, std::vector<double> dra
   to[key + "_ci95"] = std::isfinite(interval.low) ? Json{interval.low, interval.high} : Json();
 }
 
-void add_difference(Json& to, const Scores& s, std::size_t column, std::size_t from) {
-  std::vector<double> draws = s.draws[column];
-  for (std::size_t i = 0; i < draws.size(); ++i) draws[i] -= s.draws[from][i];
-  add(to, "delta_ap", s.ap[column] - s.ap[from], std::move(draws));
-}
-
 // (AP - blurred) / (sharp - blurred); of a loss that there is none of, nothing can be recovered.
 double share_recovered(double ap, double blurred, double sharp) {
   constexpr double kLeastLoss = 0.1;  // percent points
   return sharp - blurred > kLeastLoss ? (ap - blurred) / (sharp - blurred) : kNoScore;
 }
 
-Json cell_of(const Scores& s, std::size_t column, const std::vector<JudgedClass>& classes) {
-  Json cell;
-  add(cell, "ap", s.ap[column], s.draws[column]);
-  cell["ap_50"] = kPercent * s.all[column].total.ap50;
-  cell["ap_75"] = kPercent * s.all[column].total.ap75;
-  add_difference(cell, s, column, kBlurredColumn);
-  std::vector<double> draws(s.draws[column].size());
+Json cell_of(const Scores& s, std::size_t column) {
+  const std::vector<double>& draws = s.draws[column];
+  const std::vector<double>& blurred = s.draws[kBlurredColumn];
+  std::vector<double> gained;
+  std::vector<double> recovered;
   for (std::size_t i = 0; i < draws.size(); ++i) {
-    draws[i] = share_recovered(s.draws[column][i], s.draws[kBlurredColumn][i], s.draws[kSharpColumn][i]);
+    gained.push_back(draws[i] - blurred[i]);
+    recovered.push_back(share_recovered(draws[i], blurred[i], s.draws[kSharpColumn][i]));
   }
-  add(cell, "recovered", share_recovered(s.ap[column], s.ap[kBlurredColumn], s.ap[kSharpColumn]), std::move(draws));
-  for (std::size_t c = 0; c < s.all[column].classes.size(); ++c) {
-    const ClassScore& one = s.all[column].classes[c];
-    cell["classes"][classes[c].name] = {{"ap", kPercent * one.ap}, {"objects", one.objects}};
-  }
+  Json cell;
+  add(cell, "ap", s.ap[column], draws);
+  add(cell, "delta_ap", s.ap[column] - s.ap[kBlurredColumn], std::move(gained));
+  add(cell, "recovered", share_recovered(s.ap[column], s.ap[kBlurredColumn], s.ap[kSharpColumn]), std::move(recovered));
   return cell;
+}
+
+// What a detector had to find in a look: people's labels of classes that it knows, or, where there are none, its own
+// boxes on the sharp frame from `truth_score` on.
+std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detector, double truth_score,
+                            const std::vector<bool>& knows) {
+  std::vector<Truth> truth;
+  if (labelled) {
+    std::ranges::copy_if(look.labels, std::back_inserter(truth),
+                         [&](const Truth& one) { return knows[static_cast<std::size_t>(one.label)]; });
+    return truth;
+  }
+  for (const Detection& one : look.found[detector][kSharpColumn]) {
+    if (one.score >= truth_score) truth.push_back({one.label, one.box});
+  }
+  return truth;
 }
 
 class Judge {
@@ -219,13 +177,14 @@ class Judge {
 
   Scores score(const Group& group, std::size_t detector, const std::vector<bool>& knows) const {
     Scores scores;
-    for (std::size_t column = 0; column < found_.columns.size(); ++column) {
+    for (std::size_t column = 0; column < columns().size(); ++column) {
       const Evaluator evaluator = evaluator_of(group, detector, column, knows);
-      scores.all.push_back(evaluator.score());
-      scores.ap.push_back(kPercent * scores.all.back().total.ap);
+      const ApScore score = evaluator.score();
+      scores.objects = score.objects;
+      scores.ap.push_back(kPercent * score.ap);
       std::vector<double>& draws = scores.draws.emplace_back();
       for (int i = 0; i < options_.resamples; ++i) {
-        draws.push_back(kPercent * evaluator.score(weights(group, static_cast<std::uint64_t>(i))).total.ap);
+        draws.push_back(kPercent * evaluator.score(weights(group, static_cast<std::uint64_t>(i))).ap);
       }
     }
     return scores;
@@ -233,18 +192,15 @@ class Judge {
 
   // `detector`: null for the mean of all.
   Json row(const Group& group, const Json& detector, const Scores& scores) const {
-    Json columns;
-    for (std::size_t column = 0; column < found_.columns.size(); ++column) {
-      columns[found_.columns[column].name] = cell_of(scores, column, options_.classes);
-    }
+    Json cells;
+    for (std::size_t i = 0; i < columns().size(); ++i) cells[columns()[i].name] = cell_of(scores, i);
     return {{"truth", group.labelled ? "labels" : "own_boxes"},
             {"detector", detector},
             {"motion", options_.trajectories[group.motion].stem().string()},
             {"looks", group.looks.size()},
             {"stills", group.stills.size()},
-            {"objects", scores.all.front().total.objects},
-            {"columns", columns},
-            {"bolo_over_best_baseline", contest_of(scores)}};
+            {"objects", scores.objects},
+            {"columns", cells}};
   }
 
  private:
@@ -255,9 +211,7 @@ class Judge {
       images.push_back({truth_of(*look, group.labelled, detector, options_.detectors[detector].truth_score, knows),
                         look->found[detector][column]});
     }
-    ApSettings settings;
-    settings.least_area_px2 = options_.least_area_px2;
-    return {images, static_cast<int>(options_.classes.size()), settings};
+    return {images, static_cast<int>(options_.classes.size())};
   }
 
   // The same stills are drawn for every column, detector and motion, so that differences are of the same stills.
@@ -271,48 +225,22 @@ class Judge {
     return weights;
   }
 
-  // Bolo's best column against the best of the baselines and learned models.
-  Json contest_of(const Scores& scores) const {
-    const auto best = [&](auto&& of_this_kind) {
-      std::size_t choice = kBlurredColumn;
-      for (std::size_t column = 0; column < found_.columns.size(); ++column) {
-        if (!of_this_kind(found_.columns[column].kind)) continue;
-        if (choice == kBlurredColumn || scores.ap[column] > scores.ap[choice]) choice = column;
-      }
-      return choice;
-    };
-    const std::size_t bolo = best([](ColumnKind kind) { return kind == ColumnKind::kBolo; });
-    const std::size_t baseline =
-        best([](ColumnKind kind) { return kind == ColumnKind::kBaseline || kind == ColumnKind::kLearned; });
-    Json contest{{"bolo", found_.columns[bolo].name}, {"baseline", found_.columns[baseline].name}};
-    add_difference(contest, scores, bolo, baseline);
-    return contest;
-  }
-
   const Found& found_;
   const Options& options_;
 };
 
 // The mean of the detectors that had something to find, draw by draw.
 Scores mean_of(std::vector<Scores> several) {
-  Scores mean;
   std::erase_if(several, [](const Scores& one) { return !std::isfinite(one.ap.front()); });
   const auto count = static_cast<double>(several.size());
+  const auto mean_at = [&](auto of) { return sum_of(several, of) / count; };
+  Scores mean{sum_of(several, &Scores::objects), {}, {}};
   for (std::size_t column = 0; column < several.front().ap.size(); ++column) {
-    double sum = 0.0;
-    double objects = 0.0;
-    std::vector<double> draws(several.front().draws[column].size(), 0.0);
-    for (const Scores& one : several) {
-      sum += one.ap[column];
-      objects += one.all[column].total.objects;
-      for (std::size_t i = 0; i < draws.size(); ++i) draws[i] += one.draws[column][i];
+    mean.ap.push_back(mean_at([&](const Scores& one) { return one.ap[column]; }));
+    std::vector<double>& draws = mean.draws.emplace_back();
+    for (std::size_t i = 0; i < several.front().draws[column].size(); ++i) {
+      draws.push_back(mean_at([&](const Scores& one) { return one.draws[column][i]; }));
     }
-    for (double& draw : draws) draw /= count;
-    mean.ap.push_back(sum / count);
-    mean.draws.push_back(std::move(draws));
-    ApScore& score = mean.all.emplace_back();
-    score.total.ap = sum / count / kPercent;
-    score.total.objects = objects;
   }
   return mean;
 }
@@ -338,20 +266,6 @@ std::vector<double> speeds_of(const Found& found, std::size_t motion) {
 }  // namespace
 
 Result<Found> run(const Options& options) { return Runner(options).run(); }
-
-std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detector, double truth_score,
-                            const std::vector<bool>& knows) {
-  std::vector<Truth> truth;
-  if (labelled) {
-    std::ranges::copy_if(look.labels, std::back_inserter(truth),
-                         [&](const Truth& one) { return knows[static_cast<std::size_t>(one.label)]; });
-    return truth;
-  }
-  for (const Detection& one : look.found[detector][kSharpColumn]) {
-    if (one.score >= truth_score) truth.push_back({one.label, one.box});
-  }
-  return truth;
-}
 
 Json table_of(const Found& found, const Options& options) {
   Json motions = Json::array();
@@ -382,13 +296,9 @@ Json table_of(const Found& found, const Options& options) {
            {{"picture", {options.picture.width, options.picture.height}},
             {"repeats", options.repeats},
             {"noise_k", options.noise_k},
-            {"least_area_px2", options.least_area_px2},
             {"resamples", options.resamples},
-            {"seed", options.seed},
-            {"tau_s", fidelity::kTauS},
-            {"frame_period_s", fidelity::kPeriodS},
-            {"classes", list_of(options.classes, [](const JudgedClass& one) { return one.name; })}}},
-          {"columns", list_of(found.columns,
+            {"seed", options.seed}}},
+          {"columns", list_of(columns(),
                               [](const Column& c) {
                                 return Json{{"name", c.name}, {"words", c.words}};
                               })},

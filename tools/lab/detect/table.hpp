@@ -2,7 +2,6 @@
 // stills, each seen several times by a camera in somebody's hands.
 #pragma once
 
-#include "src/report/plot.hpp"
 #include "tools/lab/detect/detector.hpp"
 #include "tools/lab/eval/fidelity_data.hpp"
 
@@ -45,21 +44,17 @@ Result<fidelity::CleanSequence> simulate(const Still& still, const std::filesyst
 
 // --- The columns of the table: what the detectors are shown of each look.
 
-enum class ColumnKind : std::uint8_t { kSharp, kBlurred, kLive, kBolo, kBaseline, kLearned };
-
 struct Column {
-  ColumnKind kind = ColumnKind::kSharp;
   std::string name;   // in JSON
-  std::string title;  // in tables
-  std::string words;  // in the help and on the page
+  std::string words;  // what it is
 };
 
-// In the order in which shown_columns() makes them; learned ones follow.
+// In the order in which shown_columns() makes them.
 inline constexpr std::size_t kSharpColumn = 0;
 inline constexpr std::size_t kBlurredColumn = 1;
-const std::vector<Column>& own_columns();
+const std::vector<Column>& columns();
 
-// What own_columns() show of the sequence's only target. Black and white are those of the still. kBadInput or kFailed
+// What columns() show of the sequence's only target. Black and white are those of the still. kBadInput or kFailed
 // from the solvers. Thread: any, several at once.
 Result<std::vector<Levels>> shown_columns(const fidelity::Sequence& sequence);
 
@@ -70,17 +65,14 @@ struct Options {
   std::vector<std::filesystem::path> scenes;
   std::vector<std::filesystem::path> trajectories;
   std::vector<DetectorDescription> detectors;  // with their files' places
-  std::vector<std::filesystem::path> models;   // learned deblurring, ONNX
-  std::vector<JudgedClass> classes;
+  // As the label files number them and the detectors name them.
+  std::vector<JudgedClass> classes{{"person", 1}, {"bicycle", 2}, {"car", 3}};
   Geometry picture{640, 480};
   int repeats = 2;
   double noise_k = 0.03;
-  double least_area_px2 = 0.0;
   int resamples = 1000;
   std::uint64_t seed = 1;
   int threads = 2;
-  OutputFile plot;  // empty: none
-  bool json = false;
 };
 
 // What was found in one look.
@@ -91,18 +83,10 @@ struct Look {
   std::vector<std::vector<std::vector<Detection>>> found;  // [detector][column]
 };
 
-// A look as it is drawn: the frame of each column.
-struct Exhibit {
-  std::size_t look = 0;
-  std::vector<Levels> frames;
-};
-
 struct Found {
   std::vector<Still> stills;
-  std::vector<Column> columns;           // own_columns() and the learned ones
   std::vector<std::vector<bool>> knows;  // [detector][class]
   std::vector<Look> looks;
-  std::vector<Exhibit> exhibits;  // one a motion, when a plot is asked for
 };
 
 // Opens stills and networks, simulates, restores, detects. kBadInput names what cannot be opened or run, kFailed an
@@ -114,14 +98,5 @@ Result<Found> run(const Options& options);
 // As the verb prints it with --json: the schema is in its --help. Rows that people labelled come first; motions from
 // slow to fast, detectors as given, then their mean. Thread: any.
 Json table_of(const Found& found, const Options& options);
-
-// What a detector had to find in a look: people's labels of classes that it knows, or, where there are none, its own
-// boxes on the sharp frame from `truth_score` on. Thread: any.
-std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detector, double truth_score,
-                            const std::vector<bool>& knows);
-
-// For each motion one look as the columns show it, with the boxes that one detector found; a page has the table, too.
-// Thread: any.
-plot::Sheet sheet_of(const Json& table, const Found& found, const Options& options);
 
 }  // namespace bolo::tools::detect

@@ -15,10 +15,6 @@ using fidelity::Plane;
 using fidelity::Planes;
 using fidelity::Sequence;
 
-constexpr double kWrongSpeed = 1.1;
-// Beyond these, trails of fast hands take seconds a frame; the pick is rarely the last.
-constexpr std::array kLucyIterations{1, 2, 4, 8, 16, 32};
-
 // A column that a solver makes.
 struct Solved {
   Column column;
@@ -30,21 +26,16 @@ struct Solved {
 // Another solver is another line.
 const std::vector<Solved>& solved_columns() {
   using enum deblur::Method;
-  static const std::vector<Solved> columns{
-      {{ColumnKind::kLive, "inverse", "inverse", "inverse filter"}, kInverse},
-      {{ColumnKind::kLive, "qp_authors", "QP 0.1", "the paper's QP with the authors' settings"}, kAdmm},
-      {{ColumnKind::kBolo, "auto", "Bolo", "Bolo: the paper's QP, lambda auto"}, kAdmm, 0, true},
-      {{ColumnKind::kBolo, "auto_1", "Bolo +1", "Bolo with one frame of look-ahead"}, kAdmm, 1, true},
-      {{ColumnKind::kBolo, "mmae_1", "mmae +1", "Bolo's mmae with one frame of look-ahead"}, kMmae, 1},
-      {{ColumnKind::kBolo, "motion", "motion", "Bolo's motion, estimated live"}, kMotion},
-      {{ColumnKind::kBolo, "motion_1", "motion +1", "Bolo's motion with one frame of look-ahead"}, kMotion, 1},
+  static const std::vector<Solved> all{
+      {{"inverse", "inverse filter"}, kInverse},
+      {{"qp_authors", "the paper's QP with the authors' settings"}, kAdmm},
+      {{"auto", "Bolo: the paper's QP, lambda auto"}, kAdmm, 0, true},
+      {{"auto_1", "Bolo with one frame of look-ahead"}, kAdmm, 1, true},
+      {{"mmae_1", "Bolo's mmae with one frame of look-ahead"}, kMmae, 1},
+      {{"motion", "Bolo's motion, estimated live"}, kMotion},
+      {{"motion_1", "Bolo's motion with one frame of look-ahead"}, kMotion, 1},
   };
-  return columns;
-}
-
-std::vector<std::vector<fidelity::Tap>> kernels(const fidelity::CleanSequence& clean, double factor) {
-  const double t_s = static_cast<double>(clean.targets.front()) * fidelity::kPeriodS;
-  return {fidelity::path_kernel(*clean.path, t_s, fidelity::kTauS, factor)};
+  return all;
 }
 
 }  // namespace
@@ -101,47 +92,40 @@ Result<fidelity::CleanSequence> simulate(const Still& still, const std::filesyst
   return fidelity::simulate(task);
 }
 
-const std::vector<Column>& own_columns() {
-  static const std::vector<Column> columns = [] {
-    std::vector<Column> all{
-        {ColumnKind::kSharp, "sharp", "sharp", "the true temperatures at the frame's time: the upper limit"},
-        {ColumnKind::kBlurred, "blurred", "blurred", "as the camera sends it"}};
-    for (const Solved& solved : solved_columns()) all.push_back(solved.column);
-    all.push_back({ColumnKind::kBaseline, "unsharp", "unsharp", "unsharp mask (strength picked with the truth)"});
-    all.push_back(
-        {ColumnKind::kBaseline, "wiener", "Wiener", "spatial Wiener, told the camera's way (strength picked)"});
-    all.push_back({ColumnKind::kBaseline, "wiener_10", "Wiener 10 %", "the same, told a way that is 10 % too long"});
-    all.push_back({ColumnKind::kBaseline, "richardson_lucy", "Rich.-Lucy",
-                   "Richardson-Lucy, told the camera's way (iterations picked)"});
-    return all;
+const std::vector<Column>& columns() {
+  static const std::vector<Column> all = [] {
+    std::vector<Column> made{{"sharp", "the true temperatures at the frame's time: the upper limit"},
+                             {"blurred", "as the camera sends it"}};
+    for (const Solved& solved : solved_columns()) made.push_back(solved.column);
+    made.push_back({"wiener", "spatial Wiener, told the camera's way (strength picked with the truth)"});
+    made.push_back({"wiener_10", "the same, told a way that is 10 % too long"});
+    return made;
   }();
-  return columns;
+  return all;
 }
 
 Result<std::vector<Levels>> shown_columns(const Sequence& s) {
   const fidelity::CleanSequence& clean = *s.clean;
   const Planes truth = fidelity::target_truth(clean);
-  const Planes frames{s.kelvin(clean.targets.front())};
-  std::vector<Levels> columns;
-  const auto show = [&columns, span = sim::GreySpan{}](const Plane& judged) {
-    columns.push_back(levels_of(judged, span.cold_k, span.hot_k));
+  std::vector<Levels> shown;
+  const auto show = [&shown, span = sim::GreySpan{}](const Plane& judged) {
+    shown.push_back(levels_of(judged, span.cold_k, span.hot_k));
   };
   show(truth.front());
-  show(fidelity::cut(frames.front(), clean.geometry, clean.judged));
+  show(fidelity::cut(s.kelvin(clean.targets.front()), clean.geometry, clean.judged));
   for (const Solved& solved : solved_columns()) {
     deblur::Settings settings = fidelity::settings_of(solved.method, solved.lookahead);
     settings.auto_lambda = solved.auto_lambda;
     ASSIGN_OR_RETURN(const auto planes, fidelity::estimate(s, settings));
     show(planes.front());
   }
-  const auto told = kernels(clean, 1.0);
-  const auto told_wrongly = kernels(clean, kWrongSpeed);
-  const fidelity::SpatialTask task{s, truth, frames, told};
-  show(fidelity::picked_unsharp(s, truth, frames).planes.front());
-  show(fidelity::picked_wiener(task).planes.front());
-  show(fidelity::picked_wiener({s, truth, frames, told_wrongly}).planes.front());
-  show(fidelity::picked_lucy(task, kLucyIterations).planes.front());
-  return columns;
+  const double t_s = static_cast<double>(clean.targets.front()) * fidelity::kPeriodS;
+  for (const double factor : {1.0, fidelity::kWrongSpeed}) {
+    fidelity::Oracle oracle(truth);
+    fidelity::try_wiener(s, {fidelity::path_kernel(*clean.path, t_s, fidelity::kTauS, factor)}, oracle);
+    show(oracle.planes().front());
+  }
+  return shown;
 }
 
 }  // namespace bolo::tools::detect

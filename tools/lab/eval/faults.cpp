@@ -229,8 +229,7 @@ Result<fakecam::FaultScript> script_of(const LossTask& task) {
 Status evaluate_loss(const cxxopts::ParseResult& given) {
   const auto rates = given["rates"].as<std::vector<double>>();
   pipeline::PipelineOptions pipeline;
-  pipeline.deblur.lookahead = given["lookahead"].as<int>();
-  pipeline.workers = given["threads"].as<int>();
+  pipeline.workers = 2;
   for (const double rate : rates) RETURN_IF_ERROR(within(rate, "rates", 0.0, 1.0));
   ASSIGN_OR_RETURN(const int packet_size, number_of<int>(given, "packet-size", 576, 9000));
   ASSIGN_OR_RETURN(const double seconds, number_of<double>(given, "seconds", 0.5, 60.0));
@@ -285,7 +284,6 @@ Result<Json> try_loss(const LossTask& task, const Recording& scene, const pipeli
               {"frames_lost",
                {{"network", lost(LossCause::kIncomplete) + lost(LossCause::kMissing)},
                 {"behind", lost(LossCause::kPoolExhausted) + lost(LossCause::kQueueFull)}}},
-              {"deblur_ms_per_frame", result.deblur_ms},
               {"frames_per_s", static_cast<double>(result.frames.size()) / task.seconds},
               {"latency_ms", {{"p50", quantile(result.latency_ms, 0.5)}, {"p99", quantile(result.latency_ms, 0.99)}}},
               {"rmse_raw_k", raw.root_mean()},
@@ -320,8 +318,6 @@ int bolo::tools::eval_loss_main(int argc, char** argv) {
                                   "0,0.001,0.01,0.05", "A,B");
   add_option<int>(cli, "packet-size", "Bytes: 1500 on every link, up to 9000 with jumbo frames", "1500", "BYTES");
   add_option<double>(cli, "seconds", "Of each run", "4", "S");
-  add_option<int>(cli, "lookahead", "Frames", "0", "L");
-  add_option<int>(cli, "threads", "Of the deblurring", "2", "W");
   add_option<bool>(cli, "json", "Print the table as JSON");
   return run_verb("loss", std::move(cli), argc, argv, faults::evaluate_loss);
 }

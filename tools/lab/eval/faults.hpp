@@ -36,7 +36,6 @@ struct Published {
 struct RunResult {
   std::vector<Published> frames;
   Losses lost{};
-  double deblur_ms = 0.0;  // of a deblurred frame, mean
   std::uint64_t reconnects = 0;
   std::vector<fakecam::InjectedFault> injected;  // as in the task's script
   fakecam::FakeCameraStats camera;

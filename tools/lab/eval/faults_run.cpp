@@ -212,8 +212,6 @@ Result<RunResult> run(const RunTask& task) {
   result.frames = sink.take();
   const pipeline::PipelineStats& stats = line->stats();
   for (std::size_t c = 0; c < kLossCauses; ++c) result.lost[c] = stats.inlet.losses().value(static_cast<LossCause>(c));
-  const auto deblurred = static_cast<double>(stats.published.value() - stats.warm_up.value());
-  if (deblurred > 0.0) result.deblur_ms = static_cast<double>(stats.deblur_ns.value()) * kMsPerNs / deblurred;
   result.camera = fake->stats();
   for (const Published& frame : result.frames) {
     result.latency_ms.push_back(static_cast<double>(frame.publish_ns - frame.meta.receive_ns) * kMsPerNs);

@@ -1,7 +1,7 @@
 // `bolo-lab eval fidelity`: which estimator is good where.
 
 #include <algorithm>
-#include <cstdio>
+#include <map>
 
 #include "src/sim/field.hpp"
 #include "tools/cli/cli.hpp"
@@ -12,27 +12,20 @@ namespace bolo::tools::fidelity {
 namespace {
 
 constexpr const char* kSummary =
-    R"(Which estimator is good where: RMSE, as it is and after the best shift of each frame (which takes out lag), noise
-in flat tiles, PSNR, SSIM, edge width and the error at edges of every column in every cell.
+    R"(Which estimator is good where: the RMSE of every column in every cell, as it is and after the best shift of each
+frame (which takes out lag), and the noise in flat tiles.
 
 A cell is a scene, a motion, a noise and a look-ahead. All columns see the same simulated frames (microbolometer with
 tau 11 ms, 200 frames/s, 10 mK steps) and are judged on the same targets against the instantaneous temperature at the
-frame's time. Spatial baselines are told the motion; strengths named "picked" are picked with the truth. The temporal
-filter is a least-squares fit on another street in the same motion and noise.
+frame's time. The spatial Wiener filter is told the motion, or 10 % too much of it; its strength and the QP's best
+lambda ("setting") are picked with the truth.
 
 --json prints one object:
-  settings   crop, frames, stride, seed, tau_s, frame_period_s, window, quantisation_k, range_k (of PSNR and SSIM)
+  settings   crop, frames, stride, seed
   columns    [{name, words}]
-  cells      [{scene, motion, speed_px_s (null on a trajectory), trajectory (null on a pan), noise_k, lookahead,
-             truth_edge_width_px, columns: {NAME: {rmse_k, psnr_db, ssim, edge_width_px, edge_rmse_k,
-             shifted_rmse_k, flat_noise_k, setting} or {skipped: why}}, qp_grid: [{lambda, rmse_k}]}]
-  drops      with --drop: [{scene, motion, noise_k, lookahead, method, frames_lost, all, near}], or skipped: why;
-             all and near (at most 2 frames from a loss) are {frames, whole_rmse_k (without losses),
-             gap_aware_rmse_k, gap_blind_rmse_k}
-  latency    with --plot: [{scene, motion, noise_k, blurred_rmse_k, lookaheads, NAME: [rmse_k]}]
-  verdicts   [{name, words, cells, holds, mean_ratio, worst_ratio, misses: [{cell, against, ratio}]}]; holds is null
-             where no cell could be judged
-A measure that cannot be taken (no clear edge) is null.)";
+  cells      [{scene, motion, noise_k, lookahead, columns: {NAME: {rmse_k, shifted_rmse_k, flat_noise_k, setting}
+             or {skipped: why}}}]
+A measure that cannot be taken is null.)";
 
 template <typename T>
 Status all_within(const std::vector<T>& values, const char* option, T low, T high) {
@@ -72,127 +65,66 @@ Result<std::vector<Motion>> motions_of(const cxxopts::ParseResult& given) {
   return motions;
 }
 
-constexpr std::uint64_t kOtherStreet = 1000;  // away from the seeds of the judged street and noise: the training's
-constexpr int kLongestLookahead = 4;          // of the picture of latency against quality
-constexpr int kDropTargets = 720;             // frames of the streams with losses
-constexpr int kDropRows = 16;
+// What `bolo-lab eval fidelity` is asked for.
+struct Options {
+  std::vector<std::string> scenes;
+  std::vector<Motion> motions;  // pans, then trajectories
+  std::vector<double> noises_k;
+  std::vector<int> lookaheads;
+  int frames = 24;
+  Geometry crop{320, 64};
+  std::uint64_t seed = 1;
+  int threads = 2;
+  OutputFile plot;  // empty: none
+};
+
+// From one target to the next, in frames: pans show another part of the scene, hands change their speed slowly.
+int stride_of(const Motion& motion) { return motion.is_pan() ? 3 : 8; }
 
 class Evaluation {
  public:
   explicit Evaluation(const Options& options)
       : options_(options),
-        longest_(*std::ranges::max_element(options.lookaheads)),
-        progress_("fidelity", options.scenes.size() * options.motions.size() * jobs_a_motion()) {}
+        progress_("fidelity", options.scenes.size() * options.motions.size() * options.noises_k.size() *
+                                  (1 + options.lookaheads.size())) {}
 
   Result<Json> run() {
-    table_["cells"] = Json::array();
     for (const std::string& scene : options_.scenes) {
       for (const Motion& motion : options_.motions) RETURN_IF_ERROR(run_motion(scene, motion));
     }
-    table_["verdicts"] = verdicts(table_["cells"], table_.value("drops", Json::array()));
-    return std::move(table_);
+    return std::move(cells_);
   }
 
  private:
-  // Everything at one noise.
-  struct Noise {
-    Sequence sequence;
-    Sequence training;
-    Sequence lossy;
-    Json spatial;
-    std::vector<Json> cells;
-    std::vector<Json> drops;
-    Json latency;
-  };
-
-  std::uint64_t jobs_a_motion() const {
-    const std::uint64_t lookaheads = options_.lookaheads.size();
-    return options_.noises_k.size() * (2 + lookaheads * (options_.drop > 0.0 ? 2 : 1));
-  }
-
-  // The picture shows one motion's latency: the pan nearest to the paper's, over the first scene.
-  bool shows_latency(const std::string& scene, const Motion& motion) const {
-    constexpr double kShownSpeed = 300.0;
-    const auto distance = [](const Motion& m) { return m.is_pan() ? std::abs(m.speed_px_s - kShownSpeed) : 1e9; };
-    const auto nearest = std::ranges::min_element(options_.motions, {}, distance);
-    return !options_.plot.empty() && scene == options_.scenes.front() && &*nearest == &motion;
-  }
-
-  SequenceTask task_of(const std::string& scene, const Motion& motion) const {
-    SequenceTask task{scene,    motion,        options_.crop,   options_.frames, stride_of(motion),
-                      longest_, options_.seed, options_.threads};
-    if (shows_latency(scene, motion)) task.lookahead = std::max(longest_, kLongestLookahead);
-    return task;
-  }
-
   Status run_motion(const std::string& scene, const Motion& motion) {
-    const SequenceTask task = task_of(scene, motion);
-    SequenceTask other = task;
-    other.scene = "street";
-    other.seed = options_.seed + kOtherStreet;
-    SequenceTask lossy = task;
-    lossy.targets = kDropTargets;
-    lossy.stride = 1;
-    lossy.crop.height = std::min(lossy.crop.height, kDropRows);
-    ASSIGN_OR_RETURN(const auto clean, simulate(task));
-    ASSIGN_OR_RETURN(const auto training, simulate(other));
-    ASSIGN_OR_RETURN(const auto stream, options_.drop > 0.0 ? simulate(lossy) : CleanSequence{});
-    std::vector<Noise> noises(options_.noises_k.size());
+    const int longest = *std::ranges::max_element(options_.lookaheads);
+    ASSIGN_OR_RETURN(const auto clean, simulate({scene, motion, options_.crop, options_.frames, stride_of(motion),
+                                                 longest, options_.seed, options_.threads}));
+    std::vector<Sequence> sequences;
+    for (const double noise_k : options_.noises_k) sequences.push_back(read_out(clean, noise_k, options_.seed));
+    std::vector<Json> spatial(sequences.size());
+    std::vector<Json> cells(sequences.size() * options_.lookaheads.size());
     Jobs jobs;
-    for (std::size_t n = 0; n < noises.size(); ++n) {
-      jobs.add([&, n]() -> Status {
-        const double noise_k = options_.noises_k[n];
-        noises[n].sequence = read_out(clean, noise_k, options_.seed);
-        noises[n].training = read_out(training, noise_k, options_.seed + kOtherStreet);
-        if (options_.drop > 0.0) noises[n].lossy = read_out(stream, noise_k, options_.seed);
-        return {};
-      });
+    for (std::size_t n = 0; n < sequences.size(); ++n) {
+      const Sequence& sequence = sequences[n];
+      jobs.add(keep(spatial[n], [&sequence] { return Result<Json>(spatial_columns(sequence)); }));
+      for (std::size_t l = 0; l < options_.lookaheads.size(); ++l) {
+        jobs.add(keep(cells[n * options_.lookaheads.size() + l],
+                      [&sequence, lookahead = options_.lookaheads[l]] { return evaluate(sequence, lookahead); }));
+      }
     }
     RETURN_IF_ERROR(jobs.run(options_.threads, progress_, done_));
-    for (Noise& noise : noises) add_jobs(jobs, noise, shows_latency(scene, motion));
-    RETURN_IF_ERROR(jobs.run(options_.threads, progress_, done_));
-    for (Noise& noise : noises) collect(noise);
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      cells[i]["columns"].update(spatial[i / options_.lookaheads.size()]);
+      cells_.push_back(std::move(cells[i]));
+    }
     return {};
   }
 
-  void add_jobs(Jobs& jobs, Noise& noise, bool latency) {
-    noise.cells.resize(options_.lookaheads.size());
-    noise.drops.resize(options_.lookaheads.size());
-    jobs.add(keep(noise.spatial, [&noise] { return Result<Json>(spatial_columns(noise.sequence)); }));
-    if (latency) {
-      jobs.add(
-          keep(noise.latency, [&noise] { return Result<Json>(latency_curves(noise.sequence, kLongestLookahead)); }));
-    }
-    for (std::size_t l = 0; l < options_.lookaheads.size(); ++l) {
-      const int lookahead = options_.lookaheads[l];
-      jobs.add(
-          keep(noise.cells[l], [&noise, lookahead] { return evaluate(noise.sequence, noise.training, lookahead); }));
-      if (options_.drop <= 0.0) continue;
-      jobs.add(keep(noise.drops[l], [this, &noise, lookahead] {
-        return Result<Json>(drop_rows(noise.lossy, lookahead, options_.drop, options_.seed));
-      }));
-    }
-  }
-
-  void collect(Noise& noise) {
-    for (Json& cell : noise.cells) {
-      Json columns;
-      cell["columns"].update(noise.spatial);
-      for (const Column& column : kColumns) columns[column.name] = cell["columns"][column.name];
-      cell["columns"] = columns;
-      table_["cells"].push_back(std::move(cell));
-    }
-    for (const Json& rows : noise.drops) {
-      for (const Json& row : rows) table_["drops"].push_back(row);
-    }
-    if (!noise.latency.is_null()) table_["latency"].push_back(noise.latency);
-  }
-
   const Options& options_;
-  int longest_;
   Progress progress_;
   std::uint64_t done_ = 0;
-  Json table_;
+  Json cells_ = Json::array();
 };
 
 Result<Options> options_of(const cxxopts::ParseResult& given) {
@@ -203,26 +135,29 @@ Result<Options> options_of(const cxxopts::ParseResult& given) {
   options.noises_k = given["noises"].as<std::vector<double>>();
   options.lookaheads = given["lookaheads"].as<std::vector<int>>();
   options.seed = given["seed"].as<std::uint64_t>();
-  options.json = given.count("json") != 0;
   ASSIGN_OR_RETURN(options.plot, plot_file_of(given));
   RETURN_IF_ERROR(all_within(options.noises_k, "noises", 0.0, 100.0));
   RETURN_IF_ERROR(all_within(options.lookaheads, "lookaheads", 0, kWindow - 2));
   ASSIGN_OR_RETURN(options.frames, number_of<int>(given, "frames", 1, 1000));
   ASSIGN_OR_RETURN(options.threads, number_of<int>(given, "threads", 1, 64));
-  if (given.count("drop") != 0) {
-    ASSIGN_OR_RETURN(options.drop, number_of<double>(given, "drop", 0.0001, 0.5));
-  }
   return options;
+}
+
+Json settings_json(const Options& options) {
+  return {{"crop", {options.crop.width, options.crop.height}},
+          {"frames", options.frames},
+          {"stride", {{"pan", stride_of({})}, {"trajectory", stride_of({0.0, "any"})}}},
+          {"seed", options.seed}};
 }
 
 Status run(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const Options options, options_of(given));
-  ASSIGN_OR_RETURN(const Json table, Evaluation(options).run());
-  Json whole = head_of(options);
-  whole.update(table);
-  print_report(whole, options.json);
+  ASSIGN_OR_RETURN(const Json cells, Evaluation(options).run());
+  const Json columns = list_of(kColumns, [](const Column& c) { return Json{{"name", c.name}, {"words", c.words}}; });
+  print_report({{"settings", settings_json(options)}, {"columns", columns}, {"cells", cells}},
+               given.count("json") != 0);
   if (options.plot.empty()) return {};
-  plot::Sheet sheet = sheet_of(table);
+  plot::Sheet sheet = sheet_of(cells);
   sheet.how = plot::format(
       "bolo-lab eval fidelity --frames %d --crop %dx%d --seed %llu: simulated camera, 200 frames/s, tau 11 ms.",
       options.frames, options.crop.width, options.crop.height, static_cast<unsigned long long>(options.seed));
@@ -230,6 +165,48 @@ Status run(const cxxopts::ParseResult& given) {
 }
 
 }  // namespace
+
+namespace {
+
+// RMSE over latency, of the cells at one noise.
+plot::Plot panel_of(const std::vector<Json>& cells) {
+  const Json& first = cells.front();
+  plot::Plot panel{.title = plot::format("Noise %g K", first["noise_k"].get<double>()),
+                   .x = {.name = "added latency", .unit = "ms", .low = 0.0},
+                   .y = {.name = "RMSE", .unit = "K", .low = 0.0},
+                   .levels = {{first["columns"]["blurred"]["rmse_k"], "blurred", plot::Hue::kBlurred}},
+                   .width = 400.0,
+                   .height = 230.0};
+  for (const Column& column : kColumns) {
+    if (!column.hue) continue;
+    plot::Series line{.label = column.words, .hue = *column.hue, .width = column.width};
+    for (const Json& cell : cells) {
+      line.x.push_back(cell["lookahead"].get<int>() * kPeriodS * 1e3);
+      line.y.push_back(cell["columns"][column.name].value("rmse_k", plot::kNone));
+    }
+    panel.series.push_back(std::move(line));
+  }
+  return panel;
+}
+
+}  // namespace
+
+plot::Sheet sheet_of(const Json& cells) {
+  plot::Sheet sheet{.title = "Which estimator is good where"};
+  std::map<std::pair<std::string, std::string>, std::map<double, std::vector<Json>>> rows;
+  for (const Json& cell : cells) {
+    rows[{std::filesystem::path(cell["scene"].get<std::string>()).stem().string(), cell["motion"]}]
+        [cell["noise_k"].get<double>()]
+            .push_back(cell);
+  }
+  for (const auto& [place, noises] : rows) {
+    std::vector<plot::Plot>& panels = sheet.rows.emplace_back();
+    for (const auto& [noise_k, of_noise] : noises) panels.push_back(panel_of(of_noise));
+    panels.front().caption = "Error over latency: " + place.first + ", " + place.second +
+                             ". What it is worth to wait for frames after the one that is estimated.";
+  }
+  return sheet;
+}
 
 }  // namespace bolo::tools::fidelity
 
@@ -247,10 +224,9 @@ int bolo::tools::eval_fidelity_main(int argc, char** argv) {
   add_option<std::vector<int>>(cli, "lookaheads", "Frames", "0,1,2");
   add_option<int>(cli, "frames", "Targets judged in a cell", "24");
   add_option<std::string>(cli, "crop", "Pixels judged", "320x64", "WxH");
-  add_option<double>(cli, "drop", "Also lose this share of the frames, at random", nullptr, "SHARE");
-  add_option<std::uint64_t>(cli, "seed", "Of the street, the noise and the losses", "1");
+  add_option<std::uint64_t>(cli, "seed", "Of the street and the noise", "1");
   add_option<int>(cli, "threads", "The result does not depend on them", "2");
   add_option<bool>(cli, "json", "Print one JSON object");
-  add_plot_option(cli, "Draw the table");
+  add_plot_option(cli, "Draw the errors over latency");
   return run_verb("fidelity", std::move(cli), argc, argv, fidelity::run);
 }

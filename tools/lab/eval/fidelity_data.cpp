@@ -8,11 +8,9 @@
 namespace bolo::tools::fidelity {
 namespace {
 
-constexpr double kColdK = 285.0;
-
 Result<std::unique_ptr<const sim::Scene>> scene_of(const SequenceTask& task, Geometry view) {
   if (task.scene == "street") return sim::make_street(view, task.seed);
-  return sim::read_image(task.scene, {kColdK, kColdK + kContrastK}).map(sim::make_still_scene);
+  return sim::read_image(task.scene, {}).map(sim::make_still_scene);
 }
 
 // By default from the middle of a trajectory's file: where hand-held recordings are neither being started nor put away.

@@ -49,23 +49,16 @@ sim::CameraSettings camera_of(const PulseTrial& trial) {
 
 Status evaluate_pulse(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const int seeds, number_of<int>(given, "seeds", 1, 100000));
-  ASSIGN_OR_RETURN(const double tau_s, number_of<double>(given, "tau", 0.003, 0.1));
-  const bool one_noise = given.count("noise") != 0;
   Json rows = Json::array();
-  std::vector<PulseTrial> trials = pulse_trials();
+  const std::vector<PulseTrial> trials = pulse_trials();
   Progress progress("kinds", trials.size());
-  for (PulseTrial& trial : trials) {
-    if (one_noise && trial.noise_k != PulseTrial{}.noise_k) continue;
-    if (one_noise) {
-      ASSIGN_OR_RETURN(trial.noise_k, number_of<double>(given, "noise", 0.0, 100.0));
-    }
-    trial.tau_s = tau_s;
+  for (const PulseTrial& trial : trials) {
     ASSIGN_OR_RETURN(auto score, score_pulses(trial, seeds, interrupted()));
     rows.push_back(std::move(score));
     progress.update(rows.size());
     if (interrupted()) return failed("interrupted");
   }
-  print_report({{"tau_s", tau_s}, {"trials", rows}}, given.count("json") != 0);
+  print_report({{"tau_s", PulseTrial{}.tau_s}, {"trials", rows}}, given.count("json") != 0);
   return {};
 }
 
@@ -169,8 +162,6 @@ int eval_pulses_main(int argc, char** argv) {
       "calibrate' does (the paper's Fig. 3): errors, how often the 95 % interval has the truth, and the\n"
       "residual in units of the noise (gap). 64x48 pixels, 2 s, each seed with another noise and start.");
   add_option<int>(cli, "seeds", "recordings of each kind", "20");
-  add_option<double>(cli, "noise", "K rms, in all kinds (default: 0.03, and 0.5 in two more)");
-  add_option<double>(cli, "tau", "s, of the simulated camera", "0.011");
   add_option<bool>(cli, "json", "print one JSON object");
   return run_verb("pulses", std::move(cli), argc, argv, evaluate_pulse);
 }
@@ -222,14 +213,11 @@ double overshoot(const PixelTrial& trial, const std::vector<double>& bins) {
 }
 
 Status evaluate_pixel(const cxxopts::ParseResult& given) {
-  std::vector<double> lambdas{0.1, 0.001};
-  if (given.count("lambda") != 0) lambdas = {given["lambda"].as<double>()};
   ASSIGN_OR_RETURN(const double noise_k, number_of<double>(given, "noise", 1e-6, 100.0));
   ASSIGN_OR_RETURN(const int draws, number_of<int>(given, "draws", 1, 100000));
-  RETURN_IF_ERROR(within(lambdas.front(), "lambda", 1e-9, 1000.0));
   PixelTrial trial;
   Json rows = Json::array();
-  for (const double lambda : lambdas) {
+  for (const double lambda : {0.1, 0.001}) {
     trial.lambda = lambda;
     for (const double noise : {0.0, noise_k}) {
       rows.push_back(score_pixel(trial, noise, draws, given["seed"].as<std::uint64_t>()));
@@ -351,7 +339,6 @@ int eval_pixel_main(int argc, char** argv) {
   add_option<double>(cli, "noise", "K rms of the noisy case", "0.5");
   add_option<int>(cli, "draws", "of the noise", "100");
   add_option<std::uint64_t>(cli, "seed", "of the noise", "1");
-  add_option<double>(cli, "lambda", "of the paper's objective, with kappa 0.1 (default: 0.1, the authors', and 0.001)");
   add_option<bool>(cli, "json", "print one JSON object");
   return run_verb("pixel", std::move(cli), argc, argv, evaluate_pixel);
 }

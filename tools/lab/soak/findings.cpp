@@ -20,7 +20,6 @@ bool begins_with_time(std::string_view line) {
 constexpr std::array<InvariantInfo, kInvariants> kInfos{{
     {"account", "frames that the daemon's numbers skip are counted as lost, each once"},
     {"camera", "frames that the camera passed are published, lost by cause, or fell into a silence"},
-    {"injected", "frames that a fault took for good are among those counted as lost"},
     {"raw", "each raw plane is one of the capture, value by value, as the camera showed it"},
     {"deblurred", "each sharp plane without a flag is that of an undisturbed run, value by value"},
     {"order", "publication numbers rise without a hole; ids and times rise"},
@@ -39,14 +38,11 @@ constexpr std::array<InvariantInfo, kInvariants> kInfos{{
 }  // namespace
 
 LogLine classify(std::string_view line) {
-  if (line.starts_with("bolod: ")) return LogLine::kNoStart;
-  if (!begins_with_time(line)) return LogLine::kForeign;
+  if (!begins_with_time(line)) return LogLine::kWrong;
   const std::string_view rest = line.substr(kTime.size());
-  if (rest.starts_with("warning: ")) return LogLine::kWarning;
-  if (!rest.starts_with("error: ") && !rest.starts_with("critical: ")) return LogLine::kUsual;
-  if (rest.find("error: reload: ") == 0) return LogLine::kRefusedReload;
-  if (rest.find("no signs of life") != std::string_view::npos) return LogLine::kNoLife;
-  return LogLine::kError;
+  if (!rest.starts_with("error: ") && !rest.starts_with("critical: ")) return LogLine::kFine;
+  if (rest.starts_with("error: reload: ")) return LogLine::kRefusedReload;
+  return rest.find("no signs of life") != std::string_view::npos ? LogLine::kNoLife : LogLine::kWrong;
 }
 
 const InvariantInfo& info_of(Invariant invariant) { return kInfos[static_cast<std::size_t>(invariant)]; }
@@ -103,12 +99,6 @@ namespace {
 
 std::string n(std::uint64_t value) { return std::to_string(value); }
 
-bool unanswered_at(const std::vector<fakecam::Fault>& script, double at_s) {
-  return std::ranges::any_of(script, [at_s](const fakecam::Fault& fault) {
-    return fault.kind() == fakecam::FaultKind::kNoResend && fault.value("at") == at_s;
-  });
-}
-
 }  // namespace
 
 std::uint64_t total(const faults::Losses& lost) { return std::accumulate(lost.begin(), lost.end(), std::uint64_t{0}); }
@@ -146,7 +136,6 @@ Balance balance_of(const Mark& from, const Mark& to) {
   b.published = to.published - from.published;
   b.lost = to.lost_total - from.lost_total;
   b.unheard = static_cast<std::int64_t>(b.passed - b.published - b.lost);
-  b.must_be_lost = to.must_be_lost - from.must_be_lost;
   if (b.one_life) b.numbered = to.frame_id - from.frame_id;
   return b;
 }
@@ -164,27 +153,6 @@ void check_balance(const Balance& b, double silence_s, double period_s, Findings
       n(b.passed) + " frames passed by the camera, " + n(b.published) + " published and " + n(b.lost) +
           " lost: " + std::to_string(b.unheard) + " unaccounted for, where " +
           (b.one_stream ? "none may be" : std::to_string(most) + " may have fallen into the silence of the break"));
-  if (b.one_stream && b.must_be_lost > 0) {
-    findings.require(Invariant::kInjected, b.lost >= b.must_be_lost,
-                     n(b.must_be_lost) + " frames were taken by faults, " + n(b.lost) + " are counted as lost");
-  }
-}
-
-std::uint64_t must_be_lost(const std::vector<fakecam::InjectedFault>& injected) {
-  fakecam::FaultScript script;
-  for (const fakecam::InjectedFault& fault : injected) {
-    if (auto parsed = fakecam::parse_fault(fault.fault)) script.push_back(std::move(*parsed));
-  }
-  if (script.size() != injected.size()) return 0;
-  fakecam::FaultScript final_script;
-  std::vector<fakecam::InjectedFault> taken;
-  for (std::size_t i = 0; i < script.size(); ++i) {
-    const bool resent = script[i].kind() == fakecam::FaultKind::kLoss && !unanswered_at(script, script[i].value("at"));
-    if (resent) continue;
-    final_script.push_back(script[i]);
-    taken.push_back(injected[i]);
-  }
-  return total(faults::expected_losses(final_script, taken, false));
 }
 
 }  // namespace bolo::tools::soak

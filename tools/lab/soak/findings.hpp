@@ -8,13 +8,10 @@
 namespace bolo::tools::soak {
 
 enum class LogLine {
-  kUsual,          // informs
-  kWarning,        // tells of trouble with the camera or of frames lost
-  kError,          // "error" or worse
+  kFine,           // informs, or warns of trouble with the camera or of frames lost
   kRefusedReload,  // an error: a file that is wrong was not taken up
   kNoLife,         // an error: no signs of life to the service manager's watchdog
-  kNoStart,        // "bolod: ...": it ended before it ran
-  kForeign,        // no line of bolod's
+  kWrong,          // another error, what it said as it ended before it ran, or no line of bolod's
 };
 
 // A line of text: time, level, message (log.format = "text"). Thread: any.
@@ -25,7 +22,6 @@ LogLine classify(std::string_view line);
 enum class Invariant {
   kAccount,
   kCamera,
-  kInjected,
   kRaw,
   kDeblurred,
   kOrder,
@@ -118,7 +114,6 @@ struct Mark {
   std::uint64_t passed = 0;  // of all camera processes so far
   std::uint64_t skipped_ids = 0;
   std::uint64_t streams = 0;
-  std::uint64_t must_be_lost = 0;  // frames that faults took for good
   // The daemon's.
   int life = 0;  // which process
   std::uint64_t frame_id = 0;
@@ -137,7 +132,6 @@ struct Balance {
   std::int64_t unheard = 0;    // passed, neither published nor lost: sent to nobody
   bool one_life = true;        // of the daemon
   bool one_stream = true;      // of the camera, too
-  std::uint64_t must_be_lost = 0;
 };
 // Thread: any.
 Balance balance_of(const Mark& from, const Mark& to);
@@ -146,9 +140,5 @@ inline constexpr std::int64_t kUnheardMargin = 40;  // frames in flight when a s
 
 // Judges a balance. `period_s`: of the frames. Thread: any.
 void check_balance(const Balance& balance, double silence_s, double period_s, Findings& findings);
-
-// The frames that these faults took and nothing brings back, of a camera whose client asks for lost packets: those of
-// stall, freeze, id_gap and nuc, and of loss where requests are not answered. Thread: any.
-std::uint64_t must_be_lost(const std::vector<fakecam::InjectedFault>& injected);
 
 }  // namespace bolo::tools::soak

@@ -6,11 +6,8 @@
 #include <cstdio>
 #include <fstream>
 
-#include <toml++/toml.h>
-
 #include "bolo/client.h"
 #include "src/core/clock.hpp"
-#include "src/deblur/isa.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/lab/soak/rig.hpp"
 
@@ -22,44 +19,10 @@ constexpr auto kServeLimit = std::chrono::seconds(30);
 constexpr std::size_t kReaders = 2;
 constexpr std::size_t kSmallFrame = 20'000;  // pixels: below, packets are so small that a frame has several
 constexpr int kSmallPacket = 576;            // bytes
-constexpr double kLap_s = 1.2;               // of the scene
+constexpr std::size_t kLap = 240;            // frames of the scene
 
 // As many frames as a reader needs that does not get a processor for a second.
 constexpr int kRingFrames = 256;
-
-Result<toml::table> parse(const std::filesystem::path& file) {
-  try {
-    return toml::parse_file(file.string());
-  } catch (const toml::parse_error& error) {
-    return bad_input(file.string() + ":" + std::to_string(error.source().begin.line) + ": " +
-                     std::string(error.description()));
-  }
-}
-
-toml::table& section(toml::table& table, std::string_view key) {
-  if (table.get_as<toml::table>(key) == nullptr) table.insert_or_assign(key, toml::table{});
-  return *table.get_as<toml::table>(key);
-}
-
-Status save(const std::filesystem::path& file, const toml::table& table) {
-  std::ofstream out(file);
-  out << table << '\n';
-  return out.good() ? Status{} : failed("cannot write " + file.string());
-}
-
-// The base's profile, whose camera drops the frames that a shutter repeats.
-Status write_profile(const DaemonFile& file, const std::optional<std::string>& base) {
-  toml::table profile;
-  if (base) {
-    const std::filesystem::path from = file.base.parent_path() / *base;
-    ASSIGN_OR_RETURN(profile, parse(from));
-    if (const auto maps = profile["maps"].value<std::string>()) {
-      profile.insert_or_assign("maps", std::filesystem::absolute(from.parent_path() / *maps).string());
-    }
-  }
-  section(profile, "firmware").insert_or_assign("drop_repeated", true);
-  return save(file.folder / "profile.toml", profile);
-}
 
 constexpr int kOpen_ms = 10'000;
 constexpr int kReaderLook_ms = 100;
@@ -97,7 +60,6 @@ void CameraBook::end() {
   if (!present_) return;
   past_ = mark();
   past_sent_ += present_->sent;
-  ended_.insert(ended_.end(), present_->injected.begin(), present_->injected.end());
   present_.reset();
   quiet_ = false;
 }
@@ -109,7 +71,6 @@ Mark CameraBook::mark() const {
   mark.passed += present_->passed;
   mark.skipped_ids += present_->skipped_ids();
   mark.streams += present_->streams;
-  mark.must_be_lost += must_be_lost(present_->injected);
   return mark;
 }
 
@@ -131,13 +92,9 @@ Rig::~Rig() {
 Status Rig::make_files() {
   file_.name = "soak-" + std::to_string(getpid());
   file_.address = faults::fresh_address();
-  file_.packet_size = file_.geometry.pixels() < kSmallFrame ? kSmallPacket : 0;
   RETURN_IF_ERROR(write_daemon_file(file_));
   ASSIGN_OR_RETURN(const auto config, daemon::read_config(config_of(file_)));
-  RETURN_IF_ERROR(deblur::choose_isa(config.isa));
-  degrades_ = config.pipeline.degrade;
-  const auto frames = static_cast<std::size_t>(std::max(50.0, kLap_s * file_.rate_hz));
-  ASSIGN_OR_RETURN(auto truth, make_scene(file_.geometry, file_.rate_hz, frames, config.pipeline, file("scene.h5")));
+  ASSIGN_OR_RETURN(auto truth, make_scene(file_.geometry, kRateHz, kLap, config.pipeline, file("scene.h5")));
   truth_.emplace(std::move(truth));
   return {};
 }
@@ -145,7 +102,7 @@ Status Rig::make_files() {
 Status Rig::start_camera(const Round& round) {
   Command command;
   command.words = {
-      programs_.bolo, "fakecam",     file("scene.h5"), "--loop",       "--rate", plot::format("%g", file_.rate_hz),
+      programs_.bolo, "fakecam",     file("scene.h5"), "--loop",       "--rate", plot::format("%g", kRateHz),
       "--interface",  file_.address, "--json",         "--tell-every", "0.25"};
   for (const std::string& fault : round.faults()) {
     command.words.emplace_back("--fault");
@@ -187,15 +144,10 @@ Status Rig::start_daemon() {
   return {};
 }
 
-Command Rig::reader(const std::string& log, int slow_ms) const {
-  Command command{{programs_.lab, "soak", "--read", file_.name}, file(log)};
-  if (slow_ms > 0) command.words.insert(command.words.end(), {"--slow-ms", std::to_string(slow_ms)});
-  return command;
-}
-
 Status Rig::start_readers() {
   while (readers_.size() < kReaders) {
-    ASSIGN_OR_RETURN(auto started, Process::start(reader("reader-" + std::to_string(started_readers_++), 0)));
+    const std::filesystem::path log = file("reader-" + std::to_string(started_readers_++));
+    ASSIGN_OR_RETURN(auto started, Process::start({{programs_.lab, "soak", "--read", file_.name}, log}));
     readers_.push_back(std::move(started));
   }
   return {};
@@ -215,34 +167,18 @@ void Rig::read_camera() {
 std::filesystem::path config_of(const DaemonFile& file) { return file.folder / "bolod.toml"; }
 
 Status write_daemon_file(const DaemonFile& file) {
-  toml::table table;
-  if (!file.base.empty()) {
-    ASSIGN_OR_RETURN(table, parse(file.base));
-  }
-  RETURN_IF_ERROR(write_profile(file, table["profile"].value<std::string>()));
-  table.insert_or_assign("name", file.name);
-  table.insert_or_assign("profile", (file.folder / "profile.toml").string());
-  toml::table& source = section(table, "source");
-  source.insert_or_assign("type", "genicam");
-  source.insert_or_assign("address", file.address);
-  source.insert_or_assign("serial", "");
-  source.insert_or_assign("width", file.geometry.width);
-  source.insert_or_assign("height", file.geometry.height);
-  source.insert_or_assign("rate_hz", file.rate_hz);
-  source.insert_or_assign("ir_format", "10mk");
-  source.insert_or_assign("packet_size", file.packet_size);
-  source.insert_or_assign("resend", true);
+  const std::filesystem::path profile = file.folder / "profile.toml";
+  // The camera drops the frames that a shutter repeats.
+  RETURN_IF_ERROR(write_file({profile, Replace::kExisting}, "[firmware]\ndrop_repeated = true\n"));
+  std::string text = "name = '" + file.name + "'\nprofile = '" + profile.string() + "'\n[source]\n";
+  text += "type = 'genicam'\nserial = ''\nir_format = '10mk'\nresend = true\naddress = '" + file.address + "'\n";
+  text += plot::format("width = %d\nheight = %d\nrate_hz = %.1f\npacket_size = %d\n", file.geometry.width,
+                       file.geometry.height, kRateHz, file.geometry.pixels() < kSmallFrame ? kSmallPacket : 0);
   // Planes are compared bit for bit; what lambda = "auto" measures goes on from before each fault.
-  section(table, "deblur").insert("lambda", 0.001);
-  section(table, "nuc").insert_or_assign("policy", "camera");
-  section(table, "nuc").insert_or_assign("interval_s", file.nuc_interval_s);
-  section(table, "shm").insert_or_assign("slots", kRingFrames);
-  section(table, "control").insert_or_assign("socket", (file.folder / "control").string());
-  for (const char* video : {"v4l2", "v4l2_second"}) table.erase(video);
-  table.erase("metrics");
-  section(table, "log").insert_or_assign("level", "info");
-  section(table, "log").insert_or_assign("format", "text");
-  return save(config_of(file), table);
+  text += "[deblur]\nlambda = 0.001\n[log]\nlevel = 'info'\nformat = 'text'\n";
+  text += plot::format("[nuc]\npolicy = 'camera'\ninterval_s = %.1f\n", file.nuc_interval_s);
+  text += plot::format("[shm]\nslots = %d\n[control]\nsocket = '%s'\n", kRingFrames, (file.folder / "control").c_str());
+  return write_file({config_of(file), Replace::kExisting}, text);
 }
 
 // From the end of the file: it grows for hours.
@@ -258,7 +194,7 @@ Json last_account(const std::string& file) {
   return account;
 }
 
-Status read_along(const std::string& name, int slow_ms, const std::atomic<bool>& stop) {
+Status read_along(const std::string& name, const std::atomic<bool>& stop) {
   bolo_client* opened = nullptr;
   if (bolo_client_open(name.c_str(), kOpen_ms, &opened) != BOLO_CLIENT_OK) return failed(bolo_client_error(nullptr));
   const std::unique_ptr<bolo_client, Close> client(opened);
@@ -294,7 +230,6 @@ Status read_along(const std::string& name, int slow_ms, const std::atomic<bool>&
     ++frames;
     if (frame.publish_ns <= last_publish_ns) ++disorder;
     last_publish_ns = frame.publish_ns;
-    if (slow_ms > 0) std::this_thread::sleep_for(std::chrono::milliseconds(slow_ms));
   }
   tell();
   return {};

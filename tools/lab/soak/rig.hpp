@@ -10,19 +10,17 @@
 
 namespace bolo::tools::soak {
 
-// The configuration of the soak's daemon: a user's own, or the defaults, with what the soak must decide put over it.
+// The configuration of the soak's daemon.
 struct DaemonFile {
-  std::filesystem::path base;    // empty: bolod's defaults
   std::filesystem::path folder;  // for all files, bolod.toml and profile.toml among them; exists
   std::string name;              // of the shared memory
   std::string address;           // of the camera
   Geometry geometry{640, 120};
-  double rate_hz = 200.0;
-  int packet_size = 0;
   double nuc_interval_s = 300.0;  // a live key, with nuc.policy = "camera" of no effect: to see a reload taken up
 };
+inline constexpr double kRateHz = 200.0;
 
-// Writes both. kBadInput: the base or its profile cannot be read. Thread: any.
+// Writes both. Thread: any.
 Status write_daemon_file(const DaemonFile& file);
 
 // The configuration that was written.
@@ -50,8 +48,6 @@ class CameraBook {
   bool quiet() const noexcept { return quiet_; }
   // The camera's part of a mark, as of the present account.
   Mark mark() const;
-  // All that faults have done so far, of all cameras.
-  const std::vector<fakecam::InjectedFault>& ended() const noexcept { return ended_; }
   std::uint64_t sent() const;
 
  private:
@@ -60,13 +56,12 @@ class CameraBook {
   bool quiet_ = false;
   Mark past_;  // sums over cameras that ended
   std::uint64_t past_sent_ = 0;
-  std::vector<fakecam::InjectedFault> ended_;
 };
 
 // Thread: one at a time.
 class Rig {
  public:
-  // Gives the daemon's file a name, an address and a size of packets.
+  // Gives the daemon's file a name and an address.
   static Result<std::unique_ptr<Rig>> set_up(const Programs& programs, const DaemonFile& file);
   ~Rig();
   Rig(const Rig&) = delete;
@@ -91,16 +86,12 @@ class Rig {
   bool has_camera() const noexcept { return camera_.has_value(); }
   std::vector<Process>& readers() { return readers_; }
   CameraBook& book() { return book_; }
-  bool degrades() const noexcept { return degrades_; }  // the daemon spends less on frames rather than lose them
   const Truth& truth() const { return *truth_; }
   DaemonFile& daemon_file() { return file_; }
   const Programs& programs() const noexcept { return programs_; }
   const std::string& name() const noexcept { return file_.name; }
   std::filesystem::path daemon_log() const { return file_.folder / "bolod.err"; }
   std::filesystem::path file(const std::string& name) const { return file_.folder / name; }
-
-  // A reader process of this rig, by its log's name. slow_ms: it takes as long for each frame.
-  Command reader(const std::string& log, int slow_ms) const;
 
  private:
   Rig(Programs programs, DaemonFile file) : programs_(std::move(programs)), file_(std::move(file)) {}
@@ -114,15 +105,14 @@ class Rig {
   std::optional<Process> camera_;
   std::optional<Process> daemon_;
   std::vector<Process> readers_;
-  bool degrades_ = false;
   int started_readers_ = 0;
 };
 
 // --- A reader process: reads every frame as any program does, with libbolo-client.
 
 // Until `stop`; prints a line of JSON twice a second and at the end: frames, missed, restarts, and disorder, frames
-// that came in another order than their numbers and times say. slow_ms: what it takes for each frame. Thread: setup.
-Status read_along(const std::string& name, int slow_ms, const std::atomic<bool>& stop);
+// that came in another order than their numbers and times say. Thread: setup.
+Status read_along(const std::string& name, const std::atomic<bool>& stop);
 
 // The last whole line of such; zeros of none. Thread: any.
 Json last_account(const std::string& file);
@@ -143,8 +133,7 @@ class Acts {
  private:
   void record(const Disturbance& disturbance);
   void take(Kind kind);
-  void start_helper(const Command& command);
-  void end_helper(bool must_be_well);
+  void give_back();
   void write_config(bool right);
 
   // Does what takes its time and is judged at its end: recordings and commands.
@@ -153,7 +142,7 @@ class Acts {
   Rig& rig_;
   Findings& findings_;
   std::vector<std::future<void>> jobs_;  // each is waited for where it goes
-  std::optional<Process> helper_;        // a slow reader, stress-ng
+  std::optional<Process> helper_;        // stress-ng
   int count_ = 0;
 };
 

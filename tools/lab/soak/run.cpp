@@ -49,7 +49,7 @@ class Run {
     RETURN_IF_ERROR(rig_->start_readers());
     acts_ = std::make_unique<Acts>(*rig_, findings_);
     log_ = std::make_unique<LineTail>(rig_->daemon_log());
-    books_ = std::make_unique<Books>(1.0 / request_.rig.rate_hz, findings_);
+    books_ = std::make_unique<Books>(1.0 / kRateHz, findings_);
     sampler_ = std::make_unique<Sampler>(*rig_, *watcher_, findings_);
     start_ns_ = monotonic_ns();
     return {};
@@ -81,11 +81,10 @@ class Run {
     require_all(refused_reloads_, Kind::kBadReload, " wrong files were refused");
     require_all(taken_reloads_, Kind::kReload, " changed files were taken up");
     result_.seconds = now_s();
-    result_.injected = rig_->book().ended();
     result_.frames["sent"] = rig_->book().sent();
     sampler_->finish(result_);
-    judge_latency(sampler_->quiet_ms(), request_.latency_limit_ms, result_, findings_);
-    judge_growth(request_.growth_limit_mib, result_, findings_);
+    judge_latency(sampler_->quiet_ms(), result_, findings_);
+    judge_growth(result_, findings_);
   }
 
   // --- one camera's time ---
@@ -194,26 +193,19 @@ class Run {
   double camera_lag_s() const {
     const auto& told = rig_->book().present();
     if (!told || told->first_stream_ns == 0) return 0.0;
-    const double played_s = static_cast<double>(told->passed) / request_.rig.rate_hz;
+    const double played_s = static_cast<double>(told->passed) / kRateHz;
     return std::max(0.0, now_s() - at_s(told->first_stream_ns) - played_s);
   }
 
-  // Whether frames may arrive now that show this fault of the camera's.
-  bool shows(Kind kind) const { return struck_now(kind, kBeforeAndAfter_s + camera_lag_s()); }
-
-  // A shutter's offset stays until its camera is replaced, whose last frames may still be on their way.
-  Allowed allowed() const {
-    Allowed out;
-    out.swapped = shows(Kind::kByteOrder);
-    out.metadata = shows(Kind::kMetadataRows);
+  // The offset that frames may show now: a shutter's stays until its camera is replaced, whose last frames may still be
+  // on their way. In counts.
+  int allowed() const {
     const bool shut = std::ranges::any_of(result_.struck, [this](const Struck& s) {
       return s.disturbance.kind == Kind::kShutter && s.begin_s >= 0.0 &&
              (s.round == result_.struck.back().round || now_s() < round_origin_s_ + kBeforeAndAfter_s);
     });
-    if (shut || shows(Kind::kShutter)) {
-      out.offset = static_cast<int>(std::lround(kShutterOffset_k * kCountsPerKelvin));
-    }
-    return out;
+    const bool shows = shut || struck_now(Kind::kShutter, kBeforeAndAfter_s + camera_lag_s());
+    return shows ? static_cast<int>(std::lround(kShutterOffset_k * kCountsPerKelvin)) : 0;
   }
 
   std::string what_happens() const {
@@ -276,8 +268,7 @@ class Run {
       findings_.looked(Invariant::kLog);
       if (line.find("reload: took up") != std::string::npos) ++taken_reloads_;
       switch (classify(line)) {
-        case LogLine::kUsual:
-        case LogLine::kWarning:
+        case LogLine::kFine:
           break;
         case LogLine::kRefusedReload:
           ++refused_reloads_;
@@ -288,9 +279,7 @@ class Run {
             findings_.broken(Invariant::kLog, line);
           }
           break;
-        case LogLine::kNoStart:
-        case LogLine::kError:
-        case LogLine::kForeign:
+        case LogLine::kWrong:
           findings_.broken(Invariant::kLog, line);
       }
     }
@@ -319,14 +308,10 @@ class Run {
       frames += timeline[i].frames;
       p99_ms = std::max(p99_ms, timeline[i].p99_ms);
     }
-    int holding = 0;
-    for (std::size_t i = 0; i < kInvariants; ++i) {
-      if (findings_.tally(static_cast<Invariant>(i)).broken == 0) ++holding;
-    }
-    progress_(plot::format("%7.1f s  %6.1f Hz  p99 %6.1f ms  lost %6llu  %d of %d hold  %s", now_s(),
+    progress_(plot::format("%7.1f s  %6.1f Hz  p99 %6.1f ms  lost %6llu  %s  %s", now_s(),
                            static_cast<double>(frames) / std::max<double>(1.0, static_cast<double>(seconds)), p99_ms,
-                           static_cast<unsigned long long>(total(watcher_->counters().lost)), holding,
-                           static_cast<int>(kInvariants), what_happens().c_str()));
+                           static_cast<unsigned long long>(total(watcher_->counters().lost)),
+                           findings_.all_hold() ? "all holds" : "BROKEN", what_happens().c_str()));
   }
 
   // The last mark, so that nothing is left out.

@@ -12,7 +12,8 @@
 namespace bolo::tools::soak {
 
 enum class Kind {
-  // The fake camera's own faults, by their names there (bolo fakecam --list-faults).
+  // The fake camera's own faults, by their names there (bolo fakecam --list-faults); but those of a camera that is set
+  // up wrong, byte_order and metadata_rows, which come and go with no camera.
   kLoss,
   kReorder,
   kDuplicate,
@@ -25,8 +26,6 @@ enum class Kind {
   kControlLoss,
   kReboot,
   kShutter,
-  kByteOrder,
-  kMetadataRows,
   kWindowingDrop,
   // Processes.
   kCameraStopped,
@@ -35,7 +34,6 @@ enum class Kind {
   kDaemonKilled,
   kReaderKilled,
   kReaderStopped,
-  kReaderSlow,
   kRecording,
   kRecorderKilled,
   kDiskFull,
@@ -51,7 +49,6 @@ enum class Kind {
 struct KindInfo {
   Kind kind = Kind::kLoss;
   std::string_view name;
-  std::string_view about;
   double shortest_s = 0.0;  // how long it lasts
   double longest_s = 0.0;
   double recovers_within_s = 0.0;  // after its end: until frames flow that are right, without a gap

@@ -1,10 +1,7 @@
 // `bolo-lab soak`: everything that goes wrong on a vehicle, for as long as one likes; and what it found, in words and
 // as JSON.
-#include <sys/utsname.h>
-
 #include <algorithm>
 #include <cstdio>
-#include <ctime>
 
 #include "bolo/client.h"
 #include "src/core/statistics.hpp"
@@ -18,48 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using plot::format;
 
-constexpr double kShortest_s = 10.0;
-constexpr double kLongest_s = 86400.0;
-constexpr double kDefault_s = 120.0;
-
 // --- the report ---
-
-// Where and how it was measured.
-Json circumstances(const SoakRequest& request, const std::string& command) {
-  utsname names{};
-  uname(&names);
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  char began[40];
-  std::strftime(began, sizeof began, "%Y-%m-%d %H:%M:%S UTC", &parts);
-  return {{"command", command},
-          {"version", bolo_client_version()},
-          {"machine", machine_words() + ", " + names.sysname + " " + names.release},
-          {"began", began},
-          {"width", request.rig.geometry.width},
-          {"height", request.rig.geometry.height},
-          {"rate_hz", request.rig.rate_hz}};
-}
-
-// What this computer or this run could not do, and why.
-std::vector<std::string> not_done(const Schedule& schedule) {
-  std::set<Kind> scheduled;
-  for (const Round& round : schedule.rounds) {
-    for (const Disturbance& d : round.disturbances) scheduled.insert(d.kind);
-  }
-  std::vector<std::string> all;
-  for (const KindInfo& info : kinds()) {
-    if (scheduled.contains(info.kind)) continue;
-    const bool no_room = std::ranges::find(schedule.no_room, info.kind) != schedule.no_room.end();
-    const char* const why = no_room ? "no room in a run so short"
-                            : info.kind == Kind::kCameraReplaced
-                                ? "it begins each round after the first, and there is one only"
-                                : "not asked for";
-    all.push_back(std::string(info.name) + ": " + why);
-  }
-  return all;
-}
 
 Json json_of(const Invariant invariant, const Findings::Tally& tally) {
   return {{"name", info_of(invariant).name}, {"about", info_of(invariant).about},
@@ -77,7 +33,6 @@ Json json_of(const Breach& breach) {
 Json json_of(const Struck& s) {
   const KindInfo& info = info_of(s.disturbance.kind);
   return {{"kind", info.name},
-          {"round", s.round},
           {"begin_s", s.begin_s},
           {"end_s", s.over ? Json(s.end_s) : Json(nullptr)},
           {"recovery_s", s.recovery_s ? Json(*s.recovery_s) : Json(nullptr)},
@@ -85,13 +40,8 @@ Json json_of(const Struck& s) {
           {"faults", s.disturbance.faults}};
 }
 
-Json json_of(const fakecam::InjectedFault& f) {
-  return {{"fault", f.fault}, {"times", f.times}, {"frames", f.frames}, {"packets", f.packets}};
-}
-
-Json report_json(const SoakRequest& request, Json measured, const SoakResult& result, const Findings& findings) {
-  measured["solver"] = result.solver;
-  measured["others_share_in_quiet"] = result.others_in_quiet;
+Json report_json(const SoakRequest& request, const std::string& command, const SoakResult& result,
+                 const Findings& findings) {
   Json invariants = Json::array();
   for (std::size_t i = 0; i < kInvariants; ++i) {
     invariants.push_back(json_of(static_cast<Invariant>(i), findings.tally(static_cast<Invariant>(i))));
@@ -104,15 +54,19 @@ Json report_json(const SoakRequest& request, Json measured, const SoakResult& re
           {"interrupted", result.interrupted},
           {"seconds", result.seconds},
           {"seed", request.schedule.seed},
-          {"measured", measured},
-          {"not_done", not_done(request.schedule)},
+          {"measured",
+           {{"command", command},
+            {"version", bolo_client_version()},
+            {"machine", machine_words()},
+            {"solver", result.solver},
+            {"others_share_in_quiet", result.others_in_quiet}}},
+          {"no_room_for", list_of(request.schedule.no_room, [](Kind kind) { return info_of(kind).name; })},
           {"invariants", invariants},
           {"breaches", list(findings.breaches())},
           {"frames", result.frames},
-          {"latency_ms", {{"quiet", result.quiet}, {"minutes", result.minutes}}},
+          {"latency_ms", {{"quiet", result.quiet}}},
           {"lives", result.lives},
-          {"disturbances", list(struck)},
-          {"injected", list(result.injected)}};
+          {"disturbances", list(struck)}};
 }
 
 // The schedule, a line for each disturbance.
@@ -128,7 +82,7 @@ std::string schedule_text(const Schedule& schedule) {
   return out;
 }
 
-// What held, then the report without its long lists.
+// What held, then the report without its long list.
 std::string words_of(Json report) {
   std::vector<std::string> unjudged;
   for (const Json& invariant : report["invariants"]) {
@@ -143,7 +97,7 @@ std::string words_of(Json report) {
                                                  : "What was judged held; not judged: " + joined(unjudged) + ".\n";
   const std::string recovery = format("%zu disturbances in %.0f s, the slowest recovery took %.2f s\n",
                                       report["disturbances"].size(), report["seconds"].get<double>(), slowest_s);
-  for (const char* list : {"disturbances", "injected"}) report.erase(list);
+  report.erase("disturbances");
   return verdict + recovery + report_text(report);
 }
 
@@ -153,7 +107,6 @@ struct Request {
   SoakRequest soak;
   fs::path report;
   Replace replace = Replace::kNothing;
-  bool json = false;
 };
 
 cxxopts::Options make_options() {
@@ -162,34 +115,16 @@ cxxopts::Options make_options() {
       "Run a fake camera, bolod and readers for a long time while everything goes wrong that can,\n"
       "and check all the time that every frame is accounted for, every pixel right, and nothing\n"
       "grows. Exit code 1: something did not hold. A daemon of this computer is not touched.\n");
-  add_option<double>(options, "seconds", "How long (default: 120)", nullptr, "S");
-  add_option<double>(options, "minutes", "The same in minutes", nullptr, "M");
+  add_option<double>(options, "minutes", "How long", "2", "M");
   add_option<bool>(options, "shortened", "A small camera (64x24), for a build's checks");
   add_option<std::uint64_t>(options, "seed", "Another one draws other times, orders and sizes", "1", "N");
-  add_option<std::string>(options, "size", "Frames", "640x120", "WxH");
-  add_option<double>(options, "rate", "Frames a second", "200", "HZ");
-  add_option<std::string>(options, "config",
-                          "bolod's configuration; source, name and profile's drop_repeated are the soak's own", "",
-                          "FILE");
   add_option<std::string>(options, "only", "These kinds of trouble only; may be given again (--schedule shows all)",
                           nullptr, "KIND");
-  add_option<double>(options, "latency-ms", "Most that 99 % of the frames of quiet times may take", "100", "MS");
   add_option<std::string>(options, "report", "Folder for report.txt, report.json and the daemon's log", "", "DIR");
   add_option<bool>(options, "schedule", "Print what would happen when, and end");
-  add_option<bool>(options, "json", "Print the report as JSON");
   add_option<std::string>(options, "read", "Be one of the readers of a soak: a daemon's name", nullptr, "NAME");
-  add_option<int>(options, "slow-ms", "With --read: take so long for each frame", "0", "MS");
   add_overwrite_option(options);
   return options;
-}
-
-Result<double> read_seconds(const cxxopts::ParseResult& parsed) {
-  if (parsed.count("seconds") + parsed.count("minutes") > 1) return bad_input("give --seconds or --minutes, not both");
-  double seconds = kDefault_s;
-  if (parsed.count("seconds") != 0) seconds = parsed["seconds"].as<double>();
-  if (parsed.count("minutes") != 0) seconds = parsed["minutes"].as<double>() * 60.0;
-  if (seconds >= kShortest_s && seconds <= kLongest_s) return seconds;
-  return bad_input("a soak takes 10 s to 24 hours");
 }
 
 // All kinds, or those that were named.
@@ -209,20 +144,12 @@ Result<std::set<Kind>> read_kinds(const cxxopts::ParseResult& parsed) {
 
 Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   Request request;
-  request.json = parsed.count("json") != 0;
   request.report = parsed["report"].as<std::string>();
   request.replace = replace_of(parsed);
-  const bool small = parsed.count("shortened") != 0 && parsed.count("size") == 0;
-  DaemonFile& rig = request.soak.rig;
-  ASSIGN_OR_RETURN(rig.geometry,
-                   size_of(small ? "64x24" : parsed["size"].as<std::string>(), "size", {32, 16}, {640, 480}));
-  ASSIGN_OR_RETURN(rig.rate_hz, number_of<double>(parsed, "rate", 20.0, 1000.0));
-  const std::string config = parsed["config"].as<std::string>();
-  if (!config.empty()) rig.base = fs::absolute(config);
-  request.soak.latency_limit_ms = parsed["latency-ms"].as<double>();
-  ASSIGN_OR_RETURN(const auto seconds, read_seconds(parsed));
+  if (parsed.count("shortened") != 0) request.soak.rig.geometry = {64, 24};
+  ASSIGN_OR_RETURN(const double minutes, number_of<double>(parsed, "minutes", 1.0 / 6.0, 1440.0));
   ASSIGN_OR_RETURN(const auto kinds, read_kinds(parsed));
-  request.soak.schedule = draw_schedule({parsed["seed"].as<std::uint64_t>(), seconds, kinds});
+  request.soak.schedule = draw_schedule({parsed["seed"].as<std::uint64_t>(), 60.0 * minutes, kinds});
   return request;
 }
 
@@ -253,26 +180,23 @@ Status soak_and_report(Request& request, const std::string& command) {
   ASSIGN_OR_RETURN(const auto folder, ScratchFolder::make());
   RETURN_IF_ERROR(prepare_report(request));
   request.soak.rig.folder = folder.path();
-  const Json measured = circumstances(request.soak, command);
   Findings findings;
   const auto tell = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
   ASSIGN_OR_RETURN(const auto result, run_soak(request.soak, programs, interrupted(), tell, findings));
-  const Json json = report_json(request.soak, measured, result, findings);
+  const Json json = report_json(request.soak, command, result, findings);
   const std::string text = words_of(json);
   RETURN_IF_ERROR(write_report(request, json, text));
-  std::fputs(request.json ? (json.dump(2) + "\n").c_str() : text.c_str(), stdout);
+  std::fputs(text.c_str(), stdout);
   return findings.all_hold() ? Status{} : failed("something did not hold");
 }
 
 Status evaluate(const cxxopts::ParseResult& parsed, const std::string& command) {
   if (parsed.count("read") != 0) {
-    return read_along(parsed["read"].as<std::string>(), parsed["slow-ms"].as<int>(), interrupted());
+    return read_along(parsed["read"].as<std::string>(), interrupted());
   }
   ASSIGN_OR_RETURN(auto request, read_request(parsed));
   const bool only_schedule = parsed.count("schedule") != 0;
-  if (only_schedule || !request.json) {
-    std::fputs(schedule_text(request.soak.schedule).c_str(), only_schedule ? stdout : stderr);
-  }
+  std::fputs(schedule_text(request.soak.schedule).c_str(), only_schedule ? stdout : stderr);
   return only_schedule ? Status{} : soak_and_report(request, command);
 }
 

@@ -1,11 +1,9 @@
-#include <sys/resource.h>
 #include <unistd.h>
 
-#include <bit>
+#include <ctime>
 #include <fstream>
 #include <sstream>
 
-#include "bolo/shm_layout.h"
 #include "src/core/statistics.hpp"
 #include "tools/lab/soak/verdicts.hpp"
 
@@ -58,17 +56,6 @@ double theil_sen(const std::vector<Reading>& readings) {
     }
   }
   return quantile(slopes, 0.5);
-}
-
-constexpr std::size_t kMinute = 60;  // samples
-
-double own_cpu_s() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_usec) * 1e-6;
-  };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
 constexpr double kSettle_s = 60.0;  // of a daemon, before its memory is looked at
@@ -155,14 +142,10 @@ void Sampler::sample(double now_s, bool quiet) {
   take_flow(second);
   take_usage(second);
   timeline_.push_back(second);
-  if (rig_.degrades()) {
-    const std::uint64_t lost = lost_too_early(timeline_);
-    if (timeline_.size() > 2) {
-      findings_.require(Invariant::kOverload, lost == 0,
-                        std::to_string(lost) + " frames lost for want of time, and none published as it came");
-    }
-  }
-  if (timeline_.size() % kMinute == 0) minutes_.push_back(figures_of(std::exchange(minute_ms_, {})));
+  if (timeline_.size() < 3) return;
+  const std::uint64_t lost = lost_too_early(timeline_);
+  findings_.require(Invariant::kOverload, lost == 0,
+                    std::to_string(lost) + " frames lost for want of time, and none published as it came");
 }
 
 void Sampler::take_flow(Second& second) {
@@ -171,12 +154,10 @@ void Sampler::take_flow(Second& second) {
     second.frames += flow.grades[i];
     sum_.grades[i] += flow.grades[i];
   }
-  for (std::size_t i = 0; i < flow.flags.size(); ++i) sum_.flags[i] += flow.flags[i];
   sum_.missed += flow.missed;
-  second.undone = flow.flags[static_cast<std::size_t>(std::countr_zero(std::uint32_t{BOLO_FLAG_RAW}))];
+  second.undone = flow.undone;
   second.p99_ms = quantile(flow.latency_ms, 0.99);
   if (second.quiet) quiet_ms_.insert(quiet_ms_.end(), flow.latency_ms.begin(), flow.latency_ms.end());
-  minute_ms_.insert(minute_ms_.end(), flow.latency_ms.begin(), flow.latency_ms.end());
   const Counters counters = watcher_.counters();
   second.life = counters.life;
   for (std::size_t c = 0; c < kLossCauses; ++c) second.lost[c] = counters.lost[c] - counted_.lost[c];
@@ -193,7 +174,7 @@ void Sampler::take_usage(Second& second) {
   second.daemon = look(rig_.daemon());
   if (rig_.has_camera()) look(rig_.camera());
   for (Process& reader : rig_.readers()) look(reader);
-  double ours_s = own_cpu_s();
+  double ours_s = static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
   for (const auto& [pid, cpu_s] : cpu_of_) ours_s += cpu_s;
   const double busy = busy_s();
   const double processors = std::max(1U, std::thread::hardware_concurrency());
@@ -206,13 +187,9 @@ void Sampler::take_usage(Second& second) {
 
 void Sampler::finish(SoakResult& result) {
   constexpr std::array kGradeNames{"clean", "sparing", "flagged", "settling", "wrong"};
-  constexpr std::array kFlagNames{"gap", "warm_up", "nuc", "saturated", "jitter", "reduced", "inverse", "raw"};
-  if (!minute_ms_.empty()) minutes_.push_back(figures_of(minute_ms_));
   result.timeline = std::move(timeline_);
-  result.minutes = std::move(minutes_);
   result.frames["unread"] = sum_.missed;
   for (std::size_t i = 0; i < kGrades; ++i) result.frames[kGradeNames[i]] = sum_.grades[i];
-  for (std::size_t bit = 0; bit < kFlagNames.size(); ++bit) result.frames["flags"][kFlagNames[bit]] = sum_.flags[bit];
 }
 
 Json figures_of(const std::vector<double>& latency_ms) {
@@ -238,7 +215,8 @@ std::uint64_t lost_too_early(const std::vector<Second>& timeline) {
   return undone > 0 ? 0 : lost;
 }
 
-void judge_latency(const std::vector<double>& quiet_ms, double limit_ms, SoakResult& result, Findings& findings) {
+void judge_latency(const std::vector<double>& quiet_ms, SoakResult& result, Findings& findings) {
+  constexpr double kLimit_ms = 100.0;
   result.quiet = figures_of(quiet_ms);
   std::vector<double> others;
   for (const Second& second : result.timeline) {
@@ -249,14 +227,15 @@ void judge_latency(const std::vector<double>& quiet_ms, double limit_ms, SoakRes
   const auto figure = [&](const char* key) { return result.quiet[key].get<double>(); };
   const std::string text =
       plot::format("p50 %.2f, p99 %.2f, max %.1f ms of %zu frames in quiet times; limit of p99 %.0f ms%s",
-                   figure("p50"), figure("p99"), figure("max"), quiet_ms.size(), limit_ms,
+                   figure("p50"), figure("p99"), figure("max"), quiet_ms.size(), kLimit_ms,
                    busy ? ", not judged: other programs take the processors" : "");
   findings.figure(Invariant::kLatency, text);
   if (busy || quiet_ms.empty()) return;
-  findings.require(Invariant::kLatency, figure("p99") <= limit_ms, text);
+  findings.require(Invariant::kLatency, figure("p99") <= kLimit_ms, text);
 }
 
-void judge_growth(double limit_mib, SoakResult& result, Findings& findings) {
+void judge_growth(SoakResult& result, Findings& findings) {
+  constexpr double kLimit_mib = 1.0;
   std::map<int, Life> lives;
   for (const Second& second : result.timeline) {
     if (second.daemon) lives[second.life].push_back(&second);
@@ -277,10 +256,10 @@ void judge_growth(double limit_mib, SoakResult& result, Findings& findings) {
       findings.require(invariant, !grows(growth, span_s, limit), text);
     };
     const double memory_s = lasted_s - kSettle_s;
-    judge(Invariant::kMemory, "rss_mib", growth_of_life(life, kSettle_s, false, &Usage::rss_mib), memory_s, limit_mib,
+    judge(Invariant::kMemory, "rss_mib", growth_of_life(life, kSettle_s, false, &Usage::rss_mib), memory_s, kLimit_mib,
           "resident memory, MiB,");
     judge(Invariant::kMemory, "private_mib", growth_of_life(life, kSettle_s, false, &Usage::private_mib), memory_s,
-          limit_mib, "private memory, MiB,");
+          kLimit_mib, "private memory, MiB,");
     judge(Invariant::kDescriptors, "threads", growth_of_life(life, settle_s, true, &Usage::threads),
           lasted_s - settle_s, kMostThreads, "threads");
     judge(Invariant::kDescriptors, "descriptors", growth_of_life(life, settle_s, true, &Usage::descriptors),

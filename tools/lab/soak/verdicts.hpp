@@ -80,23 +80,19 @@ struct SoakResult {
   bool interrupted = false;
   std::vector<Struck> struck;
   std::vector<Second> timeline;
-  Json minutes = Json::array();  // latencies of each
-  Json quiet;                    // and of quiet times
+  Json quiet;  // latencies of quiet times
   double others_in_quiet = 0.0;
   Json lives = Json::array();  // what grew in each life of the daemon
   // From the first mark to the last: frames that the camera passed (numbers that it skipped included) and sent, those
-  // published and lost by cause, those sent while nobody listened, how often both books were compared; by grade and
-  // flag; and those unread, published but overwritten before the soak read them.
+  // published and lost by cause, those sent while nobody listened, how often both books were compared; by grade; and
+  // those unread, published but overwritten before the soak read them.
   Json frames;
-  std::vector<fakecam::InjectedFault> injected;
   std::string solver;
 };
 
 struct SoakRequest {
   DaemonFile rig;
   Schedule schedule;
-  double latency_limit_ms = 100.0;  // of 99 % of the frames of quiet times
-  double growth_limit_mib = 1.0;
 };
 
 // `progress` gets a line every few seconds. The findings outlive the call. An error: it could not be set up.
@@ -116,7 +112,7 @@ class Sampler {
 
   const std::vector<Second>& timeline() const noexcept { return timeline_; }
   const std::vector<double>& quiet_ms() const noexcept { return quiet_ms_; }  // latencies of quiet times
-  // Hands over the timeline, the minutes and the counts.
+  // Hands over the timeline and the counts.
   void finish(SoakResult& result);
 
  private:
@@ -127,8 +123,6 @@ class Sampler {
   Watcher& watcher_;
   Findings& findings_;
   std::vector<Second> timeline_;
-  Json minutes_ = Json::array();
-  std::vector<double> minute_ms_;
   std::vector<double> quiet_ms_;
   Flow sum_;             // without latencies
   Counters counted_;     // at the last sample
@@ -153,8 +147,8 @@ double others_since(const std::vector<Second>& timeline, double from_s);
 std::uint64_t lost_too_early(const std::vector<Second>& timeline);
 
 // Fill in the result's figures and judge them. Thread: any.
-void judge_latency(const std::vector<double>& quiet_ms, double limit_ms, SoakResult& result, Findings& findings);
-void judge_growth(double limit_mib, SoakResult& result, Findings& findings);
+void judge_latency(const std::vector<double>& quiet_ms, SoakResult& result, Findings& findings);
+void judge_growth(SoakResult& result, Findings& findings);
 
 // --- The soak's own bookkeeping: finds moments at which camera's and daemon's books can be compared, and compares
 // them.

@@ -5,7 +5,6 @@
 #include <zlib.h>
 
 #include "bolo/shm_layout.h"
-#include "src/core/byte_order.hpp"
 #include "src/core/clock.hpp"
 #include "tools/lab/eval/faults.hpp"
 #include "tools/lab/soak/watcher.hpp"
@@ -16,12 +15,12 @@ namespace {
 constexpr std::uint64_t kFirstId = 100;
 constexpr const char* kSerial = "SOAK";
 
-// CRC-32 of the upper pixels, less the first one.
-std::uint32_t checksum(const std::uint16_t* plane, std::size_t upper, std::vector<std::uint16_t>& differences) {
-  differences.resize(upper);
-  for (std::size_t i = 0; i < upper; ++i) differences[i] = static_cast<std::uint16_t>(plane[i] - plane[0]);
+// CRC-32 of all pixels, less the first one: an offset of all does not matter.
+std::uint32_t checksum(const std::uint16_t* plane, std::size_t pixels, std::vector<std::uint16_t>& differences) {
+  differences.resize(pixels);
+  for (std::size_t i = 0; i < pixels; ++i) differences[i] = static_cast<std::uint16_t>(plane[i] - plane[0]);
   return static_cast<std::uint32_t>(
-      crc32_z(0, reinterpret_cast<const unsigned char*>(differences.data()), upper * sizeof(differences[0])));
+      crc32_z(0, reinterpret_cast<const unsigned char*>(differences.data()), pixels * sizeof(differences[0])));
 }
 
 Status write(const Recording& scene, const std::filesystem::path& file) {
@@ -31,7 +30,7 @@ Status write(const Recording& scene, const std::filesystem::path& file) {
   info.camera_serial = kSerial;
   ASSIGN_OR_RETURN(auto writer, capture::CaptureWriter::create(file, info));
   for (std::size_t k = 0; k < scene.planes.size(); ++k) {
-    const double t_s = static_cast<double>(k + 1) * scene.format.frame_period_s;
+    const double t_s = kFirst_s + static_cast<double>(k) * scene.format.frame_period_s;
     RETURN_IF_ERROR(writer.append(t_s, kFirstId + k, scene.planes[k].data()));
   }
   return writer.close();
@@ -50,34 +49,22 @@ Result<Truth::Planes> deblurred_loop(const Recording& scene, const pipeline::Pip
 
 }  // namespace
 
-Truth::Truth(Geometry geometry, Planes raw, Planes deblurred)
-    : geometry_(geometry),
-      upper_(Geometry{geometry.width, std::max(1, geometry.height - kRowsBelow)}.pixels()),
-      raw_(std::move(raw)),
-      deblurred_(std::move(deblurred)) {
-  Scratch scratch;
+Truth::Truth(Planes raw, Planes deblurred) : raw_(std::move(raw)), deblurred_(std::move(deblurred)) {
+  std::vector<std::uint16_t> scratch;
   for (std::size_t k = 0; k < raw_.size(); ++k) {
-    by_upper_.emplace(checksum(raw_[k].data(), upper_, scratch.differences), k);
+    by_checksum_.emplace(checksum(raw_[k].data(), raw_[k].size(), scratch), k);
   }
 }
 
-std::optional<Recognised> Truth::recognise(const std::uint16_t* raw, Scratch& scratch) const {
-  if (auto found = find(raw, false, scratch)) return found;
-  scratch.unswapped.resize(geometry_.pixels());
-  for (std::size_t i = 0; i < scratch.unswapped.size(); ++i) scratch.unswapped[i] = swap_bytes(raw[i]);
-  return find(scratch.unswapped.data(), true, scratch);
-}
-
-std::optional<Recognised> Truth::find(const std::uint16_t* raw, bool swapped, Scratch& scratch) const {
-  const auto found = by_upper_.find(checksum(raw, upper_, scratch.differences));
-  if (found == by_upper_.end()) return std::nullopt;
+std::optional<Recognised> Truth::recognise(const std::uint16_t* raw, std::vector<std::uint16_t>& scratch) const {
+  const auto found = by_checksum_.find(checksum(raw, raw_.front().size(), scratch));
+  if (found == by_checksum_.end()) return std::nullopt;
   const std::vector<std::uint16_t>& expected = raw_[found->second];
-  const auto same = [by = raw[0] - expected[0]](std::uint16_t seen, std::uint16_t value) {
+  const auto same = [by = raw[0] - expected[0]](std::uint16_t value, std::uint16_t seen) {
     return seen == static_cast<std::uint16_t>(value + by);
   };
-  if (!std::equal(raw, raw + upper_, expected.begin(), same)) return std::nullopt;
-  const bool metadata = !std::equal(raw + upper_, raw + expected.size(), expected.data() + upper_, same);
-  return Recognised{found->second, {raw[0] - expected[0], swapped, metadata}};
+  if (!std::equal(expected.begin(), expected.end(), raw, same)) return std::nullopt;
+  return Recognised{found->second, raw[0] - expected[0]};
 }
 
 bool Truth::right(const std::uint16_t* deblurred, std::size_t index, int offset) const {
@@ -104,7 +91,7 @@ Result<Truth> make_scene(Geometry geometry, double rate_hz, std::size_t frames,
     raw.emplace_back(geometry.pixels());
     std::memcpy(raw.back().data(), bytes.data(), bytes.size());
   }
-  return Truth(geometry, std::move(raw), std::move(deblurred));
+  return Truth(std::move(raw), std::move(deblurred));
 }
 
 namespace {
@@ -113,13 +100,6 @@ constexpr std::uint32_t kSparingFlags = BOLO_FLAG_REDUCED | BOLO_FLAG_INVERSE | 
 
 std::string of(const Shown& frame) {
   return "frame " + std::to_string(frame.number) + " (id " + std::to_string(frame.frame_id) + ")";
-}
-
-std::string text_of(const Manner& manner) {
-  std::string text = "offset " + std::to_string(manner.offset);
-  if (manner.swapped) text += ", bytes swapped";
-  if (manner.metadata) text += ", other last rows";
-  return text;
 }
 
 constexpr int kOpenLimit_ms = 30'000;
@@ -145,14 +125,14 @@ Grade FrameJudge::judge(const Shown& frame) {
   if (!seen) {
     findings_.broken(Invariant::kRaw, of(frame) + ": its raw plane is none of the capture's");
     settled_ = 0;
-  } else if (!allowed(seen->manner)) {
+  } else if (seen->offset != 0 && seen->offset != allowed_) {
     findings_.broken(Invariant::kRaw, of(frame) + ": the capture's frame " + std::to_string(seen->index) +
-                                          ", but with " + text_of(seen->manner) + ", which no fault asked for");
+                                          ", but with offset " + std::to_string(seen->offset) +
+                                          ", which no fault asked for");
     settled_ = 0;
   } else {
     follow(frame, *seen);
-    const bool right = !seen->manner.swapped && !seen->manner.metadata &&
-                       truth_.right(frame.deblurred, seen->index, seen->manner.offset);
+    const bool right = truth_.right(frame.deblurred, seen->index, seen->offset);
     if (frame.flags != 0) {
       grade = (frame.flags & ~kSparingFlags) == 0 ? Grade::kSparing : Grade::kFlagged;
     } else if (right) {
@@ -188,20 +168,14 @@ void FrameJudge::check_order(const Shown& frame) {
   }
 }
 
-bool FrameJudge::allowed(const Manner& manner) const noexcept {
-  return (!manner.swapped || allowed_.swapped) && (!manner.metadata || allowed_.metadata) &&
-         (manner.offset == 0 || manner.offset == allowed_.offset);
-}
-
 // Lost frames must be flagged; what is excused is what cannot be told from the frames that came: other pixels, and a
 // counter that jumps while the scene and the clock go on.
 void FrameJudge::follow(const Shown& frame, const Recognised& seen) noexcept {
-  const bool plain = !seen.manner.swapped && !seen.manner.metadata;
-  const bool alike = before_ && before_->manner == seen.manner;
+  const bool alike = before_ && before_->offset == seen.offset;
   const bool next = before_ && (before_->index + 1) % truth_.frames() == seen.index;
   const bool jumped = next && last_ && frame.frame_id != last_->frame_id + 1;
   const bool unseen = frame.missed > 0;
-  settled_ = plain && alike && !jumped && !unseen ? settled_ + 1 : 0;
+  settled_ = alike && !jumped && !unseen ? settled_ + 1 : 0;
 }
 
 bool settled(const std::deque<Position>& seen, std::size_t at) {
@@ -268,7 +242,7 @@ void Watcher::take(const shm::BorrowedFrame& frame, std::uint64_t missed) {
   const Grade grade = judge_.judge({frame.number, missed + std::exchange(unread_, 0), head.frame_id, head.camera_ns,
                                     head.receive_ns, head.publish_ns, head.flags, raw_.data(), deblurred_.data()});
   ++flow_.grades[static_cast<std::size_t>(grade)];
-  for (std::size_t bit = 0; bit < flow_.flags.size(); ++bit) flow_.flags[bit] += head.flags >> bit & 1U;
+  flow_.undone += (head.flags & BOLO_FLAG_RAW) != 0 ? 1U : 0U;
   flow_.latency_ms.push_back(static_cast<double>(head.publish_ns - head.receive_ns) * kMsPerNs);
   note_good(grade, head.publish_ns);
   const double gap_s = static_cast<double>(head.publish_ns - last_publish_ns_) / kNsPerSecond;

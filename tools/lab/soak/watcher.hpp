@@ -12,37 +12,26 @@ namespace bolo::tools::soak {
 
 // --- Every plane that bolod may publish.
 
-// How a camera that fails shows a frame.
-struct Manner {
-  int offset = 0;         // of all pixels, counts: a shutter's
-  bool swapped = false;   // the bytes of each pixel
-  bool metadata = false;  // the last rows are no pixels
-
-  bool operator==(const Manner&) const = default;
-};
-
 struct Recognised {
   std::size_t index = 0;  // in the capture
-  Manner manner;
+  int offset = 0;         // of all pixels, counts: a shutter's
 };
 
-inline constexpr int kRowsBelow = 3;
 inline constexpr double kShutterOffset_k = 0.5;
+// Of the capture's first frame, and so of each stream's: a clock that jumped back is still above 0, where it would
+// stand.
+inline constexpr double kFirst_s = 10.0;
 
 class Truth {
  public:
   using Planes = std::vector<std::vector<std::uint16_t>>;
-  struct Scratch {
-    std::vector<std::uint16_t> differences;  // from the first pixel: an offset of all does not matter
-    std::vector<std::uint16_t> unswapped;
-  };
 
   // `deblurred`: of the same frames in an endless loop; empty: not known. Thread: setup.
-  Truth(Geometry geometry, Planes raw, Planes deblurred);
+  Truth(Planes raw, Planes deblurred);
 
-  // The frame of the capture that this plane is, value by value, however the camera shows it.
+  // The frame of the capture that this plane is, value by value but for an offset of all.
   // `scratch`: memory to work in, the caller's. Thread: any.
-  std::optional<Recognised> recognise(const std::uint16_t* raw, Scratch& scratch) const;
+  std::optional<Recognised> recognise(const std::uint16_t* raw, std::vector<std::uint16_t>& scratch) const;
 
   // Whether this is what an undisturbed run makes of the capture's frame; with an offset, within its rounding.
   // Thread: any.
@@ -51,12 +40,8 @@ class Truth {
   std::size_t frames() const noexcept { return raw_.size(); }
 
  private:
-  std::optional<Recognised> find(const std::uint16_t* raw, bool swapped, Scratch& scratch) const;
-
-  Geometry geometry_;
-  std::size_t upper_;  // pixels above the last rows
   Planes raw_;
-  std::unordered_map<std::uint32_t, std::size_t> by_upper_;  // frames by the checksum of these
+  std::unordered_map<std::uint32_t, std::size_t> by_checksum_;  // of a plane less its first pixel
   Planes deblurred_;
 };
 
@@ -89,13 +74,6 @@ enum class Grade {
 
 inline constexpr std::size_t kGrades = 5;
 
-// What the camera may show now; everything else is wrong.
-struct Allowed {
-  bool swapped = false;
-  bool metadata = false;
-  int offset = 0;  // besides none
-};
-
 // Thread: one at a time.
 class FrameJudge {
  public:
@@ -105,19 +83,19 @@ class FrameJudge {
 
   // Another daemon: its numbers begin anew.
   void begin_life() noexcept;
-  void allow(const Allowed& allowed) noexcept { allowed_ = allowed; }
+  // The offset that the camera may show now, besides none; everything else is wrong.
+  void allow(int offset) noexcept { allowed_ = offset; }
   Grade judge(const Shown& frame);
 
  private:
   void check_order(const Shown& frame);
-  bool allowed(const Manner& manner) const noexcept;
   void follow(const Shown& frame, const Recognised& seen) noexcept;
 
   const Truth& truth_;
-  Truth::Scratch scratch_;
+  std::vector<std::uint16_t> scratch_;
   int window_;
   Findings& findings_;
-  Allowed allowed_;
+  int allowed_ = 0;
   std::optional<Shown> last_;  // its planes are gone
   std::optional<Recognised> before_;
   int settled_ = 0;  // frames since a fault that leaves no mark on the frames after it
@@ -146,7 +124,7 @@ bool settled(const std::deque<Position>& seen, std::size_t at);
 // What was seen since the last look.
 struct Flow {
   std::array<std::uint64_t, kGrades> grades{};  // frames, by Grade
-  std::array<std::uint64_t, 32> flags{};        // frames, by the flag's bit
+  std::uint64_t undone = 0;                     // frames published as they came, for too many were waiting
   std::vector<double> latency_ms;               // received to published
   std::uint64_t missed = 0;
 };
@@ -180,8 +158,8 @@ class Watcher {
   Watcher& operator=(const Watcher&) = delete;
 
   // Thread: any.
-  void allow(const Allowed& allowed) {
-    locked([&] { judge_.allow(allowed); });
+  void allow(int offset) {
+    locked([&] { judge_.allow(offset); });
   }
   Flow take_flow() {
     return locked([&] { return std::exchange(flow_, {}); });

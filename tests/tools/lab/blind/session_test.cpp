@@ -64,14 +64,6 @@ TEST(BlindSession, OnlyOneEffectWhenAskedFor) {
   expect_refused(draw_session({.only = "no_such_effect"}, Kind::kSingle, 0), {"no_such_effect"});
 }
 
-TEST(BlindSession, AWeakerEffectIsNearerToNothing) {
-  const sim::EffectSpec tau{"tau_global", "", {{"scale", 1.2}}};
-  EXPECT_NEAR(weakened(tau, 0.1).values.at("scale"), 1.02, 1e-12);
-  const sim::EffectSpec delay{"row_delay", "", {{"row_delay_s", 3e-5}}};
-  EXPECT_NEAR(weakened(delay, 0.33).values.at("row_delay_s"), 0.99e-5, 1e-12);
-  EXPECT_EQ(weakened(delay, 1.0), delay);
-}
-
 TEST(BlindSession, SixCapturesThatSayNothingInTheirNames) {
   const Session session = drawn(Kind::kSingle, 1);
   ASSERT_EQ(session.captures.size(), 6U);

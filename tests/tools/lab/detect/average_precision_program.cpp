@@ -1,5 +1,5 @@
-// Scores what it reads, for average_precision_test.py: numbers in, one line of numbers out.
-//   labels images least_area most_area, then for each image: truths detections,
+// Scores what it reads, for average_precision_test.py: numbers in, the average precision out.
+//   labels images, then for each image: truths detections,
 //   truths as `label kind x y w h`, detections as `label score x y w h`.
 #include <cstdio>
 #include <iostream>
@@ -10,8 +10,7 @@ int main() {
   using namespace bolo::tools::detect;
   int labels = 0;
   std::size_t images = 0;
-  ApSettings settings;
-  std::cin >> labels >> images >> settings.least_area_px2 >> settings.most_area_px2;
+  std::cin >> labels >> images;
   std::vector<ImageBoxes> boxes(images);
   for (ImageBoxes& image : boxes) {
     std::size_t truths = 0;
@@ -29,8 +28,5 @@ int main() {
     }
   }
   if (!std::cin) return 1;
-  const ApScore score = Evaluator(boxes, labels, settings).score();
-  std::printf("%.17g %.17g %.17g", score.total.ap, score.total.ap50, score.total.ap75);
-  for (const ClassScore& one : score.classes) std::printf(" %.17g", one.ap);
-  std::printf("\n");
+  std::printf("%.17g\n", Evaluator(boxes, labels).score().ap);
 }

@@ -11,14 +11,6 @@ TEST(Picture, LevelsAreThoseOfAVideo) {
   EXPECT_EQ(levels_of(kelvin, 285.0, 310.0), (Levels{0, 0, 133, 255, 255}));
 }
 
-TEST(Picture, StretchesOrKeepsItsShape) {
-  const Fit stretched = fit_of({640, 480}, {320, 320}, Resize::kStretch);
-  EXPECT_DOUBLE_EQ(stretched.scale_x, 0.5);
-  EXPECT_NEAR(stretched.scale_y, 2.0 / 3.0, 1e-12);
-  const Fit boxed = fit_of({640, 480}, {320, 320}, Resize::kLetterbox);
-  EXPECT_EQ(boxed.to_picture({10, 50, 20, 30}), (Box{20, 20, 40, 60}));
-}
-
 TEST(Picture, BecomesChannelsInOrderAndScale) {
   DetectorDescription d;
   d.input = {4, 2};
@@ -41,11 +33,6 @@ TEST(Picture, IsResizedBetweenTheCentresOfPixels) {
   const Tensor twice = input_of({0, 100, 200, 40}, {2, 2}, d);
   EXPECT_EQ(std::vector<float>(twice.values.begin(), twice.values.begin() + 4), (std::vector<float>{0, 25, 75, 100}));
   EXPECT_FLOAT_EQ(twice.values[4], 50.0F);
-  d.resize = Resize::kLetterbox;
-  const Tensor boxed = input_of({10, 20}, {2, 1}, d);  // grey, two rows, grey
-  EXPECT_FLOAT_EQ(boxed.values[0], 128.0F);
-  EXPECT_FLOAT_EQ(boxed.values[4], 10.0F);
-  EXPECT_FLOAT_EQ(boxed.values[12], 128.0F);
 }
 
 TEST(DecodeYolo, ReadsRowsOfEveryOutput) {

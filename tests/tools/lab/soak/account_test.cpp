@@ -83,21 +83,6 @@ TEST(SoakAccount, AnotherDaemonsNumbersAreNotCompared) {
   EXPECT_EQ(findings.tally(Invariant::kAccount).looks, 0U);
 }
 
-TEST(SoakAccount, FindsInjectedLossesThatAreNotCounted) {
-  Mark to = after(first());
-  to.must_be_lost = 11;
-  EXPECT_EQ(Judged(to).tally(Invariant::kInjected).broken, 1U);
-}
-
-TEST(SoakAccount, LostPacketsAreHadAgainUnlessRequestsAreNotAnswered) {
-  const std::vector<fakecam::InjectedFault> injected{{"loss:at=1,for=1,rate=0.1", 0, 5, 7},
-                                                     {"resend_unanswered:at=3,for=1", 0, 0, 9},
-                                                     {"loss:at=3,for=1,rate=0.1", 0, 11, 12},
-                                                     {"stall:at=5", 1, 40, 0},
-                                                     {"reorder:at=6", 0, 9, 9}};
-  EXPECT_EQ(must_be_lost(injected), 11U + 40U);
-}
-
 TEST(SoakCameraBook, SumsOverCameras) {
   CameraBook book;
   book.begin();
@@ -120,7 +105,6 @@ TEST(SoakCameraBook, SumsOverCameras) {
   book.add(account);
   EXPECT_EQ(book.mark().passed, 107U);
   EXPECT_EQ(book.mark().streams, 2U);
-  EXPECT_EQ(book.mark().must_be_lost, 5U);
   EXPECT_EQ(book.mark().camera, 1);
 }
 

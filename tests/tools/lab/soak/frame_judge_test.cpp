@@ -1,6 +1,5 @@
 // The judgement of single frames: that it sees what is wrong, and excuses what is not.
 #include "bolo/shm_layout.h"
-#include "src/core/byte_order.hpp"
 #include "tests/test.hpp"
 #include "tools/lab/soak/watcher.hpp"
 
@@ -24,7 +23,7 @@ Truth truth() {
     raw.push_back(raw_plane(k));
     deblurred.emplace_back(kGeometry.pixels(), static_cast<std::uint16_t>(1000 + k));
   }
-  return Truth(kGeometry, raw, deblurred);
+  return Truth(raw, deblurred);
 }
 
 // How a frame differs from the one that is due.
@@ -113,31 +112,21 @@ TEST_F(SoakFrameJudge, SeesASingleWrongPixelOfASharpPlaneUnlessItsFlagSaysSo) {
 }
 
 TEST_F(SoakFrameJudge, ExcusesAWindowAfterWhatCannotBeTold) {
-  judge_.allow({.swapped = true});
   settle();
-  spoil_ = [&] {
-    for (std::uint16_t& value : raw_) value = swap_bytes(value);
-  };
-  EXPECT_EQ(show(), Grade::kSettling);
+  ++id_;  // the camera's counter jumps, its scene and clock go on
   spoil_ = [&] { deblurred_[7] += 1; };
   for (int i = 0; i < kWindow; ++i) EXPECT_EQ(show(), Grade::kSettling);
   EXPECT_EQ(show(), Grade::kWrong);
 }
 
-TEST_F(SoakFrameJudge, BelievesNoFaultThatNobodyAskedFor) {
+TEST_F(SoakFrameJudge, BelievesNoOffsetThatNobodyAskedFor) {
   settle();
   EXPECT_EQ(show({.offset = 50}), Grade::kWrong);
-  spoil_ = [&] {
-    for (std::uint16_t& value : raw_) value = swap_bytes(value);
-  };
-  EXPECT_EQ(show(), Grade::kWrong);
-  spoil_ = [&] { raw_.back() = 0; };
-  EXPECT_EQ(show(), Grade::kWrong);
-  EXPECT_EQ(broken(Invariant::kRaw), 3U);
+  EXPECT_EQ(broken(Invariant::kRaw), 1U);
 }
 
 TEST_F(SoakFrameJudge, FollowsAShuttersOffset) {
-  judge_.allow({.offset = 50});
+  judge_.allow(50);
   settle();
   for (int i = 0; i <= kWindow; ++i) show({.offset = 50});
   EXPECT_EQ(show({.offset = 50}), Grade::kClean);

@@ -25,14 +25,14 @@ std::uint64_t broken_by(Invariant invariant, void (*change)(Second&)) {
   SoakResult result = ten_minutes();
   for (Second& second : result.timeline) change(second);
   Findings findings;
-  judge_growth(1.0, result, findings);
+  judge_growth(result, findings);
   return findings.tally(invariant).broken;
 }
 
 TEST(SoakVerdicts, NothingGrowsInAQuietDaemon) {
   SoakResult result = ten_minutes();
   Findings findings;
-  judge_growth(1.0, result, findings);
+  judge_growth(result, findings);
   EXPECT_TRUE(findings.all_hold());
   EXPECT_EQ(findings.tally(Invariant::kMemory).looks, 2U);
   ASSERT_EQ(result.lives.size(), 1U);
@@ -56,7 +56,7 @@ TEST(SoakVerdicts, AnotherDaemonIsAnotherLife) {
     result.timeline[i].daemon->rss_mib += 50.0;
   }
   Findings findings;
-  judge_growth(1.0, result, findings);
+  judge_growth(result, findings);
   EXPECT_TRUE(findings.all_hold());
   EXPECT_EQ(result.lives.size(), 2U);
 }
@@ -66,7 +66,7 @@ TEST(SoakVerdicts, LatencyIsJudgedWhereNothingElseRuns) {
   std::vector<double> quiet_ms(1000, 3.0);
   const auto judged = [&] {
     Findings findings;
-    judge_latency(quiet_ms, 100.0, result, findings);
+    judge_latency(quiet_ms, result, findings);
     return findings.tally(Invariant::kLatency);
   };
   EXPECT_EQ(judged().looks, 1U);
@@ -126,14 +126,14 @@ TEST(SoakGrowth, IsFoundWhereItIsSteady) {
 
 TEST(SoakLog, TellsLinesApart) {
   const auto line = [](const std::string& rest) { return classify("2026-11-22 10:00:00.123 " + rest); };
-  EXPECT_EQ(line("info: frames arrive"), LogLine::kUsual);
-  EXPECT_EQ(line("warning: camera lost (no answer)"), LogLine::kWarning);
+  EXPECT_EQ(line("info: frames arrive"), LogLine::kFine);
+  EXPECT_EQ(line("warning: camera lost (no answer)"), LogLine::kFine);
   EXPECT_EQ(line("error: reload: bolod.toml:3: no such key; all stays as it was"), LogLine::kRefusedReload);
   EXPECT_EQ(line("error: no signs of life to the watchdog: hangs"), LogLine::kNoLife);
-  EXPECT_EQ(line("error: the disk burns"), LogLine::kError);
-  EXPECT_EQ(classify("bolod: no camera answers"), LogLine::kNoStart);
-  EXPECT_EQ(classify("Segmentation fault"), LogLine::kForeign);
-  EXPECT_EQ(classify(""), LogLine::kForeign);
+  EXPECT_EQ(line("error: the disk burns"), LogLine::kWrong);
+  for (const char* foreign : {"bolod: no camera answers", "Segmentation fault", ""}) {
+    EXPECT_EQ(classify(foreign), LogLine::kWrong);
+  }
 }
 
 TEST(SoakProcess, TellsHowItEnded) {
