@@ -3,7 +3,7 @@
 #pragma once
 
 #include "tools/lab/detect/detector.hpp"
-#include "tools/lab/eval/fidelity_data.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 
 namespace bolo::tools::detect {
 

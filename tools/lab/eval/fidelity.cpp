@@ -13,7 +13,7 @@ namespace {
 
 constexpr const char* kSummary =
     R"(Which estimator is good where: the RMSE of every column in every cell, as it is and after the best shift of each
-frame (which takes out lag), and the noise in flat tiles.
+frame (which takes out lag), edges' width from 10 to 90 %, and the noise in flat tiles.
 
 A cell is a scene, a motion, a noise and a look-ahead. All columns see the same simulated frames (microbolometer with
 tau 11 ms, 200 frames/s, 10 mK steps) and are judged on the same targets against the instantaneous temperature at the
@@ -23,9 +23,9 @@ lambda ("setting") are picked with the truth.
 --json prints one object:
   settings   crop, frames, stride, seed
   columns    [{name, words}]
-  cells      [{scene, motion, noise_k, lookahead, columns: {NAME: {rmse_k, shifted_rmse_k, flat_noise_k, setting}
-             or {skipped: why}}}]
-A measure that cannot be taken is null.)";
+  cells      [{scene, motion, noise_k, lookahead, truth_edge_width_px, columns: {NAME: {rmse_k, edge_width_px,
+             shifted_rmse_k, flat_noise_k, setting} or {skipped: why}}}]
+A measure that cannot be taken (no clear edge) is null.)";
 
 template <typename T>
 Status all_within(const std::vector<T>& values, const char* option, T low, T high) {

@@ -100,6 +100,7 @@ Result<Json> evaluate(const Sequence& s, int lookahead) {
               {"motion", s.clean->task.motion.label()},
               {"noise_k", s.noise_k},
               {"lookahead", lookahead},
+              {"truth_edge_width_px", edge_width(truth, truth, s.clean->task.crop)},
               {"columns", std::move(columns)}};
 }
 

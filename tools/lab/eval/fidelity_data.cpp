@@ -1,4 +1,4 @@
-#include "tools/lab/eval/fidelity_data.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 
 #include <algorithm>
 #include <memory>

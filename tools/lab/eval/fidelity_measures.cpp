@@ -3,16 +3,77 @@
 #include <Eigen/Dense>
 
 #include "src/core/statistics.hpp"
-#include "tools/lab/eval/fidelity_data.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 using Picture = Eigen::Array<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 Picture picture_of(std::span<const float> plane, Geometry g) {
   using Floats = Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   return Eigen::Map<const Floats>(plane.data(), g.height, g.width).cast<double>();
+}
+
+// A place where the truth steps from one level to another along a row, between columns x and x + 1.
+struct Edge {
+  int x = 0;
+  int y = 0;
+  double left_k = 0.0;
+  double right_k = 0.0;
+};
+
+int reach_of(Geometry g) { return std::min(32, g.width / 4); }
+
+// The steepest steps of a plane, at most one in 200 pixels: each more than half of what separates the levels on its
+// sides (columns 2 to 4 from it), and so far from others that a trail fits in.
+std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
+  constexpr int kAlone = 16;  // columns
+  const int reach = reach_of(g);
+  std::vector<std::pair<double, Edge>> found;
+  for (int y = 0; y < g.height; ++y) {
+    const auto value = [&](int x) { return static_cast<double>(truth[at(g, x, y)]); };
+    for (int x = reach; x + 1 + reach < g.width; ++x) {
+      const Edge edge{x, y, (value(x - 1) + value(x - 2) + value(x - 3)) / 3.0,
+                      (value(x + 2) + value(x + 3) + value(x + 4)) / 3.0};
+      const double rise = edge.right_k - edge.left_k;
+      const double step = value(x + 1) - value(x);
+      bool alone = step * rise > 0.0 && std::abs(step) > 0.5 * std::abs(rise);
+      for (int d = 2; alone && d <= std::min(kAlone, reach); ++d) {
+        alone = std::abs(value(x + 1 - d) - edge.left_k) <= 0.25 * std::abs(rise) &&
+                std::abs(value(x + d) - edge.right_k) <= 0.25 * std::abs(rise);
+      }
+      if (alone) found.emplace_back(std::abs(step), edge);
+    }
+  }
+  std::ranges::sort(found, std::greater(), &std::pair<double, Edge>::first);
+  found.resize(std::min(found.size(), std::max<std::size_t>(1, g.pixels() / 200)));
+  std::vector<Edge> edges;
+  for (const auto& [step, edge] : found) edges.push_back(edge);
+  return edges;
+}
+
+// From 10 to 90 % of a profile around its half-way crossing that is nearest to the middle, linear between pixels.
+double rise_of(const std::vector<double>& profile) {
+  const auto size = static_cast<std::ptrdiff_t>(profile.size());
+  const auto crossing = [&](std::ptrdiff_t from, int direction, double level) {
+    for (auto p = profile.begin() + from; p + direction >= profile.begin() && p + direction < profile.end();
+         p += direction) {
+      const double next = *(p + direction);
+      if ((*p - level) * (next - level) <= 0.0 && next != *p) {
+        return static_cast<double>(p - profile.begin()) + direction * (level - *p) / (next - *p);
+      }
+    }
+    return kNan;
+  };
+  std::ptrdiff_t best = -size;
+  for (std::ptrdiff_t i = 0; i + 1 < size; ++i) {
+    const bool passes = profile[static_cast<std::size_t>(i)] < 0.5 && profile[static_cast<std::size_t>(i + 1)] >= 0.5;
+    if (passes && std::abs(2 * i + 2 - size) < std::abs(2 * best + 2 - size)) best = i;
+  }
+  return best < 0 ? kNan : crossing(best, 1, 0.9) - crossing(best + 1, -1, 0.1);
 }
 
 // What a shift of the truth by d (x, y) leaves of an estimate, and the step that Gauss and Newton would take from
@@ -94,6 +155,23 @@ double rmse(const Planes& estimate, const Planes& truth) {
   return sum.count > 0 ? sum.root_mean() : 0.0;
 }
 
+double edge_width(const Planes& estimate, const Planes& truth, Geometry g) {
+  const int reach = reach_of(g);
+  std::vector<std::vector<double>> values(static_cast<std::size_t>(2 * reach + 2));
+  for (std::size_t k = 0; k < truth.size(); ++k) {
+    for (const Edge& edge : strongest_edges(truth[k], g)) {
+      for (int i = 0; i < 2 * reach + 2; ++i) {
+        const double v = static_cast<double>(estimate[k][at(g, edge.x - reach + i, edge.y)]);
+        values[static_cast<std::size_t>(i)].push_back((v - edge.left_k) / (edge.right_k - edge.left_k));
+      }
+    }
+  }
+  if (values.front().empty()) return kNan;
+  std::vector<double> profile(values.size());
+  std::ranges::transform(values, profile.begin(), median<double>);
+  return rise_of(profile);
+}
+
 double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry g) {
   double sum = 0.0;
   for (std::size_t k = 0; k < truth.size(); ++k) sum += best_shifted_error(estimate[k], truth[k], g);
@@ -116,7 +194,7 @@ double flat_noise(const Planes& estimate, const Planes& truth, Geometry g) {
       }
     }
   }
-  if (tiles.empty()) return std::numeric_limits<double>::quiet_NaN();
+  if (tiles.empty()) return kNan;
   std::ranges::sort(tiles);
   tiles.resize(std::max<std::size_t>(1, tiles.size() / 10));
   return std::sqrt(sum_of(tiles, &std::pair<double, double>::second) / static_cast<double>(tiles.size()));
@@ -124,6 +202,7 @@ double flat_noise(const Planes& estimate, const Planes& truth, Geometry g) {
 
 Json measure(const Planes& estimate, const Planes& truth, Geometry g) {
   return {{"rmse_k", rmse(estimate, truth)},
+          {"edge_width_px", edge_width(estimate, truth, g)},
           {"shifted_rmse_k", shifted_rmse(estimate, truth, g)},
           {"flat_noise_k", flat_noise(estimate, truth, g)}};
 }

@@ -2,7 +2,6 @@
 // constructed input.
 #include "tests/test.hpp"
 #include "tools/lab/eval/fidelity.hpp"
-#include "tools/lab/eval/fidelity_data.hpp"
 
 namespace bolo::tools::fidelity::fidelity_baselines_test {
 
@@ -169,12 +168,30 @@ TEST(FidelityRmse, IsTheRootMeanSquareOverAllPlanes) {
 }
 
 // A step of 10 K in the middle, and the trail that a content speed of `trail` px a time constant leaves of it.
-Plane step_edge() {
-  return plane_of(kMeasured, [](int x, int) { return x < 48 ? 290.0 : 300.0; });
+Plane step_edge(Geometry size = kMeasured) {
+  return plane_of(size, [](int x, int) { return x < 48 ? 290.0 : 300.0; });
 }
-Plane trailing(double trail_px) {
-  return plane_of(kMeasured,
-                  [=](int x, int) { return x < 48 ? 290.0 + 10.0 * std::exp((x - 47.5) / trail_px) : 300.0; });
+Plane trailing(double trail_px, Geometry size = kMeasured) {
+  return plane_of(size, [=](int x, int) { return x < 48 ? 290.0 + 10.0 * std::exp((x - 47.5) / trail_px) : 300.0; });
+}
+
+// An exponential rises from 10 to 90 % in ln 9 lengths.
+TEST(FidelityEdgeWidth, OfAnExponentialTrailIsLnNineLengths) {
+  const Planes truth{step_edge()};
+  EXPECT_NEAR(edge_width(truth, truth, kMeasured), 0.8, 1e-6) << "linear between pixels";
+  EXPECT_NEAR(edge_width({trailing(5.0)}, truth, kMeasured), 5.0 * std::log(9.0), 0.25);
+  EXPECT_NEAR(edge_width({trailing(3.0)}, truth, kMeasured), 3.0 * std::log(9.0), 0.25);
+  const Geometry tall{96, 400};
+  EXPECT_NEAR(edge_width({noisy(trailing(4.0, tall), 0.5F, 5)}, {step_edge(tall)}, tall), 4.0 * std::log(9.0), 1.0);
+  const auto turned = [](Plane plane) {
+    std::ranges::reverse(plane);
+    for (float& v : plane) v = 600.0F - v;
+    return plane;
+  };
+  EXPECT_NEAR(edge_width({turned(trailing(3.0))}, {turned(step_edge())}, kMeasured), 3.0 * std::log(9.0), 0.25);
+  const Planes flat{Plane(kMeasured.pixels(), 300.0F)};
+  EXPECT_TRUE(std::isnan(edge_width(flat, flat, kMeasured)));
+  EXPECT_TRUE(std::isnan(edge_width(flat, truth, kMeasured))) << "never rises";
 }
 
 // A picture that stands 2.3 px to the right and 0.6 px up of the truth is not wrong but for that; its noise stays.

@@ -26,6 +26,7 @@ TEST_F(FidelityVerb, JsonHasEveryColumnOfEveryCell) {
       EXPECT_EQ(figures.contains("skipped"), column.at("name") == "motion" && cell.at("lookahead") == 2) << figures;
       if (figures.contains("skipped")) continue;
       EXPECT_GT(figures.at("rmse_k").get<double>(), 0.0);
+      EXPECT_TRUE(figures.contains("edge_width_px"));
       EXPECT_GT(figures.at("shifted_rmse_k").get<double>(), 0.0);
       EXPECT_GT(figures.at("flat_noise_k").get<double>(), 0.0);
     }
