@@ -72,6 +72,13 @@ TEST_F(ConvertVerb, PicturesOf16BitsAndBackAreTheSameCounts) {
   refused(words("@a.h5 -o @none.png --frame 3"), "--frame 3: there are frames 0 to 2");
 }
 
+TEST_F(ConvertVerb, ANameWithACommaIsOneFile) {
+  write_capture("a,b.h5", 2);
+  write_capture("b.h5", 4);
+  done(words("@a,b.h5 -o @c.h5"));
+  expect_values("c.h5", 2);
+}
+
 TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
   write_capture("a.h5", 5);
   fs::copy(file("a.h5"), file("a.mat"));  // what such a file holds is tests/capture/capture_variants_test.cpp's

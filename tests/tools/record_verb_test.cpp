@@ -365,6 +365,7 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
   refused({"record", "-o", file("a.h5")}, "which daemon");
   refused({"record", name_}, "where to");
   refused({"record", name_, "-o", file("a.h5")}, "no shared memory named");
+  refused({"record", name_ + "," + name_, "-o", file("a.h5")}, "is no name for shared memory");
   refused({"record", name_, "-o", file("a.avi")}, "ends in .h5");
   refused({"record", name_, "-o", file("a.h5"), "--frames", "nan"}, "--frames: ");
   refused({"record", name_, "-o", file("a.h5"), "--frames=nan"}, "--frames: ");
