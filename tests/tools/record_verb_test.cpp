@@ -243,6 +243,7 @@ TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
     SCOPED_TRACE(signal);
     Program program = record({});
     publish_into_it(50);
+    program.signal(SIGPIPE);  // who read its words has ended: the recording has not
     program.signal(signal);
     ASSERT_EQ(program.wait(), 0) << program.err();
     EXPECT_FALSE(exists(file("a.h5.part")));
@@ -376,6 +377,7 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
   ASSERT_TRUE(writer_.open());
   refused({"record", name_, "-o", file("no/such/folder.h5")}, "No such file");
   refused({"record", name_, "-o", "/dev/full"}, "ends in .h5");
+  refused({"view", name_, "--port", "99999"}, "--port 99999: expected 0 to 65535");
   refused({"recover", file("absent.h5.part")}, "No such file");
   refused({"recover", file("absent.h5")}, "where to");
 }
