@@ -71,6 +71,14 @@ TEST(Description, FormulasThatDivideTheSmallestInteger) {
   }
 }
 
+TEST(Description, OfADamagedOneTheLibrariesSayNothing) {
+  constexpr std::string_view kDamaged = "<?xml version='1.0'?><RegisterDescription><a b=c></RegisterDescription>";
+  silence_glib();
+  testing::internal::CaptureStderr();
+  const Ref<ArvGc> damaged(arv_gc_new(nullptr, kDamaged.data(), kDamaged.size()));
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
 // Limits of two features name one another, and a selector what it selects.
 TEST(Description, WhatRealCamerasSayIsTaken) {
   EXPECT_TRUE(checked(""));
