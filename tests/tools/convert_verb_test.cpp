@@ -133,6 +133,15 @@ TEST_F(ConvertVerb, RefusesWhatIsNoFile) {
   }
 }
 
+TEST_F(ConvertVerb, ATiffThatBecomesShorterWhileItIsReadIsDamaged) {
+  write_capture("a.h5", 3);
+  done(words("@a.h5 -o @a.tiff"));
+  auto book = must(TiffReader::open(file("a.tiff")));
+  EXPECT_TRUE(book->read(0));
+  fs::resize_file(file("a.tiff"), 0);
+  expect_refused(book->read(2), {"damaged TIFF"});
+}
+
 TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
   write_capture("a.h5", 4);
   done(words("@a.h5 -o @a.tiff"));
