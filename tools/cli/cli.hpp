@@ -21,7 +21,7 @@
 // cxxopts itself takes the number that a value begins with, and drops the rest: "0,03" was 0.
 template <>
 inline void cxxopts::values::stringstream_parser<double>(const std::string& text, double& value) {
-  const auto whole = bolo::number_of(text);
+  const auto whole = bolo::number_of(bolo::trimmed(text));  // a list may have blanks behind its commas
   if (!whole) throw exceptions::incorrect_argument_type(text);
   value = *whole;
 }
