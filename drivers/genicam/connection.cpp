@@ -179,6 +179,7 @@ bool has_serial(const Connection& connection, const std::string& serial) {
 
 std::vector<FoundCamera> find_cameras() {
   if (!check_resources()) return {};
+  silence_glib();
   arv_update_device_list();
   std::vector<FoundCamera> found;
   const unsigned count = arv_get_n_devices();
@@ -197,6 +198,7 @@ std::string aravis_version() {
 Result<Connection> connect(const CameraOptions& options, bool search) {
   RETURN_IF_ERROR(check_resources());
   survive_division_of_smallest();
+  silence_glib();
   auto connection = open_with_byte_order([&] { return open(options, search); });
   if (!connection || options.serial.empty() || has_serial(*connection, options.serial)) return connection;
   const std::string other = serial_of(*connection);

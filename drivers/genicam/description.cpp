@@ -1,7 +1,5 @@
 #include "drivers/genicam/description.hpp"
 
-#include <strings.h>
-
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -23,6 +21,7 @@ using Bytes = std::vector<unsigned char>;
 constexpr std::uint32_t kUrlBytes = 512;
 constexpr std::uint32_t kReadBytes = 512;
 constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20U;  // descriptions have 0.1 to 5 MB
+constexpr std::uint64_t kMemoryEnd = std::uint64_t{1} << 32U;   // of a camera
 constexpr std::uint32_t kEndBytes = 22;                         // of a ZIP file, without its comment
 constexpr std::uint32_t kMostComment = 65535;
 constexpr std::uint32_t kEntryBytes = 46;  // without its name
@@ -35,14 +34,13 @@ std::uint32_t little(const Bytes& bytes, std::size_t at, std::size_t size) {
   return value;
 }
 
-// `bytes` from `address` on, wherever that is.
+// `bytes` from `address` on, wherever that is in the camera's memory.
 std::optional<Bytes> read_some(const ReadMemory& read, std::uint64_t address, std::uint64_t bytes) {
   const std::uint64_t before = address % 4;
   Bytes out;
   for (std::uint64_t at = address - before; at < address + bytes; at += kReadBytes) {
     const auto count = std::min<std::uint64_t>(kReadBytes, (address + bytes - at + 3) / 4 * 4);
-    const auto part = at + count <= UINT32_MAX ? read(static_cast<std::uint32_t>(at), static_cast<std::uint32_t>(count))
-                                               : std::nullopt;
+    const auto part = read(static_cast<std::uint32_t>(at), static_cast<std::uint32_t>(count));
     if (!part || part->size() != count) return std::nullopt;
     out.insert(out.end(), part->begin(), part->end());
   }
@@ -57,9 +55,8 @@ struct File {
   bool zip = false;
 };
 
-// Of "Local:NAME;ADDRESS;SIZE", both hexadecimal; nothing for files elsewhere.
-std::optional<File> file_of(std::string url) {
-  std::ranges::transform(url, url.begin(), [](unsigned char c) { return c >= 'A' && c <= 'Z' ? c + 32 : c; });
+// Of "local:NAME;ADDRESS;SIZE", both hexadecimal; nothing for files elsewhere.
+std::optional<File> file_of(const std::string& url) {
   const std::size_t first = url.find(';');
   const std::size_t second = first == std::string::npos ? first : url.find(';', first + 1);
   if (!url.starts_with("local:") || second == std::string::npos) return std::nullopt;
@@ -74,6 +71,21 @@ std::optional<File> file_of(std::string url) {
 
 tl::unexpected<Error> too_large(const std::string& what) {
   return bad_input(what + ", more than any description: this is no camera, or a damaged one");
+}
+
+// Other files than the camera's own, which Aravis would fetch by whatever can (http: it does not), and places of which
+// it would take another part than file_of(): the last of several, or the lower half of a long number.
+Status check_place(const std::string& url, const std::optional<File>& file) {
+  const std::string shown = printable(url.substr(0, 80));
+  const std::size_t colon = url.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789+-.");
+  const std::string_view scheme = std::string_view(url).substr(0, colon);
+  if (colon != 0 && colon != std::string::npos && url[colon] == ':' && scheme != "local" && scheme != "http") {
+    return bad_input("its GenICam description is no file of its own, but of this computer or another: " + shown);
+  }
+  const bool many = scheme == "local" && std::ranges::count(url, ';') > 2;
+  if (!many && (!file || (file->address < kMemoryEnd && file->address + file->bytes <= kMemoryEnd))) return {};
+  return bad_input("its GenICam description is where no camera has one (" + shown +
+                   "): this is no camera, or a damaged one");
 }
 
 tl::unexpected<Error> damaged_zip() {
@@ -244,16 +256,14 @@ Status check_description_file(const ReadMemory& read) {
   for (const std::uint32_t place : {0x200U, 0x400U}) {
     const auto text = read_some(read, place, kUrlBytes);
     if (!text) continue;
-    const std::string url(text->begin(), std::ranges::find(*text, 0));
-    if (strncasecmp(url.c_str(), "file:", 5) == 0) {
-      return bad_input("its GenICam description is no file of its own, but of this computer: " +
-                       printable(url.substr(0, 80)));
-    }
+    std::string url(text->begin(), std::ranges::find(*text, 0));
+    std::ranges::transform(url, url.begin(), [](unsigned char c) { return c >= 'A' && c <= 'Z' ? c + 32 : c; });
     const auto file = file_of(url);
-    if (!file) continue;
-    if (file->bytes > kMostBytes) {
+    if (file && file->bytes > kMostBytes) {
       return too_large("its GenICam description is said to have " + std::to_string(file->bytes) + " bytes");
     }
+    RETURN_IF_ERROR(check_place(url, file));
+    if (!file) continue;
     if (file->zip) RETURN_IF_ERROR(check_unpacked(read, *file));
   }
   return {};

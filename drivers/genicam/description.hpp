@@ -19,9 +19,9 @@ using ReadMemory = std::function<std::optional<std::vector<unsigned char>>(std::
 
 // The size that the camera states for its file, and that the file states for what is packed in it, are those of a
 // description, and what is packed is in the file: Aravis allocates what it is told, ends the process where there is not
-// so much, and reads wherever it is led. It is the camera's file: of this computer Aravis would read any, a device
-// without end. A camera that says something else when it is asked again gets past this. What cannot be read or
-// understood is left to Aravis. Errors: kBadInput. Thread: any.
+// so much, and reads wherever it is led. It is the camera's file, in its memory: of this computer Aravis would read
+// any, a device without end. A camera that says something else when it is asked again gets past this. What cannot be
+// read or understood is left to Aravis. Errors: kBadInput. Thread: any.
 Status check_description_file(const ReadMemory& read);
 
 // No value of the description is taken from itself, by way of whichever others, and none takes more steps than any

@@ -15,6 +15,12 @@ struct Free {
   void operator()(void* memory) const noexcept { g_free(memory); }
 };
 
+// From now on GLib and what logs by it say nothing on standard error: of a damaged description they print dozens of
+// lines, at each try, where the error of the call says it in one. Thread: any.
+inline void silence_glib() noexcept {
+  g_log_set_default_handler([](const char*, GLogLevelFlags, const char*, void*) {}, nullptr);
+}
+
 // One reference to a GObject, given up at the end of scope.
 template <typename T>
 using Ref = std::unique_ptr<T, Unref>;

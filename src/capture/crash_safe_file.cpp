@@ -124,18 +124,29 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesyst
   if (!descriptor) return not_opened("created");
   std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(file, std::move(descriptor)));
   if (held_by_another(made->descriptor()) || !still_named(made->descriptor(), file)) return bad_input(kIsBeingWritten);
-  made->power_ = survives == SurvivesCut::kPower;
-  made->journal_ = create_journal(file, made->power_);
-  if (!made->journal_) return not_opened("created with its journal");
-  std::error_code ignored;
-  std::filesystem::remove(live_of(file), ignored);
-  if (made->power_) {
-    Result<LiveRecord> live = LiveRecord::create(file);
-    if (!live) return bad_input("cannot be created with its live record: " + live.error().message);
-    made->live_ = std::move(*live);
+  if (Status begun = made->begin(survives); !begun) {
+    if (replace == Replace::kNothing) {  // it was made here, and would be taken for an unfinished recording
+      remove_records(file);
+      ::unlink(file.c_str());
+    }
+    return tl::unexpected(std::move(begun.error()));
   }
-  if (!made->resize(0)) return not_opened("emptied");
   return made;
+}
+
+Status CrashSafeFile::begin(SurvivesCut survives) {
+  power_ = survives == SurvivesCut::kPower;
+  journal_ = create_journal(name_, power_);
+  if (!journal_) return not_opened("created with its journal");
+  std::error_code ignored;
+  std::filesystem::remove(live_of(name_), ignored);
+  if (power_) {
+    Result<LiveRecord> live = LiveRecord::create(name_);
+    if (!live) return bad_input("cannot be created with its live record: " + live.error().message);
+    live_ = std::move(*live);
+  }
+  if (!resize(0)) return not_opened("emptied");
+  return {};
 }
 
 Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::open(const std::filesystem::path& file) {

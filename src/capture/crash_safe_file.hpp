@@ -45,7 +45,8 @@ enum class SurvivesCut { kProcess, kPower };
 class CrashSafeFile {
  public:
   // Creates the file and its records, or empties one that may be replaced, and locks it. A link in the place of any of
-  // them is refused, and what it stands for not touched. Errors: kBadInput with the cause. Thread: setup.
+  // them is refused, and what it stands for not touched. Errors: kBadInput with the cause; what was made is gone then.
+  // Thread: setup.
   static Result<std::unique_ptr<CrashSafeFile>> create(const std::filesystem::path& file, SurvivesCut survives,
                                                        Replace replace);
   // For reading, as the last commit left it. Thread: setup.
@@ -77,6 +78,7 @@ class CrashSafeFile {
 
  private:
   CrashSafeFile(std::filesystem::path name, UniqueFd file) : name_(std::move(name)), file_(std::move(file)) {}
+  Status begin(SurvivesCut survives);
   bool write_through(std::uint64_t offset, std::size_t bytes, const std::byte* data);
   bool hold_back(std::uint64_t offset, std::size_t bytes, const std::byte* data);
   const Page* in_memory(std::uint64_t number) const;

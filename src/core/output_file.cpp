@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <climits>
 #include <cstdio>
 #include <cstring>
 #include <optional>
@@ -17,6 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kMostNames = 1000;
+constexpr std::size_t kMostLetters = NAME_MAX - (sizeof ".new-4194304-999" - 1);  // what is written beside has a name
 
 fs::path folder_of(const fs::path& file) { return file.has_parent_path() ? file.parent_path() : fs::path("."); }
 
@@ -100,6 +102,7 @@ Status check_output(const OutputFile& output) {
   if (::faccessat(AT_FDCWD, (folder_of(output.path) / ".").c_str(), W_OK | X_OK, AT_EACCESS) != 0) {
     return not_written(output.path, errno);
   }
+  if (output.path.filename().native().size() > kMostLetters) return not_written(output.path, ENAMETOOLONG);
   std::error_code error;
   const fs::file_status there = fs::symlink_status(output.path, error);
   if (!fs::status_known(there) || !fs::exists(there)) return {};

@@ -299,6 +299,25 @@ TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {
   EXPECT_TRUE(CaptureReader::open(file));
 }
 
+// For want of descriptors: the next try would find an unfinished recording.
+TEST(CaptureWriterNames, WhatCannotBeBegunLeavesNothing) {
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  for (int free = 0, begun = 0; begun == 0; ++free) {
+    ASSERT_LT(free, 20);
+    const Scratch scratch;
+    rlimit limit = before;
+    {
+      const UniqueFd next(::dup(STDERR_FILENO));
+      limit.rlim_cur = static_cast<rlim_t>(next.get() + free);
+    }
+    ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &limit), 0);
+    begun = CaptureWriter::create(scratch / "a.h5", small_info(), {.survives_power_cut = true}) ? 1 : 0;
+    ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
+    EXPECT_TRUE(begun == 1 || std::filesystem::is_empty(scratch.path())) << free << " free";
+  }
+}
+
 // Whoever may write to the folder can put a link in the place of the part or of its records.
 TEST(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
   const WriterOptions options{.survives_power_cut = true, .replace = Replace::kExisting};

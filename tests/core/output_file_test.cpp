@@ -84,6 +84,14 @@ TEST_F(OutputFileTest, OutputsAreFilesAndDifferent) {
   EXPECT_TRUE(check_outputs({free_, {}}, {{}, input_}, Replace::kNothing)) << "empty names are none";
 }
 
+// Before any work, not after it, when what is written beside finds no name.
+TEST_F(OutputFileTest, NamesAreShortEnoughForWhatIsWrittenBeside) {
+  EXPECT_TRUE(write_file(scratch_ / std::string(239, 'n'), "new"));
+  for (const std::size_t letters : {240U, 255U, 300U, 5000U}) {
+    expect_untouched(check_output(scratch_ / std::string(letters, 'n')), "too long; choose another place");
+  }
+}
+
 // A link to a file gives way to the output; one to anything else is nobody's to lose, least of all /dev/stdout.
 TEST_F(OutputFileTest, LinksToAnythingButFilesStay) {
   ASSERT_EQ(mkfifo((scratch_ / "pipe").c_str(), 0600), 0);

@@ -29,6 +29,47 @@ TEST(Dispatch, AnExceptionIsAFailureInOneLine) {
   EXPECT_EQ(ended("fail"), "bolo fail: no?thread\n");
 }
 
+// The exit code of words that are parsed and begin with a verb's name, and what was said; no code: they are good.
+struct Parsed {
+  std::optional<int> code;
+  std::string said;
+  cxxopts::ParseResult given;
+};
+Parsed parsed(std::vector<std::string> words) {
+  cxxopts::Options options("bolo verb");
+  add_option<double>(options, "rate", "a number");
+  add_option<std::vector<double>>(options, "list", "numbers");
+  add_overwrite_option(options);
+  words.insert(words.begin(), "verb");
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  Parsed out;
+  testing::internal::CaptureStderr();
+  out.code = parse(options, static_cast<int>(argv.size()), argv.data(), out.given);
+  out.said = testing::internal::GetCapturedStderr();
+  return out;
+}
+
+TEST(Parse, ANumberIsTheWholeValue) {
+  const Parsed right = parsed({"--rate=-1.5e-3", "--list", "1, 2.5"});
+  EXPECT_EQ(right.given["rate"].as<double>(), -1.5e-3);
+  EXPECT_EQ(right.given["list"].as<std::vector<double>>(), (std::vector<double>{1.0, 2.5}));
+  for (const std::string text : {"0,03", "5abc", "0x10", "1_000", "5 6", "", "1e400", "nan", "inf", "1.5.2"}) {
+    const Parsed wrong = parsed({"--rate=" + text});
+    EXPECT_EQ(wrong.code, kExitUsage) << text;
+    expect_parts(wrong.said, {"--rate: ", text, "--help\n"});
+  }
+  EXPECT_EQ(parsed({"--list", "1,2abc"}).code, kExitUsage);
+}
+
+TEST(Parse, AFlagThatIsToldFalseIsRefused) {
+  EXPECT_EQ(replace_of(parsed({"--overwrite"}).given), Replace::kExisting);
+  EXPECT_EQ(replace_of(parsed({}).given), Replace::kNothing);
+  const Parsed told = parsed({"--overwrite=false"});
+  EXPECT_EQ(told.code, kExitUsage);
+  EXPECT_EQ(told.said, "bolo verb: --overwrite takes no value; leave it out instead\n");
+}
+
 // Stands for stderr while it lives.
 class Terminal {
  public:

@@ -72,6 +72,13 @@ TEST_F(ConvertVerb, PicturesOf16BitsAndBackAreTheSameCounts) {
   refused(words("@a.h5 -o @none.png --frame 3"), "--frame 3: there are frames 0 to 2");
 }
 
+TEST_F(ConvertVerb, ANameWithACommaIsOneFile) {
+  write_capture("a,b.h5", 2);
+  write_capture("b.h5", 4);
+  done(words("@a,b.h5 -o @c.h5"));
+  expect_values("c.h5", 2);
+}
+
 TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
   write_capture("a.h5", 5);
   fs::copy(file("a.h5"), file("a.mat"));  // what such a file holds is tests/capture/capture_variants_test.cpp's
@@ -124,6 +131,15 @@ TEST_F(ConvertVerb, RefusesWhatIsNoFile) {
     refused({file(name), "-o", file("out.h5")},
             std::string(name) == "p.h5" ? "is not a regular file" : "is a pipe, not a file");
   }
+}
+
+TEST_F(ConvertVerb, ATiffThatBecomesShorterWhileItIsReadIsDamaged) {
+  write_capture("a.h5", 3);
+  done(words("@a.h5 -o @a.tiff"));
+  auto book = must(TiffReader::open(file("a.tiff")));
+  EXPECT_TRUE(book->read(0));
+  fs::resize_file(file("a.tiff"), 0);
+  expect_refused(book->read(2), {"damaged TIFF"});
 }
 
 TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {

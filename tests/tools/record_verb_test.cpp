@@ -243,6 +243,7 @@ TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
     SCOPED_TRACE(signal);
     Program program = record({});
     publish_into_it(50);
+    program.signal(SIGPIPE);  // who read its words has ended: the recording has not
     program.signal(signal);
     ASSERT_EQ(program.wait(), 0) << program.err();
     EXPECT_FALSE(exists(file("a.h5.part")));
@@ -365,6 +366,7 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
   refused({"record", "-o", file("a.h5")}, "which daemon");
   refused({"record", name_}, "where to");
   refused({"record", name_, "-o", file("a.h5")}, "no shared memory named");
+  refused({"record", name_ + "," + name_, "-o", file("a.h5")}, "is no name for shared memory");
   refused({"record", name_, "-o", file("a.avi")}, "ends in .h5");
   refused({"record", name_, "-o", file("a.h5"), "--frames", "nan"}, "--frames: ");
   refused({"record", name_, "-o", file("a.h5"), "--frames=nan"}, "--frames: ");
@@ -375,6 +377,7 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
   ASSERT_TRUE(writer_.open());
   refused({"record", name_, "-o", file("no/such/folder.h5")}, "No such file");
   refused({"record", name_, "-o", "/dev/full"}, "ends in .h5");
+  refused({"view", name_, "--port", "99999"}, "--port 99999: expected 0 to 65535");
   refused({"recover", file("absent.h5.part")}, "No such file");
   refused({"recover", file("absent.h5")}, "where to");
 }

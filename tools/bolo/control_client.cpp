@@ -5,7 +5,6 @@
 
 #include <array>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 
 #include <nlohmann/json.hpp>
@@ -16,7 +15,6 @@
 namespace bolo::tools {
 namespace {
 
-constexpr timeval kPatience{10, 0};  // the daemon itself gives up earlier
 constexpr std::size_t kLongestAnswer = std::size_t{1} << 20U;
 
 Error unreachable(const std::string& path) {
@@ -45,13 +43,14 @@ Result<std::string> control_socket_of(const shm::ShmReader& reader, const std::s
   return std::string(camera->control_socket);
 }
 
-Result<std::string> ask_daemon(const std::string& path, std::string_view request) {
+Result<std::string> ask_daemon(const std::string& path, std::string_view request, std::chrono::seconds patience) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   path.copy(address.sun_path, sizeof address.sun_path - 1);
   const UniqueFd fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &kPatience, sizeof kPatience);
-  setsockopt(fd.get(), SOL_SOCKET, SO_SNDTIMEO, &kPatience, sizeof kPatience);  // also where it accepts nobody
+  const timeval longest{patience.count(), 0};
+  setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &longest, sizeof longest);
+  setsockopt(fd.get(), SOL_SOCKET, SO_SNDTIMEO, &longest, sizeof longest);  // also where it accepts nobody
   const std::string line = std::string(request) + "\n";
   if (connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
     return tl::unexpected<Error>(unreachable(path));
@@ -60,7 +59,7 @@ Result<std::string> ask_daemon(const std::string& path, std::string_view request
   if (send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(line.size())) {
     return tl::unexpected<Error>(unreachable(path));
   }
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(kPatience.tv_sec);
+  const auto deadline = std::chrono::steady_clock::now() + patience;
   std::string answer;
   std::array<char, 1024> buffer;
   while (answer.size() < kLongestAnswer && std::chrono::steady_clock::now() < deadline) {

@@ -1,6 +1,7 @@
 // Asks a running daemon over its control socket.
 #pragma once
 
+#include <chrono>
 #include <string>
 #include <string_view>
 
@@ -12,8 +13,12 @@ namespace bolo::tools {
 // The control socket of the daemon that writes this shared memory. Thread: any.
 Result<std::string> control_socket_of(const shm::ShmReader& reader, const std::string& name);
 
-// Sends one request line, returns the answer without its end. Blocks ten seconds at most. Thread: any.
-Result<std::string> ask_daemon(const std::string& socket_path, std::string_view request);
+inline constexpr std::chrono::seconds kPatience(10);  // the daemon itself gives up earlier
+
+// Sends one request line, returns the answer without its end. Waits for a connection, and then for the answer, so long
+// at most. Thread: any.
+Result<std::string> ask_daemon(const std::string& socket_path, std::string_view request,
+                               std::chrono::seconds patience = kPatience);
 
 // The same to the daemon whose shared memory has this name. Thread: any.
 Result<std::string> ask_daemon_named(const std::string& name, std::string_view request);

@@ -117,7 +117,7 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("in") == 0) return bad_input("which files? usage: bolo convert IN... -o OUT");
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo convert IN... -o OUT");
   ConvertRequest request;
-  for (const std::string& file : parsed["in"].as<std::vector<std::string>>()) request.in.emplace_back(file);
+  request.in = files_of(parsed, "in");
   request.out.file = {parsed["output"].as<std::string>(), replace_of(parsed)};
   request.out.inputs = request.in;
   request.out.preview = parsed.count("preview") != 0;

@@ -74,7 +74,8 @@ Status check(const Files& files, const std::vector<std::filesystem::path>& input
   return check_outputs(outputs, inputs, files.replace);
 }
 
-// A line on stderr for each step; on a terminal one line that is written over.
+// A line on stderr for each step; on a terminal one line that is written over. Elsewhere none before all captures are
+// read: of what cannot be read one line tells.
 class Steps {
  public:
   Steps() : terminal_(isatty(STDERR_FILENO) == 1) {}
@@ -86,7 +87,8 @@ class Steps {
 
   void update(const std::string& step, double done) {
     const int percent = static_cast<int>(100.0 * done);
-    if (step == step_ && (!terminal_ || percent == percent_)) return;
+    if (!terminal_ && (step == step_ || step == "reading")) return;
+    if (step == step_ && percent == percent_) return;
     step_ = step;
     percent_ = percent;
     std::fprintf(stderr, terminal_ ? "\r\033[Kdiagnose: %3d %%  %s" : "diagnose: %3d %%  %s\n", percent, step.c_str());

@@ -28,6 +28,7 @@ namespace {
 constexpr auto kReplace = nlohmann::ordered_json::error_handler_t::replace;
 constexpr double kMinInterval = 0.05;
 constexpr double kMaxInterval = 3600.0;
+constexpr std::chrono::seconds kStatePatience(1);  // a daemon that stands still holds up the others' rows
 
 struct StatOptions {
   std::string name;
@@ -40,7 +41,7 @@ struct StatOptions {
 nlohmann::ordered_json ask_state(const shm::ShmReader& reader, const std::string& name) {
   const auto path = control_socket_of(reader, name);
   if (!path) return {};
-  const auto answer = ask_daemon(*path, "state");
+  const auto answer = ask_daemon(*path, "state", kStatePatience);
   return answer ? nlohmann::ordered_json::parse(*answer, nullptr, false) : nlohmann::ordered_json();
 }
 

@@ -23,7 +23,7 @@ namespace {
 
 struct ViewOptions {
   std::vector<std::string> names;
-  std::uint16_t port = 8640;
+  int port = 8640;
   std::string listen;
   std::string token;
   std::string token_file;
@@ -97,11 +97,13 @@ void say_where(const ViewOptions& options, const std::string& name, const std::s
 }
 
 Status view_daemon(const ViewOptions& options) {
+  RETURN_IF_ERROR(within(options.port, "port", 0, UINT16_MAX));  // of its own type it would be the lower half
   ASSIGN_OR_RETURN(const std::vector<std::string> names, choose_daemons(options.names));
   ASSIGN_OR_RETURN(view::Access access, access_of(options));
   const auto addresses =
       options.listen.empty() ? std::vector<std::string>{"127.0.0.1", "::1"} : std::vector<std::string>{options.listen};
-  ASSIGN_OR_RETURN(const auto server, view::HttpServer::listen(addresses, options.port, {}, view::Site::headers()));
+  ASSIGN_OR_RETURN(const auto server, view::HttpServer::listen(addresses, static_cast<std::uint16_t>(options.port), {},
+                                                               view::Site::headers()));
   access.port = server->port();
   std::vector<std::unique_ptr<view::LiveStream>> streams;
   std::vector<view::LiveStream*> lent;

@@ -9,6 +9,7 @@
 #include <exception>
 #include <fstream>
 #include <iostream>
+#include <set>
 #include <string>
 #include <thread>
 #include <utility>
@@ -42,6 +43,20 @@ std::string option_of(const std::string& message, int argc, char** argv) {
     if (!both && word.find(value) != std::string::npos && argv[i - 1][0] == '-') return argv[i - 1] + std::string(": ");
   }
   return {};
+}
+
+// The flag that was given a value ("--json=false"), or none.
+std::optional<std::string> flag_with_value(const cxxopts::Options& options, const cxxopts::ParseResult& parsed) {
+  std::set<std::string> flags;
+  for (const std::string& group : options.groups()) {
+    for (const auto& option : options.group_help(group).options) {
+      if (option.is_boolean) flags.insert(option.l.begin(), option.l.end());
+    }
+  }
+  for (const auto& argument : parsed.arguments()) {
+    if (flags.contains(argument.key()) && argument.value() != "true") return argument.key();
+  }
+  return std::nullopt;
 }
 
 void print_usage(const Program& program, std::span<const Verb> verbs, std::FILE* out) {
@@ -90,6 +105,11 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
     if (!parsed.unmatched().empty()) {
       std::fprintf(stderr, "%s %s: unexpected argument '%s'; see %s %s --help\n", g_program.c_str(), argv[0],
                    printable(parsed.unmatched().front()).c_str(), g_program.c_str(), argv[0]);
+      return kExitUsage;
+    }
+    if (const auto flag = flag_with_value(options, parsed)) {
+      std::fprintf(stderr, "%s %s: --%s takes no value; leave it out instead\n", g_program.c_str(), argv[0],
+                   flag->c_str());
       return kExitUsage;
     }
   } catch (const cxxopts::exceptions::exception& e) {

@@ -16,6 +16,15 @@
 
 #include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
+#include "src/core/text.hpp"
+
+// cxxopts itself takes the number that a value begins with, and drops the rest: "0,03" was 0.
+template <>
+inline void cxxopts::values::stringstream_parser<double>(const std::string& text, double& value) {
+  const auto whole = bolo::number_of(bolo::trimmed(text));  // a list may have blanks behind its commas
+  if (!whole) throw exceptions::incorrect_argument_type(text);
+  value = *whole;
+}
 
 namespace bolo::tools {
 
@@ -27,7 +36,8 @@ inline constexpr int kExitUsage = 2;
 void set_program_name(std::string name);
 
 // Parses argv; adds --help. On --help prints it and returns the exit code 0; on wrong usage prints one line to stderr
-// and returns 2; otherwise returns nothing and fills `parsed`. Positional arguments beyond those declared are refused.
+// and returns 2; otherwise returns nothing and fills `parsed`. Positional arguments beyond those declared are refused,
+// and so is a flag with a value: `--overwrite=false` would be one that was given.
 std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed);
 
 // The values of an option that takes files, as they were given: a vector of cxxopts would split their names at commas.

@@ -32,6 +32,8 @@ struct Closer {
 };
 using Handle = std::unique_ptr<TIFF, Closer>;
 
+constexpr const char* kRead = "rm";  // not mapped: a file that becomes shorter would end the process (SIGBUS)
+
 // Errors leave as values: libtiff is not to print them.
 Handle open_tiff(const std::filesystem::path& file, const char* mode) {
   TIFFSetErrorHandler(nullptr);
@@ -84,7 +86,7 @@ Status write_png8(const std::filesystem::path& file, Geometry geometry, const st
 }
 
 Result<std::size_t> count_tiff_pages(const std::filesystem::path& file) {
-  const Handle tiff = open_tiff(file, "r");
+  const Handle tiff = open_tiff(file, kRead);
   if (!tiff) return bad_input("cannot be opened as TIFF");
   std::size_t pages = 1;
   while (pages < kMostPages && TIFFReadDirectory(tiff.get()) != 0) ++pages;
@@ -97,7 +99,7 @@ Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t pa
 }
 
 Result<TiffReader> TiffReader::open(const std::filesystem::path& file) {
-  Handle tiff = open_tiff(file, "r");
+  Handle tiff = open_tiff(file, kRead);
   if (!tiff) return bad_input("cannot be opened as TIFF");
   return TiffReader(tiff.release());
 }

@@ -71,6 +71,14 @@ TEST(Description, FormulasThatDivideTheSmallestInteger) {
   }
 }
 
+TEST(Description, OfADamagedOneTheLibrariesSayNothing) {
+  constexpr std::string_view kDamaged = "<?xml version='1.0'?><RegisterDescription><a b=c></RegisterDescription>";
+  silence_glib();
+  testing::internal::CaptureStderr();
+  const Ref<ArvGc> damaged(arv_gc_new(nullptr, kDamaged.data(), kDamaged.size()));
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
 // Limits of two features name one another, and a selector what it selects.
 TEST(Description, WhatRealCamerasSayIsTaken) {
   EXPECT_TRUE(checked(""));
@@ -148,6 +156,23 @@ TEST(DescriptionFile, LargerThanAnyIsRefused) {
   }
 }
 
+// Aravis takes the last of several places, and the lower 32 bits of an address.
+TEST(DescriptionFile, WhereNoCameraHasOneIsRefused) {
+  for (const char* where :
+       {"a.zip;ffffffffffffffff;40", "a.zip;-1;40", "a.zip;100010003;40", "a.zip;fffffff1;10", "a.zip;ffffffff;2",
+        "a.xml;10003;40;x.zip;20000;7fffffffffffffff", "//x;1;2/b.zip;3;4", "a.xml;1;2\nb.zip;3;4"}) {
+    expect_refused(checked(std::string("Local:") + where, ""), {"where no camera has one"});
+  }
+  int reads = 0;
+  EXPECT_TRUE(check_description_file([&](std::uint32_t address, std::uint32_t bytes) {
+    reads += address > 0x400 ? 1 : 0;
+    std::vector<unsigned char> memory(bytes);
+    if (address == 0x200) std::ranges::copy(std::string("Local:a.zip;ffffff80;80"), memory.begin());
+    return std::optional(memory);
+  }));
+  EXPECT_GT(reads, 0) << "up to the last byte it is looked at";
+}
+
 TEST(DescriptionFile, ThatUnpacksToMoreThanAnyIsRefused) {
   for (const std::string& file : {zip(1'500'000'000), zip(1'500'000'000, std::string(3000, 'c'))}) {
     expect_refused(checked(place(file), "", file), {"unpacks to 1500000000 bytes"});
@@ -157,6 +182,7 @@ TEST(DescriptionFile, ThatUnpacksToMoreThanAnyIsRefused) {
 TEST(DescriptionFile, OfThisComputerIsRefused) {
   expect_refused(checked("File:///dev/zero", ""), {"of this computer", "/dev/zero"});
   expect_refused(checked(place("a.xml", "100"), "file:/etc/passwd"), {"of this computer"});
+  expect_refused(checked("ftp://strangers/a.xml", ""), {"or another", "ftp:"});
 }
 
 // One whose content begins as that of an entry does.

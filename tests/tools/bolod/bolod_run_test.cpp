@@ -119,6 +119,9 @@ TEST_F(BolodRun, AStoppedDaemonIsNotWaitedForByOthers) {
   } while (tools::test::connect_to(waiting.back(), file("control")) && waiting.size() < 100);
   ASSERT_LT(waiting.size(), 100U);
   Program nuc = tools::test::ProgramTest::start({"nuc", name_}, "nuc");
+  const auto asked = std::chrono::steady_clock::now();
+  expect_parts(tools::test::ProgramTest::printed({"stat", name_, "--once", "--interval", "0.1"}), {name_});
+  EXPECT_LT(std::chrono::steady_clock::now() - asked, std::chrono::seconds(10)) << "it was asked twice";
   const std::string own = name_;
   name_ += "-second";
   const auto second = start_again(control, "second");

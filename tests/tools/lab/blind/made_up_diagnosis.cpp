@@ -39,7 +39,7 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
     if (!reader) return tl::unexpected(reader.error());
     report.frames += reader->info().frames;
     report.inputs.push_back(file.string());
-    if (!progress("reading", 0.5)) return bad_input("stopped");
+    if (!progress("reading", 0.5) || !progress("noise", 0.6)) return bad_input("stopped");
   }
   write_down(captures.front().parent_path());
   const bool unknown = !options.withheld.empty();
