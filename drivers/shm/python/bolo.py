@@ -119,7 +119,7 @@ _State = _structure(  # bolo_client_state
 
 
 def _load() -> SimpleNamespace:
-    path = os.environ.get("BOLO_CLIENT_LIBRARY", "libbolo-client.so.0")
+    path = os.environ.get("BOLO_CLIENT_LIBRARY") or "libbolo-client.so.0"
     try:
         library = ctypes.CDLL(path)
     except OSError as error:
