@@ -158,7 +158,7 @@ TEST(SolverLadder, MeasuresAFrameOfAStreamThatFlows) {
   ladder->at(QualityLevel::kFull).prepare({window, settings.window - 1, 0});
   const double first_s = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   EXPECT_GT(frame_s, 0.0);
-  EXPECT_LT(frame_s, 0.6 * first_s);
+  EXPECT_LT(frame_s, 0.7 * first_s) << "0.45 to 0.61 of it, by processor; a first window 0.8 and more";
 }
 
 }  // namespace bolo::pipeline::quality_level_test

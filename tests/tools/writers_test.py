@@ -49,7 +49,7 @@ CASES = {
                      ["chopper.h5", "flat.h5"], ["report.json", "report.html", "p.toml", "p-maps.h5"],
                      ("{o}/p.toml", "chopper.h5"), (0,)),
     "blind --keep": Case("blind --kind effect-free --sessions 1 --jobs 1 --keep {o}", [],
-                         ["answers.json", "nonce.txt", "seal.txt"], None, (0,)),
+                         ["answers.json", "nonce.txt"], None, (0,)),
     "record": Case("record {name} -o {o}/rec.h5 --frames 200", [], ["rec.h5"], None, (0, 1400)),
 }
 
