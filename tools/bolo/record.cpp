@@ -37,13 +37,6 @@ struct Recorder {
   LineTail errors;
 };
 
-// As they were given, commas and all.
-std::vector<std::string> names_of(const cxxopts::ParseResult& parsed) {
-  std::vector<std::string> names;
-  for (const fs::path& name : files_of(parsed, "name")) names.push_back(name.string());
-  return names;
-}
-
 Status check_names(const std::vector<std::string>& names) {
   std::set<std::string> seen;
   for (const std::string& name : names) {
@@ -122,7 +115,7 @@ int wait_for(std::vector<Recorder>& recorders) {
 // A `bolo record` for each name, with the other options as given, into the folder of --output; a process each, so that
 // none waits for another's disk or daemon. Returns the exit code: the worst of theirs. Thread: setup.
 Result<int> record_several(const cxxopts::ParseResult& parsed) {
-  const std::vector<std::string> names = names_of(parsed);
+  const std::vector<std::string> names = names_of(parsed, "name");
   RETURN_IF_ERROR(check_names(names));
   ASSIGN_OR_RETURN(const fs::path folder, folder_of(parsed));
   ASSIGN_OR_RETURN(const auto logs, ScratchFolder::make());
@@ -174,7 +167,7 @@ Result<RecordRequest> record_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("name") == 0) return bad_input("which daemon? usage: bolo record NAME -o FILE.h5");
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo record NAME -o FILE.h5");
   RecordRequest request;
-  request.name = names_of(parsed).front();
+  request.name = names_of(parsed, "name").front();
   request.file = parsed["output"].as<std::string>();
   if (parsed.count("frames") != 0) {
     request.frames = parsed["frames"].as<std::uint64_t>();

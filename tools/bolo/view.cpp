@@ -141,7 +141,7 @@ int view_main(int argc, char** argv) {
   cli.parse_positional({"name"});
   cli.positional_help("[NAME...]");
   return run_verb("view", std::move(cli), argc, argv, [&options](const cxxopts::ParseResult& given) {
-    for (const auto& name : files_of(given, "name")) options.names.push_back(name.string());
+    options.names = names_of(given, "name");
     return view_daemon(options);
   });
 }

@@ -120,12 +120,17 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
   return std::nullopt;
 }
 
-std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option) {
-  std::vector<std::filesystem::path> files;
+std::vector<std::string> names_of(const cxxopts::ParseResult& parsed, const std::string& option) {
+  std::vector<std::string> names;
   for (const auto& argument : parsed.arguments()) {
-    if (argument.key() == option) files.emplace_back(argument.value());
+    if (argument.key() == option) names.push_back(argument.value());
   }
-  return files;
+  return names;
+}
+
+std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option) {
+  const std::vector<std::string> names = names_of(parsed, option);
+  return {names.begin(), names.end()};
 }
 
 void add_overwrite_option(cxxopts::Options& options) {

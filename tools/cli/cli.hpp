@@ -40,7 +40,8 @@ void set_program_name(std::string name);
 // and so is a flag with a value: `--overwrite=false` would be one that was given.
 std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed);
 
-// The values of an option that takes files, as they were given: a vector of cxxopts would split their names at commas.
+// The values of an option that takes names or files, as they were given: a vector of cxxopts splits them at commas.
+std::vector<std::string> names_of(const cxxopts::ParseResult& parsed, const std::string& option);
 std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option);
 
 // --overwrite, of every verb that writes files. Thread: setup.

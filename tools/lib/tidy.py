@@ -51,11 +51,11 @@ def joined(entries, folder):
         text = pathlib.Path(entry["file"]).read_text()
         if not ALONE.search(text):
             alike[tuple(options_of(entry))].append((entry, text))
-    for options, members in alike.items():
+    for number, (options, members) in enumerate(alike.items()):
         parts = -(-len(members) // TOGETHER)
         for part in range(parts):
             some = members[part::parts]
-            file = folder / f"{len(list(folder.iterdir()))}.cpp"
+            file = folder / f"{number}-{part}.cpp"
             file.write_text("\n".join(text for _, text in some))
             command = shlex.join([*options, "-c", str(file)])
             yield {**some[0][0], "command": command, "file": str(file)}, [entry["file"] for entry, _ in some]
