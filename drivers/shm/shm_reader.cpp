@@ -249,8 +249,10 @@ const std::string& ShmReader::name() const noexcept { return impl_->mapping->nam
 std::vector<std::string> ShmReader::names() { return object_names(); }
 
 bolo_shm_header ShmReader::header() const noexcept {
+  const std::uint64_t newest = published();  // first: the counters were stored before it, so that none is behind it
   bolo_shm_header header = snapshot(*impl_->mapping);
   std::memcpy(&header, &impl_->checked, offsetof(bolo_shm_header, published));
+  header.published = newest;
   header.motion_offset = impl_->checked.motion_offset;
   header.motion_across = impl_->checked.motion_across;
   header.motion_down = impl_->checked.motion_down;

@@ -347,8 +347,8 @@ void ShmSink::publish(const pipeline::PublishedFrame& frame, const pipeline::Pip
     motion = {&whole, frame.motion->blocks.data()};
   }
   write_slot(self.slot(ring.published), self.layout, ring.published, head, frame.raw, frame.deblurred, motion);
-  store_release(ring.header().published, ++ring.published);  // W4; partner: ShmReader's load of published
   self.store(stats);
+  store_release(ring.header().published, ++ring.published);  // W4; partner: ShmReader's load of published
   change_wake(ring.header());
   ring.waker->wake();
 }

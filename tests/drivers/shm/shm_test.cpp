@@ -88,6 +88,21 @@ TEST(ShmRoundTrip, CountersReachTheReader) {
   EXPECT_GE(stream.reader->header().heartbeat_ns, header.heartbeat_ns);
 }
 
+TEST(ShmRoundTrip, NoCounterIsBehindTheFramesThatAReaderSees) {
+  constexpr std::uint64_t kFrames = 20'000;
+  Stream stream("order", {8, 2});
+  std::jthread writer([&] {
+    for (std::uint64_t n = 0; n < kFrames; ++n) {
+      stream.writer.stats.warm_up.add();
+      stream.writer.publish();
+    }
+  });
+  for (bolo_shm_header header{}; header.published < kFrames;) {
+    header = stream.reader->header();
+    ASSERT_GE(header.warm_up, header.published);
+  }
+}
+
 TEST(ShmRoundTrip, MotionStandsBesideTheFrameThatItIsOf) {
   for (const Geometry geometry : {Geometry{33, 7}, Geometry{640, 120}, Geometry{8, 8}, Geometry{1, 1}}) {
     Stream stream("motion", geometry, [](Writer& writer) { writer.format.motion = true; });

@@ -1,4 +1,5 @@
 #include <limits>
+#include <ranges>
 
 #include <Eigen/Dense>
 
@@ -50,9 +51,8 @@ std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
   }
   std::ranges::sort(found, std::greater(), &std::pair<double, Edge>::first);
   found.resize(std::min(found.size(), std::max<std::size_t>(1, g.pixels() / 200)));
-  std::vector<Edge> edges;
-  for (const auto& [step, edge] : found) edges.push_back(edge);
-  return edges;
+  const auto edges = found | std::views::values;
+  return {edges.begin(), edges.end()};
 }
 
 // From 10 to 90 % of a profile around its half-way crossing that is nearest to the middle, linear between pixels.
