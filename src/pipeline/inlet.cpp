@@ -37,13 +37,14 @@ rt::FrameSlot* FrameInlet::borrow_wait(const std::atomic<bool>& stop_requested) 
 }
 
 bool FrameInlet::commit(rt::FrameSlot& slot) noexcept {
+  received_.add();  // before it may be taken: else the pipeline could have published more than came
   if (!queue_.try_push({slot.index, restart_window_, monotonic_ns()})) {
+    received_.take_back();
     losses_.add(LossCause::kQueueFull);
     cancel(slot);
     return false;
   }
   restart_window_ = false;
-  received_.add();
   return true;
 }
 

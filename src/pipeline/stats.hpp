@@ -35,7 +35,7 @@ struct PipelineStats {
   std::uint64_t waiting() const noexcept {
     const std::uint64_t gone = taken.value();  // before what it is taken from
     const std::uint64_t come = inlet.received();
-    return come - std::min(gone, come);  // a frame is counted only after it was put where it may be taken
+    return come - std::min(gone, come);  // another thread may see the two counters in another order
   }
 
   const FrameInlet& inlet;     // received(), losses()

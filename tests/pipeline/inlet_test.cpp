@@ -51,6 +51,32 @@ TEST(FrameInlet, EverySlotThatCanBeBorrowedCanBeCommitted) {
   EXPECT_EQ(inlet.losses().value(LossCause::kQueueFull), 0U);
 }
 
+TEST(FrameInlet, NoMoreFramesAreTakenThanWereReceived) {
+  constexpr std::uint64_t kFrames = 100'000;
+  FrameInlet inlet(kSmall, 0, 2);
+  std::jthread source([&] {
+    const std::atomic<bool> never{false};
+    for (std::uint64_t n = 0; n < kFrames; ++n) EXPECT_TRUE(inlet.commit(*inlet.borrow_wait(never)));
+  });
+  std::uint64_t too_many = 0;
+  for (std::uint64_t taken = 1; taken <= kFrames; ++taken) {
+    rt::FrameSlot* const slot = inlet.next(1'000'000'000).slot;
+    ASSERT_NE(slot, nullptr);
+    if (inlet.received() < taken) ++too_many;
+    inlet.give_back(*slot);
+  }
+  EXPECT_EQ(too_many, 0U);
+}
+
+TEST(FrameInlet, AFrameWithoutRoomIsLostAndNotReceived) {
+  FrameInlet inlet(kSmall, 0, 1);
+  rt::FrameSlot* const slot = inlet.borrow();
+  std::uint64_t committed = 0;
+  while (inlet.commit(*slot)) ++committed;  // a fault of the source: else there is always room
+  EXPECT_EQ(inlet.received(), committed);
+  EXPECT_EQ(inlet.losses().value(LossCause::kQueueFull), 1U);
+}
+
 TEST(FrameInlet, AnEmptyPoolCountsEachFrameOnce) {
   FrameInlet inlet(kSmall, 1, 1);
   std::vector<rt::FrameSlot*> held;
