@@ -38,11 +38,6 @@ double polynomial(const std::array<double, 3>& by_powers, double rho) {
   return by_powers[0] + rho * (by_powers[1] + rho * by_powers[2]);
 }
 
-template <typename T>
-void load_row(const T* from, int width, float* to) {
-  for (int x = 0; x < width; ++x) to[x] = static_cast<float>(from[x]);
-}
-
 }  // namespace
 
 double GapFigures::ratio_with(double times) const {
@@ -64,15 +59,8 @@ GapMeter::GapMeter(const StreamFormat& format, double tau_s)
       field_(motion::blocks_over(format.geometry.width), motion::blocks_over(format.geometry.height)) {}
 
 void GapMeter::load(int frame, PaddedPlane& to) const {
-  const Geometry g = task_.input.geometry;
-  const void* plane = planes_[static_cast<std::size_t>(frame)];
-  for (int y = 0; y < g.height; ++y) {
-    const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width);
-    if (task_.input.type == PixelType::kUint16) {
-      load_row(static_cast<const std::uint16_t*>(plane) + row, g.width, to.at(0, y));
-    } else {
-      load_row(static_cast<const float*>(plane) + row, g.width, to.at(0, y));
-    }
+  for (int y = 0; y < task_.input.geometry.height; ++y) {
+    task_.load_row(planes_[static_cast<std::size_t>(frame)], y, to.at(0, y));
   }
   to.extend();
 }

@@ -13,13 +13,12 @@ namespace bolo::deblur {
 namespace {
 
 constexpr double kLargestDifference = 31.6;  // K, of innovations that are matched: what is more counts no more
-constexpr float kLargestValue = 1e7F;
-constexpr float kMovesItself = 0.5F;   // px a frame
-constexpr double kCut = 2.0;           // px that half of the picture is off
-constexpr double kTimesNext = 4.0;     // as far off as those next to it leave it
-constexpr int kBefore = 3;             // displacements, that one which does not match is held against
-constexpr double kUnconfirmed = 12.0;  // px a frame: what is faster is believed once it was seen twice
-constexpr double kAbrupt = 0.9;        // of Path::steady: above it nothing stopped just now
+constexpr float kMovesItself = 0.5F;         // px a frame
+constexpr double kCut = 2.0;                 // px that half of the picture is off
+constexpr double kTimesNext = 4.0;           // as far off as those next to it leave it
+constexpr int kBefore = 3;                   // displacements, that one which does not match is held against
+constexpr double kUnconfirmed = 12.0;        // px a frame: what is faster is believed once it was seen twice
+constexpr double kAbrupt = 0.9;              // of Path::steady: above it nothing stopped just now
 
 // As the task, in the values' own unit and float.
 StreamTask in_values(StreamTask task) {
@@ -29,19 +28,6 @@ StreamTask in_values(StreamTask task) {
   task.input.scale.unit = Unit::kCount;
   task.output = PixelType::kFloat32;
   return task;
-}
-
-template <typename T>
-void load_row(const T* from, int width, float* to) noexcept {
-  if constexpr (std::is_integral_v<T>) {
-    for (int x = 0; x < width; ++x) to[x] = static_cast<float>(from[x]);
-  } else {
-    float last = 0.0F;  // stands in for what is no number
-    for (int x = 0; x < width; ++x) {
-      last = std::abs(from[x]) < kLargestValue ? from[x] : last;
-      to[x] = last;
-    }
-  }
 }
 
 }  // namespace
@@ -91,17 +77,9 @@ void MotionSolver::forget() noexcept {
 
 // By those who will read it: each row comes from memory once.
 void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) const noexcept {
-  const Geometry g = to.geometry();
   for_rows(crew, to.blocks_down(), [&](int block_row) {
     const auto [begin, end] = to.rows_of(block_row);
-    for (int y = begin; y < end; ++y) {
-      const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width);
-      if (task_.input.type == PixelType::kUint16) {
-        load_row(static_cast<const std::uint16_t*>(plane) + row, g.width, to.at(0, y));
-      } else {
-        load_row(static_cast<const float*>(plane) + row, g.width, to.at(0, y));
-      }
-    }
+    for (int y = begin; y < end; ++y) task_.load_row(plane, y, to.at(0, y));
     to.mirror_sides(begin, end);  // taps at the border see its gradient
   });
   to.mirror_ends();

@@ -17,9 +17,10 @@ constexpr std::array kNames = {
     std::pair{Method::kMmae, std::string_view("mmae")},   std::pair{Method::kMotion, std::string_view("motion")},
 };
 
-constexpr double kLeastTau_s = 1e-6;  // far below any pixel's; period / tau stays a number
-constexpr double kLittleLeft = 0.05;  // of a frame in the next one
-constexpr int kModelLookahead = 15;   // the models see 17 frames
+constexpr double kLeastTau_s = 1e-6;   // far below any pixel's; period / tau stays a number
+constexpr double kLittleLeft = 0.05;   // of a frame in the next one
+constexpr float kLargestValue = 1e7F;  // far above any temperature and count
+constexpr int kModelLookahead = 15;    // the models see 17 frames
 
 // Collects one sentence for every value out of range.
 class Complaints {
@@ -107,6 +108,21 @@ std::string little_to_undo(const Settings& settings) {
   text << "frames come every " << settings.period_s * 1e3 << " ms, " << settings.period_s / settings.tau_s
        << " times tau: only " << 100.0 * left << " % of a frame is left in the next, there is next to nothing to undo";
   return text.str();
+}
+
+void StreamTask::load_row(const void* plane, int y, float* to) const noexcept {
+  const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(input.geometry.width);
+  if (input.type == PixelType::kUint16) {
+    const auto* from = static_cast<const std::uint16_t*>(plane) + row;
+    for (int x = 0; x < input.geometry.width; ++x) to[x] = static_cast<float>(from[x]);
+    return;
+  }
+  const auto* from = static_cast<const float*>(plane) + row;
+  float last = 0.0F;
+  for (int x = 0; x < input.geometry.width; ++x) {
+    last = std::abs(from[x]) < kLargestValue ? from[x] : last;
+    to[x] = last;
+  }
 }
 
 double StreamTask::kelvin_per_value() const {

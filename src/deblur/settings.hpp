@@ -70,6 +70,9 @@ struct StreamTask {
   double row_delay(int row) const { return row * row_period; }
   bool delays_rows() const { return row_period != 0.0; }
 
+  // Row y of a raw plane as it is; what is no number, or beyond any temperature, becomes the value before it.
+  void load_row(const void* plane, int y, float* to) const noexcept;
+
   // Kelvin a unit of the values; camera counts are taken for 10 mK, as in the A655sc's linear modes.
   double kelvin_per_value() const;
   // A difference of values in the unit that users see: K, or counts.
