@@ -217,31 +217,6 @@ Status draw_and_score(const Request& request) {
   return failed("some diagnoses broke; they are listed among the failed");
 }
 
-}  // namespace
-
-std::string sha256(const std::string& text) {
-  const std::unique_ptr<char, decltype(&g_free)> digest(
-      g_compute_checksum_for_data(G_CHECKSUM_SHA256, reinterpret_cast<const unsigned char*>(text.data()), text.size()),
-      &g_free);
-  return digest.get();
-}
-
-Result<Seal> Seal::close(const std::vector<Session>& sessions) {
-  Seal seal;
-  ASSIGN_OR_RETURN(seal.nonce_, fresh_nonce());
-  seal.digest_ = sha256(canonical(sessions) + seal.nonce_);
-  return seal;
-}
-
-Result<Opened> Seal::open(const std::vector<Session>& sessions) const {
-  Opened opened{canonical(sessions), nonce_};
-  if (sha256(opened.answers + nonce_) != digest_)
-    return failed("the answers are not those that were sealed; the check is void");
-  return opened;
-}
-
-namespace {
-
 std::vector<std::string> words_of(const ChildWork& work) {
   std::vector<std::string> words{work.program.string(), "diagnose", "-o", work.folder.string(), "--threads", "1"};
   if (!work.withheld.empty()) words.insert(words.end(), {"--withhold", work.withheld});
@@ -284,6 +259,27 @@ Named named_of(const json& effect) {
 }
 
 }  // namespace
+
+std::string sha256(const std::string& text) {
+  const std::unique_ptr<char, decltype(&g_free)> digest(
+      g_compute_checksum_for_data(G_CHECKSUM_SHA256, reinterpret_cast<const unsigned char*>(text.data()), text.size()),
+      &g_free);
+  return digest.get();
+}
+
+Result<Seal> Seal::close(const std::vector<Session>& sessions) {
+  Seal seal;
+  ASSIGN_OR_RETURN(seal.nonce_, fresh_nonce());
+  seal.digest_ = sha256(canonical(sessions) + seal.nonce_);
+  return seal;
+}
+
+Result<Opened> Seal::open(const std::vector<Session>& sessions) const {
+  Opened opened{canonical(sessions), nonce_};
+  if (sha256(opened.answers + nonce_) != digest_)
+    return failed("the answers are not those that were sealed; the check is void");
+  return opened;
+}
 
 Status run_child(const ChildWork& work, const std::atomic<bool>& stop) {
   const std::filesystem::path folder = work.folder.parent_path();

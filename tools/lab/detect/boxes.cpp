@@ -42,6 +42,85 @@ Box in_pixels(const Box& share, Geometry picture) {
           share.height * picture.height};
 }
 
+// Truth of one class in the order in which it is offered: objects first, then what is ignored, each as given.
+struct Offered {
+  Box box;
+  bool ignored = false;
+  bool crowd = false;
+};
+
+std::vector<Offered> offered_of(const ImageBoxes& image, int label) {
+  std::vector<Offered> offered;
+  for (const Truth& truth : image.truth) {
+    if (truth.label != label) continue;
+    offered.push_back({truth.box, truth.kind != TruthKind::kObject, truth.kind == TruthKind::kCrowd});
+  }
+  std::stable_partition(offered.begin(), offered.end(), [](const Offered& o) { return !o.ignored; });
+  return offered;
+}
+
+std::vector<Detection> best_detections(const ImageBoxes& image, int label) {
+  constexpr std::size_t kMost = 100;
+  std::vector<Detection> found;
+  std::ranges::copy_if(image.detections, std::back_inserter(found),
+                       [label](const Detection& d) { return d.label == label; });
+  std::ranges::stable_sort(found, std::ranges::greater{}, &Detection::score);
+  if (found.size() > kMost) found.resize(kMost);
+  return found;
+}
+
+constexpr std::array kIous{0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95};
+constexpr int kRecallPoints = 101;  // from 0 to 1
+constexpr std::size_t kNothing = std::numeric_limits<std::size_t>::max();
+
+// The truth that a detection takes, of those that are free; a crowd always is.
+std::size_t taken_by(const Detection& detection, const std::vector<Offered>& offered, const std::vector<bool>& taken,
+                     double least_iou) {
+  double best = std::min(least_iou, 1.0 - 1e-10);
+  std::size_t choice = kNothing;
+  for (std::size_t i = 0; i < offered.size(); ++i) {
+    const Offered& one = offered[i];
+    if (taken[i] && !one.crowd) continue;
+    if (choice != kNothing && !offered[choice].ignored && one.ignored) break;  // an object is better than any of these
+    const double overlap = one.crowd ? share_within(detection.box, one.box) : iou(detection.box, one.box);
+    if (overlap < best) continue;
+    best = overlap;
+    choice = i;
+  }
+  return choice;
+}
+
+double mean_of(const std::vector<double>& values) {
+  return values.empty() ? kNoScore : sum_of(values) / static_cast<double>(values.size());
+}
+
+// Precision over recall, ready to be read at even recalls: points in rising order of recall.
+struct Curve {
+  std::vector<double> recall;
+  std::vector<double> precision;
+
+  double mean() {
+    for (std::size_t i = precision.size(); i-- > 1;) precision[i - 1] = std::max(precision[i - 1], precision[i]);
+    double sum = 0.0;
+    auto at = recall.begin();
+    const double step = 1.0 / (kRecallPoints - 1);
+    for (int i = 0; i < kRecallPoints; ++i) {
+      const double wanted = i + 1 < kRecallPoints ? i * step : 1.0;  // as numpy.linspace has them, to the last bit
+      at = std::lower_bound(at, recall.end(), wanted);
+      if (at == recall.end()) break;
+      sum += precision[static_cast<std::size_t>(at - recall.begin())];
+    }
+    return sum / kRecallPoints;
+  }
+};
+
+double quantile(const std::vector<double>& sorted, double share) {
+  const double place = share * static_cast<double>(sorted.size() - 1);
+  const auto below = static_cast<std::size_t>(place);
+  const std::size_t above = std::min(below + 1, sorted.size() - 1);
+  return std::lerp(sorted[below], sorted[above], place - static_cast<double>(below));
+}
+
 }  // namespace
 
 double area(const Box& box) { return box.width * box.height; }
@@ -140,89 +219,6 @@ std::vector<Truth> truth_in_view(const std::vector<Truth>& labels, int classes, 
 }
 
 // --- Average precision.
-
-namespace {
-
-// Truth of one class in the order in which it is offered: objects first, then what is ignored, each as given.
-struct Offered {
-  Box box;
-  bool ignored = false;
-  bool crowd = false;
-};
-
-std::vector<Offered> offered_of(const ImageBoxes& image, int label) {
-  std::vector<Offered> offered;
-  for (const Truth& truth : image.truth) {
-    if (truth.label != label) continue;
-    offered.push_back({truth.box, truth.kind != TruthKind::kObject, truth.kind == TruthKind::kCrowd});
-  }
-  std::stable_partition(offered.begin(), offered.end(), [](const Offered& o) { return !o.ignored; });
-  return offered;
-}
-
-std::vector<Detection> best_detections(const ImageBoxes& image, int label) {
-  constexpr std::size_t kMost = 100;
-  std::vector<Detection> found;
-  std::ranges::copy_if(image.detections, std::back_inserter(found),
-                       [label](const Detection& d) { return d.label == label; });
-  std::ranges::stable_sort(found, std::ranges::greater{}, &Detection::score);
-  if (found.size() > kMost) found.resize(kMost);
-  return found;
-}
-
-constexpr std::array kIous{0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95};
-constexpr int kRecallPoints = 101;  // from 0 to 1
-constexpr std::size_t kNothing = std::numeric_limits<std::size_t>::max();
-
-// The truth that a detection takes, of those that are free; a crowd always is.
-std::size_t taken_by(const Detection& detection, const std::vector<Offered>& offered, const std::vector<bool>& taken,
-                     double least_iou) {
-  double best = std::min(least_iou, 1.0 - 1e-10);
-  std::size_t choice = kNothing;
-  for (std::size_t i = 0; i < offered.size(); ++i) {
-    const Offered& one = offered[i];
-    if (taken[i] && !one.crowd) continue;
-    if (choice != kNothing && !offered[choice].ignored && one.ignored) break;  // an object is better than any of these
-    const double overlap = one.crowd ? share_within(detection.box, one.box) : iou(detection.box, one.box);
-    if (overlap < best) continue;
-    best = overlap;
-    choice = i;
-  }
-  return choice;
-}
-
-double mean_of(const std::vector<double>& values) {
-  return values.empty() ? kNoScore : sum_of(values) / static_cast<double>(values.size());
-}
-
-// Precision over recall, ready to be read at even recalls: points in rising order of recall.
-struct Curve {
-  std::vector<double> recall;
-  std::vector<double> precision;
-
-  double mean() {
-    for (std::size_t i = precision.size(); i-- > 1;) precision[i - 1] = std::max(precision[i - 1], precision[i]);
-    double sum = 0.0;
-    auto at = recall.begin();
-    const double step = 1.0 / (kRecallPoints - 1);
-    for (int i = 0; i < kRecallPoints; ++i) {
-      const double wanted = i + 1 < kRecallPoints ? i * step : 1.0;  // as numpy.linspace has them, to the last bit
-      at = std::lower_bound(at, recall.end(), wanted);
-      if (at == recall.end()) break;
-      sum += precision[static_cast<std::size_t>(at - recall.begin())];
-    }
-    return sum / kRecallPoints;
-  }
-};
-
-double quantile(const std::vector<double>& sorted, double share) {
-  const double place = share * static_cast<double>(sorted.size() - 1);
-  const auto below = static_cast<std::size_t>(place);
-  const std::size_t above = std::min(below + 1, sorted.size() - 1);
-  return std::lerp(sorted[below], sorted[above], place - static_cast<double>(below));
-}
-
-}  // namespace
 
 Evaluator::Evaluator(std::span<const ImageBoxes> images, int labels) : classes_(static_cast<std::size_t>(labels)) {
   for (int label = 0; label < labels; ++label) {

@@ -164,10 +164,6 @@ Status run(const cxxopts::ParseResult& given) {
   return save(sheet, options.plot);
 }
 
-}  // namespace
-
-namespace {
-
 // RMSE over latency, of the cells at one noise.
 plot::Plot panel_of(const std::vector<Json>& cells) {
   const Json& first = cells.front();

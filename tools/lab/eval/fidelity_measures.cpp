@@ -1,5 +1,4 @@
 #include <limits>
-#include <ranges>
 
 #include <Eigen/Dense>
 
@@ -51,8 +50,9 @@ std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
   }
   std::ranges::sort(found, std::greater(), &std::pair<double, Edge>::first);
   found.resize(std::min(found.size(), std::max<std::size_t>(1, g.pixels() / 200)));
-  const auto edges = found | std::views::values;
-  return {edges.begin(), edges.end()};
+  std::vector<Edge> edges(found.size());
+  std::ranges::transform(found, edges.begin(), &std::pair<double, Edge>::second);
+  return edges;
 }
 
 // From 10 to 90 % of a profile around its half-way crossing that is nearest to the middle, linear between pixels.

@@ -35,6 +35,8 @@ constexpr std::array<InvariantInfo, kInvariants> kInfos{{
     {"commands", "reloads and corrections are answered as they should be"},
 }};
 
+std::string n(std::uint64_t value) { return std::to_string(value); }
+
 }  // namespace
 
 LogLine classify(std::string_view line) {
@@ -94,12 +96,6 @@ bool Findings::all_hold() const {
   const std::lock_guard lock(mutex_);
   return std::ranges::all_of(tallies_, [](const Tally& tally) { return tally.broken == 0; });
 }
-
-namespace {
-
-std::string n(std::uint64_t value) { return std::to_string(value); }
-
-}  // namespace
 
 std::uint64_t total(const faults::Losses& lost) { return std::accumulate(lost.begin(), lost.end(), std::uint64_t{0}); }
 

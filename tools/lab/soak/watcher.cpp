@@ -47,6 +47,19 @@ Result<Truth::Planes> deblurred_loop(const Recording& scene, const pipeline::Pip
   return planes;
 }
 
+constexpr std::uint32_t kSparingFlags = BOLO_FLAG_REDUCED | BOLO_FLAG_INVERSE | BOLO_FLAG_RAW;
+
+std::string of(const Shown& frame) {
+  return "frame " + std::to_string(frame.number) + " (id " + std::to_string(frame.frame_id) + ")";
+}
+
+constexpr int kOpenLimit_ms = 30'000;
+constexpr int kLook_ms = 20;
+constexpr std::size_t kKept = 1200;              // frames
+constexpr std::size_t kBefore = 20;              // frames; more than the daemon's ledger holds open for late ones
+constexpr std::int64_t kAfterNs = 400'000'000;   // more than its queue holds
+constexpr std::int64_t kNearNs = 1'500'000'000;  // streams begin with the same camera times again
+
 }  // namespace
 
 Truth::Truth(Planes raw, Planes deblurred) : raw_(std::move(raw)), deblurred_(std::move(deblurred)) {
@@ -93,23 +106,6 @@ Result<Truth> make_scene(Geometry geometry, double rate_hz, std::size_t frames,
   }
   return Truth(std::move(raw), std::move(deblurred));
 }
-
-namespace {
-
-constexpr std::uint32_t kSparingFlags = BOLO_FLAG_REDUCED | BOLO_FLAG_INVERSE | BOLO_FLAG_RAW;
-
-std::string of(const Shown& frame) {
-  return "frame " + std::to_string(frame.number) + " (id " + std::to_string(frame.frame_id) + ")";
-}
-
-constexpr int kOpenLimit_ms = 30'000;
-constexpr int kLook_ms = 20;
-constexpr std::size_t kKept = 1200;              // frames
-constexpr std::size_t kBefore = 20;              // frames; more than the daemon's ledger holds open for late ones
-constexpr std::int64_t kAfterNs = 400'000'000;   // more than its queue holds
-constexpr std::int64_t kNearNs = 1'500'000'000;  // streams begin with the same camera times again
-
-}  // namespace
 
 void FrameJudge::begin_life() noexcept {
   last_.reset();
