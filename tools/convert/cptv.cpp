@@ -17,7 +17,7 @@
 namespace bolo::tools {
 namespace {
 
-constexpr std::uint32_t kMostSide = 1U << 14;
+constexpr std::uint32_t kMostCptvSide = 1U << 14;
 constexpr std::size_t kMostPixelsOfAFrame = std::size_t{1} << 24;
 constexpr unsigned kMostBits = 32;
 constexpr std::size_t kMostFramesOfAFilm = 10'000'000;  // twelve days
@@ -123,7 +123,7 @@ Result<Header> CptvFile::read_header() {
       header.serial = field.bytes == sizeof(std::uint32_t) ? std::to_string(field.as<std::uint32_t>()) : field.text();
     }
   }
-  if (width == 0 || width > kMostSide || height == 0 || height > kMostSide ||
+  if (width == 0 || width > kMostCptvSide || height == 0 || height > kMostCptvSide ||
       std::size_t{width} * height > kMostPixelsOfAFrame) {
     return wrong(fmt::format("its frames are {}x{}", width, height));
   }

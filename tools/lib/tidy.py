@@ -2,12 +2,11 @@
 """Runs clang-tidy on C++ files, several at a time, and passes over those whose preprocessed text was found clean before.
 
 usage: tidy.py BUILD_FOLDER FILE...
-Files that are compiled with the same options are looked at together first, as one text, for most of the time goes into
-what they include; one by one where anything is found in it. What was found clean is remembered under $BOLO_CACHE (default:
+Some twenty files at a time are looked at as one text, for most of the time goes into what they include; where anything is
+found in it, or their names meet, its halves are. What was found clean is remembered under $BOLO_CACHE (default:
 ~/.cache/bolo) by a hash of the preprocessed text with its comments, the checks and the version of clang-tidy. What is
 found is printed, and then the exit code is 1.
 """
-import collections
 import concurrent.futures
 import hashlib
 import json
@@ -23,7 +22,9 @@ import tempfile
 ANALYZER = [f"--extra-arg={word}" for word in ("-Xclang", "-analyzer-config", "-Xclang", "max-nodes=20000")]
 NOISE = re.compile(r"warnings? generated|Suppressed|Use -header-filter")
 TOGETHER = 24  # files at most: what a change of one of them makes look at again
-ALONE = re.compile(r"foreach_target\.h|elements\.hpp")  # includes itself, for each set of instructions; GStreamer's own names
+ALONE = re.compile(r"foreach_target\.h|elements\.hpp|int main\(")  # includes itself, for each set of instructions; GStreamer's names
+WITH_VALUE = ("-o", "-MT", "-MF", "-isystem", "-include")
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def cache_folder():
@@ -34,80 +35,70 @@ def cache_folder():
 
 
 def options_of(entry):
-    """The words of an entry of compile_commands.json without those that name files."""
-    words = [word for word in shlex.split(entry["command"]) if word not in ("-c", "-MD", entry["file"])]
-    for option in ("-o", "-MT", "-MF"):
-        if option in words:
-            at = words.index(option)
-            del words[at : at + 2]
+    """The options of an entry of compile_commands.json without those that name files, each with its value."""
+    words = shlex.split(entry["command"])
     compiler = next(i for i, word in enumerate(words) if os.path.basename(word) != "ccache")
-    return words[compiler:]
+    options = []
+    for word in words[compiler + 1 :]:
+        if options and options[-1][-1] in WITH_VALUE:
+            options[-1] += (word,)
+        elif word not in ("-c", "-MD", entry["file"]):
+            options.append((word,))
+    return [option for option in options if option[0] not in ("-o", "-MT", "-MF")]
 
 
-def joined(entries, folder):
-    """Entries for texts of several files each, written to `folder`, and their files."""
-    alike = collections.defaultdict(list)
-    for entry in entries:
-        text = pathlib.Path(entry["file"]).read_text()
-        if not ALONE.search(text):
-            alike[tuple(options_of(entry))].append((entry, text))
-    for number, (options, members) in enumerate(alike.items()):
-        parts = -(-len(members) // TOGETHER)
-        for part in range(parts):
-            some = members[part::parts]
-            file = folder / f"{number}-{part}.cpp"
-            file.write_text("\n".join(text for _, text in some))
-            command = shlex.join([*options, "-c", str(file)])
-            yield {**some[0][0], "command": command, "file": str(file)}, [entry["file"] for entry, _ in some]
+class Examination:
+    def __init__(self, entries, folder):
+        self.entries, self.folder = entries, pathlib.Path(folder)
+        version = subprocess.run(["clang-tidy", "--version"], capture_output=True, check=True).stdout
+        self.checks = version + " ".join(ANALYZER).encode() + (ROOT / ".clang-tidy").read_bytes()
+        self.cache = cache_folder()
 
+    def findings(self, files):
+        """What clang-tidy says of them; nothing where they are clean."""
+        options = dict.fromkeys(option for file in files for option in options_of(self.entries[file]))
+        words = ["clang++", *(word for option in options for word in option)]
+        file = files[0]
+        if len(files) > 1:
+            file = str(self.folder / (hashlib.sha256("".join(files).encode()).hexdigest() + ".cpp"))
+            pathlib.Path(file).write_text("\n".join(pathlib.Path(one).read_text() for one in files))
+        key = self.key_of(words, file)
+        if key and (self.cache / key).exists():
+            return ""
+        done = subprocess.run(
+            ["clang-tidy", "--quiet", *ANALYZER, file, "--", *words[1:], "-Wno-unknown-warning-option"],
+            cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        if done.returncode == 0:
+            if key:
+                (self.cache / key).touch()
+            return ""
+        if len(files) > 1:
+            half = len(files) // 2
+            return self.findings(files[:half]) + self.findings(files[half:])
+        return "\n".join(line for line in done.stdout.splitlines() if not NOISE.search(line)) + "\n"
 
-def key_of(entry, checks):
-    options = ["-E", "-P", "-CC", "-w", "-Wno-unknown-warning-option"]
-    words = ["clang++", *options_of(entry)[1:], *options, entry["file"]]
-    done = subprocess.run(words, cwd=entry["directory"], capture_output=True)
-    text = done.stdout.replace(os.path.dirname(entry["file"]).encode(), b"")  # __FILE__
-    return hashlib.sha256(checks + text).hexdigest() if done.returncode == 0 else None
+    def key_of(self, words, file):
+        options = ["-E", "-P", "-CC", "-w", "-Wno-unknown-warning-option"]
+        done = subprocess.run([*words, *options, file], cwd=self.folder, capture_output=True)
+        text = done.stdout.replace(os.path.dirname(file).encode(), b"")  # __FILE__
+        return hashlib.sha256(self.checks + text).hexdigest() if done.returncode == 0 else None
 
 
 def main():
-    root = pathlib.Path(__file__).resolve().parents[2]
     build = pathlib.Path(sys.argv[1]).resolve()
-    files = {str(pathlib.Path(file).resolve()) for file in sys.argv[2:]}
-    version = subprocess.run(["clang-tidy", "--version"], capture_output=True, check=True).stdout
-    checks = version + " ".join(ANALYZER).encode() + (root / ".clang-tidy").read_bytes()
-    cache = cache_folder()
-    database = tempfile.TemporaryDirectory(dir=build)  # below the project, whose .clang-tidy holds there, too
-
-    single = [e for e in json.loads((build / "compile_commands.json").read_text()) if e["file"] in files]
-    groups = list(joined(single, pathlib.Path(database.name)))
-    groups.sort(key=lambda group: -pathlib.Path(group[0]["file"]).stat().st_size)  # no long one alone at the end
-    entries = {entry["file"]: entry for entry in [*single, *(entry for entry, _ in groups)]}
-    (pathlib.Path(database.name) / "compile_commands.json").write_text(json.dumps(list(entries.values())))
-
-    def examine(file):
-        """Whether it is clean, and what was found."""
-        key = key_of(entries[file], checks) if file in entries else None
-        if key and (cache / key).exists():
-            return True, ""
-        done = subprocess.run(
-            ["clang-tidy", "--quiet", "-p", database.name, "--extra-arg=-Wno-unknown-warning-option", *ANALYZER, file],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        if done.returncode != 0:
-            return False, "\n".join(line for line in done.stdout.splitlines() if not NOISE.search(line))
-        if key:
-            (cache / key).touch()
-        return True, ""
-
-    alone, outcomes = files.copy(), []
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        for (_, together), (clean, _) in zip(groups, pool.map(examine, [entry["file"] for entry, _ in groups])):
-            if clean:
-                alone.difference_update(together)
-        for clean, text in pool.map(examine, sorted(alone)):
-            outcomes.append(clean)
-            if text:
-                print(text, flush=True)
-    return 0 if all(outcomes) else 1
+    wanted = {str(pathlib.Path(file).resolve()) for file in sys.argv[2:]}
+    entries = {entry["file"]: entry for entry in json.loads((build / "compile_commands.json").read_text())}
+    files = [file for file in entries if file in wanted]
+    alone = [file for file in files if ALONE.search(pathlib.Path(file).read_text())]
+    together = [file for file in files if file not in alone]
+    size = max(1, -(-len(together) // -(-len(together) // TOGETHER))) if together else 1
+    groups = [together[at : at + size] for at in range(0, len(together), size)] + [[file] for file in alone]
+    with tempfile.TemporaryDirectory(dir=build) as folder:  # below the project, whose .clang-tidy holds there, too
+        examination = Examination(entries, folder)
+        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+            found = "".join(pool.map(examination.findings, groups))
+    print(found, end="", flush=True)
+    return 1 if found else 0
 
 
 if __name__ == "__main__":

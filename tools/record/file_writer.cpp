@@ -45,7 +45,7 @@ std::vector<capture::Attribute> origin() {
           {"bolo_version", std::string(BOLO_VERSION)}};
 }
 
-double seconds(std::int64_t ns) { return static_cast<double>(ns) / kNsPerSecond; }
+double seconds_of(std::int64_t ns) { return static_cast<double>(ns) / kNsPerSecond; }
 
 }  // namespace
 
@@ -201,7 +201,7 @@ void FileWriter::write(rt::FrameSlot& slot, std::uint32_t marks) {
 }
 
 Status FileWriter::append(const rt::FrameSlot& slot, std::uint32_t marks) {
-  const double t_s = seconds(slot.meta.camera_ns);
+  const double t_s = seconds_of(slot.meta.camera_ns);
   const double half_s = 0.5 * options_.info.format.frame_period_s;
   if (options_.split_s > 0.0 && frames_in_file_ > 0 && t_s - file_begin_s_ + half_s >= options_.split_s) {
     if (Status good = close_current(); !good) return good;
@@ -214,8 +214,8 @@ Status FileWriter::append(const rt::FrameSlot& slot, std::uint32_t marks) {
     if (Status good = capture_->add_event({t_s, kind}); !good) return good;
   }
   const BlockMotion* motion = (marks & kMarkMotion) != 0 ? motion_of(slot) : nullptr;
-  const capture::FrameTimes times{seconds(host_time_ns(slot.meta)), seconds(slot.meta.utc_ns),
-                                  seconds(slot.meta.utc_uncertainty_ns)};
+  const capture::FrameTimes times{seconds_of(host_time_ns(slot.meta)), seconds_of(slot.meta.utc_ns),
+                                  seconds_of(slot.meta.utc_uncertainty_ns)};
   if (Status good = capture_->append(t_s, slot.meta.frame_id, slot.data, nullptr, motion, &times); !good) return good;
   if (frames_in_file_++ == 0) file_begin_s_ = t_s;
   if (result_.frames == 0) result_.first_t_s = t_s;
