@@ -25,7 +25,6 @@ namespace bolo::daemon {
 namespace {
 
 constexpr RequestServer::Limits kLimits{.clients = 16, .patience_ms = 1000, .longest_request = 256};
-constexpr int kBacklog = 64;
 
 // Whoever may write to the folder could put a socket of his own there. In a folder such as /tmp, whose files only their
 // owners can take away, he can't.
@@ -133,7 +132,8 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
   UniqueFd listener(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int fd = listener.get();
   if (fd < 0 || bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return cannot(path, errno);
-  if (chmod(path.c_str(), static_cast<mode_t>(mode)) != 0 || listen(fd, kBacklog) != 0) return cannot(path, errno);
+  if (chmod(path.c_str(), static_cast<mode_t>(mode)) != 0 || listen(fd, RequestServer::kBacklog) != 0)
+    return cannot(path, errno);
   try {
     return std::unique_ptr<ControlServer>(new ControlServer(path, std::move(listener), std::move(answer)));
   } catch (const std::system_error& e) {

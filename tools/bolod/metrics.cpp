@@ -211,8 +211,7 @@ Address classify(const std::string& host) {
   return {true, IN6_IS_ADDR_LOOPBACK(&v6) != 0};
 }
 
-constexpr RequestServer::Limits kLimits{.clients = 16, .patience_ms = 2000, .longest_request = 8192};
-constexpr int kBacklog = 64;
+constexpr RequestServer::Limits kMetricsLimits{.clients = 16, .patience_ms = 2000, .longest_request = 8192};
 
 // Of an address that check_listen() let pass.
 Result<UniqueFd> listen_at(const Listen& listen) {
@@ -233,7 +232,7 @@ Result<UniqueFd> listen_at(const Listen& listen) {
   const int on = 1;
   setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);  // after a daemon that has just ended
   if (fd && bind(fd.get(), reinterpret_cast<const sockaddr*>(&place), bytes) == 0 &&
-      ::listen(fd.get(), kBacklog) == 0) {
+      ::listen(fd.get(), RequestServer::kBacklog) == 0) {
     return fd;
   }
   const std::string port = std::to_string(listen.port);
@@ -291,7 +290,7 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const MetricsOptions
 }
 
 MetricsServer::MetricsServer(UniqueFd listener, Collect collect)
-    : server_(std::move(listener), kLimits,
+    : server_(std::move(listener), kMetricsLimits,
               [collect = std::move(collect)](std::string_view received) { return answer_to(received, collect); }) {}
 
 }  // namespace bolo::daemon

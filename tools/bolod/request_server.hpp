@@ -16,6 +16,7 @@ namespace bolo::daemon {
 // sends nothing, or does not read, is closed in time; where all places are taken, the oldest is closed.
 class RequestServer {
  public:
+  static constexpr int kBacklog = 64;  // of the listener
   struct Limits {
     std::size_t clients = 16;
     int patience_ms = 1000;              // with a request, and with an answer
