@@ -75,7 +75,6 @@ struct V4l2Source::Impl {
   std::int64_t outage_from_ns = 0;
   std::uint64_t id = 0;  // of the last buffer, unwrapped
   std::uint32_t sequence = 0;
-  std::int64_t stamp = 0;
   bool any = false;  // since the device was opened
   pipeline::PeriodNews period_news;
   std::atomic<bool> stop_requested{false};
@@ -130,34 +129,30 @@ void V4l2Source::Impl::run() {
 
 void V4l2Source::Impl::drain() {
   VideoFrame frame;
-  for (int error = 0; !stop_requested.load(std::memory_order_relaxed);) {
-    error = device->take(frame);
-    if (error == EAGAIN) return;
-    if (error == EIO) {  // one buffer was lost, says the kernel: its number will be missing
+  for (bool first = true; !stop_requested.load(std::memory_order_relaxed); first = false) {
+    const int error = device->take(frame);
+    if (error == EAGAIN && !first) return;
+    if (error == EAGAIN || error == EIO) {  // EIO: one buffer was lost, says the kernel: its number will be missing
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
       return;
     }
-    if (error != 0) return lose(LostCause::kNoAnswer);
+    if (error != 0) {
+      lose(LostCause::kNoAnswer);
+      return std::this_thread::sleep_for(kPauseBetweenAttempts);
+    }
     deliver(frame, monotonic_ns());
     device->give_back(frame);
     arrivals->post_losses();
   }
 }
 
-// The driver's counter in 64 bits. One that stands still while time goes on does not count: buffers are counted then.
+// The driver's counter in 64 bits. Buffers come in order: one that stands still does not count, one that goes back
+// began anew (a camera on USB that the computer woke up), and buffers are counted then.
 std::uint64_t V4l2Source::Impl::unwrap(const VideoFrame& frame) noexcept {
-  const std::int64_t now_stamp = stamp_ns(frame.buffer);
-  if (!any) {
-    id = frame.buffer.sequence;
-  } else if (frame.buffer.sequence == sequence && now_stamp != stamp) {
-    ++id;
-  } else {
-    const auto steps = static_cast<std::int32_t>(frame.buffer.sequence - sequence);
-    id += static_cast<std::uint64_t>(static_cast<std::int64_t>(steps));
-  }
+  const auto steps = static_cast<std::int32_t>(frame.buffer.sequence - sequence);
+  id = any ? id + static_cast<std::uint64_t>(std::max(steps, 1)) : frame.buffer.sequence;
   any = true;
   sequence = frame.buffer.sequence;
-  stamp = now_stamp;
   return id;
 }
 

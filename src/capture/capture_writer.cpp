@@ -409,6 +409,9 @@ Status CaptureWriter::close() {
   if (!w.driven) return w.closed();
   RETURN_IF_ERROR(w.check_file());
   if (!w.driven->file->finish()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));
+  if (w.driven->erred && !CaptureReader::open(w.part_name)) {
+    return failed(w.part_name.string() + ": was damaged by an error of the disk; save it with bolo recover");
+  }
   Status published = publish(w.part_name, {w.final_name, w.options.replace});
   if (published) remove_records(w.part_name);
   w.driven.reset();  // and with it the lock: who gets it finds that the name is gone

@@ -104,12 +104,14 @@ bool write_journal(int journal, const PageRecord& record, bool power) {
   return (errno == ENOSPC || errno == EDQUOT || errno == EFBIG) && ::ftruncate(journal, 0) == 0;
 }
 
-// The writer that held the lock until now may have given the file its final name.
-bool still_named(int descriptor, const std::filesystem::path& file) {
+// The writer that held the lock until now may have given the file its final name. An error where nothing is known (a
+// network's file system that does not answer).
+Result<bool> still_named(int descriptor, const std::filesystem::path& file) {
   struct stat opened {};
   struct stat named {};
-  return ::fstat(descriptor, &opened) == 0 && ::stat(file.c_str(), &named) == 0 && opened.st_dev == named.st_dev &&
-         opened.st_ino == named.st_ino;
+  if (::fstat(descriptor, &opened) != 0) return not_opened("created");
+  if (::stat(file.c_str(), &named) != 0 && errno != ENOENT) return not_opened("created");
+  return opened.st_dev == named.st_dev && opened.st_ino == named.st_ino;
 }
 
 }  // namespace
@@ -123,8 +125,10 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesyst
   if (!descriptor && errno == EEXIST) return is_there(file);
   if (!descriptor) return not_opened("created");
   std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(file, std::move(descriptor)));
-  if (held_by_another(made->descriptor()) || !still_named(made->descriptor(), file)) return bad_input(kIsBeingWritten);
-  if (Status begun = made->begin(survives); !begun) {
+  if (held_by_another(made->descriptor())) return bad_input(kIsBeingWritten);
+  const Result<bool> ours = still_named(made->descriptor(), file);
+  if (ours && !*ours) return bad_input(kIsBeingWritten);
+  if (Status begun = ours ? made->begin(survives) : tl::unexpected(ours.error()); !begun) {
     if (replace == Replace::kNothing) {  // it was made here, and would be taken for an unfinished recording
       remove_records(file);
       ::unlink(file.c_str());

@@ -102,6 +102,7 @@ Result<std::vector<Event>> read_events(hid_t file) {
   if (H5Tget_size(kind.get()) > kLongestStoredKind) return bad_input(kPath + ": its kinds are longer than 64 KiB");
   const h5::Dims dims = h5::shape(dataset.get());
   if (dims.size() != 1) return bad_input(kPath + " has the shape " + h5::text(dims) + "; expected one dimension");
+  RETURN_IF_ERROR(h5::check_rows(kPath, dims[0], sizeof(Event) + H5Tget_size(type.get())));
 
   std::vector<Event> events(dims[0]);
   if (events.empty()) return events;

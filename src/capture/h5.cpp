@@ -15,6 +15,10 @@ namespace {
 constexpr std::size_t kMostCompression = 2048;
 constexpr std::size_t kLongestString = std::size_t{1} << 20;
 
+// Before any other call of the library: at the program's end it would try to close what it could not open of a damaged
+// file, and say so. All that is written here is closed here.
+[[maybe_unused]] const herr_t kLeftAlone = H5dont_atexit();
+
 herr_t keep_first(unsigned, const H5E_error2_t* error, void* out) {
   auto& message = *static_cast<std::string*>(out);
   if (error->desc != nullptr) message = error->desc;
@@ -143,7 +147,7 @@ std::vector<T> read_readable_part(hid_t dataset, hid_t memory_type, std::size_t 
   const hsize_t chunk = series_chunk(dataset);
   const std::size_t stored = H5Dget_storage_size(dataset);
   if (chunk == 0 || stored % (chunk * value_bytes) != 0) return {};  // damaged, not just cut off
-  std::size_t rows = std::min<std::size_t>(values, stored / value_bytes);
+  std::size_t rows = std::min<std::size_t>({values, stored / value_bytes, kMostRowBytes / sizeof(T)});
   std::vector<T> out(rows);
   while (!read_rows(dataset, memory_type, rows, false, out.data())) rows = (rows - 1) / chunk * chunk;
   out.resize(rows);
@@ -164,6 +168,7 @@ Result<std::vector<T>> read_series(hid_t file, const std::string& path, Expect e
   if (expect == Expect::kPart && dims.size() == 1) {
     return read_readable_part<T>(dataset.get(), memory_type, values, H5Tget_size(type.get()));
   }
+  RETURN_IF_ERROR(check_rows(path, values, sizeof(T)));
   std::vector<T> out(values);
   if (!read_rows(dataset.get(), memory_type, values, true, out.data())) {
     return bad_input(path + " cannot be read" + because());
@@ -328,6 +333,11 @@ Dims shape(hid_t dataset) {
   Dims dims(static_cast<std::size_t>(rank > 0 ? rank : 0));
   if (!dims.empty()) H5Sget_simple_extent_dims(space.get(), dims.data(), nullptr);
   return dims;
+}
+
+Status check_rows(const std::string& path, std::size_t rows, std::size_t row_bytes) {
+  if (rows <= kMostRowBytes / row_bytes) return {};
+  return bad_input(path + " has " + std::to_string(rows) + " values, more than any recording");
 }
 
 bool read_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims& count, void* out) {

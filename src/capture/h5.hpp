@@ -94,6 +94,10 @@ enum class Expect {
 Result<Handle> open_dataset(hid_t file, const std::string& path, Expect expect = Expect::kWhole);
 Dims shape(hid_t dataset);
 
+// What is read as a whole: a file with holes has room for any number of rows, and memory has not.
+inline constexpr std::size_t kMostRowBytes = std::size_t{1} << 30;
+Status check_rows(const std::string& path, std::size_t rows, std::size_t row_bytes);
+
 // Reads `count` values along each axis from `start` on. False on failure. Thread: any one at a time.
 bool read_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims& count, void* out);
 // Writes `count` rows from row `begin` on; the dataset grows to hold them.

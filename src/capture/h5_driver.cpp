@@ -42,6 +42,7 @@ herr_t done_or_why(bool good, const char* what) {
 
 // The outcome as HDF5 is to see it: after the end has begun a failure is noted instead.
 bool outcome(DrivenFile& driven, bool good) {
+  driven.erred |= !good;
   if (good || !driven.ending) return good;
   driven.error = errno != 0 ? errno : EIO;
   return true;
@@ -88,10 +89,12 @@ haddr_t file_end(const H5FD_t* file, H5FD_mem_t) {
 }
 
 herr_t read_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t bytes, void* out) {
-  const DrivenFile& driven = *self(file).shared;
+  DrivenFile& driven = *self(file).shared;
   const bool gone = driven.salvages && offset + bytes > driven.file->size();
   if (gone) errno = EIO;
-  return done_or_why(!gone && driven.file->read(offset, bytes, out), "cannot be read");
+  const bool good = !gone && driven.file->read(offset, bytes, out);
+  driven.erred |= !good;
+  return done_or_why(good, "cannot be read");
 }
 
 herr_t write_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t bytes, const void* data) {

@@ -17,7 +17,8 @@ struct DrivenFile {
   bool writes = false;
   bool salvages = false;
   bool ending = false;
-  int error = 0;  // errno of what failed since `ending`
+  bool erred = false;  // a read or a write failed: what HDF5 made of it need not be whole
+  int error = 0;       // errno of what failed since `ending`
 };
 
 // A new HDF5 file of that name, which `driven` has open for writing and keeps when HDF5 has closed it: its owner has to

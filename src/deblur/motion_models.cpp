@@ -62,11 +62,11 @@ class SceneCovariance {
 };
 
 // Thermal inertia in discrete time, y(t) = sum over a of (1 - e) e^a x(t - (a + 1/2) h): again exact for a process that
-// is sampled so, whatever the step h.
+// is sampled so, whatever the step h. No camera has more than 64 frames in a time constant, so none has a finer one.
 class Inertia {
  public:
   Inertia(double tau_s, double period_s)
-      : step_(std::min(tau_s, period_s) / 16.0),
+      : step_(std::clamp(period_s / 16.0, tau_s / 1024.0, tau_s / 16.0)),
         decay_(std::exp(-step_ / tau_s)),
         steps_(static_cast<int>(24.0 * tau_s / step_)) {}
 

@@ -80,6 +80,26 @@ void forged_times(hid_t f) {
   set_dataset(f, "/t", H5T_NATIVE_DOUBLE, {hsize_t{1} << 50}, H5T_NATIVE_DOUBLE, nullptr, {1024}, 1);
 }
 
+// Room for `rows`, and nothing in it: the disk has no block of them.
+void room(hid_t f, const char* path, hid_t type, hsize_t rows) {
+  if (H5Lexists(f, path, H5P_DEFAULT) > 0) drop(f, path);
+  const h5::Handle space(H5Screate_simple(1, &rows, nullptr));
+  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY);
+  H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER);
+  const h5::Handle id(H5Dcreate2(f, path, type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
+  EXPECT_TRUE(id);
+}
+void times_without_end(hid_t f) { room(f, "/t", H5T_NATIVE_DOUBLE, hsize_t{1} << 28); }
+void events_without_end(hid_t f) {
+  const h5::Handle text(H5Tcopy(H5T_C_S1));
+  H5Tset_size(text.get(), 8);
+  const h5::Handle type(H5Tcreate(H5T_COMPOUND, 16));
+  H5Tinsert(type.get(), "t", 0, H5T_NATIVE_DOUBLE);
+  H5Tinsert(type.get(), "kind", 8, text.get());
+  room(f, "/events", type.get(), hsize_t{1} << 25);
+}
+
 // /frames (3, 3, 7) with the properties that `set` gives it.
 template <typename Set>
 h5::Handle frames_with(hid_t f, Set set) {
@@ -225,6 +245,7 @@ const std::vector<Corruption>& corruptions() {
       {"t_steps_of_weeks", with_doubles("/t", {0, 1e8, 2e8}), {"/t rises by 1", "1e-06 to 1000000 s"}},
       {"t_beyond_nanoseconds", with_doubles("/t", {0, 1, 1e300}), {"/t: value 2", "expected seconds"}},
       {"t_forged", forged_times, {"/t", "cut off"}},
+      {"t_without_end", times_without_end, {"/t", "268435456", "more than any recording"}},
       {"id_missing", without_item("/frame_id"), {"/frame_id is missing"}},
       {"id_long", with_dataset("/frame_id", H5T_NATIVE_UINT64, {4}), {"/frame_id has 4 values", "3 frames"}},
       {"id_equal", with_dataset("/frame_id", H5T_NATIVE_UINT64, {3}), {"/frame_id: value 1 (0)", "rise"}},
@@ -241,6 +262,7 @@ const std::vector<Corruption>& corruptions() {
 
       {"events_numbers", with_doubles("/events", {1.0}), {"/events", "float64", "compound"}},
       {"events_no_kind", events_without_kind, {"/events", "'kind'"}},
+      {"events_without_end", events_without_end, {"/events", "33554432", "more than any recording"}},
       {"events_nan", events_at_nan, {"/events", "event 1", "finite"}},
 
       {"stimulus_dataset", with_doubles("/stimulus", {1.0}), {"/stimulus is not a group"}},

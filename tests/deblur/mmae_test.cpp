@@ -236,6 +236,16 @@ TEST(MotionModels, SamplesHaveTheProcessCovariance) {
   }
 }
 
+// Of a capture that states a wrong period.
+TEST(MotionModels, ManyFramesInATimeConstantTakeNoLonger) {
+  Settings settings = settings_with(0.1);
+  settings.tau_s = 0.99;
+  settings.period_s = 1e-4;
+  const std::clock_t begin = std::clock();
+  const MotionModels models(settings, {0.0});
+  EXPECT_LT((std::clock() - begin) / CLOCKS_PER_SEC, 5);
+}
+
 TEST(Mmae, IsSharperThanTheSamplesAndTheInverseFilter) {
   const Geometry g{96, 40};
   Settings settings = settings_with(0.0);

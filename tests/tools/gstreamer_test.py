@@ -104,6 +104,12 @@ class Tools(unittest.TestCase):
             self.run_tool("gst-launch-1.0", "videotestsrc", "num-buffers=40", "!", caps, "!", "bolodeblur", "lookahead=1",
                           "tau=0.01", "!", "videoconvert", "!", "fakesink")
 
+    def test_frames_that_downstream_does_not_take_are_dropped(self):
+        for look_ahead in (0, 3):
+            self.run_tool("gst-launch-1.0", "videotestsrc", "num-buffers=60", "!",
+                          "video/x-raw,format=GRAY16_LE,framerate=60/1,width=64,height=48", "!", "tee", "name=t", "t.", "!",
+                          "bolodeblur", "window=9", f"lookahead={look_ahead}", "t.", "!", "fakesink")
+
     def test_what_cannot_be_is_an_error_in_words(self):
         for wrong, says in (("bolodeblur solver=fast", "fast"), ("bolodeblur window=16", "window"),
                             ("bolodeblur lookahead=200", "lookahead")):

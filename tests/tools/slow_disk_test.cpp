@@ -1,23 +1,47 @@
 // A recording onto a disk that is slower than the camera: frames are lost by count, the daemon and what was recorded
 // are not touched.
 #include <dlfcn.h>
+#include <fcntl.h>
+#include <sys/stat.h>
 
+#include "src/capture/crash_safe_file.hpp"
+#include "src/capture/recovery.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/no_threads.hpp"
+#include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 #include "tools/record/recording.hpp"
 
 namespace {
 
 std::atomic<int> g_delay_ms{0};
+std::atomic<int> g_stat_error{0};
+std::atomic<int> g_calls_until_error{-1};  // of pread and pwrite; < 0: none comes
+
+bool disk_errs() {
+  if (g_calls_until_error < 0 || g_calls_until_error-- > 0) return false;
+  errno = EIO;
+  return true;
+}
 
 }  // namespace
 
 // Takes the place of the C library's: all that a recording writes goes through it.
 extern "C" ssize_t pwrite(int descriptor, const void* data, size_t bytes, off_t offset) {
   std::this_thread::sleep_for(std::chrono::milliseconds(g_delay_ms.load()));
+  if (disk_errs()) return -1;
   using Function = ssize_t(int, const void*, size_t, off_t);
   return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, "pwrite"))(descriptor, data, bytes, offset);
+}
+
+extern "C" ssize_t pread(int descriptor, void* data, size_t bytes, off_t offset) {
+  if (disk_errs()) return -1;
+  using Function = ssize_t(int, void*, size_t, off_t);
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, "pread"))(descriptor, data, bytes, offset);
+}
+extern "C" int stat(const char* path, struct stat* about) {
+  errno = g_stat_error.load();
+  return errno != 0 ? -1 : fstatat(AT_FDCWD, path, about, 0);
 }
 
 namespace bolo::tools {
@@ -111,6 +135,50 @@ TEST_F(SlowDisk, NoThreadCanBeStarted) {
   std::size_t frames = 0;
   for (const auto& file : result.written.files) frames += must(capture::CaptureReader::open(file))->info().frames;
   EXPECT_EQ(frames, result.written.frames);
+}
+
+// As NFS does not for a while (ESTALE).
+TEST_F(SlowDisk, WhatCannotBeBegunIsNoUnfinishedRecording) {
+  g_stat_error = ESTALE;
+  const auto begun = capture::CrashSafeFile::create(file_, capture::SurvivesCut::kPower, Replace::kNothing);
+  g_stat_error = 0;
+  expect_refused(begun, {"cannot be created: Stale file handle"});
+  EXPECT_FALSE(std::filesystem::exists(file_));
+}
+
+// Wherever one read or write fails (a bad sector, a network): what got its name can be read, what did not be saved.
+TEST_F(SlowDisk, OneErrorCostsNoFrameThatWasCommitted) {
+  capture::CaptureInfo info;
+  info.format.geometry = {16, 8};
+  info.format.frame_period_s = 0.01;
+  capture::WriterOptions how;
+  how.survives_power_cut = how.times = true;
+  const std::vector<std::uint16_t> plane(info.format.geometry.pixels(), 7);
+  const capture::FrameTimes times{};
+  bool erred = true;
+  for (int calls = 0; erred; ++calls) {
+    const std::filesystem::path file = scratch_ / ("one-error-" + std::to_string(calls) + ".h5");
+    auto writer = must(capture::CaptureWriter::create(file, info, how));
+    g_calls_until_error = calls;
+    std::size_t committed = 0;
+    for (std::size_t i = 0; i < 12; ++i) {
+      if (!writer->append(0.01 * static_cast<double>(i), i, plane.data(), nullptr, nullptr, &times)) break;
+      if (i % 4 == 3) {
+        if (!writer->commit()) break;
+        committed = i + 1;
+      }
+    }
+    const Status closed = writer->close();
+    erred = g_calls_until_error.exchange(-1) < 0;
+    if (!closed) {
+      { const auto gone = std::move(*writer); }
+      const auto saved = capture::recover_copy(file.string() + ".part", {file}, {});
+      EXPECT_TRUE(saved || committed == 0) << calls << ": " << saved.error().message << "; " << closed.error().message;
+    }
+    const auto reader = capture::CaptureReader::open(file);
+    EXPECT_TRUE(reader || (!closed && committed == 0)) << calls << ": " << reader.error().message;
+    EXPECT_GE(reader ? reader->info().frames : 0, committed) << calls;
+  }
 }
 
 }  // namespace

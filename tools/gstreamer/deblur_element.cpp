@@ -231,10 +231,17 @@ Result<std::unique_ptr<StreamDeblur>> make_stream(const Options& options, const 
   return StreamDeblur::create(settings, format, options.workers);
 }
 
+// Drops frames that are ready and that downstream did not take: it flushes, or leads nowhere.
+void drop_ready(State& state) {
+  StreamDeblur::Ready ready;
+  while (state.stream && state.stream->next(ready, state.plane.data())) {
+    if (!state.waiting.empty()) state.waiting.pop_front();
+  }
+}
+
 // Drops frames that a finished stream still holds; the next frame begins anew.
 void forget_frames(State& state) {
-  StreamDeblur::Ready ready;
-  while (state.stream && state.stream->next(ready, state.plane.data())) continue;
+  drop_ready(state);
   state.waiting.clear();
   state.restart = true;
 }
@@ -282,6 +289,7 @@ std::int64_t time_of(State& state, GstBuffer* buffer) {
 GstFlowReturn take_in(BoloDeblur* self, Buffer buffer) {
   State& state = *self->state;
   if (GST_BUFFER_FLAG_IS_SET(buffer.get(), GST_BUFFER_FLAG_GAP)) return GST_FLOW_OK;  // a lost frame: nothing to see
+  drop_ready(state);
   {
     const MappedFrame frame(state.info, buffer.get(), GST_MAP_READ);
     if (!frame) {
@@ -338,6 +346,7 @@ GstFlowReturn generate_output(GstBaseTransform* transform, GstBuffer** out) {
 void drain(BoloDeblur* self) {
   State& state = *self->state;
   if (!state.stream) return;
+  drop_ready(state);
   state.stream->finish();
   while (Buffer out = give_out(self)) {
     if (gst_pad_push(GST_BASE_TRANSFORM_SRC_PAD(self), out.release()) != GST_FLOW_OK) break;
@@ -350,6 +359,7 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
   const GstEventType type = GST_EVENT_TYPE(event);
   if (type == GST_EVENT_EOS || type == GST_EVENT_SEGMENT || type == GST_EVENT_CAPS) drain(self);
   if (type == GST_EVENT_FLUSH_STOP && self->state->stream) {
+    drop_ready(*self->state);
     self->state->stream->finish();
     forget_frames(*self->state);
   }

@@ -25,9 +25,11 @@ struct FakeCamera {
   int busy = 0;  // errno of S_FMT and REQBUFS
   std::uint32_t stamps = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
   int open_refused = 0;  // errno
+  int take_refused = 0;  // errno of DQBUF, though poll says that a frame waits
 
   std::uint32_t sequence = 0;  // of the next frame
   int opened = 0;              // times
+  int refusals = 0;            // of DQBUF
   bool streaming = false;
   std::vector<std::vector<std::byte>> memory{};  // of its buffers
   std::deque<std::uint32_t> queued{};
@@ -120,7 +122,7 @@ class FakeVideo final : public VideoSystem {
     std::unique_lock lock(mutex_);
     const auto ready = [&] {
       const FakeCamera* const camera = of(fd);
-      return camera == nullptr || !camera->there || !camera->done.empty();
+      return camera == nullptr || !camera->there || camera->take_refused != 0 || !camera->done.empty();
     };
     return changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms), ready) ? 1 : 0;
   }
@@ -169,6 +171,8 @@ class FakeVideo final : public VideoSystem {
         camera->queued.push_back(static_cast<v4l2_buffer*>(argument)->index);
         return 0;
       case VIDIOC_DQBUF:
+        if (camera->take_refused != 0) ++camera->refusals;
+        if (camera->take_refused != 0) return fail(camera->take_refused);
         if (camera->done.empty()) return fail(EAGAIN);
         *static_cast<v4l2_buffer*>(argument) = camera->done.front();
         camera->done.pop_front();

@@ -125,6 +125,35 @@ TEST_F(V4l2SourceTest, ADriverThatDoesNotCountIsCountedFor) {
     ASSERT_TRUE(passes(1, {.stamp_ns = 5'000'000'000 + static_cast<std::int64_t>(n) * kPeriodNs, .counts = false}));
     EXPECT_EQ(meta_.frame_id, n);
   }
+  for (std::uint64_t n = 10; n < 20; ++n) {  // nor has it a clock
+    ASSERT_TRUE(passes(1, {.stamp_ns = 6'000'000'000, .counts = false}));
+    EXPECT_EQ(meta_.frame_id, n);
+  }
+}
+
+TEST_F(V4l2SourceTest, ACounterThatBeginsAnewLosesNoFrames) {
+  start();
+  for (std::uint64_t n = 0; n < 100; ++n) {
+    if (n % 20 == 0) video_.change([&](auto&) { camera().sequence = 0; });
+    ASSERT_TRUE(passes(1));
+    EXPECT_EQ(meta_.frame_id, n);
+  }
+}
+
+// As at a device that is in an error, or whose other reader was faster.
+TEST_F(V4l2SourceTest, ADeviceThatPromisesFramesAndHasNoneIsNotAskedWithoutPause) {
+  options_.reconnect_after_ms = 0;
+  start();
+  const auto refusals = [&](int error) {
+    video_.change([&](auto&) { camera().refusals = 0, camera().take_refused = error; });
+    std::this_thread::sleep_for(500ms);
+    return video_.change([&](auto&) { return camera().refusals; });
+  };
+  for (const int error : {EAGAIN, EIO}) EXPECT_LE(refusals(error), 500) << error;
+  EXPECT_LE(refusals(EINVAL), 4) << "lost and opened again each time";
+  video_.change([&](auto&) { camera().take_refused = 0; });
+  ASSERT_TRUE(eventually([&] { return video_.send(kPath, 1); }));
+  EXPECT_TRUE(next());
 }
 
 TEST_F(V4l2SourceTest, DamagedAndShortBuffersAreLostByTheirCause) {
