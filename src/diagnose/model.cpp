@@ -190,7 +190,7 @@ double corner_gain_at(const Session& session, const CameraModel& camera, int row
 }
 
 double heating_at(const CameraModel& camera, double row) {
-  return camera.heating_k * (1.0 - std::exp(-camera.heating_rate * row));
+  return camera.heating_k * std::expm1(-camera.heating_rate * row) / std::expm1(-camera.heating_rate);
 }
 
 double StimulusState::mean_speed() const { return sum_of(speed_px_s) / static_cast<double>(speed_px_s.size()); }

@@ -147,7 +147,7 @@ struct CameraModel {
   double corner_reference_k = kReference;  // at which these make no difference: the housing that shows in their place
   double clock_skew = 0.0;                 // the frame period is longer by this share
   double clip_k = std::numeric_limits<double>::infinity();  // values from here on up say nothing
-  double heating_k = 0.0;  // the offset grows with the row: heating_k (1 - exp(-heating_rate row)), row 0..1
+  double heating_k = 0.0;  // of the last row; the offset grows as 1 - exp(-heating_rate row), row 0..1
   double heating_rate = 3.0;
   Eigen::VectorXf offset;                    // K of each pixel of the grid; empty: none
   Eigen::VectorXf gain;                      // share of T - gain_reference_k; empty: none

@@ -120,10 +120,13 @@ class Selector {
       if (effect->hides_in == MapKind::kNone) continue;
       const double before = row_trend_z(session, map_of(selection_.fit.state.camera, effect->hides_in));
       if (before < kClearTrend) continue;
-      // From an empty map on, so that the effect takes its part first.
+      // Without the map first: what that has once taken up of the effect's shape no later round gives back.
       State start = selection_.fit.state;
       map_of(start.camera, effect->hides_in).resize(0);
-      const std::vector<Choice> choices = with(forms_of(*effect).front());
+      const std::vector<Choice> choices = with({effect, -1});
+      std::vector<Choice> mapless = choices;
+      std::erase_if(mapless, [effect](const Choice& c) { return c.effect->map == effect->hides_in; });
+      start = fit(data_, start, mapless, 2 * kRounds).state;
       FitResult fitted = settle(data_, fit(data_, start, choices, kRounds), kRounds, kSettled);
       const double after = row_trend_z(session, map_of(fitted.state.camera, effect->hides_in));
       if (after > before / 2.0 || !worth_naming(session, fitted, choices.size() - 1)) continue;

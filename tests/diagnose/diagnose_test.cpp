@@ -104,6 +104,47 @@ INSTANTIATE_TEST_SUITE_P(OfTheCatalogue, Withheld,
                            return std::string(made.param, std::string_view(made.param).find(':'));
                          });
 
+// Heat that grows evenly comes to no end in the frame, as that of the effect's usual form does.
+class EvenHeat : public Diagnosis {
+ protected:
+  static constexpr double kHeat_k = 0.1;
+
+  // Two flat fields, heated from row to row, with fixed offsets of each pixel.
+  Report heated(double offset_k) {
+    std::mt19937 random(16);
+    std::normal_distribution<double> gauss;
+    std::array<double, std::size_t{testing::kWidth} * testing::kHeight> offset{};
+    for (double& one : offset) one = offset_k * gauss(random);
+    std::vector<std::filesystem::path> files;
+    for (const double kelvin : {300.0, 325.0}) {
+      const auto fill = [&](int, std::vector<std::uint16_t>& plane) {
+        for (std::size_t p = 0; p < plane.size(); ++p) {
+          const double row = std::floor(static_cast<double>(p) / testing::kWidth) / (testing::kHeight - 1);
+          const double value = kelvin + kHeat_k * row + offset[p] + 0.03 * gauss(random);
+          plane[p] = static_cast<std::uint16_t>(std::lround(100.0 * value));
+        }
+      };
+      const auto file = scratch_.path() / ("flat-" + std::to_string(files.size()) + ".h5");
+      files.push_back(testing::write_capture<std::uint16_t>(file, {testing::kWidth, testing::kHeight}, 240, fill,
+                                                            capture::Uniform{kelvin}));
+    }
+    return diagnosed(files);
+  }
+};
+
+TEST_F(EvenHeat, IsNoPatternOfPixels) {
+  const Report report = heated(0.0);
+  ASSERT_EQ(told(report), "explained: self_heating") << report.unexplained.where;
+  EXPECT_NEAR(report.effects[0].parameters.at("amplitude_k").value, kHeat_k, 0.02 * kHeat_k);
+}
+
+// The map of which had taken up most of it.
+TEST_F(EvenHeat, IsToldFromAPattern) {
+  const Report report = heated(0.03);
+  ASSERT_EQ(told(report), "explained: fpn_offset self_heating") << report.unexplained.where;
+  EXPECT_NEAR(report.effects[1].parameters.at("amplitude_k").value, kHeat_k, 0.1 * kHeat_k);
+}
+
 // Steps take the noise's colour away, and move whole frames where little noise is left to blur them.
 TEST_F(Diagnosis, TellsAFilterBehindCoarseStepsByLateEdges) {
   const Report report = diagnosed(bench({.seed = 90417}, {}, Kind::kPair, 1));

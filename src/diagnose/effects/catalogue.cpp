@@ -195,7 +195,8 @@ std::vector<Effect> scene_and_pixel_effects() {
 
 // The read-out and the package: times of rows and frames, offsets and gains.
 std::vector<Effect> readout_effects() {
-  constexpr double kHeatingRate = 3.0;  // about which it is looked for
+  constexpr double kHeatingRate = 3.0;   // about which it is looked for
+  constexpr double kHeatingReach = 4.0;  // of its logarithm: down to heat that grows evenly but for 1 %
   const Predicate changes = any_of({Kind::kChopper, Kind::kMovingBars});
   return {
       // Rows are sampled one after another.
@@ -264,10 +265,10 @@ std::vector<Effect> readout_effects() {
                  "The read-out heats the pixels, by up to {amplitude_k} in later rows"},
        .needs = "a closed shutter",
        .told_by = any_of({Kind::kUniform}),
-       .parameters =
-           always({number_of("heating_k", 0.02, -5.0, 5.0, &CameraModel::heating_k),
-                   log_of(
-                       "log_rate", 0.1, 2.5, kHeatingRate, [](auto& s) -> auto& { return s.camera.heating_rate; })}),
+       .parameters = always(
+           {number_of("heating_k", 0.02, -5.0, 5.0, &CameraModel::heating_k),
+            log_of(
+                "log_rate", 0.1, kHeatingReach, kHeatingRate, [](auto& s) -> auto& { return s.camera.heating_rate; })}),
        .least = 0.001,
        .hides_in = MapKind::kOffset,
        .report = reported_as("amplitude_k", [](double v, double e) { return interval(std::abs(v), e); })},
