@@ -271,7 +271,12 @@ std::vector<Effect> readout_effects() {
                 "log_rate", 0.1, kHeatingReach, kHeatingRate, [](auto& s) -> auto& { return s.camera.heating_rate; })}),
        .least = 0.001,
        .hides_in = MapKind::kOffset,
-       .report = reported_as("amplitude_k", [](double v, double e) { return interval(std::abs(v), e); })},
+       // As the simulator states it, whose last row gets 1 - exp(-rate) of the amplitude.
+       .report = reported_as("amplitude_k",
+                             [](double v, double e) {
+                               const double share = -std::expm1(-kHeatingRate);
+                               return interval(std::abs(v) / share, e / share);
+                             })},
       // The offset of all pixels moves slowly with the temperature of the package.
       {.name = "drift",
        .stage = "package",
