@@ -20,7 +20,7 @@ constexpr double kSeenContrast = 6.0;  // sigmas that a pixel's scene must vary 
 constexpr double kFollows = 0.4;       // slope of what a pixel shows against what it should: less is deaf
 constexpr double kFollow = 0.85;       // of its neighbours, at least
 constexpr double kMostPattern = 0.2;   // of the picture's standard deviation
-constexpr double kNoisyScatter = 5.0;    // times the usual scatter
+constexpr double kNoisyScatter = 5.0;  // times the usual scatter
 constexpr double kOfEdge = 0.5;        // px that an edge may be off by
 
 // A residual with what its blocks weigh.
@@ -227,7 +227,8 @@ std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const s
     const double edge = kOfEdge * slope_at(level, p, g);
     const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
     const double usual = around(scatter, p, g);
-    const bool noisy = usual > 0.0 && scatter[p] > kNoisyScatter * std::max(usual, floor);  // coarse steps may hide noise
+    const bool noisy =
+        usual > 0.0 && scatter[p] > kNoisyScatter * std::max(usual, floor);  // coarse steps may hide noise
     deaf[static_cast<std::size_t>(p)] = (still && varies[p] > edge) || (noisy && scatter[p] > edge) ? 1 : 0;
   }
   return deaf;
