@@ -15,7 +15,8 @@
  * kelvin = scale * value + offset when unit is BOLO_UNIT_KELVIN.
  *
  * Frame number n (0, 1, 2 ...: publication order, not the camera's frame id) lies in slot n % slot_count.
- * header.published is the count of frames published: the newest is published - 1.
+ * header.published is the count of frames published: the newest is published - 1. Counters and latencies are stored
+ * before it, so that a reader who loads it first (acquire) sees none that is behind it.
  *
  * Reading frame n without locks (tests/models tries every order of it). The writer never waits:
  *
