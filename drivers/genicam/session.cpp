@@ -210,7 +210,7 @@ Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& 
                                        [this](const CameraFrame& frame) { take(frame); });
     if (!raised) warnings.push_back(gvsp::refused_priority(options_.realtime_priority));
   } catch (const std::system_error& e) {
-    return failed(connection_.name + ": " + words_of(e));
+    return failed(connection_.name + ": " + describe_exception(e));
   }
   return {};
 }

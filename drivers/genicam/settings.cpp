@@ -89,8 +89,8 @@ void make_kelvin(Nodes& nodes, const ObjectParameters& object, Negotiated& resul
 
 // At least those of the cameras that have windowing, should SensorHeight follow the window.
 int sensor_rows(Nodes& nodes) {
-  const int said = nodes.has("SensorHeight") ? static_cast<int>(nodes.integer("SensorHeight")) : 0;
-  return std::max(said, kSensorRows);
+  const int rows = nodes.has("SensorHeight") ? static_cast<int>(nodes.integer("SensorHeight")) : 0;
+  return std::max(rows, kSensorRows);
 }
 
 // Sets the smallest window that holds the height. True when the camera had another one before.
@@ -237,9 +237,9 @@ pipeline::PtpStatus ptp_status(const PtpState& ptp) {
     }
     return kept;
   };
-  const std::string told = letters(ptp.status);
+  const std::string status = letters(ptp.status);
   for (std::size_t i = 1; i < pipeline::kPtpStatuses; ++i) {
-    if (letters(name(static_cast<pipeline::PtpStatus>(i))) == told) return static_cast<pipeline::PtpStatus>(i);
+    if (letters(name(static_cast<pipeline::PtpStatus>(i))) == status) return static_cast<pipeline::PtpStatus>(i);
   }
   return pipeline::PtpStatus::kOff;
 }

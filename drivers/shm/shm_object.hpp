@@ -47,10 +47,10 @@ std::vector<std::string> object_names();
 // True if this user's objects are trusted: anybody may make a file of any name in /dev/shm. Trusted are
 // root, this process's own user, "bolo", which the packaged daemon runs as, and the user that the environment's
 // BOLO_USER names or numbers. Thread: any.
-std::vector<uid_t> believed_users();
-bool is_believed(uid_t owner);
+std::vector<uid_t> trusted_users();
+bool is_trusted(uid_t owner);
 // "user alice (uid 1000)". Thread: any.
-std::string user_words(uid_t user);
+std::string describe_user(uid_t user);
 
 // An object that this process created and owns, mapped, and the lock of its name; both are unlinked in the destructor.
 class OwnedObject {

@@ -74,7 +74,7 @@ enum class Refusal {
 
 class ShmReader {
  public:
-  // Maps "/bolo." + name read-only and checks its owner (is_believed()), magic, version and every offset against the
+  // Maps "/bolo." + name read-only and checks its owner (is_trusted()), magic, version and every offset against the
   // object's size. Thread: setup.
   static Result<ShmReader> open(const std::string& name, Refusal* refusal = nullptr);
   // The names that exist now, sorted: "cam" for the object "/bolo.cam", whether its writer lives or not. Thread: any.

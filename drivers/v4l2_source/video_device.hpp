@@ -63,7 +63,7 @@ class VideoDevice {
 
   Status check_capabilities();
   Status agree_on_format(Container format);
-  void ask_period();
+  void query_period();
   Status request_buffers(int count);
   std::string offered();
   tl::unexpected<Error> refused(const std::string& what) const;

@@ -80,7 +80,7 @@ class CrashSafeFile {
   CrashSafeFile(std::filesystem::path name, UniqueFd file) : name_(std::move(name)), file_(std::move(file)) {}
   Status begin(SurvivesCut survives);
   bool write_through(std::uint64_t offset, std::size_t bytes, const std::byte* data);
-  bool hold_back(std::uint64_t offset, std::size_t bytes, const std::byte* data);
+  bool defer_write(std::uint64_t offset, std::size_t bytes, const std::byte* data);
   const Page* in_memory(std::uint64_t number) const;
   int write_commit(const PageRecord& record, std::uint64_t end);
   bool commit_here();

@@ -28,7 +28,7 @@ tl::unexpected<Error> no_file(const std::filesystem::path& file, mode_t mode) {
   return bad_input(file.string() + ": is " + kind_of(mode) + ", not a file");
 }
 
-std::string size_in_words(std::uint64_t bytes) {
+std::string describe_size(std::uint64_t bytes) {
   const bool large = bytes >= std::uint64_t{1} << 20U;
   return std::to_string(bytes >> (large ? 20U : 10U)) + (large ? " MiB" : " KiB");
 }
@@ -65,7 +65,7 @@ Result<std::string> read_input(const std::filesystem::path& file, std::uint64_t 
     if (got == 0) return text;
     text.append(piece.data(), static_cast<std::size_t>(got));
     if (text.size() > most_bytes) {
-      return bad_input(file.string() + ": is larger than the " + size_in_words(most_bytes) + " that it may be");
+      return bad_input(file.string() + ": is larger than the " + describe_size(most_bytes) + " that it may be");
     }
   }
 }

@@ -78,7 +78,7 @@ int give_name(const fs::path& written, const OutputFile& output) {
   return error;
 }
 
-Status told(int error, const fs::path& written, const OutputFile& output) {
+Status to_status(int error, const fs::path& written, const OutputFile& output) {
   if (error == EEXIST) {
     return failed(output.path.string() +
                   " was made by another program meanwhile and stays; what was written is whole in " + written.string());
@@ -142,7 +142,7 @@ bool sync_folder_of(const fs::path& file) {
 }
 
 Status publish(const fs::path& written, const OutputFile& output) {
-  return told(give_name(written, output), written, output);
+  return to_status(give_name(written, output), written, output);
 }
 
 Result<FileBeside> FileBeside::create(OutputFile output) {
@@ -163,7 +163,7 @@ FileBeside::~FileBeside() {
 Status FileBeside::publish() {
   const int error = give_name(path_, output_);
   if (error == 0 || error == EEXIST) file_ = UniqueFd();  // it is whole, and stays
-  return told(error, path_, output_);
+  return to_status(error, path_, output_);
 }
 
 Status FileBeside::write(std::string_view content) {

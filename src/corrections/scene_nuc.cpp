@@ -34,7 +34,7 @@ class SceneNuc final : public Correction {
     if (periods > 1) learnt_.skip();
   }
   void measure(const float* plane) noexcept override { learnt_.learn(plane); }
-  void apply(float* plane, PixelRange pixels) noexcept override { learnt_.take_out(plane, pixels); }
+  void apply(float* plane, PixelRange pixels) noexcept override { learnt_.subtract(plane, pixels); }
 
  private:
   motion::FixedPattern learnt_;

@@ -275,7 +275,7 @@ GapFigures GapMeter::measure(std::span<const void* const> planes, double period_
   pattern.slots = kFrames;
   std::fill_n(pattern.received.begin(), kFrames, true);
   Alone alone;
-  meter.look({planes, kFrames - 1, 0}, pattern, alone);
+  meter.update({planes, kFrames - 1, 0}, pattern, alone);
   noise_ = meter.noise();
   GapFigures figures{.noise_k = task_.in_kelvin(noise_)};
   const Geometry g = task_.input.geometry;

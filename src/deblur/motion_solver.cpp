@@ -40,7 +40,7 @@ MotionSolver::MotionSolver(const StreamTask& task)
       global_(followed()),
       gyro_(task.input.geometry, task.input.row_step, task.settings.gyro_setup, task.settings.period_s, inertia_),
       local_(followed()),
-      told_(task.input.geometry) {
+      block_motions_(task.input.geometry) {
   const Geometry g = task.input.geometry;
   for (int ahead = 0; usable() && ahead <= task.settings.lookahead; ++ahead)
     estimators_.emplace_back(g, inertia_, ahead);
@@ -131,29 +131,29 @@ bool MotionSolver::is_confirmed(int newest) noexcept {
 
 // The displacements of the period `newest` before the newest and of those before it, less what is told of them. Where
 // frames are lost, and before a cut, nothing is known but that: what is left is taken to have stayed.
-motion::Displacements MotionSolver::history(int newest, const motion::Told& told) noexcept {
+motion::Displacements MotionSolver::history(int newest, const motion::GyroMotions& by_gyro) noexcept {
   motion::Displacements left;
-  motion::Affine last = displacement(newest).motion + told.displacements[0] * -1.0;
+  motion::Affine last = displacement(newest).motion + by_gyro.displacements[0] * -1.0;
   const auto length = static_cast<std::size_t>(scene_length(newest));
   for (std::size_t i = 0; i < left.size(); ++i) {
     const Displacement& d = displacement(static_cast<int>(i) + newest);
-    if (d.there && i < length) last = d.motion + told.displacements[i] * -1.0;
+    if (d.there && i < length) last = d.motion + by_gyro.displacements[i] * -1.0;
     left[i] = last;
   }
   return left;
 }
 
 // The gyro's displacements, if they agree with the picture's, and what they leave of those.
-bool MotionSolver::ask_gyro(const FrameMeta& meta, int newest, motion::Displacements& left,
-                            motion::Told& told) noexcept {
+bool MotionSolver::use_gyro(const FrameMeta& meta, int newest, motion::Displacements& left,
+                            motion::GyroMotions& by_gyro) noexcept {
   Gyro* const gyro = task_.settings.gyro;
   if (gyro == nullptr) return false;
   const double later_s = (task_.settings.lookahead - newest) * task_.settings.period_s;
   gyro_use_ = GyroUse::kSilent;
-  if (!gyro_.find(gyro->samples(), gyro->time_of(meta) + to_ns(later_s), told)) return false;
-  const motion::Displacements rest = history(newest, told);
+  if (!gyro_.find(gyro->samples(), gyro->time_of(meta) + to_ns(later_s), by_gyro)) return false;
+  const motion::Displacements rest = history(newest, by_gyro);
   gyro_use_ = GyroUse::kIgnored;
-  if (!motion::bears_out(left, rest, displacement(newest).uncertainty)) return false;
+  if (!motion::gyro_agrees(left, rest, displacement(newest).uncertainty)) return false;
   gyro_use_ = GyroUse::kUsed;
   left = rest;
   return true;
@@ -167,10 +167,10 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   ahead = target == 1 && displacement(0).there;
   const int newest = ahead ? 0 : target;
   if (target >= newest + scene_length(newest)) return false;
-  motion::Told told;
-  motion::Displacements left = history(newest, told);
-  const bool knows = ask_gyro(meta, newest, left, told);
-  path = motion::path_of(inertia_, left, ahead, displacement(newest).uncertainty, knows ? &told : nullptr);
+  motion::GyroMotions by_gyro;
+  motion::Displacements left = history(newest, by_gyro);
+  const bool knows = use_gyro(meta, newest, left, by_gyro);
+  path = motion::path_of(inertia_, left, ahead, displacement(newest).uncertainty, knows ? &by_gyro : nullptr);
   for (int i = 0; i <= target; ++i) {
     if (is_cut(i, i + 1, i + 1 + kBefore)) path.steady = 0.0;
   }
@@ -240,10 +240,10 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
       local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,
                   mmae_.noise(), cap * cap, crew);
   if (path.rests > 0 && path.steady < kAbrupt) use_rest(path.rests, deviation);
-  told_.find(kernels_, inertia_,
-             {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
-              innovation(target).smoothed.level[0], mmae_.noise()},
-             crew);
+  block_motions_.find(kernels_, inertia_,
+                      {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
+                       innovation(target).smoothed.level[0], mmae_.noise()},
+                      crew);
   motion::EstimateInputs in;
   in.now = &frame(target).values;
   in.innovation = &innovation(target).values;

@@ -51,7 +51,7 @@ double NoiseMeter::noise() const noexcept {
   return std::min(kMostNoise, noise);
 }
 
-void NoiseMeter::look(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
+void NoiseMeter::update(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
   if (given_ > 0.0) return;
   int run = 0;  // received frames in a row, newest first
   for (int s = pattern.slots - 1; s >= 0 && run <= kOrder; --s) {

@@ -19,7 +19,7 @@ class NoiseMeter {
   explicit NoiseMeter(const StreamTask& task);
 
   // Looks at the newest frames of a window. No allocation. Thread: pipeline.
-  void look(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
+  void update(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
 
   // Standard deviation in the values' unit: the settings' if they give one, else the measured, at least what the
   // quantisation makes. Thread: pipeline.

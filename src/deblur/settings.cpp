@@ -100,7 +100,7 @@ Status check_gyro(const Settings& settings) {
   return bad_input("a gyro needs lens.focal_px in the camera profile");
 }
 
-std::string little_to_undo(const Settings& settings) {
+std::string weak_inertia_warning(const Settings& settings) {
   const double left = std::exp(-settings.period_s / settings.tau_s);
   if (left > kLittleLeft) return {};
   std::ostringstream text;

@@ -56,7 +56,7 @@ inline constexpr double kLongestRatioToLookAhead = 2.0;
 
 // A sentence for people where so little of a frame is left in the next that there is next to nothing to undo; empty
 // where there is. Thread: setup.
-std::string little_to_undo(const Settings& settings);
+std::string weak_inertia_warning(const Settings& settings);
 
 // --- The stream's properties that every method needs.
 

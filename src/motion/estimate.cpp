@@ -308,13 +308,13 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.check(x_, *in.innovation, *in.now, trail_.row(row), ratio, row, left_, raw_[0].row(row), raw_[1].row(row));
   });
-  for_rows(crew, weights_.down(), [&](int row) { take_from_within(row); });
+  for_rows(crew, weights_.down(), [&](int row) { copy_from_inside(row); });
   for_rows(crew, weights_.down(), [&](int row) { judge(in, row); });
 }
 
 // What a pixel saw beyond the border is not known: where trails leave the picture the nearest block inside tells how
 // well the motion explains the innovation.
-void Estimator::take_from_within(int row) noexcept {
+void Estimator::copy_from_inside(int row) noexcept {
   for (int c = 0; c < trail_.across(); ++c) {
     const Vec2 way = trail_.at(c, row);
     const int column = within(c, trail_.across(), geometry_.width, way.x);
@@ -350,7 +350,7 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
 
 // Shares are interpolated between blocks. A block that a per-pixel estimate has nearly right takes none from one beside
 // it that moves another way: with it would come some of that motion.
-void Estimator::spare_what_rests(const EstimateInputs& in, int row) noexcept {
+void Estimator::protect_resting_blocks(const EstimateInputs& in, int row) noexcept {
   for (int c = 0; c < share_.across(); ++c) {
     const auto here = static_cast<std::size_t>(row * share_.across() + c);
     most_[here] = 1.0F;
@@ -393,7 +393,7 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
     kernels.blend(sharp, in.other, rows_around(share_, row).data(), most_.row(row), row, out);
   };
   for_rows(crew, weights_.down(), [&](int row) {
-    spare_what_rests(in, row);
+    protect_resting_blocks(in, row);
     kernels.correct(left_, rows_around(step_, row).data(), row, {0, step_.across()}, x_);
     if (at_once) blend(x_, row);
   });

@@ -60,9 +60,9 @@ class Estimator {
   float usual_difference() noexcept;
   void add_far_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
-  void take_from_within(int row) noexcept;
+  void copy_from_inside(int row) noexcept;
   void judge(const EstimateInputs& in, int row) noexcept;
-  void spare_what_rests(const EstimateInputs& in, int row) noexcept;
+  void protect_resting_blocks(const EstimateInputs& in, int row) noexcept;
   bool seen_before(int block) const noexcept;
   const PaddedPlane& at_frame_time(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   template <typename T>

@@ -225,7 +225,7 @@ void FixedPattern::follow_block(int column, int row) noexcept {
   }
 }
 
-void FixedPattern::take_out(float* frame, PixelRange pixels) const noexcept {
+void FixedPattern::subtract(float* frame, PixelRange pixels) const noexcept {
   const auto width = static_cast<std::size_t>(geometry_.width);
   for (std::size_t begin = pixels.begin; begin < pixels.end;) {
     const std::size_t y = begin / width;

@@ -36,7 +36,7 @@ class FixedPattern {
   void learn(const float* frame) noexcept;
 
   // Subtracts what is known of it from these pixels of a frame. Thread: worker.
-  void take_out(float* frame, PixelRange pixels) const noexcept;
+  void subtract(float* frame, PixelRange pixels) const noexcept;
 
  private:
   void begin_frame(const float* frame) noexcept;

@@ -18,7 +18,7 @@ constexpr float kNoiseLimit = 6.0F;     // variances of the smoothed innovation:
 constexpr float kAllSeen = 0.9F;        // of the blocks around: what has just come in matches anything
 constexpr float kTextureLimit = 0.03F;  // of the texture's energy
 constexpr double kFewPoor = 0.004;      // of the blocks: not worth a search
-constexpr float kWorthALook = 0.8F;     // of the cost near the global motion
+constexpr float kWorthTrying = 0.8F;    // of the cost near the global motion
 constexpr float kWorthTaking = 0.7F;
 constexpr float kSearched = 1.1F;   // a searched displacement is whole pixels: its cost is a little less reliable
 constexpr float kUnmatched = 1.3F;  // of the texture's energy: what is left where nothing matches is twice it
@@ -221,7 +221,7 @@ void LocalMotion::choose(const Task& task) noexcept {
     }
   }
   for (std::size_t i = 0; i < large_.size(); ++i) {
-    if (poor_[i] == 0 || cost_large_[i] >= kWorthALook * cost_small_[i]) large_[i] = small_[i];
+    if (poor_[i] == 0 || cost_large_[i] >= kWorthTrying * cost_small_[i]) large_[i] = small_[i];
   }
 }
 

@@ -45,13 +45,13 @@ float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const float explained = std::clamp(1.0F + kMargin - e.left / of_left, 0.0F, 1.0F);
   const float unaware = std::clamp((e.speed - kAware) / (kUnaware - kAware), 0.0F, 1.0F);
   const float shown = std::min(e.per_pixel, kOfChange * std::max(e.change - kMargin * of_change, 0.0F));
-  const float told = std::max(e.other, explained * unaware * shown);
-  const float other = std::log(told + kLeastError);
+  const float other_error = std::max(e.other, explained * unaware * shown);
+  const float other = std::log(other_error + kLeastError);
   const float slow = std::max(1.0F - e.speed / kNearRest, 0.0F);
   const std::array<float, kTerms> terms = {1.0F,
                                            mine,
                                            other,
-                                           std::max(std::log(kQuiet / (told + 1e-3F)), 0.0F),
+                                           std::max(std::log(kQuiet / (other_error + 1e-3F)), 0.0F),
                                            std::log(left),
                                            std::log(change + 0.12F * of_change),
                                            std::log(1.0F + relative * relative),

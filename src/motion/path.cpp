@@ -20,18 +20,18 @@ constexpr double kMostUsual = 0.25;
 // now here, now there.
 constexpr double kHop = 4.0;
 // With a bend that is told only the error of straight trails remains, and it drowns in noise.
-constexpr double kTold = 6.0;         // times kByChance
+constexpr double kWithGyro = 6.0;     // times kByChance
 constexpr double kUnexplained = 0.5;  // of the squared changes, that a gyro may leave, and what noise makes of them
 constexpr double kGyroNoise = 0.02;   // px a frame
 constexpr double kRest = 0.1;         // px a frame
 
 using Spans = std::array<Affine, kHistory - 1>;  // u_i, the newest first
 
-Spans spans_of(const Inertia& inertia, const Displacements& d, const Displacements& told) noexcept {
+Spans spans_of(const Inertia& inertia, const Displacements& d, const Displacements& gyro) noexcept {
   Spans u;
   for (std::size_t i = 0; i < u.size(); ++i) {
     const Affine change = i == 0 ? (d[0] + d[1] * -1.0) * kExtrapolated : d[i - 1] + d[i] * -1.0;
-    u[i] = told[i] + d[i] + change * inertia.age();
+    u[i] = gyro[i] + d[i] + change * inertia.age();
   }
   return u;
 }
@@ -122,7 +122,7 @@ bool rests(const Affine& u) noexcept {
 
 }  // namespace
 
-bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
+bool gyro_agrees(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
   const double chance = kHistory * (9.0 * uncertainty * uncertainty + 3.0 * kGyroNoise * kGyroNoise);
   return std::ranges::all_of(std::array<std::size_t, 2>{0, 1}, [&](std::size_t axis) {
     return roughness(left, axis) <= kUnexplained * roughness(displacements, axis) + chance;
@@ -130,11 +130,11 @@ bool bears_out(const Displacements& displacements, const Displacements& left, do
 }
 
 Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty,
-             const Told* told) noexcept {
-  static constexpr Told kNothing;
-  const Told& known = told != nullptr ? *told : kNothing;
+             const GyroMotions* gyro) noexcept {
+  static constexpr GyroMotions kNothing;
+  const GyroMotions& known = gyro != nullptr ? *gyro : kNothing;
   Displacements d = left;
-  if (told != nullptr) smooth(d, uncertainty);
+  if (gyro != nullptr) smooth(d, uncertainty);
   const Spans u = spans_of(inertia, d, known.spans);
   const std::size_t now = ahead ? 1 : 0;  // the span that ends at the estimated frame
   const Affine v0 = blurring(inertia, u, now);
@@ -148,10 +148,10 @@ Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, doub
   path.next = u[0];
   path.displacement = d[now] + known.displacements[now];
   path.steady = std::min({steadiness(inertia, left, uncertainty),
-                          steadiness(inertia, d + known.displacements, kTold * uncertainty),
-                          steadiness(inertia, d + known.spans, kTold * uncertainty)});
+                          steadiness(inertia, d + known.displacements, kWithGyro * uncertainty),
+                          steadiness(inertia, d + known.spans, kWithGyro * uncertainty)});
   const Affine mean = mean_of(left);
-  for (std::size_t i = now; told != nullptr && i < u.size() && rests(mean + told->spans[i]); ++i) ++path.rests;
+  for (std::size_t i = now; gyro != nullptr && i < u.size() && rests(mean + gyro->spans[i]); ++i) ++path.rests;
   Affine moved;
   Affine before;
   for (std::size_t j = 0; j < path.past.size(); ++j) {

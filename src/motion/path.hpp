@@ -31,7 +31,7 @@ struct Path {
 using Displacements = std::array<Affine, kHistory>;  // the newest first
 
 // A gyro's d_k, d_{k-1} ... and u_0, u_1 ...
-struct Told {
+struct GyroMotions {
   Displacements displacements{};
   Displacements spans{};
 };
@@ -39,12 +39,12 @@ struct Told {
 // True if what the gyro leaves of the displacements changes by chance alone, or less than half as much (squared) from
 // one to the next as they do themselves: what it does not see (a bias, the camera's way) does no harm, and where it
 // does not know how the motion changes it is of no use. Thread: any.
-bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept;
+bool gyro_agrees(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept;
 
 // `left`: displacements of the newest frame, the one before it and so on, less what is `told` of them (null: nothing);
 // with `ahead` the first belongs to the frame after the estimated one. `uncertainty`: GlobalMotion::uncertainty() of
 // the newest. Thread: any.
 Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty = 0.0,
-             const Told* told = nullptr) noexcept;
+             const GyroMotions* gyro = nullptr) noexcept;
 
 }  // namespace bolo::motion

@@ -70,7 +70,7 @@ class GapWatch {
 
  private:
   void run();
-  void look();
+  void evaluate();
 
   const std::size_t plane_bytes_;
   PipelineStats& stats_;

@@ -25,10 +25,10 @@ namespace bolo::pipeline {
 inline constexpr double kSamePeriod = 0.005;
 
 // News of the frame period by the camera's clock, each once.
-class PeriodNews {
+class PeriodChange {
  public:
   // s: the period until now, where the camera's clock says another one; else 0. `measured_s`: 0 while it is not known.
-  double until_now(double measured_s, double stated_s) noexcept {
+  double update(double measured_s, double stated_s) noexcept {
     const double known_s = known_s_ > 0.0 ? known_s_ : stated_s;
     if (measured_s <= 0.0 || std::abs(measured_s / known_s - 1.0) < kSamePeriod) return 0.0;
     known_s_ = measured_s;

@@ -57,7 +57,7 @@ class PlotArea {
 
   std::string grid(const Placing& placing) const;
   std::string inside(const Placing& placing) const;
-  std::string axis_words(const Margins& margins, const Placing& placing) const;
+  std::string axis_text(const Margins& margins, const Placing& placing) const;
   std::string keys(const Margins& margins) const;
   std::string ramp(const Margins& margins, const Placing& placing) const;
   std::string ends(const Margins& margins, const Placing& placing) const;

@@ -274,7 +274,7 @@ EffectCamera::EffectCamera(const CameraSettings& settings, const Field& field, r
   bands_.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) {
     std::unique_ptr<View> view = std::make_unique<BareView>(field);
-    for (const PlacedEffect& placed : effects_) view = placed.effect->look(std::move(view), model_);
+    for (const PlacedEffect& placed : effects_) view = placed.effect->filter_view(std::move(view), model_);
     bands_.emplace_back(model_, std::move(view), height * i / count, height * (i + 1) / count);
   }
 

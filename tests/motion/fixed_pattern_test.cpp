@@ -42,8 +42,8 @@ void show(FixedPattern& to, const std::vector<Picture>& frames, const Picture& p
 
 Picture pattern_of(const FixedPattern& learnt) {
   std::vector<float> plane(kFrame.pixels());
-  learnt.take_out(plane.data(), {0, 100});
-  learnt.take_out(plane.data(), {100, plane.size()});
+  learnt.subtract(plane.data(), {0, 100});
+  learnt.subtract(plane.data(), {100, plane.size()});
   Picture pattern;
   for (const float v : plane) pattern.push_back(-static_cast<double>(v));
   return pattern;
@@ -131,7 +131,7 @@ TEST(FixedPattern, SmallFramesAreLeftAlone) {
   FixedPattern learnt({20, 16}, Inertia(kTau), {});
   std::vector<float> plane(320, 7.0F);
   for (int k = 0; k < 5; ++k) learnt.learn(plane.data());
-  learnt.take_out(plane.data(), {0, plane.size()});
+  learnt.subtract(plane.data(), {0, plane.size()});
   for (const float f : plane) EXPECT_EQ(f, 7.0F);
 }
 

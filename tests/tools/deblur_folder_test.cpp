@@ -285,16 +285,16 @@ TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
   fs::create_directory(file("empty"));
   fs::create_directory(file("more"));
   fs::copy(file("archive/a.h5"), file("more/a.h5"));
-  for (const auto& [line, said] : {std::pair{"@archive/a.h5 @archive/b.h5 -o @out.h5", "need a folder"},
-                                   {"@archive/a.h5 @more/a.h5 -o @sharp", "another capture would also become"},
-                                   {"@archive -o @archive", "is both read and written"},
-                                   {"@empty -o @sharp", "no captures"},
-                                   {"@archive/a.h5 -o @out.h5 --shard 2", "--shard '2'"},
-                                   {"@archive/a.h5 -o @out.h5 --shard 3/2", "--shard '3/2'"},
-                                   {"@archive/a.h5 @none.h5 -o @sharp", "none.h5"}}) {
+  for (const auto& [line, message] : {std::pair{"@archive/a.h5 @archive/b.h5 -o @out.h5", "need a folder"},
+                                      {"@archive/a.h5 @more/a.h5 -o @sharp", "another capture would also become"},
+                                      {"@archive -o @archive", "is both read and written"},
+                                      {"@empty -o @sharp", "no captures"},
+                                      {"@archive/a.h5 -o @out.h5 --shard 2", "--shard '2'"},
+                                      {"@archive/a.h5 -o @out.h5 --shard 3/2", "--shard '3/2'"},
+                                      {"@archive/a.h5 @none.h5 -o @sharp", "none.h5"}}) {
     const Outcome outcome = run(words(line));  // which may tell of captures before the wrong one
     EXPECT_EQ(outcome.exit_code, 2) << line;
-    expect_parts(outcome.err, {said});
+    expect_parts(outcome.err, {message});
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
     fs::remove_all(file("sharp"));
   }

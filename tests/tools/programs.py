@@ -20,10 +20,10 @@ def free_port():
         return server.getsockname()[1]
 
 
-def wait_for(look, what, hang_guard_s=120.0):
+def wait_for(find, what, hang_guard_s=120.0):
     """What look() finds, once it finds something."""
     end = time.monotonic() + hang_guard_s
-    while not (found := look()):
+    while not (found := find()):
         assert time.monotonic() < end, f"{what} did not come"
         time.sleep(0.01)
     return found

@@ -116,10 +116,10 @@ TEST_F(RecordVerb, StatShowsAllThatRun) {
 TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "300"});
-  const json told = end_of(program);
-  EXPECT_EQ(told["frames"], 300);
-  EXPECT_EQ(told["lost"]["overwritten"], 0);
-  EXPECT_EQ(told["lost"]["no_room"], 0);
+  const json report = end_of(program);
+  EXPECT_EQ(report["frames"], 300);
+  EXPECT_EQ(report["lost"]["overwritten"], 0);
+  EXPECT_EQ(report["lost"]["no_room"], 0);
   const capture::CaptureReader reader = opened(file("a.h5"));
   ASSERT_EQ(reader.info().frames, 300U);
   EXPECT_EQ(reader.info().camera_model, "Model");
@@ -197,11 +197,11 @@ TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
   write("a_002.h5", "earlier");
   write("a_003.h5.part", "unrecovered");
   Program program = record({"--frames", "300", "--planes", "deblurred", "--split-minutes", "0.01"});
-  const json told = end_of(program, "a_005.h5");
+  const json report = end_of(program, "a_005.h5");
   EXPECT_EQ(test::contents(file("a_002.h5")), "earlier");
   EXPECT_EQ(test::contents(file("a_003.h5.part")), "unrecovered");
-  EXPECT_EQ(told["frames"], 300);
-  EXPECT_EQ(told["lost"]["unwritten"], 0);
+  EXPECT_EQ(report["frames"], 300);
+  EXPECT_EQ(report["lost"]["unwritten"], 0);
   for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_004.h5", 120U}, {"a_005.h5", 60U}}) {
     expect_recorded(file(part), frames, 1);
   }
@@ -295,10 +295,10 @@ TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
   program.signal(SIGINT);
   const Outcome outcome = program.outcome();
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const json told = json::parse(outcome.out);
-  EXPECT_EQ(told["reconnects"], 1);
-  EXPECT_EQ(told["lost"]["overwritten"], 0);
-  EXPECT_GT(told["frames"], 2 * kSlots);
+  const json report = json::parse(outcome.out);
+  EXPECT_EQ(report["reconnects"], 1);
+  EXPECT_EQ(report["lost"]["overwritten"], 0);
+  EXPECT_GT(report["frames"], 2 * kSlots);
 }
 
 // A ring that is turned over faster than it is read: what was overwritten is counted, and marked in the file.
@@ -392,9 +392,9 @@ TEST_F(RecordVerb, ACutOffCaptureIsRecovered) {
   const auto left = fs::file_size(file("a.h5")) * 6 / 10;
   fs::resize_file(file("a.h5"), left);
   EXPECT_EQ(run({"info", file("a.h5")}).exit_code, 2);
-  const json told = json::parse(printed({"recover", file("a.h5"), "-o", file("b.h5"), "--json"}));
-  EXPECT_GT(told["frames"], 150);
-  EXPECT_FALSE(told["missing"].empty());
+  const json report = json::parse(printed({"recover", file("a.h5"), "-o", file("b.h5"), "--json"}));
+  EXPECT_GT(report["frames"], 150);
+  EXPECT_FALSE(report["missing"].empty());
   EXPECT_EQ(fs::file_size(file("a.h5")), left);
   expect_published(opened(file("b.h5")));
 }

@@ -222,7 +222,7 @@ def check_restart(page, programs):
 def check_motion(page, programs, folder):
     """Arrows on a key: none of a solver that does not estimate motion, and those of one that does."""
 
-    def look():
+    def pictures():
         """The picture without arrows, with them, and without, of a frame that stays; and the page's words."""
         page.click("#pause")  # a space would press the button that has the focus
         hashes = [picture_hash(page)]
@@ -237,7 +237,7 @@ def check_motion(page, programs, folder):
 
     def drawn():
         """Whether there are arrows, and the page's words; the window may have been laid out anew in between."""
-        before, shown, _, words = wait_for(lambda: (seen := look())[0] == seen[2] and seen, "it without arrows")
+        before, shown, _, words = wait_for(lambda: (seen := pictures())[0] == seen[2] and seen, "it without arrows")
         return shown != before, words
 
     any_drawn, words = drawn()

@@ -32,7 +32,7 @@ Status check_folder(const std::string& folder) {
   struct stat status {};
   if (stat(folder.c_str(), &status) != 0) return {};  // bind() says why
   if (status.st_uid != 0 && status.st_uid != geteuid()) {
-    return bad_input(folder + " belongs to " + shm::user_words(status.st_uid) +
+    return bad_input(folder + " belongs to " + shm::describe_user(status.st_uid) +
                      ", who could put a control socket of his own there; remove it, or set control.socket");
   }
   if ((status.st_mode & S_IWOTH) == 0 || (status.st_mode & S_ISVTX) != 0) return {};
@@ -138,7 +138,7 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
     return std::unique_ptr<ControlServer>(new ControlServer(path, std::move(listener), std::move(answer)));
   } catch (const std::system_error& e) {
     unlink(path.c_str());
-    return failed("control socket " + path + ": " + words_of(e));
+    return failed("control socket " + path + ": " + describe_exception(e));
   }
 }
 

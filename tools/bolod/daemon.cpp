@@ -189,7 +189,7 @@ struct Daemon::Impl {
   std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others
   std::unique_ptr<MetricsServer> metrics;
   std::int64_t next_metrics_try_ns = 0;
-  std::int64_t next_control_look_ns = 0;
+  std::int64_t next_control_check_ns = 0;
   bool control_missed = false;  // which was said
 
   Status compose();
@@ -255,8 +255,8 @@ Status Daemon::Impl::listen() {
 
 // What cleans up temporary files takes sockets, too, and with them every command.
 void Daemon::Impl::keep_listening() {
-  if (control == nullptr || monotonic_ns() < next_control_look_ns) return;
-  next_control_look_ns = monotonic_ns() + kRetryNs;
+  if (control == nullptr || monotonic_ns() < next_control_check_ns) return;
+  next_control_check_ns = monotonic_ns() + kRetryNs;
   if (control->is_there()) return;
   auto made = make_control();
   if (made) {
@@ -398,7 +398,7 @@ Status Daemon::run(OnHangup on_hangup) {
     try {
       self.result = self.pipeline->run(self.stop_requested);
     } catch (const std::exception& e) {  // for want of memory or threads
-      self.result = failed("cannot go on: " + words_of(e));
+      self.result = failed("cannot go on: " + describe_exception(e));
     }
     self.ended.store(true, std::memory_order_release);  // partner: the load in watch()
   });

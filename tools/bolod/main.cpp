@@ -95,6 +95,6 @@ int main(int argc, char** argv) {
   } catch (const cxxopts::exceptions::exception& e) {
     return usage(e.what());
   } catch (const std::exception& e) {  // for want of memory or threads
-    return report({bolo::ErrorKind::kFailed, "cannot go on: " + bolo::words_of(e)});
+    return report({bolo::ErrorKind::kFailed, "cannot go on: " + bolo::describe_exception(e)});
   }
 }

@@ -285,7 +285,7 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const MetricsOptions
   try {
     return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(listener), std::move(collect)));
   } catch (const std::system_error& e) {
-    return failed("metrics: " + words_of(e));
+    return failed("metrics: " + describe_exception(e));
   }
 }
 

@@ -84,7 +84,7 @@ int guarded(const std::string& program, const Verb& verb, int argc, char** argv)
   try {
     return verb.run(argc, argv);
   } catch (const std::exception& e) {
-    const std::string words = printable(words_of(e));
+    const std::string words = printable(describe_exception(e));
     std::fprintf(stderr, "%s %s: %s\n", program.c_str(), std::string(verb.name).c_str(), words.c_str());
     return kExitFailed;
   }
@@ -266,7 +266,7 @@ Result<OutputFile> plot_file_of(const cxxopts::ParseResult& given) {
   return file;
 }
 
-std::string machine_words() {
+std::string describe_machine() {
   std::string name = "unknown processor";
   std::ifstream info("/proc/cpuinfo");
   for (std::string line; std::getline(info, line);) {

@@ -107,7 +107,7 @@ Result<Picture> read_raw(const std::filesystem::path& file, const std::string& t
   }
   if (type != "PNG") return read_tiff_page(image.file, 0);
   Result<Picture> picture = read_png_picture(image.file);
-  if (picture && looks_swapped(picture->geometry, picture->u16)) {
+  if (picture && is_byte_swapped(picture->geometry, picture->u16)) {
     for (std::uint16_t& value : picture->u16) value = swap_bytes(value);
   }
   return picture;
@@ -131,7 +131,7 @@ double flir_raw(double kelvin, const FlirConstants& constants) {
   return path.factor * radiation(kelvin, constants) + path.offset;
 }
 
-bool looks_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
+bool is_byte_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
   double as_is = 0.0;
   double other = 0.0;
   const auto width = static_cast<std::size_t>(geometry.width);

@@ -68,7 +68,7 @@ json settings_of(const DeblurRequest& request) {
                 {"type", request.options.output == PixelType::kUint16 ? "uint16" : "float32"}};
   if (request.isa_given) settings["isa"] = deblur::best_isa();
   if (request.options.undo.scene_nuc) settings["scene_nuc"] = true;
-  if (request.options.region) settings["roi"] = in_words(*request.options.region);
+  if (request.options.region) settings["roi"] = describe_region(*request.options.region);
   return settings;
 }
 

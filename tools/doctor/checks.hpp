@@ -73,14 +73,14 @@ struct Facts {
 };
 
 // The camera to look for on the network.
-struct Question {
+struct CameraQuery {
   std::string address;      // empty: whoever answers
   bool ask_network = true;  // false: nothing is sent
 };
 
 // Reads the host below `root` ("/"; another one for tests, which then sees files only) and asks the network. Takes up
 // to some seconds. Thread: setup.
-Facts gather(const Question& question, const std::filesystem::path& root = "/");
+Facts gather(const CameraQuery& query, const std::filesystem::path& root = "/");
 
 enum class Verdict {
   kGood,
@@ -111,8 +111,8 @@ struct Needs {
 
 // Output of `chronyc -c tracking` and `pmc 'GET TIME_STATUS_NP'` in words; empty: it cannot be read. Thread:
 // any.
-std::string chrony_words(const std::string& tracking);
-std::string ptp_words(const std::string& time_status);
+std::string describe_chrony(const std::string& tracking);
+std::string describe_ptp(const std::string& time_status);
 
 // Pure: says of each fact what it means. Order: the network, the processor, memory, devices, libraries, the camera.
 // Thread: any.

@@ -87,7 +87,7 @@ Result<std::unique_ptr<FileWriter>> FileWriter::start(FileWriterOptions options)
   try {
     writer->thread_ = std::thread([self = writer.get()] { self->run(); });
   } catch (const std::system_error& e) {
-    return failed("nothing can be recorded: " + words_of(e));
+    return failed("nothing can be recorded: " + describe_exception(e));
   }
   return writer;
 }
@@ -115,8 +115,8 @@ Status FileWriter::open_next() {
   if (!created) return tl::unexpected<Error>(created.error());
   current_ = file_of_part(options_, part);
   if (part != next_part_) {
-    options_.tell(file_of_part(options_, next_part_).string() + " is there already, and stays: going on with " +
-                  current_.filename().string());
+    options_.log(file_of_part(options_, next_part_).string() + " is there already, and stays: going on with " +
+                 current_.filename().string());
   }
   capture_.emplace(std::move(*created));
   next_part_ = part + 1;

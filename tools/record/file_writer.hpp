@@ -30,7 +30,7 @@ struct FileWriterOptions {
   std::size_t buffer_bytes = std::size_t{256} << 20;
   Replace replace = Replace::kNothing;
   // A line for the user while it goes on. Thread: the writer's.
-  std::function<void(const std::string&)> tell = [](const std::string&) {};
+  std::function<void(const std::string&)> log = [](const std::string&) {};
 };
 
 // Marks of events before a frame, as bits.

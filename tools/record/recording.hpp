@@ -51,7 +51,7 @@ struct RecordRequest {
   double split_s = 0.0;
   std::size_t buffer_bytes = std::size_t{256} << 20;
   Replace replace = Replace::kNothing;
-  std::function<void(const std::string&)> tell = [](const std::string&) {};  // as of FileWriterOptions
+  std::function<void(const std::string&)> log = [](const std::string&) {};  // as of FileWriterOptions
 };
 
 struct RecordResult {

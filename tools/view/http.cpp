@@ -41,7 +41,7 @@ Result<Address> parse_address(const std::string& text, std::uint16_t port) {
   return bad_input("address '" + text + "' is not a numeric IP address such as 192.168.1.10 or ::1");
 }
 
-std::string why_not(const std::string& address, std::uint16_t port) {
+std::string describe_bind_error(const std::string& address, std::uint16_t port) {
   const std::string where = "cannot listen on " + address + " port " + std::to_string(port) + ": ";
   if (errno == EADDRINUSE) return where + "another program does; choose another --port";
   if (errno == EACCES) return where + "ports below 1024 are for root; choose another --port";
@@ -59,7 +59,7 @@ Result<UniqueFd> listening_socket(const std::string& text, std::uint16_t port, b
   if (!fd || bind(fd.get(), reinterpret_cast<const sockaddr*>(&address.place), address.bytes) != 0 ||
       ::listen(fd.get(), kBacklog) != 0) {
     absent = errno == EADDRNOTAVAIL || errno == EAFNOSUPPORT;
-    return bad_input(why_not(text, port));
+    return bad_input(describe_bind_error(text, port));
   }
   return fd;
 }

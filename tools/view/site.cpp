@@ -106,14 +106,14 @@ Answer trace(LiveStream& stream, const Request& request) {
   return json_answer(*trace);
 }
 
-Answer status(LiveStream& stream, const NucAsker& nuc) {
+Answer status(LiveStream& stream, const NucTrigger& nuc) {
   nlohmann::ordered_json json = stream.status();
-  json["view"]["nuc_asking"] = nuc.asking();
+  json["view"]["nuc_asking"] = nuc.pending();
   json["view"]["nuc_trouble"] = nuc.trouble();
   return json_answer(json);
 }
 
-Answer nuc(NucAsker& asker) {
+Answer nuc(NucTrigger& asker) {
   return asker.start() ? line(202, "the camera is asked") : line(409, "a NUC is being asked for already");
 }
 
@@ -189,7 +189,7 @@ Site::Site(Access access, const std::vector<LiveStream*>& streams, const Ask& as
     : access_(std::move(access)), page_folder_(std::move(page_folder)) {
   for (LiveStream* stream : streams) {
     const auto ask = [ask_for_nuc, name = stream->name()] { return ask_for_nuc(name); };
-    cameras_.push_back({*stream, std::make_unique<NucAsker>(ask)});
+    cameras_.push_back({*stream, std::make_unique<NucTrigger>(ask)});
   }
 }
 

@@ -26,7 +26,7 @@ class RadiometricNonlinearity final : public Effect {
  public:
   explicit RadiometricNonlinearity(const EffectSetup&) {}
   void configure(CameraModel& model) override { model.radiance = true; }
-  std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const override {
+  std::unique_ptr<View> filter_view(std::unique_ptr<View> inner, const CameraModel&) const override {
     return point_view(std::move(inner), [](float kelvin, double, int) {
       return static_cast<float>(radiance_of(static_cast<double>(kelvin)));
     });
@@ -176,7 +176,7 @@ class OpticalPsf final : public Effect {
   explicit OpticalPsf(const EffectSetup& setup)
       : blur_{setup.number("sigma_px"), setup.form("disc")},
         kernel_(blur_.disc ? disc(2.0 * blur_.sigma_px) : gaussian(blur_.sigma_px)) {}
-  std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const override {
+  std::unique_ptr<View> filter_view(std::unique_ptr<View> inner, const CameraModel&) const override {
     if (std::unique_ptr<View> exact = inner->blurred(blur_)) return exact;
     return std::make_unique<BlurredView>(std::move(inner), kernel_);
   }

@@ -104,7 +104,7 @@ TEST(ShmWriters, AReadersLockKeepsNoWriterOut) {
 // Only root can take away what others made in /dev/shm; a daemon is told who they are, and may try again.
 TEST(ShmWriters, WhatOthersMadeIsInTheWayAndSaysWhose) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to become another user";
-  const auto told_of = [](const std::string& file) {
+  const auto exit_code_for = [](const std::string& file) {
     const std::string name = unique_name("squatted");
     const std::string path = "/" + file + name;
     const int fd = shm_open(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0666);
@@ -121,8 +121,8 @@ TEST(ShmWriters, WhatOthersMadeIsInTheWayAndSaysWhose) {
     shm_unlink(path.c_str());
     return result;
   };
-  EXPECT_EQ(told_of("bolo."), 0);
-  EXPECT_EQ(told_of("bolo-lock."), 0);
+  EXPECT_EQ(exit_code_for("bolo."), 0);
+  EXPECT_EQ(exit_code_for("bolo-lock."), 0);
 }
 
 TEST(ShmWriters, NamesThatAreNoneAreNotListed) {

@@ -213,11 +213,12 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   EXPECT_TRUE(good_frames(50)) << daemon->err();
   ASSERT_TRUE(logged(*daemon, "camera opened again"));
   EXPECT_GT(reader->header().restarts, 0U);
-  const auto told = nlohmann::json::parse(printed({"stat", name_, "--once", "--json", "--interval", "0.1"}))["camera"];
-  EXPECT_EQ(told["state"], "streaming") << told;
-  EXPECT_EQ(told["lost"]["no_answer"], 1) << told;
-  EXPECT_EQ(told["reopened"], 1) << told;
-  EXPECT_GT(told["received_packets"], 100) << told;
+  const auto status =
+      nlohmann::json::parse(printed({"stat", name_, "--once", "--json", "--interval", "0.1"}))["camera"];
+  EXPECT_EQ(status["state"], "streaming") << status;
+  EXPECT_EQ(status["lost"]["no_answer"], 1) << status;
+  EXPECT_EQ(status["reopened"], 1) << status;
+  EXPECT_GT(status["received_packets"], 100) << status;
   done({"nuc", name_});
   EXPECT_TRUE(logged(*daemon, "NUC (asked for)")) << daemon->err();
   EXPECT_TRUE(eventually([&] { return reader->camera()->corrections == 1; }));

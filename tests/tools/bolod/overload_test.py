@@ -59,7 +59,7 @@ def follow(name, seen, stop):
                 seen[EFFORTS.get(frame.flags & ANY_EFFORT, "full")] += 1
 
 
-def look(name):
+def stat(name):
     done = subprocess.run([BOLO, "stat", name, "--once", "--json", "--interval", "0.1"], capture_output=True, check=True)
     return json.loads(done.stdout)
 
@@ -114,9 +114,9 @@ def main():
                           for _ in range(competitors)]
                 for rival in rivals:
                     rival.start()
-                before, begin = look(name), time.monotonic()
+                before, begin = stat(name), time.monotonic()
                 time.sleep(SECONDS)
-                after, took = look(name), time.monotonic() - begin
+                after, took = stat(name), time.monotonic() - begin
                 for rival in rivals:
                     rival.join()
                 rise = {e: after["effort"]["frames"][e] - before["effort"]["frames"][e] for e in after["effort"]["frames"]}
@@ -125,12 +125,12 @@ def main():
                       f"{(after['published'] - before['published']) / took:7.1f} {after['lost_total'] - before['lost_total']:6} "
                       f"{rise['full']:6} {rise['reduced']:8} {rise['inverse']:8} {rise['raw']:6}", flush=True)
             limit = time.monotonic() + 60  # a machine that others use may need its time
-            while look(name)["effort"]["now"] != "full":
+            while stat(name)["effort"]["now"] != "full":
                 assert time.monotonic() < limit, "all is not spent again"
-            while_read = look(name)["effort"]["frames"]
+            while_read = stat(name)["effort"]["frames"]
             stop.set()
             reader.join()
-            last = look(name)
+            last = stat(name)
         finally:
             daemon.terminate()
             daemon.wait()

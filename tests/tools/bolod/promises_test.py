@@ -55,9 +55,9 @@ class Others:
 
     def __init__(self, pids):
         self._pids = pids
-        self._before = self._look()
+        self._before = self._sample()
 
-    def _look(self):
+    def _sample(self):
         tick = os.sysconf("SC_CLK_TCK")
         fields = [int(word) for word in pathlib.Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
         busy = sum(fields) - fields[3] - fields[4]  # all but idle and iowait
@@ -66,7 +66,7 @@ class Others:
 
     def share(self):
         """And what of it the computer took that this machine is a guest of: in slices that are longer than a period."""
-        then, now = self._before, self._look()
+        then, now = self._before, self._sample()
         whole_s = (now[0] - then[0]) * os.cpu_count()
         return max(0.0, now[1] - then[1] - (now[2] - then[2])) / whole_s, (now[3] - then[3]) / whole_s
 

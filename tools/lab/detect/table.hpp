@@ -21,8 +21,8 @@ Result<Still> read_still(const std::filesystem::path& file, const std::vector<Ju
 struct View {
   std::size_t still = 0;
   std::size_t motion = 0;
-  double start_s = 0.0;    // in the trajectory's file
-  sim::Position looks_at;  // the still's pixel that the picture's (0, 0) shows at the judged instant
+  double start_s = 0.0;  // in the trajectory's file
+  sim::Position origin;  // the still's pixel that the picture's (0, 0) shows at the judged instant
 };
 
 struct ViewPlan {
@@ -76,7 +76,7 @@ struct Options {
 };
 
 // What was found in one look.
-struct Look {
+struct Observation {
   View view;
   double speed_px_s = 0.0;    // of the picture over the pixels, at the judged instant
   std::vector<Truth> labels;  // people's boxes as the look shows them; empty when the still has none
@@ -86,7 +86,7 @@ struct Look {
 struct Found {
   std::vector<Still> stills;
   std::vector<std::vector<bool>> knows;  // [detector][class]
-  std::vector<Look> looks;
+  std::vector<Observation> observations;
 };
 
 // Opens stills and networks, simulates, restores, detects. kBadInput names what cannot be opened or run, kFailed an

@@ -141,7 +141,7 @@ struct Outcome {
 Result<Outcome> play(const Scenario& scenario, const Stage& stage, int seed = 1);
 
 // What must hold and does not, in words; empty when all does. Thread: any.
-std::string what_is_wrong(const Scenario& scenario, const Outcome& outcome);
+std::string unmet_demands(const Scenario& scenario, const Outcome& outcome);
 
 // "incomplete 12, missing 3", or "none". Thread: any.
 std::string text_of(const Losses& losses);

@@ -76,9 +76,9 @@ std::uint64_t host_dropped() {
       names = line;
       continue;
     }
-    std::istringstream name_words(names);
-    std::istringstream value_words(line);
-    for (std::string name, value; name_words >> name && value_words >> value;) {
+    std::istringstream name_fields(names);
+    std::istringstream value_fields(line);
+    for (std::string name, value; name_fields >> name && value_fields >> value;) {
       if (name == "RcvbufErrors") return std::stoull(value);
     }
   }

@@ -49,7 +49,7 @@ struct SequenceTask {
   int threads = 2;         // the result does not depend on them
   // What the judged pixel (0, 0) looks at in the scene at the first target; empty: the middle of all that the path sees
   // is the middle of the scene.
-  std::optional<sim::Position> looks_at{};
+  std::optional<sim::Position> origin{};
 };
 
 // Pixels around the judged ones that estimators may use, so that spatial filters do not suffer from a border.

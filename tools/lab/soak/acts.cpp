@@ -33,7 +33,7 @@ const Signals* signals_of(Kind kind) {
 }
 
 // The first plane that is wrong, in words; empty: none.
-std::string what_is_wrong(const std::filesystem::path& file, const Truth& truth) {
+std::string find_wrong_plane(const std::filesystem::path& file, const Truth& truth) {
   const auto reader = capture::CaptureReader::open(file);
   if (!reader) return reader.error().message;
   if (reader->info().frames == 0) return file.filename().string() + ": no frame in it";
@@ -83,18 +83,18 @@ void record_and_judge(const Rig& rig, const Disturbance& d, const std::filesyste
   std::this_thread::sleep_for(std::chrono::duration<double>(d.for_s));
   const int expected = end_recording(*recorder, d.kind);
   const auto code = recorder->wait(kEndLimit_s);
-  const std::string said = contents(log.string() + ".err");
+  const std::string errors = contents(log.string() + ".err");
   const std::string ending = code ? "exit code " + std::to_string(*code) : std::string("no end");
   if (!findings.require(Invariant::kRecordings, code == expected,
-                        "bolo record: " + ending + " instead of " + std::to_string(expected) + ": " + said)) {
+                        "bolo record: " + ending + " instead of " + std::to_string(expected) + ": " + errors)) {
     return;
   }
   if (d.kind == Kind::kDiskFull) {
-    findings.require(Invariant::kRecordings, said.find("no room to write") != std::string::npos,
-                     "a full disk was called: " + said);
+    findings.require(Invariant::kRecordings, errors.find("no room to write") != std::string::npos,
+                     "a full disk was called: " + errors);
   }
   if (d.kind == Kind::kRecorderKilled && !recovered(bolo, file, findings)) return;
-  const std::string wrong = what_is_wrong(file, rig.truth());
+  const std::string wrong = find_wrong_plane(file, rig.truth());
   findings.require(Invariant::kRecordings, wrong.empty(), wrong);
   std::error_code ignored;
   std::filesystem::remove(file, ignored);

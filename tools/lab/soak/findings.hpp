@@ -57,7 +57,7 @@ struct Breach {
 class Findings {
  public:
   struct Tally {
-    std::uint64_t looks = 0;
+    std::uint64_t checks = 0;
     std::uint64_t broken = 0;
     std::string figure;  // what was measured, in words; of the last look that had one
   };
@@ -66,7 +66,7 @@ class Findings {
   // Where the time comes from, and what is happening.
   void now(double at_s, const std::string& during);
 
-  void looked(Invariant invariant, std::uint64_t times = 1);
+  void count_check(Invariant invariant, std::uint64_t times = 1);
   void broken(Invariant invariant, std::string what);
   // Both in one: it holds, or `what` says why not.
   bool require(Invariant invariant, bool holds, const std::string& what);
@@ -127,16 +127,16 @@ struct Mark {
 struct Balance {
   std::uint64_t passed = 0;  // by the camera, numbers that it skipped included
   std::uint64_t published = 0;
-  std::uint64_t lost = 0;      // by cause, all of them
-  std::uint64_t numbered = 0;  // ids that the daemon gave out; of one life only
-  std::int64_t unheard = 0;    // passed, neither published nor lost: sent to nobody
-  bool one_life = true;        // of the daemon
-  bool one_stream = true;      // of the camera, too
+  std::uint64_t lost = 0;        // by cause, all of them
+  std::uint64_t numbered = 0;    // ids that the daemon gave out; of one life only
+  std::int64_t unaccounted = 0;  // passed, neither published nor lost: sent to nobody
+  bool one_life = true;          // of the daemon
+  bool one_stream = true;        // of the camera, too
 };
 // Thread: any.
 Balance balance_of(const Mark& from, const Mark& to);
 
-inline constexpr std::int64_t kUnheardMargin = 40;  // frames in flight when a stream breaks
+inline constexpr std::int64_t kUnaccountedMargin = 40;  // frames in flight when a stream breaks
 
 // Judges a balance. `period_s`: of the frames. Thread: any.
 void check_balance(const Balance& balance, double silence_s, double period_s, Findings& findings);

@@ -159,7 +159,7 @@ class Books {
   Books(double period_s, Findings& findings) : period_s_(period_s), findings_(findings) {}
 
   // Takes up what the camera told, and makes a mark of it as soon as its frame has settled.
-  void look(const CameraBook& camera, const Watcher& watcher, double now_s);
+  void update(const CameraBook& camera, const Watcher& watcher, double now_s);
 
   double last_mark_s() const { return last_ ? last_->at_s : -std::numeric_limits<double>::infinity(); }
   // The sums from the first mark to the last.
@@ -177,7 +177,7 @@ class Books {
   std::deque<Waiting> waiting_;
   std::optional<Mark> first_;
   std::optional<Mark> last_;
-  std::int64_t unheard_ = 0;
+  std::int64_t unaccounted_ = 0;
   std::uint64_t balances_ = 0;
 };
 

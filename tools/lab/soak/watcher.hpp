@@ -176,7 +176,7 @@ class Watcher {
 
  private:
   Watcher(shm::FollowedStream stream, const Truth& truth, Findings& findings);
-  void look();
+  void poll();
   void take(const shm::BorrowedFrame& frame, std::uint64_t missed);
   void begin_life();
   void count(const shm::ShmReader& reader);
