@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::int64_t kReadEveryNs = 1'000'000'000;
 constexpr std::int64_t kNsPerUs = 1000;
-constexpr int kTries = 5;  // a look that was not interrupted is among them
+constexpr int kTries = 5;  // one of these reads is not interrupted
 
 }  // namespace
 
@@ -44,7 +44,7 @@ std::string utc_text(std::int64_t utc_ns) {
   return std::string(date.data()) + rest.data();
 }
 
-// Between two reads of the other clock: the closer they are, the surer.
+// Reads UTC between two reads of CLOCK_MONOTONIC: the closer they are, the smaller the error.
 UtcClock::Reading UtcClock::read() const noexcept {
   Reading best;
   for (int i = 0; i < kTries; ++i) {

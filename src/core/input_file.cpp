@@ -36,8 +36,7 @@ std::string describe_size(std::uint64_t bytes) {
 }  // namespace
 
 Result<UniqueFd> open_input(const std::filesystem::path& file) {
-  // Devices may do something by being opened, so they are looked at first; what is put there meanwhile is not waited
-  // for.
+  // Checked before it is opened, which may already affect a device. A pipe put there meanwhile does not block the open.
   struct stat info {};
   if (::stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return no_file(file, info.st_mode);
   UniqueFd opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
@@ -48,7 +47,7 @@ Result<UniqueFd> open_input(const std::filesystem::path& file) {
 
 Result<std::ifstream> stream_input(const std::filesystem::path& file) {
   ASSIGN_OR_RETURN(const UniqueFd opened, open_input(file));
-  // The very file that was looked at, whatever has its name by now.
+  // The file that was checked, even if its name now belongs to another.
   std::ifstream stream("/proc/self/fd/" + std::to_string(opened.get()), std::ios::binary);
   if (!stream) return unreadable(file, errno);
   return stream;

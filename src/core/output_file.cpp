@@ -35,8 +35,8 @@ bool is_one_of(const std::set<FileId>& files, const fs::path& file) {
   return id && files.contains(*id);
 }
 
-// What has the name is a file, or a link that can only stand for one. A link itself would be replaced: one to a folder
-// or a device, or to whatever a process has open (/dev/stdout is one), is not the user's to lose.
+// True if the name may be replaced: a file, or a link to one. Replacing any other link would lose it: one to a folder
+// or a device, or to a file that a process has open (/dev/stdout).
 bool is_file(const fs::path& there) {
   std::error_code error;
   const fs::file_status status = fs::status(there, error);

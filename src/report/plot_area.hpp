@@ -22,7 +22,7 @@ class PlotArea {
   explicit PlotArea(const Plot& plot);  // borrowed
 
   Margins needed() const;
-  // SVG of a drawing as wide as the plot says and as high as height() says, its area within these margins.
+  // SVG of a drawing of the plot's width and of height() with these margins, its area within them.
   std::string drawing(const Margins& margins) const;
   double height(const Margins& margins) const { return margins.top + plot_.height + margins.bottom; }
 
