@@ -289,7 +289,7 @@ void CrashSafeFile::begin_disk() {
   }
 }
 
-// Waits for what is on its way to the disk. What failed waits again, as far as nothing newer does.
+// Waits for the commit on its way to the disk. If it failed, its pages wait again unless newer ones do.
 bool CrashSafeFile::end_disk() {
   const int error = disk_.get();
   if (error != 0) waiting_.merge(on_way_.pages);
