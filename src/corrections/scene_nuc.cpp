@@ -1,5 +1,5 @@
-// The pattern that stays while the scene moves (src/motion/fixed_pattern.hpp), taken out as it is learnt. What it
-// leaves of a pattern, or adds where there is none, is .2 to .8 of a pixel's noise after 300 frames.
+// Subtracts the fixed pattern that is learnt while the scene moves (src/motion/fixed_pattern.hpp). The residual
+// pattern, or the one added where there was none, is .2 to .8 of a pixel's noise after 300 frames.
 #include <algorithm>
 #include <cmath>
 

@@ -190,7 +190,7 @@ auto maker() {
   return [](const EffectSetup& setup) -> std::unique_ptr<Effect> { return std::make_unique<T>(setup); };
 }
 
-// An effect of one hook, a function of configure()'s, look()'s, row()'s, shift_s()'s or frames_lost()'s parameters.
+// An effect of one hook: a function like configure(), filter_view(), row(), shift_s() or frames_lost().
 template <typename Hook>
 class HookEffect final : public Effect {
   static constexpr bool kConfigures = std::is_invocable_v<Hook&, CameraModel&>;

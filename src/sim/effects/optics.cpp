@@ -9,7 +9,7 @@
 namespace bolo::sim {
 namespace {
 
-// What is seen sends out less than a black body, and reflects its surroundings.
+// The scene emits less than a black body, and reflects its surroundings.
 auto grey_body(const EffectSetup& setup) {
   const double e = setup.number("emissivity");
   const double reflected = radiance_of(setup.number("surroundings_k"));
@@ -91,7 +91,7 @@ Kernel gaussian(double sigma) {
   return kernel;
 }
 
-// How much of the line at x the disc covers within the row y - 0.5 to y + 0.5.
+// Length of the line at x that the disc covers within the row y - 0.5 to y + 0.5.
 double chord(double radius, double x, double y) {
   if (std::abs(x) >= radius) return 0.0;
   const double half = std::sqrt(radius * radius - x * x);
@@ -186,7 +186,7 @@ class OpticalPsf final : public Effect {
   Kernel kernel_;
 };
 
-// The lens gives less to the corners. What it takes away comes from the camera itself, at its own temperature.
+// The lens transmits less to the corners, and emits the difference at its own temperature.
 auto darken_corners(const EffectSetup& setup) {
   const double x0 = (setup.geometry().width - 1) / 2.0;
   const double y0 = (setup.geometry().height - 1) / 2.0;
