@@ -14,7 +14,7 @@ constexpr double kLeastShift = 1.0;   // px, root mean square: less shows much o
 constexpr int kOldest = 40;           // frames that a reference waits for the scene to move
 constexpr float kExcessPrice = 4.0F;  // errors of the motion last for some frames
 constexpr float kTooFar = 9.0F;       // sigma squared
-constexpr float kInside = 1.0F;       // px that the bicubic shift looks beyond
+constexpr float kInside = 1.0F;       // px of support of the bicubic shift
 constexpr float kLargestFrame = 1e7F;
 
 // A row of a block's pixels: loops over it become vectors.

@@ -6,7 +6,7 @@
 namespace bolo::motion {
 namespace {
 
-constexpr double kLatest = 0.5;        // periods for which the last rate is taken to go on
+constexpr double kLatest = 0.5;        // periods for which the last rate is held
 constexpr double kLongestPause = 3.0;  // periods from one sample to the next
 
 using Turn = std::array<double, 3>;
@@ -55,8 +55,8 @@ GyroMotion::GyroMotion(Geometry frame, int row_step, const GyroSetup& setup, dou
   for (double& w : weights_) w /= sum;
 }
 
-// Of a scene that rests, seen by a camera that turns: x' = -f wy + wz y, y' = f wx - wz x about the principal point
-// (the terms of second order, some percent at the picture's border, are left to the picture's own motion).
+// Of a static scene before a turning camera: x' = -f wy + wz y, y' = f wx - wz x about the principal point (the terms
+// of second order, some percent at the picture's border, are left to the picture's own motion).
 Affine GyroMotion::motion_of(const Turn& turn) const noexcept {
   const double half = 0.5 * frame_.width;
   const double roll = turn[2];
