@@ -17,9 +17,9 @@
 
 namespace bolo::deblur {
 
-// Every estimate is of the whole frame, made by prepare(); solve() hands it out. Beside it stands the one of mmae,
-// which is taken, pixel by pixel, where the motion does not explain what is seen, and for whole frames where no motion
-// can be had: the frame before is lost, or the picture is too small.
+// prepare() estimates the whole frame; solve() copies it. mmae's estimate replaces it pixel by pixel where the motion
+// does not explain the frames, and for whole frames without a motion: the frame before is lost, or the picture is too
+// small.
 //
 // Memory of earlier windows holds only values that this one would give again: each displacement is that of three
 // frames, all of them in the window (and, where it is measured, the noise, as in mmae).
@@ -37,7 +37,7 @@ class MotionSolver final : public Solver {
   std::optional<GyroUse> gyro_use() const noexcept override { return gyro_use_; }
 
  private:
-  static constexpr int kFrames = motion::kPast + 2;    // that an estimate looks at: with the one after it
+  static constexpr int kFrames = motion::kPast + 2;    // of an estimate, with the one after it
   static constexpr int kFirst = motion::kHistory + 3;  // frames before the newest that its path is made of
   struct Frame {
     bool there = false;

@@ -12,7 +12,7 @@ namespace {
 constexpr int kOrder = 6;
 constexpr int kBlockRows = 4;
 constexpr int kBlockColumns = 8;
-constexpr int kRowStep = 2 * kBlockRows;  // every other row of blocks is looked at
+constexpr int kRowStep = 2 * kBlockRows;  // every other row of blocks is used
 constexpr double kQuantile = 0.05;
 constexpr double kRise = 1.002;       // a frame
 constexpr double kFall = 0.2;         // of the way, a frame

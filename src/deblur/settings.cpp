@@ -81,7 +81,7 @@ Status validate(const Settings& settings) {
                     "0 (automatic) to 1000");
   complaints.unless(settings.lookahead >= 0 && settings.lookahead < rows, "lookahead", settings.lookahead,
                     "0 to window - 2 frames");
-  // The models reckon with what happens between frames themselves.
+  // The models account for motion between frames themselves.
   const bool far_apart = settings.period_s > kLongestRatioToLookAhead * settings.tau_s;
   complaints.unless(!far_apart || settings.lookahead == 0 || settings.method == Method::kMmae, "lookahead",
                     settings.lookahead, "0 where frames are more than 2 tau apart: it would show two frames in one");
