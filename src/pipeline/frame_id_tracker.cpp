@@ -14,7 +14,7 @@ constexpr std::uint32_t kWindowMask = (1U << FrameIdTracker::kReorderFrames) - 1
 
 // Aravis itself drops frames up to 100 behind the newest; what is further back is a counter that began again.
 constexpr std::int64_t kResetBehind = 64;
-// A jump ahead of up to this many frames is believed without asking the clock.
+// A jump ahead of up to this many frames is accepted without checking the clock.
 constexpr double kTrustedFrames = 200;
 // Beyond that, no more frames can be lost than fit into the time that has passed, with this margin.
 constexpr double kTimeMargin = 2.0;

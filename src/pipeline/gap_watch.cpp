@@ -23,7 +23,7 @@ constexpr std::size_t kEnough = 3;
 constexpr double kCalm = 0.5;  // px a frame: beyond it the scene's own changes pass for noise
 constexpr int kLowestPriority = 19;
 
-// As factors, of the time constant and of the noise: further off is told, and ceases within the other.
+// Factors, of the time constant and of the noise, beyond which a difference is reported, and within which it ends.
 constexpr std::array kReported{1.1, 1.5};
 constexpr std::array kResolved{1.05, 1.3};
 

@@ -19,7 +19,7 @@ namespace {
 // the next check: after twice the time at most.
 constexpr std::int64_t kPollNs = 100'000'000;
 
-constexpr double kGyroFrames = 400;  // after which is looked what became of the gyro
+constexpr double kGyroFrames = 400;  // after which the use of the gyro is checked
 
 constexpr int kMaxWorkers = 64;
 constexpr int kMaxQueueFrames = 4096;
