@@ -189,7 +189,7 @@ bool filter_stream(int socket, const std::string& camera_address, std::uint16_t 
   constexpr auto kSourceAddress = static_cast<std::uint32_t>(SKF_NET_OFF + 12);  // in the IP header
   constexpr std::uint32_t kSourcePort = 0;  // the filter of a socket begins at the UDP header: 8 bytes
   constexpr std::uint32_t kContent = 8 + 4;
-  constexpr std::uint32_t kContentBits = 0x7f;  // the highest says that ids are extended
+  constexpr std::uint32_t kContentBits = 0x7f;  // the highest bit: ids are extended
   constexpr std::uint32_t kShortest = 8 + 8;
   constexpr std::uint32_t kWhole = 0xffffffff;
   in_addr camera{};

@@ -245,7 +245,7 @@ Result<gvsp::StreamPlan> Session::plan_stream(std::size_t payload_bytes, std::ve
   return plan;
 }
 
-// From which the camera says that it sends; 0 when it does not.
+// Source port of the camera's stream packets; 0 when unknown.
 std::uint16_t Session::source_port() {
   return (read_register(kStreamCapability) & kHasSourcePort) != 0
              ? static_cast<std::uint16_t>(read_register(kStreamSourcePort))

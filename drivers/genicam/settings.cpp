@@ -73,7 +73,7 @@ LinearScale configure_ir_format(Nodes& nodes, IrFormat wanted, Warnings& warning
   return {Unit::kCount, 1.0, 0.0};
 }
 
-// Radiometric counts become 10 mK on the way in, when the camera tells its constants.
+// Radiometric counts become 10 mK on the way in, when the camera states its constants.
 void make_kelvin(Nodes& nodes, const ObjectParameters& object, Negotiated& result, Warnings& warnings) {
   const std::optional<Planck> planck = read_planck(nodes);
   if (!planck) {
@@ -113,8 +113,7 @@ void configure_size(Nodes& nodes, const char* name, int wanted, Status& refused)
   }
 }
 
-// The image as the camera has it, without metadata rows. Memory is taken for many of them, so that what it says is not
-// believed without end.
+// The image as the camera has it, without metadata rows. Memory is taken for many of them, so that its size is limited.
 Result<Geometry> read_geometry(Nodes& nodes, const std::string& camera, int metadata_rows) {
   const std::int64_t width = nodes.integer("Width");
   const std::int64_t height = nodes.integer("Height") - metadata_rows;

@@ -12,7 +12,7 @@ namespace bolo::shm {
 namespace {
 
 constexpr int kRetry_ms = 10;         // for a writer that is not there
-constexpr int kMostSilence_ms = 100;  // of a writer after which its name is looked at: it may be dead
+constexpr int kMostSilence_ms = 100;  // of a writer after which its name is checked: it may be dead
 constexpr int kAttempts = 3;          // to catch a frame of a ring that is overwritten all the time
 
 class Deadline {

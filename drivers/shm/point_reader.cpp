@@ -62,7 +62,7 @@ struct PointReader::Impl {
   std::string isa;
   std::vector<std::uint32_t> copied;  // pixels of the frame that are copied
   std::vector<std::uint32_t> solved;  // of the copied ones
-  bool measured_noise = false;        // the frame's own, told with it
+  bool measured_noise = false;        // the frame's own, published with it
   double solver_noise_k = 0.0;
   std::unique_ptr<deblur::Solver> solver;
   std::vector<std::vector<std::uint16_t>> samples;  // one a frame of the window

@@ -54,7 +54,7 @@ void ShmGyro::open(std::int64_t now_ns) noexcept {
   kept_.clear();
 }
 
-// True when there was a sample. What the writer may have been writing meanwhile is passed over.
+// True when there was a sample. Samples that the writer may have been overwriting meanwhile are skipped.
 bool ShmGyro::read_new() noexcept {
   bolo_gyro_header header{};
   if (!object_ || !read(&header, sizeof header, 0)) return false;

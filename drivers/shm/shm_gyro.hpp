@@ -17,8 +17,8 @@
 
 namespace bolo::shm {
 
-// It reads by pread(): what a writer does to the object, even to make it shorter, ends as a short read. Samples that
-// are no rates are passed over; where times go back, what was before is forgotten.
+// Reads by pread(): anything that a writer does to the object, even making it shorter, ends as a short read. Samples
+// that are no rates are skipped; where times go back, earlier samples are dropped.
 class ShmGyro final : public Gyro {
  public:
   // Bad input: no such name. The object need not be there yet. Thread: setup.

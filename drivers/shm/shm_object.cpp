@@ -85,7 +85,7 @@ void catch_bus_errors() noexcept {
   sigaction(SIGBUS, &ours, nullptr);
 }
 
-// The library may be unloaded. Whoever came after us keeps the signal.
+// The library may be unloaded. A handler that was installed after ours stays.
 void restore_handler() noexcept {
   struct sigaction now {};
   if (sigaction(SIGBUS, nullptr, &now) == 0 && now.sa_sigaction == on_bus_error) sigaction(SIGBUS, &before, nullptr);
@@ -144,7 +144,7 @@ std::optional<uid_t> uid_of(const std::string& user) {
   return found != nullptr ? std::optional<uid_t>(found->pw_uid) : std::nullopt;
 }
 
-// Whether the open file still has a name.
+// True if the open file still has a name.
 bool is_linked(const UniqueFd& fd) {
   struct stat status {};
   return fd && fstat(fd.get(), &status) == 0 && status.st_nlink > 0;

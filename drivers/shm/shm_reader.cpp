@@ -158,7 +158,7 @@ void end_text(char (&text)[N]) {
 
 struct ShmReader::Impl {
   std::shared_ptr<const Mapping> mapping;
-  bolo_shm_header checked{};  // as validated; what says where things lie is only ever read from here
+  bolo_shm_header checked{};  // as validated; sizes and offsets are only ever read from here
   SlotLayout layout;
   bool futex_works = true;
 
@@ -197,7 +197,7 @@ Opened<std::unique_ptr<ShmReader::Impl>> ShmReader::Impl::open(const std::string
 
 // Sleeps until the wake word differs from what was seen, or ns have passed, and little longer than to the next frame:
 // any reader can move the others to a futex that nobody wakes (FUTEX_REQUEUE), and then only their own clock does. A
-// spurious wake-up only costs one more look.
+// spurious wake-up only costs one more check.
 void ShmReader::Impl::sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept {
   constexpr double kPeriods = 1.25;  // frames in time come before it
   const double most_ns =

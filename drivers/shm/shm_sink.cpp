@@ -62,7 +62,7 @@ constexpr int kReadingMargin = 16;   // frames that a reader of a whole window h
 constexpr std::size_t kSettingsOffset = sizeof(bolo_shm_header);
 constexpr std::size_t kCameraOffset = kSettingsOffset + sizeof(bolo_shm_settings);
 constexpr std::size_t kSlotsOffset = round_up(kCameraOffset + sizeof(bolo_shm_camera), rt::kCacheLine);
-constexpr std::int64_t kNamePeriodNs = 1'000'000'000;  // at the name
+constexpr std::int64_t kNamePeriodNs = 1'000'000'000;  // of checks of the name
 constexpr unsigned kModeBits = 0777;
 constexpr unsigned kOwnerBits = 0600;    // what the writer itself needs
 constexpr unsigned kOthersWrite = 0022;  // readers must not be able to disturb the writer or each other
@@ -187,7 +187,7 @@ Waker::~Waker() {
 }
 
 void Waker::end() noexcept {
-  ends_.store(true, std::memory_order_relaxed);    // told by the count below
+  ends_.store(true, std::memory_order_relaxed);    // published by the count below
   asked_.fetch_add(1, std::memory_order_release);  // partner: run()'s load
   asked_.notify_one();
   thread_.join();
@@ -243,7 +243,7 @@ struct ShmSink::Impl {
   std::unique_ptr<Ring> ring;  // the pipeline thread's, once open
   std::atomic<Ring*> fresh{
       nullptr};           // owned: in its place from the next frame on; `ring` stands still while it is null
-  std::mutex name_check;  // close() waits for a look at the name; frames do not
+  std::mutex name_check;  // close() waits for a check of the name; frames do not
   std::int64_t next_check_ns = 0;
   pipeline::Notices notices;
 

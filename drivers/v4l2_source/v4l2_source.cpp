@@ -132,7 +132,7 @@ void V4l2Source::Impl::drain() {
   for (bool first = true; !stop_requested.load(std::memory_order_relaxed); first = false) {
     const int error = device->take(frame);
     if (error == EAGAIN && !first) return;
-    if (error == EAGAIN || error == EIO) {  // EIO: one buffer was lost, says the kernel: its number will be missing
+    if (error == EAGAIN || error == EIO) {  // EIO: the kernel lost one buffer: its number will be missing
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
       return;
     }
@@ -184,7 +184,7 @@ void V4l2Source::Impl::deliver(const VideoFrame& frame, std::int64_t now_ns) noe
   inlet->commit(*slot);
 }
 
-// Says that frames flow, have stopped, or have stopped for good.
+// Reports that frames flow, have stopped, or have stopped for good.
 void V4l2Source::Impl::watch(std::int64_t now_ns) {
   if (device == nullptr) return;
   const bool arrived = last_frame_ns >= since_ns;
@@ -247,7 +247,7 @@ void V4l2Source::Impl::reopen() {
   status.reopened.add();
 }
 
-// Reports that frames come at another rate than the driver says, or than before.
+// Reports that frames come at another rate than the driver's, or than before.
 void V4l2Source::Impl::check_period() {
   const double measured_s = status.measured_period_s.value();
   const double before_s = period_change.update(measured_s, info.format.frame_period_s);

@@ -262,7 +262,7 @@ class _Ring:
 
 
 def _field(name: str, text: str, made: Callable = int, unknown: Optional[int] = None) -> property:
-    """What the library says of a frame; None for the value `unknown`."""
+    """A field of a frame; None for the value `unknown`."""
     return property(lambda frame: None if (value := getattr(frame._lent, name)) == unknown else made(value), doc=text)
 
 
@@ -364,7 +364,7 @@ class Camera(AbstractContextManager):
 
     def close(self) -> None:
         """Frames and arrays that were given stay good. Any thread."""
-        self._closed = True  # before the lock: a wait lets go of it between slices, and looks
+        self._closed = True  # before the lock: a wait releases it between slices, and checks
         with self._lock:
             if self._users == 0:
                 self._close()
