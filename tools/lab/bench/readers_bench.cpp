@@ -1,4 +1,4 @@
-// What readers of shared memory cost the writer: its rate and latency with 0, 1, 4 and 16 of them, each a process that
+// Cost of readers of shared memory to the writer: its rate and latency with 0, 1, 4 and 16 of them, each a process that
 // reads through libbolo-client.
 #include <sched.h>
 #include <sys/mman.h>
@@ -43,7 +43,7 @@ Manner manner_of(int reader, int readers) {
   return std::array{Manner::kFrozen, Manner::kKilled, Manner::kSlow}[static_cast<std::size_t>(reader)];
 }
 
-// What a reader tells the writer's process; in memory that both share.
+// A reader's reports to the writer's process, in memory that both share.
 struct ReaderState {
   rt::Gauge<bool> ready;
   rt::Counter frames;

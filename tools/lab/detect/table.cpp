@@ -74,7 +74,7 @@ class Runner {
     }
   }
 
-  // What does not fit is told before minutes of simulation.
+  // Errors of description and network show here, before minutes of simulation.
   Status try_out(Networks& networks) const {
     const Levels grey(options_.picture.pixels(), 128.0F);
     for (Detector& detector : networks) RETURN_IF_ERROR(detector.detect(grey, options_.picture));
@@ -118,7 +118,7 @@ struct Scores {
   std::vector<std::vector<double>> draws;  // [column][draw]
 };
 
-// The looks of one motion over stills with or without labels.
+// The observations in one motion of stills with or without labels.
 struct Group {
   std::size_t motion = 0;
   bool labelled = false;
@@ -155,8 +155,8 @@ Json cell_of(const Scores& s, std::size_t column) {
   return cell;
 }
 
-// What a detector had to find in a look: people's labels of classes that it knows, or, where there are none, its own
-// boxes on the sharp frame from `truth_score` on.
+// Boxes that a detector should find: people's labels of classes that it knows, or, where there are none, its own boxes
+// on the sharp frame from `truth_score` on.
 std::vector<Truth> truth_of(const Observation& observation, bool labelled, std::size_t detector, double truth_score,
                             const std::vector<bool>& knows) {
   std::vector<Truth> truth;

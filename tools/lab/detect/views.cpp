@@ -7,7 +7,7 @@
 namespace bolo::tools::detect {
 namespace {
 
-// What a look needs of a trajectory before and after its first frame: the pixels' memory, and the frames.
+// Time of a trajectory that a view needs before and after its first frame: the pixels' memory, and the frames.
 constexpr double kBefore_s = 0.2;
 constexpr double kAfter_s = (fidelity::kLeadIn + 4) * fidelity::kPeriodS;
 

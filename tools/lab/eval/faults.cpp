@@ -16,9 +16,9 @@ constexpr int kTries = 3;
 
 constexpr std::uint64_t kMostLostOfFour = 1;  // of the frames that are hit, with working resends on a busy machine
 
-// What strikes from 0.3 to 0.5 s.
+// Faults from 0.3 to 0.5 s.
 constexpr Disturbance kWhile{.from_s = 0.3, .to_s = 0.5};
-// What strikes at 0.3 s and is over at once.
+// Faults at 0.3 s that are over at once.
 constexpr Disturbance kOnce{.from_s = 0.3, .to_s = 0.3};
 
 Result<fakecam::FaultScript> script_of(const std::string& texts) {

@@ -104,7 +104,7 @@ struct Seen {
   int offset = 0;          // of its pixels, counts
 };
 
-// Whether both planes are the same but for an offset. Rounding moves deblurred values by one count when it is there.
+// True if both planes are the same but for an offset. Rounding moves deblurred values by one count when it is there.
 bool same(const Counts& shown, const std::uint16_t* expected, int offset, int tolerance) {
   for (std::size_t p = 0; p < shown.size(); ++p) {
     if (std::abs(static_cast<int>(shown[p]) - static_cast<int>(expected[p]) - offset) > tolerance) return false;

@@ -32,7 +32,7 @@ const Signals* signals_of(Kind kind) {
   return found == kAll.end() ? nullptr : found;
 }
 
-// The first plane that is wrong, in words; empty: none.
+// Describes the first wrong plane; empty: none.
 std::string find_wrong_plane(const std::filesystem::path& file, const Truth& truth) {
   const auto reader = capture::CaptureReader::open(file);
   if (!reader) return reader.error().message;
@@ -47,7 +47,7 @@ std::string find_wrong_plane(const std::filesystem::path& file, const Truth& tru
   return {};
 }
 
-// Ends it as the job says; what its exit code should be.
+// Ends it as the job demands; returns the expected exit code.
 int end_recording(Process& recorder, Kind end) {
   if (end == Kind::kDiskFull) return 1;
   const int number = end == Kind::kRecorderKilled ? SIGKILL : SIGINT;
@@ -72,7 +72,7 @@ bool recovered(const std::filesystem::path& bolo, const std::filesystem::path& f
 constexpr double kFullAfter_s = 0.8;             // of frames, on the disk that gets full
 constexpr std::uint64_t kLeastDisk = 2U << 20U;  // bytes: what a capture takes before its first frame, and more
 
-// Records, ends it as the disturbance says, saves what a killed one left, and looks at every plane. `most_bytes`: of
+// Records, ends it as the disturbance demands, recovers a killed one's file, and checks every plane. `most_bytes`: of
 // the disk that gets full. Blocks.
 void record_and_judge(const Rig& rig, const Disturbance& d, const std::filesystem::path& file, std::uint64_t most_bytes,
                       Findings& findings) {
@@ -156,7 +156,7 @@ void Acts::take(Kind kind) {
   helper_.emplace(std::move(*started));
 }
 
-// How long it takes to end must not hold up the schedule.
+// On a thread, since its end may take longer than the schedule allows.
 void Acts::give_back() {
   if (!helper_) return;
   run_beside([helper = std::make_shared<Process>(std::move(*helper_))] {

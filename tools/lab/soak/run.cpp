@@ -8,13 +8,12 @@ namespace bolo::tools::soak {
 namespace {
 
 constexpr auto kTick = std::chrono::milliseconds(20);
-constexpr double kFirstFrame_s = 40.0;  // a camera's first stream comes within this
-constexpr double kRestart_s = 0.3;      // from the end of a daemon to the next one's start, as a service manager's
-constexpr double kStillness_s = 5.0;    // from what makes a daemon stand still to its telling so, at most
-constexpr double kLastMark_s = 5.0;     // to wait for it
-constexpr double kReport_s = 5.0;       // from one line of progress to the next
-constexpr double kBeforeAndAfter_s =
-    1.5;  // what a camera shows may come so much earlier or later than its schedule says
+constexpr double kFirstFrame_s = 40.0;     // a camera's first stream comes within this
+constexpr double kRestart_s = 0.3;         // from the end of a daemon to the next one's start, as a service manager's
+constexpr double kStillness_s = 5.0;       // from what makes a daemon stand still to its telling so, at most
+constexpr double kLastMark_s = 5.0;        // to wait for it
+constexpr double kReport_s = 5.0;          // from one line of progress to the next
+constexpr double kBeforeAndAfter_s = 1.5;  // the camera's lead or lag against its schedule, at most
 constexpr double kCountsPerKelvin = 100.0;
 constexpr double kCalm_s = 0.3;       // after a recovery, before a time counts as quiet
 constexpr double kPatience_s = 30.0;  // with what does not recover on a machine that others use
@@ -111,7 +110,7 @@ class Run {
     return findings_.require(Invariant::kProcesses, serves, "the fake camera does not start: " + rig_->camera_error());
   }
 
-  // What drops the connection does it when the camera is set up, before its first stream.
+  // Faults that drop the connection strike when the camera is set up, before its first stream.
   bool wait_for_stream() {
     for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
       if (result_.struck[i].disturbance.kind == Kind::kWindowingDrop) begin(result_.struck[i]);
@@ -189,7 +188,7 @@ class Run {
     return false;
   }
 
-  // How far the camera is behind its schedule, as far as it has told: on a machine at its limit its frames come late.
+  // The camera's lag behind its schedule by its last report: on a machine at its limit its frames come late.
   double camera_lag_s() const {
     const auto& account = rig_->book().present();
     if (!account || account->first_stream_ns == 0) return 0.0;
@@ -225,7 +224,7 @@ class Run {
     return !open && now_s() > calm_since_s_ + kCalm_s;
   }
 
-  // --- what is looked at, all the time ---
+  // --- checks, all the time ---
 
   void check_recoveries() {
     const GoodRun run = watcher_->good_run();
@@ -351,7 +350,7 @@ class Run {
   double next_sample_s_ = kSample_s;
   double next_report_s_ = kReport_s;
   double calm_since_s_ = 0.0;
-  std::map<pid_t, std::uint64_t> read_;  // frames of each reader, at the last look
+  std::map<pid_t, std::uint64_t> read_;  // frames of each reader, at the last check
 };
 
 }  // namespace

@@ -1,5 +1,4 @@
-// `bolo-lab soak`: everything that goes wrong on a vehicle, for as long as one likes; and what it found, in words and
-// as JSON.
+// `bolo-lab soak`: everything that goes wrong on a vehicle, for as long as one likes; its findings as text and as JSON.
 #include <algorithm>
 #include <cstdio>
 
@@ -82,7 +81,7 @@ std::string schedule_text(const Schedule& schedule) {
   return out;
 }
 
-// What held, then the report without its long list.
+// The verdict, then the report without its long list.
 std::string describe_report(Json report) {
   std::vector<std::string> unjudged;
   for (const Json& invariant : report["invariants"]) {

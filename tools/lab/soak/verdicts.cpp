@@ -58,9 +58,8 @@ double theil_sen(const std::vector<Reading>& readings) {
   return quantile(slopes, 0.5);
 }
 
-constexpr double kSettle_s = 60.0;  // of a daemon, before its memory is looked at
-// What libraries open once and keep: a camera that is looked for everywhere starts libusb, with four files and a
-// thread.
+constexpr double kSettle_s = 60.0;  // of a daemon, before its memory is judged
+// Opened once and kept by libraries: the search for a camera everywhere starts libusb, with four files and a thread.
 constexpr double kMostDescriptors = 6.0;
 constexpr double kMostThreads = 2.0;
 
@@ -164,7 +163,7 @@ void Sampler::take_flow(Second& second) {
   counted_ = counters;
 }
 
-// What no process of the soak's worked, others did.
+// CPU time of other processes: the total less that of the soak's own.
 void Sampler::take_usage(Second& second) {
   const auto measure = [this](Process& process) {
     const std::optional<Usage> usage = process.ended() ? std::nullopt : usage_of(process.pid());

@@ -164,8 +164,8 @@ void FrameJudge::check_order(const Shown& frame) {
   }
 }
 
-// Lost frames must be flagged; what is excused is what cannot be told from the frames that came: other pixels, and a
-// counter that jumps while the scene and the clock go on.
+// Lost frames must be flagged, except where the received frames show no loss: other pixels, and a counter that jumps
+// while the scene and the clock go on.
 void FrameJudge::follow(const Shown& frame, const Recognised& seen) noexcept {
   const bool alike = before_ && before_->offset == seen.offset;
   const bool next = before_ && (before_->index + 1) % truth_.frames() == seen.index;
@@ -259,7 +259,7 @@ void Watcher::note_good(Grade grade, std::int64_t publish_ns) {
   good_.last_ns = publish_ns;
 }
 
-// What the old daemon had counted stays to be read in the object that it left.
+// The old daemon's counters stay readable in the object that it left.
 void Watcher::begin_life() {
   const std::lock_guard lock(mutex_);
   count(*present_);
