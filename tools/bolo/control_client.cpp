@@ -23,7 +23,7 @@ Error unreachable(const std::string& path) {
                                     "; is the daemon running, and may this user use it (control.mode)?"};
 }
 
-// A daemon that ended left its socket's name, and perhaps its folder's, to whoever takes it next.
+// Anybody may take the name of an ended daemon's socket, and perhaps of its folder.
 Status check_daemon(int fd, const std::string& path) {
   ucred peer{};
   socklen_t size = sizeof peer;

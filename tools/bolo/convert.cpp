@@ -135,7 +135,7 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
     layout.skip_bytes = parsed["skip"].as<std::uint64_t>();
     request.raw = layout;
   }
-  // The files of a series of pictures are looked at when their number is known.
+  // Outputs of a series of pictures are checked when their number is known.
   if (request.out.file.path.extension() == ".png") return request;
   RETURN_IF_ERROR(check_outputs({request.out.file.path}, request.in, request.out.file.replace));
   return request;

@@ -238,7 +238,7 @@ void print(const RecordResult& result) {
 }
 
 Result<int> run_record(const cxxopts::ParseResult& given) {
-  std::signal(SIGPIPE, SIG_IGN);  // who read its words may have ended: no reason to end a recording
+  std::signal(SIGPIPE, SIG_IGN);  // the reader of its output may have ended: no reason to end a recording
   if (given.count("name") > 1) return record_several(given);
   ASSIGN_OR_RETURN(const auto request, record_request(given));
   auto recorded = [&] {

@@ -37,7 +37,7 @@ struct StatOptions {
   bool once = false;
 };
 
-// Shared memory has what every reader needs; the rest only the daemon tells.
+// Shared memory has what every reader needs; the rest only the daemon itself reports.
 nlohmann::ordered_json query_state(const shm::ShmReader& reader, const std::string& name) {
   const auto path = control_socket_of(reader, name);
   if (!path) return {};
@@ -52,7 +52,7 @@ StatSnapshot take_snapshot(const shm::ShmReader& reader, const StatOptions& opti
   return snapshot;
 }
 
-// Calls `look` meanwhile, several times a second. False when interrupted, or when what was shown could not be written.
+// Calls `poll` meanwhile, several times a second. False when interrupted, or when output could not be written.
 template <typename Poll>
 bool pause_for(double seconds, const Poll& snapshot) {
   if (std::ferror(stdout) != 0) return false;

@@ -1,4 +1,4 @@
-// `bolo usb`: which USB cameras are there, what they say of themselves, and when they come and go.
+// `bolo usb`: lists and describes USB cameras, and watches them come and go.
 #include <charconv>
 #include <chrono>
 #include <cstdio>

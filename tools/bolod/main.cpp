@@ -43,7 +43,7 @@ int report_start(const bolo::Error& error) {
   return std::getenv("NOTIFY_SOCKET") == nullptr ? exit_code : kExitFailed;
 }
 
-// What it printed may be meant for a file: on a full disk that is a failure.
+// Standard output may be a file: on a full disk that is a failure.
 int printed() {
   std::cout.flush();
   if (std::cout.good() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return kExitDone;

@@ -21,7 +21,7 @@ namespace {
 
 constexpr int kNsPerMs = 1'000'000;
 constexpr int kNoRoomPause_ms = 100;  // where the process has no descriptor left for a client
-constexpr int kPoll_ms = 100;         // for the end, where it had none for the event that tells of it
+constexpr int kPoll_ms = 100;         // for the end, where no event could be made to signal it
 
 struct Client {
   UniqueFd socket;
@@ -121,7 +121,7 @@ struct RequestServer::Impl {
   std::atomic<bool> ending{false};
   Limits limits;
   Answer answer;
-  std::vector<Client> clients{};  // who came first, first
+  std::vector<Client> clients{};  // the oldest first
   std::int64_t no_room_until_ns = 0;
   std::thread thread{};
 };

@@ -17,7 +17,7 @@ namespace bolo::daemon {
 namespace {
 
 constexpr std::int64_t kPauseNs = 2'000'000'000;    // from one start to the next
-constexpr std::int64_t kStableNs = 60'000'000'000;  // after which an end is news again
+constexpr std::int64_t kStableNs = 60'000'000'000;  // after which an end is logged again
 constexpr timespec kPoll{0, 10'000'000};
 constexpr int kPolls = 100;  // within which it ends by itself
 constexpr double kMostDomain = 232.0;

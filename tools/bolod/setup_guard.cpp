@@ -23,7 +23,7 @@ SetupGuard::SetupGuard(std::chrono::milliseconds grace) {
   try {
     thread_ = std::thread([this, grace] { watch(grace); });
   } catch (const std::system_error&) {
-    return;  // what needs threads says so
+    return;  // whatever needs threads reports it
   }
 }
 

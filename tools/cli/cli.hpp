@@ -56,12 +56,12 @@ int exit_code_of(const std::string& verb, const Status& done);
 int exit_code_of(const std::string& verb, const Result<int>& done);
 
 // Set by SIGINT, SIGTERM and SIGHUP (the terminal is closed; not under nohup) once catch_interrupts() was called; long
-// work looks at it and ends in good order.
+// work polls it and ends in good order.
 const std::atomic<bool>& interrupted();
 void catch_interrupts();
 
-// Parses, does `work(given)`, a Status or a Result of the exit code, and reports what went wrong. Returns the exit
-// code. `looks`: the work looks at interrupted(), and ends in good order. Thread: setup.
+// Parses, does `work(given)`, a Status or a Result of the exit code, and reports errors. Returns the exit code.
+// `interruptible`: the work polls interrupted(), and ends in good order. Thread: setup.
 template <typename Work>
 int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, Work&& work,
              bool interruptible = true) {

@@ -22,12 +22,12 @@ constexpr std::size_t kMostPixelsOfAFrame = std::size_t{1} << 24;
 constexpr unsigned kMostBits = 32;
 constexpr std::size_t kMostFramesOfAFilm = 10'000'000;  // twelve days
 constexpr std::uint32_t kCorrecting_ms = 2000;          // a correction is over by then
-constexpr double kUsualRate_hz = 9.0;                   // a Lepton's, where neither header nor times tell
+constexpr double kUsualRate_hz = 9.0;                   // a Lepton's, where neither header nor times state one
 
 struct Header {
   Geometry geometry;
-  std::int64_t recorded_us = 0;  // UTC since 1970; 0: not said
-  double rate_hz = 0.0;          // 0: not said
+  std::int64_t recorded_us = 0;  // UTC since 1970; 0: unknown
+  double rate_hz = 0.0;          // 0: unknown
   std::string device;
   std::string model;
   std::string serial;

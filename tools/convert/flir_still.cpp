@@ -146,7 +146,7 @@ bool is_byte_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
 Result<FlirStill> read_flir_still(const std::filesystem::path& file) {
   std::error_code ignored;  // of a name that no file can have
   if (!std::filesystem::is_regular_file(file, ignored)) return bad_input("is not there");
-  // exiftool would look through terabytes for a picture, and takes a file for whatever is in it.
+  // exiftool would search terabytes for a picture, and accepts files of any content.
   if (std::filesystem::file_size(file, ignored) > kLargestStill) return bad_input("is larger than a still can be");
   std::array<char, 2> begin{};
   std::ifstream(file, std::ios::binary).read(begin.data(), begin.size());

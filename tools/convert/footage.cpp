@@ -50,7 +50,7 @@ class CaptureFootage final : public Footage {
 
   Result<Extras> extras() const override {
     ASSIGN_OR_RETURN(auto attributes, reader_.attributes());
-    // A stimulus that is wrong is left out; opening the file has said so.
+    // A stimulus that is wrong is left out; opening the file has reported it.
     return Extras{reader_.events(), std::move(attributes), reader_.stimulus().value_or(capture::NoStimulus{})};
   }
 

@@ -171,7 +171,7 @@ Result<std::string_view> Reader::unpack(std::string_view chunk) {
   if (compression.empty()) {
     unpacked_ = packed;
   } else if (compression == "zstd") {
-    // A frame that says another size is refused before memory is taken for it.
+    // A frame that states another size is refused before memory is taken for it.
     const unsigned long long stated = ZSTD_getFrameContentSize(packed.data(), packed.size());
     if (stated == ZSTD_CONTENTSIZE_ERROR || (stated != ZSTD_CONTENTSIZE_UNKNOWN && stated > size)) {
       return bad_input("a chunk does not unpack");

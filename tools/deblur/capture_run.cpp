@@ -182,7 +182,7 @@ std::optional<Rmse> DeblurSink::rmse() const {
 }
 
 Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
-  // A stimulus that is wrong is left out; opening the input has said so.
+  // A stimulus that is wrong is left out; opening the input has reported it.
   const capture::Stimulus stimulus = seen_through(input_.stimulus().value_or(capture::NoStimulus{}), choice_);
   Status status;
   const auto then = [&status](auto&& step) {
@@ -223,7 +223,7 @@ Status DeblurSink::finish(std::string_view isa, const Files& files, const std::s
   Status status = write_settings(isa, files);
   if (status && !made_from.empty()) status = writer_->write_attribute(kMadeFrom, made_from);
   if (status) status = writer_->close();
-  // Where another program made the output meanwhile, the part is what the message leads to.
+  // If another program made the output meanwhile, the message refers to the part.
   std::error_code ignored;
   kept_ = status || (output_.replace == Replace::kNothing && std::filesystem::exists(output_.path, ignored));
   return status;

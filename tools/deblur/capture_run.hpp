@@ -33,7 +33,7 @@ struct Rmse {
 
 class DeblurSink final : public pipeline::FrameSink {
  public:
-  // Told of each frame that came: how many there were, and whether this one was solved.
+  // Called for each received frame: the number so far, and true if this one was solved.
   using FrameCallback = std::function<void(std::uint64_t, bool)>;
 
   // `input` (from `input_file`) is read here for /t, /frame_id and /truth: a reader of its own, not the one that
@@ -115,8 +115,8 @@ class CaptureRun {
   const capture::CaptureReader& reader() const { return *reader_; }
   const pipeline::PipelineOptions& options() const { return options_; }
 
-  // Deblurs all of it into a capture `output`; `made_from` becomes an attribute of it unless it is empty. Where the
-  // options' give_up ends it, what was solved is kept as the output's ".part", which `bolo recover` finishes: an output
+  // Deblurs all of it into a capture `output`; `made_from` becomes an attribute of it unless it is empty. If the
+  // options' give_up ends it, solved frames are kept as the output's ".part", which `bolo recover` finishes: an output
   // under its own name is always whole.
   Result<RunFacts> run(const OutputFile& output, const std::string& made_from,
                        const DeblurSink::FrameCallback& on_frame);

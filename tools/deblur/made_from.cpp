@@ -111,7 +111,7 @@ bool is_made(const fs::path& output, const fs::path& input, const std::string& m
          });
 }
 
-// Recordings say from the first commit on when they were begun; what this verb writes doesn't.
+// Recordings have their begin from the first commit on; this verb's outputs don't.
 bool is_unfinished_recording(const fs::path& output) {
   const auto reader = capture::CaptureReader::open(output.string() + ".part");
   if (!reader) return false;

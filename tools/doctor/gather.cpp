@@ -94,7 +94,7 @@ void gather_kernel(const fs::path& root, Facts& facts) {
   while (std::getline(modules, line)) facts.loopback_module |= line.starts_with("v4l2loopback ");
 }
 
-// Firewalls that can be told from files; those of the kernel are asked for as root only.
+// Firewalls that show in files; those of the kernel are queried as root only.
 void gather_firewalls(const fs::path& root, Facts& facts) {
   std::ifstream ufw(root / "etc/ufw/ufw.conf");
   std::string line;
@@ -181,7 +181,7 @@ void gather_interfaces(Facts& facts) {
   }
 }
 
-// Tried on a thread of its own: limits and capabilities say less than the kernel's answer.
+// Tried on a thread of its own: limits and capabilities are less reliable than the kernel's answer.
 void try_limits(Facts& facts) {
   rlimit limit{};
   if (getrlimit(RLIMIT_RTPRIO, &limit) == 0) {

@@ -10,7 +10,7 @@
 namespace bolo::view {
 namespace {
 
-constexpr int kPatience_ms = 100;                          // for a frame or a daemon, before the end is looked at
+constexpr int kPatience_ms = 100;                          // for a frame or a daemon, before the end is polled
 constexpr std::int64_t kSnapshotEvery_ns = 1'000'000'000;  // a sample of the rates is a second long
 constexpr std::int64_t kForgotten_ns = 5'000'000'000;      // a trace that nobody asked for
 constexpr std::int64_t kSilent_ns = 1'000'000'000;         // without a frame

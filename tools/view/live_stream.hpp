@@ -20,7 +20,7 @@
 
 namespace bolo::view {
 
-// A place in the stream. Frames of another writer are of another epoch, whatever their numbers.
+// A place in the stream. Frames of another writer are of another epoch, even with the same numbers.
 struct Place {
   std::uint64_t epoch = 0;   // rises with each writer that is followed; 0: none yet
   std::uint64_t number = 0;  // publication order
@@ -51,8 +51,8 @@ static_assert(sizeof(FrameHead) == 96);
 
 class LiveStream {
  public:
-  // Follows the daemon of this name on a thread of its own, waiting for it where it is not there. `news` is called on
-  // that thread after each new frame. Thread: setup.
+  // Follows the daemon of this name on a thread of its own, waiting for it where it is not there. `on_frame` is called
+  // on that thread after each new frame. Thread: setup.
   LiveStream(std::string name, std::function<void()> on_frame);
   ~LiveStream();
   LiveStream(const LiveStream&) = delete;

@@ -46,7 +46,7 @@ bool has_token(const Access& access, const Request& request) {
          same(request.argument("token").value_or(""), access.token);
 }
 
-// Browsers of our time say where a request comes from; others are held off by what they cannot read.
+// Current browsers send where a request comes from; others are stopped by not being able to read the answer.
 bool from_another_site(const Request& request) {
   const std::string site = request.header("Sec-Fetch-Site").value_or("none");
   return site == "cross-site" || site == "same-site";

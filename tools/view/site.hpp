@@ -29,9 +29,9 @@
 
 namespace bolo::view {
 
-// --- Who may ask the view for what. A browser sends requests to loopback on behalf of any page that it shows, and any
-// user of this computer can connect, whatever he may read of shared memory and control socket: what is local is not
-// trusted for being local.
+// --- Access control. A browser sends requests to loopback on behalf of any page that it shows, and any user of this
+// computer can connect, whatever he may read of shared memory and control socket: local clients are not trusted for
+// being local.
 
 struct Access {
   std::string token;             // that every request has to bring; an empty one lets nobody in
@@ -63,7 +63,7 @@ bool is_numeric(const std::string& address);
 // True for a numeric address of the loopback interface. Thread: any.
 bool is_loopback(const std::string& address);
 
-// --- Asks for a NUC without holding up who wants it: one at a time.
+// --- Requests a NUC without blocking the caller: one at a time.
 
 class NucTrigger {
  public:

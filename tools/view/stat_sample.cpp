@@ -20,7 +20,7 @@ using Latency = std::array<std::uint64_t, BOLO_SHM_LATENCY_BUCKETS>;
 
 double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
 
-// Counters only rise; a difference below zero would be a half-written look, and counts as nothing.
+// Counters only rise; a difference below zero would be a half-written snapshot, and counts as nothing.
 std::uint64_t rise(std::uint64_t before, std::uint64_t after) { return after > before ? after - before : 0; }
 
 const char* state_word(const StatSnapshot& snapshot) {
@@ -89,7 +89,7 @@ std::string describe_clock(const bolo_shm_header& h) {
   return h.clock_steps == 0 ? words : words + fmt::format("; set {} times", h.clock_steps);
 }
 
-// The gap watch's ratio in words.
+// Describes the gap watch's ratio.
 std::string describe_gap(const nlohmann::ordered_json& status) {
   const auto times = [&status](const char* key) {
     const auto found = status.find(key);
