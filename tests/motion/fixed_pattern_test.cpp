@@ -93,7 +93,7 @@ TEST(FixedPattern, StillScenesTeachNothing) {
   EXPECT_LT(error(learnt, kNone), 0.1 * kPattern) << "the picture itself would be taken for the pattern";
 }
 
-// What moves by itself differs from what the picture's motion predicts, and is no pattern.
+// Objects that move by themselves differ from the prediction by the picture's motion, and are no pattern.
 TEST(FixedPattern, MoversDoNotStayBehind) {
   const Scene scene = [back = pan(2.3, 0.7)](double x, double y, double t) {
     const double from_middle = std::hypot(x - 80.0 + 1.2 * t, y - 30.0);

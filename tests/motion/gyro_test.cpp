@@ -1,4 +1,4 @@
-// What a gyro is worth to the solver `motion`, and what one that is wrong costs it.
+// Benefit of a gyro to the solver `motion`, and cost of a wrong one.
 #include "src/core/clock.hpp"
 #include "src/motion/gyro_motion.hpp"
 #include "tests/motion/stream.hpp"

@@ -83,7 +83,7 @@ TEST(MotionSolver, RowDelayIsUndone) {
             0.5 * rmse(stream.estimate(settings_of(Method::kMotion, 0.03), 23), picture_of(still_time, kFrame, 23)));
 }
 
-// What the solver was shown before the window does not matter, bit for bit: nothing can go bad for good.
+// Frames before the window do not matter, bit for bit: nothing can go bad for good.
 TEST(MotionSolver, AFreshStartGivesTheSame) {
   for (const int lookahead : {0, 1}) {
     Stream stream(pan(2.2, -0.7), 0.1, 40);
@@ -192,7 +192,7 @@ TEST(MotionSolver, ARowOfPixelsTakesLittleMemory) {
   EXPECT_LT((taken() - before) / format.geometry.pixels(), 300U) << "bytes a pixel";
 }
 
-// What the solver tells of frame k.
+// The solver's motion of frame k.
 SceneMotion motion_of(Stream& stream, int k, double noise, int lookahead = 0) {
   const auto solver = solver_of(settings_of(Method::kMotion, noise, lookahead));
   solver->prepare(stream.window_ending_at(k + lookahead, lookahead));

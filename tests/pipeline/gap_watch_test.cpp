@@ -1,4 +1,4 @@
-// Whether the camera does what its profile says: told from its own stream, and not told where nothing can tell.
+// Differences of the camera from its profile: detected on its own stream, and not where it cannot show them.
 #include "src/pipeline/gap_watch.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tests/motion/scenes.hpp"
@@ -125,7 +125,7 @@ TEST(GapTrend, NoiseIsToldByStillPicturesAlone) {
   EXPECT_NE(grew->text.find("noise 0.06 instead of 0.03"), std::string::npos) << grew->text;
 }
 
-// What a pipeline says of a stream once `bursts` were looked at. `hole`: so often a frame is lost; 0: never.
+// A pipeline's notices on a stream after `bursts` bursts. `hole`: so often a frame is lost; 0: never.
 std::vector<Notice> notices_of(const Planes& planes, std::uint64_t bursts, std::uint64_t hole = 0) {
   test::Script script;
   script.info.format = kFormat;

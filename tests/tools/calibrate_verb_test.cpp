@@ -48,7 +48,7 @@ TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   EXPECT_EQ(maps->offset.size(), 32U * 24U);
   EXPECT_GT(fs::file_size(file("fit.svg")), 10000U);
 
-  // What was written is what the deblurring takes.
+  // The deblurring accepts the written profile.
   done(words("deblur @chopper.h5 -o @sharp.h5 --profile @mine.toml"));
 }
 

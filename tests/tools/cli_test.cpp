@@ -1,4 +1,4 @@
-// What all verbs share: the line of progress, on a terminal, and what becomes of one that a library's exception ends.
+// Shared parts of all verbs: the line of progress, on a terminal, and the end by a library's exception.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -29,7 +29,7 @@ TEST(Dispatch, AnExceptionIsAFailureInOneLine) {
   EXPECT_EQ(ended("fail"), "bolo fail: no?thread\n");
 }
 
-// The exit code of words that are parsed and begin with a verb's name, and what was said; no code: they are good.
+// Exit code and output of parsing words behind a verb's name; no code: they are good.
 struct Parsed {
   std::optional<int> code;
   std::string output;

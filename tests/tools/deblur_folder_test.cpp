@@ -136,7 +136,7 @@ TEST_F(DeblurFolder, BecomesAFolderOfTheSameFrames) {
 TEST_F(DeblurFolder, WhatIsDoneIsNotDoneAgain) {
   EXPECT_EQ(did(archive()), "abc");
   const auto written = fs::last_write_time(file("sharp/a.h5"));
-  // What a kill left beside a capture that is done goes, but not beside one that is worked on.
+  // A kill's remains beside a finished capture are removed, but not those of one in work.
   write("sharp/a.h5.part.journal", "left");
   write("sharp/b.h5.part.journal", "of one that works on it");
   write("sharp/b.h5.part", "now");

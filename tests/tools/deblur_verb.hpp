@@ -22,7 +22,7 @@ class DeblurVerb : public ProgramTest {
     EXPECT_FALSE(fs::exists(file(name + ".part")));
     return *must(capture::CaptureReader::open(file(name)));
   }
-  // What it told of the last run, and an error among that.
+  // The last run's report, and an error in it.
   nlohmann::json report() const { return nlohmann::json::parse(report_); }
   double rmse(const char* which) const { return report()["rmse"][which].get<double>(); }
 

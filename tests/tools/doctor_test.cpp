@@ -1,4 +1,4 @@
-// What bolo doctor reads of a host, and what it makes of it.
+// Facts of a host that bolo doctor reads, and its verdicts on them.
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 #include "tools/doctor/checks.hpp"

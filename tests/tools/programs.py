@@ -1,4 +1,4 @@
-"""What tests of running programs share: waiting for what they do, addresses of a test's own, camera and daemon."""
+"""Shared by tests of running programs: waiting for effects, addresses of a test's own, camera and daemon."""
 
 import atexit
 import os
@@ -21,7 +21,7 @@ def free_port():
 
 
 def wait_for(find, what, hang_guard_s=120.0):
-    """What look() finds, once it finds something."""
+    """Polls until find() returns something, and returns that."""
     end = time.monotonic() + hang_guard_s
     while not (found := find()):
         assert time.monotonic() < end, f"{what} did not come"

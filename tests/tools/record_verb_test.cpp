@@ -54,7 +54,7 @@ class RecordVerb : public test::ProgramTest {
   void publish_into_it(int frames) {
     writer_.publish_until([&] { return exists(file("a.h5.part")) && --frames < 0; });
   }
-  // Publishes until `last` is whole. What was told of the recording, in the end.
+  // Publishes until `last` is whole; returns the recording's final report.
   json end_of(Program& program, const std::string& last = "a.h5") {
     writer_.publish_until([&] { return exists(file(last)); });
     const Outcome outcome = program.outcome();
@@ -216,8 +216,7 @@ TEST_F(RecordVerb, WaitsForADaemonThatIsNotThereYet) {
   EXPECT_EQ(program.wait(), 0);
 }
 
-// What is printed goes to a full disk: that is not done.
-// A daemon whose camera sends nothing: what has a time to end at ends.
+// A daemon whose camera sends nothing: a recording with a time limit still ends.
 TEST_F(RecordVerb, SecondsWithoutAFrameEnd) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--seconds", "0.3", "--wait", "0.2"});

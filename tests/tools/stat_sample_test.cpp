@@ -166,7 +166,7 @@ TEST(StatSample, MotionIsTheNewestFrames) {
   }
 }
 
-// What a camera calls itself is no order to the terminal.
+// A camera's model name cannot control the terminal.
 TEST(StatSample, TableShowsWhatIsNotPrintableAsQuestionMarks) {
   StatSnapshot snapshot = second_snapshot();
   std::strcpy(snapshot.header.camera_model, "A655\x1b[2J\xff\r\n\xc2\x9b");

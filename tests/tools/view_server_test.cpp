@@ -1,4 +1,4 @@
-// What the view's server refuses, what it lets through, and that its bounds hold.
+// Requests that the view's server refuses and accepts, and its limits.
 #include <sys/stat.h>
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-// What a FLIR is told and asked beyond its stream: corrections, range, object, calibration; and where it has gone.
+// FLIR's features beyond the stream: corrections, range, object, calibration; and finding a camera that has moved.
 #include "drivers/genicam/radiometry.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 

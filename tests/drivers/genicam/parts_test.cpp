@@ -97,7 +97,7 @@ TEST(GateTest, IsShutUntilOpened) {
   EXPECT_FALSE(gate.enter());
 }
 
-// What the gate guards is destroyed right after shut(); the sanitizers see any use of it that is left.
+// The guarded object is destroyed right after shut(); the sanitizers see any later use of it.
 TEST(GateTest, NobodyIsInsideAfterShut) {
   for (int round = 0; round < 100; ++round) {
     Gate gate;

@@ -72,7 +72,7 @@ TEST_F(ClientAccess, AMemberGetsNoWriteAccess) {
   EXPECT_EQ(result, 0) << "the number of the first thing that should have been refused";
 }
 
-// Anybody may make shared memory of any name: a reader looks whose it is.
+// Anybody may make shared memory of any name: a reader checks its owner.
 TEST_F(ClientAccess, AStrangersObjectIsNotBelieved) {
   ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), kStranger, group_), 0);
   ASSERT_EQ(chmod(("/dev/shm" + path_).c_str(), 0644), 0);
@@ -106,7 +106,7 @@ TEST_F(ClientAccess, AStrangersObjectIsNotBelieved) {
   unsetenv("BOLO_USER");
 }
 
-// What the library maps is read-only even for those who may write: the owner itself, and root.
+// The library's mapping is read-only even for those who may write: the owner itself, and root.
 TEST_F(ClientAccess, TheLibraryMapsReadOnly) {
   const std::vector<std::uint16_t> plane(33 * 7, 1234);
   sink_.publish({FrameMeta{}, 0, plane.data(), plane.data()}, format_.stats);

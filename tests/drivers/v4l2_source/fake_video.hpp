@@ -9,7 +9,7 @@
 
 namespace bolo::v4l2_source::test {
 
-// What a device has and does. A test changes it under FakeVideo::change().
+// Properties of a device. A test changes them under FakeVideo::change().
 struct FakeCamera {
   std::string serial = "A1";
   std::string card = "Boson";

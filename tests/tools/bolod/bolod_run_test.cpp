@@ -99,7 +99,7 @@ TEST_F(BolodRun, AControlSocketThatWasTakenAwayIsMadeAgain) {
   EXPECT_TRUE(eventually([&] { return std::filesystem::exists(socket); })) << daemon->err();
   EXPECT_TRUE(logged(*daemon, "was taken away; it is there again"));
   expect_parts(run({"nuc", name_}).err, {"no camera"});
-  // What somebody else put there is his.
+  // Files of others are left alone.
   ASSERT_TRUE(std::filesystem::remove(socket));
   std::ofstream(socket) << "mine";
   EXPECT_TRUE(logged(*daemon, "it is tried again all the time"));
@@ -306,8 +306,8 @@ TEST_F(Bolod, WrongUsageIsOneLine) {
   refused({"--config", "/nonexistent.toml"}, "/nonexistent.toml: no such file");
 }
 
-// systemd restarts after 1 and leaves 2 alone (bolod@.service). What a start refuses for the file's sake, the check
-// refuses, in the same words.
+// systemd restarts after 1 and leaves 2 alone (bolod@.service). The check refuses the same files as a start, with the
+// same messages.
 TEST_F(Bolod, AsAServiceItAsksToBeTriedAgainForAnAbsentCameraOnly) {
   ASSERT_EQ(setenv("NOTIFY_SOCKET", "@bolo-test-nobody", 1), 0);
   const Outcome absent = run({"--config", config("[source]\naddress = '192.0.2.1'\n")});

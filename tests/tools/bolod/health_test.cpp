@@ -1,4 +1,4 @@
-// What is told of the flow of frames, and when the watchdog is fed.
+// Notices of the flow of frames, and the feeding of the watchdog.
 #include "tests/test.hpp"
 #include "tools/bolod/supervisor.hpp"
 
@@ -100,7 +100,7 @@ constexpr double kPeriodS = 0.005;
 constexpr int kLookahead = 1;
 constexpr std::int64_t kStallNs = 200 * kMs;
 
-// A daemon that is looked at ten times a second. What hangs is left behind by its clock or its count.
+// A daemon that is checked ten times a second. A hung part is left behind by its clock or its count.
 class FlowWatchTest : public testing::Test {
  protected:
   FlowWatchTest() { signs_.now_ns = kSecond; }

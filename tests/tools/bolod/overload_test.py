@@ -31,7 +31,7 @@ import bolo  # noqa: E402
 
 QUEUE_FRAMES = 64  # the default
 MOST_LOST = 0.05
-# Where 40 programs compete, a thread has 5 ms / 41 = 0.12 ms for a frame: about what it takes to pass one on as it came, on
+# Among 40 competing programs a thread has 5 ms / 41 = 0.12 ms for a frame: about what it takes to pass one on as it came, on
 # some machines less. There more may be lost, as long as most of the others are passed on so.
 HOPELESS = 40
 COMPETITORS = (0, 1, 3, 8, 20, HOPELESS, 0)

@@ -51,7 +51,7 @@ def started(folder, name, size=(160, 48), keys="", number=0, **how):
 
 
 class Others:
-    """How much of the processors' time other programs take, from now on."""
+    """Share of the processors' time that other programs take, from now on."""
 
     def __init__(self, pids):
         self._pids = pids
@@ -161,7 +161,7 @@ def growth_kib(readings):
 
 
 def use(programs, port, second):
-    """What other programs ask of a daemon in its life, besides frames."""
+    """Requests of other programs to a daemon in its life, besides frames."""
     urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=HANG_GUARD_S).read()
     if second % 2 == 0:
         subprocess.run([BOLO, "stat", programs.name, "--once", "--json", "--interval", "0.1"], check=True,

@@ -1,4 +1,4 @@
-// What a service manager hears of a daemon: a real one, told of a socket of ours.
+// Messages of a daemon to its service manager: a real daemon, with a socket of ours.
 #include <sched.h>
 #include <sys/mount.h>
 #include <sys/ptrace.h>

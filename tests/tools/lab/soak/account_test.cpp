@@ -27,7 +27,7 @@ Mark first() {
   return mark;
 }
 
-// What is found between first() and `to`.
+// Findings between first() and `to`.
 struct Judged : Findings {
   explicit Judged(const Mark& to) {
     check_balance(balance_of(first(), to), to.silence_s - first().silence_s, kPeriod_s, *this);

@@ -26,7 +26,7 @@ Truth truth() {
   return Truth(raw, deblurred);
 }
 
-// How a frame differs from the one that is due.
+// Differences of a frame from the one that is due.
 struct Change {
   int offset = 0;
   std::uint32_t flags = 0;

@@ -12,7 +12,7 @@ class SoakVerb : public ProgramTest {
  protected:
   SoakVerb() : ProgramTest({BOLO_LAB_PROGRAM, "soak"}) {}
 
-  // What `line` makes of a small camera; its report is in the folder report.
+  // Command line of a soak of a small camera; its report is in the folder report.
   std::vector<std::string> small(const std::string& line) const {
     return words("--shortened --report @report " + line);
   }

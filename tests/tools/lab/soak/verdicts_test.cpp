@@ -1,4 +1,4 @@
-// What is made of the seconds of a soak: growth, latency, overload.
+// Verdicts on the seconds of a soak: growth, latency, overload.
 #include "tools/lab/soak/verdicts.hpp"
 #include "tests/scratch.hpp"
 #include "tools/cli/process.hpp"
@@ -20,7 +20,7 @@ SoakResult ten_minutes() {
   return result;
 }
 
-// How often it is broken by ten minutes in which each second is changed so.
+// Number of breaches in ten minutes in which each second is changed so.
 std::uint64_t broken_by(Invariant invariant, void (*change)(Second&)) {
   SoakResult result = ten_minutes();
   for (Second& second : result.timeline) change(second);
