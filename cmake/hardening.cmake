@@ -1,4 +1,4 @@
-# What Debian hardens its own programs with (dpkg-buildflags). What is shipped is linked so that its tables are read-only
+# Debian's own hardening flags (dpkg-buildflags). Shipped programs are linked so that its tables are read-only
 # and its place in memory is drawn at each start; BOLO_HARDENING compiles in the rest.
 option(BOLO_HARDENING "Stack protector, fortified library calls" OFF)
 if(CMAKE_BUILD_TYPE STREQUAL "Release")

@@ -1,4 +1,4 @@
-# What is installed where. Each component is one Debian package (cmake/packaging.cmake); the client's libraries and the
+# Installation. Each component is one Debian package (cmake/packaging.cmake); the client's libraries and the
 # Python module install themselves from drivers/shm. Units, rules and settings have their places below the prefix,
 # configuration in /etc.
 

@@ -26,7 +26,7 @@ set(CPACK_DEBIAN_PACKAGE_PRIORITY optional)
 set(packaging ${PROJECT_SOURCE_DIR}/cmake/packaging)
 set(packaging_made ${PROJECT_BINARY_DIR}/packaging)
 
-# What Debian wants in /usr/share/doc of every package: who may do what, and both changelogs, packed.
+# Files that Debian wants in /usr/share/doc of every package: the copyright, and both changelogs, packed.
 configure_file(${packaging}/changelog.in ${packaging_made}/changelog.Debian @ONLY)
 configure_file(${PROJECT_SOURCE_DIR}/CHANGELOG.md ${packaging_made}/changelog COPYONLY)
 execute_process(COMMAND gzip --force --keep --best --no-name changelog changelog.Debian

@@ -264,7 +264,7 @@ void CameraFeatures::fill_cases() {
   show(0);
 }
 
-// Once switched on it listens at the first look, and follows a master from the second on.
+// Once enabled it reports listening at the first latch, and following a master from the second on.
 void CameraFeatures::fill_ptp() {
   registers_.set(reg::kPtpStatus, kPtpDisabled);
   registers_.writable(reg::kPtpEnable, [this](std::uint32_t value) -> WriteOutcome {

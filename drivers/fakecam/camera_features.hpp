@@ -1,5 +1,5 @@
-// The camera's side of the registers: their first values, what a write to each does, and what they say at
-// AcquisitionStart.
+// The camera's side of the registers: their first values, the effect of a write to each, and the stream settings that
+// they hold at AcquisitionStart.
 #pragma once
 
 #include <cstdint>

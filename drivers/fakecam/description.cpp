@@ -1,5 +1,5 @@
-// The camera's GenICam description, made from one table: what a FLIR A655sc offers, in its words, and the registers
-// that hold it. Those that only keep what is written to them are known here alone.
+// The camera's GenICam description, made from one table: the features of a FLIR A655sc under their own names, and the
+// registers that hold them. Registers that only keep what is written to them are defined here alone.
 #include <initializer_list>
 #include <optional>
 #include <string>
@@ -30,7 +30,7 @@ struct Register {
   std::string_view sign = "Unsigned";
 };
 
-// What a register without a meaning to the camera itself starts with, and keeps of what is written to it.
+// First value and limits of a register that only keeps what is written to it.
 struct Kept {
   double start = 0.0;
   double min = 0.0;

@@ -28,7 +28,7 @@ Result<Region> sensor_of(const FakeCameraOptions& options, const FrameProvider& 
                                region.width, region.height, whole.width, whole.height));
 }
 
-// Clients tell cameras apart by their serial numbers, so that an invented one follows the address.
+// Clients distinguish cameras by their serial numbers, so that an invented one follows the address.
 std::string serial_of(const FakeCameraOptions& options, const FrameProvider& provider, std::uint32_t address) {
   if (!options.serial.empty()) return options.serial;
   std::string serial = provider.serial().substr(0, kMaxNameLength);

@@ -68,8 +68,7 @@ inline constexpr std::size_t kMaxFaults = 32;  // of one camera
 // All faults. Thread: any.
 std::span<const FaultType> fault_types();
 
-// "NAME" or "NAME:key=value,...". kBadInput says what is wrong in one line and names the nearest name or key.
-// Thread: any.
+// "NAME" or "NAME:key=value,...". kBadInput has the fault in one line, with the nearest name or key. Thread: any.
 Result<Fault> parse_fault(std::string_view text);
 
 // The text that parse_fault() reads back as this. Thread: any.

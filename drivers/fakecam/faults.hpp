@@ -79,8 +79,8 @@ class FrameFaults {
   // A stream begins: what it shows of the past is forgotten.
   void begin_stream() noexcept;
 
-  // Changes the frame as the faults that last at its time say, and notes them in it. The frame is complete: pixels,
-  // block, due time.
+  // Applies the faults that last at the frame's time, and notes them in it. The frame is complete: pixels, block, due
+  // time.
   void apply(WireFrame& frame, const Nominal& nominal);
 
  private:

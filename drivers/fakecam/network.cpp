@@ -47,7 +47,7 @@ constexpr int kHeartbeatCheckMs = 100;
 constexpr int kFaultCheckMs = 2;
 constexpr std::size_t kMaxPacketBytes = 65536;
 
-// The interface that a packet came in on; 0 when the kernel didn't say.
+// The interface that a packet came in on; 0 when the kernel didn't report it.
 unsigned arrival_interface(msghdr& message) {
   for (cmsghdr* at = CMSG_FIRSTHDR(&message); at != nullptr; at = CMSG_NXTHDR(&message, at)) {
     if (at->cmsg_level != IPPROTO_IP || at->cmsg_type != IP_PKTINFO) continue;
@@ -67,7 +67,7 @@ CommandHandler::CommandHandler(RegisterMap& registers, Counters& counters, Hooks
 
 ConstBytes CommandHandler::handle(ConstBytes packet, Peer peer, std::int64_t now_ns) {
   check_heartbeat(now_ns);
-  if (packet.size() < gvcp::kHeaderBytes || packet[0] != gvcp::kKey) {  // not GVCP, or an answer: nothing to say
+  if (packet.size() < gvcp::kHeaderBytes || packet[0] != gvcp::kKey) {  // not GVCP, or an answer: ignored
     counters_.add(&FakeCameraStats::bad_commands);
     return {};
   }

@@ -46,8 +46,8 @@ class CommandHandler {
   };
   CommandHandler(RegisterMap& registers, Counters& counters, Hooks hooks);
 
-  // Handles one packet, whatever it contains; returns the acknowledge to send to the peer, empty for none. The answer
-  // lies in the handler until the next call.
+  // Handles one packet of any content; returns the acknowledge to send to the peer, empty for none. The answer lies in
+  // the handler until the next call.
   ConstBytes handle(ConstBytes packet, Peer peer, std::int64_t now_ns);
 
   // The same for packets that came by broadcast: only discovery is answered.
@@ -56,7 +56,7 @@ class CommandHandler {
   // Takes control away from a client that went silent. To be called now and then.
   void check_heartbeat(std::int64_t now_ns);
 
-  // Takes control away from whoever has it. The client is not told: it finds out when it asks or writes.
+  // Revokes the client's control. The client is not notified: it finds out when it asks or writes.
   void drop_client();
 
   bool controlled() const { return controlled_; }
@@ -106,9 +106,8 @@ struct LocalAddress {
 // Errors: not an address; no interface has it. Thread: setup.
 Result<LocalAddress> find_local_address(const std::string& text);
 
-// UDP sockets, bound. The first is for the camera's own address and never shared: a second camera on it is an error
-// that says so. The second receives broadcasts together with other cameras; without a value when it can't be had.
-// Thread: setup.
+// UDP sockets, bound. The first is for the camera's own address and never shared: a second camera on it is an error.
+// The second receives broadcasts together with other cameras; without a value when it can't be had. Thread: setup.
 Result<UniqueFd> bind_exclusive(std::uint32_t address, std::uint16_t port);
 UniqueFd bind_broadcast(std::uint32_t address, std::uint16_t port);
 

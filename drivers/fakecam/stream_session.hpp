@@ -41,7 +41,7 @@ class PacketTrain {
   std::uint32_t send(const WireFrame& frame, std::uint32_t first, std::uint32_t last) noexcept;
   std::uint32_t send(const WireFrame& frame) noexcept { return send(frame, 0, gvsp::kMaxPacketId); }
 
-  // Says that a packet can't be had any more.
+  // Answers that a packet is no longer available.
   void send_unavailable(std::uint16_t block_id, std::uint32_t packet_id) noexcept;
 
  private:

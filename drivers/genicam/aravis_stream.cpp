@@ -22,9 +22,9 @@ std::int64_t realtime_ns() noexcept {
   return now.tv_sec * 1'000'000'000LL + now.tv_nsec;
 }
 
-// When the first packet came, on CLOCK_MONOTONIC. Aravis notes it on the wall clock, in whole microseconds; the clocks'
-// present distance is applied. Where the wall clock was stepped within the frame that is off by the step, or, when it
-// makes no sense, the present is taken.
+// Arrival of the first packet, on CLOCK_MONOTONIC. Aravis notes it on the wall clock, in whole microseconds; the
+// clocks' present distance is applied. A step of the wall clock within the frame is an error of that size; an
+// implausible time is replaced by the present.
 std::int64_t first_packet_ns(ArvBuffer* buffer) noexcept {
   const auto system_ns = static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
   const std::int64_t now_ns = monotonic_ns();

@@ -53,7 +53,7 @@ Result<FoundCamera> choose_camera(const std::string& id, const std::string& seri
   return bad_input("no camera named '" + id + "' answers; found: " + list_of(cameras));
 }
 
-// Lets the device go if what it says of itself must not be evaluated.
+// Releases the device if its description must not be evaluated.
 Status check_device(Connection& connection) {
   Status good = check_description(arv_device_get_genicam(connection.device.get()));
   if (good) return good;

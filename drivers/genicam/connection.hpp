@@ -46,7 +46,7 @@ struct Connection {
 // as GenicamSource::open(). Thread: setup.
 Result<Connection> connect(const CameraOptions& options, bool search);
 
-// The camera says that a program controls it, and it answers us. Blocks some seconds when it is silent. Thread: setup.
+// True if the camera has a controlling program, and answers us. Blocks some seconds when it is silent. Thread: setup.
 bool is_controlled(const Connection& connection);
 
 }  // namespace bolo::genicam

@@ -124,7 +124,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   std::int64_t nuc_until_ns_ = 0;
   int ticks_without_control_ = 0;
   int judged_median_ = -1;
-  pipeline::PeriodNews period_news_;
+  pipeline::PeriodChange period_change_;
   NucSchedule schedule_;
   std::int64_t next_temperature_ns_ = 0;
   std::string ptp_status_;  // as last reported

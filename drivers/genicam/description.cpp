@@ -60,7 +60,7 @@ std::optional<File> file_of(const std::string& url) {
   const std::size_t first = url.find(';');
   const std::size_t second = first == std::string::npos ? first : url.find(';', first + 1);
   if (!url.starts_with("local:") || second == std::string::npos) return std::nullopt;
-  // What is negative or beyond 64 bits becomes the largest number.
+  // Negative numbers and those beyond 64 bits become the largest.
   const auto number = [&](std::size_t at) -> std::uint64_t {
     const char* const text = url.c_str() + at + 1;
     const std::string_view digits(text, std::strcspn(text, ";?"));
@@ -73,8 +73,8 @@ tl::unexpected<Error> too_large(const std::string& what) {
   return bad_input(what + ", more than any description: this is no camera, or a damaged one");
 }
 
-// Other files than the camera's own, which Aravis would fetch by whatever can (http: it does not), and places of which
-// it would take another part than file_of(): the last of several, or the lower half of a long number.
+// Refuses files that are not the camera's own, which Aravis would fetch by any means (http: it does not), and addresses
+// that it parses otherwise than file_of(): the last of several, or the lower half of a long number.
 Status check_place(const std::string& url, const std::optional<File>& file) {
   const std::string shown = printable(url.substr(0, 80));
   const std::size_t colon = url.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789+-.");
@@ -92,7 +92,7 @@ tl::unexpected<Error> damaged_zip() {
   return bad_input("its GenICam description is in a damaged ZIP file: this is no camera, or a damaged one");
 }
 
-// What tells of the directory, and where that is in the file.
+// ZIP's record of the end of the directory, and its place in the file.
 struct DirectoryEnd {
   Bytes bytes;  // fewer than it has where the file ends
   std::int64_t at = 0;
@@ -135,7 +135,7 @@ Status check_entry(const ReadMemory& read, const File& file, std::int64_t start,
   return damaged_zip();
 }
 
-// Aravis believes the directory, and reads wherever that leads, beyond the file too.
+// Aravis trusts the directory, and reads at its offsets, beyond the file too.
 Status check_unpacked(const ReadMemory& read, const File& file) {
   const auto end = end_of(read, file);
   if (!end) return {};
@@ -159,8 +159,8 @@ constexpr int kMostDeep = 100;
 constexpr double kMostSteps = 1e5;
 constexpr long long kMostRegisterBytes = 1 << 16;
 
-// Where the value itself is taken from. What a camera says beside these (limits, access, selected features) is
-// evaluated apart, and does name the node again.
+// References of a node that its value is computed from. Those for limits, access and selected features are evaluated
+// separately, and do lead back to the node.
 constexpr std::array<std::string_view, 8> kTakenFrom{"pValue",        "pVariable", "pIndex",  "pValueIndexed",
                                                      "pValueDefault", "pAddress",  "pLength", "pOffset"};
 
@@ -228,7 +228,7 @@ class Description {
     }
   }
 
-  // Nothing: it has no end, or none that is near. `within`: values that are taken from this one.
+  // Nothing: the evaluation has no end, or takes too many steps. `within`: values that are taken from this one.
   std::optional<Effort> effort_of(const std::string& name, int within) {
     const auto found = taken_from_.find(name);
     if (found == taken_from_.end()) return Effort{};

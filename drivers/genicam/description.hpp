@@ -1,4 +1,4 @@
-// What a camera says of itself in its GenICam description, before any of it is evaluated.
+// Checks of a camera's GenICam description, before any of it is evaluated.
 #pragma once
 
 #include <cstdint>
@@ -17,17 +17,17 @@ namespace bolo::genicam {
 // refuses or is silent.
 using ReadMemory = std::function<std::optional<std::vector<unsigned char>>(std::uint32_t address, std::uint32_t bytes)>;
 
-// The size that the camera states for its file, and that the file states for what is packed in it, are those of a
-// description, and what is packed is in the file: Aravis allocates what it is told, ends the process where there is not
-// so much, and reads wherever it is led. It is the camera's file, in its memory: of this computer Aravis would read
-// any, a device without end. A camera that says something else when it is asked again gets past this. What cannot be
-// read or understood is left to Aravis. Errors: kBadInput. Thread: any.
+// Checks that the sizes that the camera states for its file, and the file for what is packed in it, are those of a
+// description, and that the packed data lie in the file: Aravis allocates any stated size, aborts the process when that
+// fails, and reads at any offset. The file must be in the camera's memory: Aravis would read any file of this computer,
+// a device without end. A camera that states something else the second time gets past this. Files that cannot be read
+// or understood are left to Aravis. Errors: kBadInput. Thread: any.
 Status check_description_file(const ReadMemory& read);
 
-// No value of the description is taken from itself, by way of whichever others, and none takes more steps than any
-// camera's does: Aravis follows such values one within the other, until it has no stack left, or for ever. Registers
-// with values have from 1 to 65536 bytes: Aravis allocates what it is told. Errors:
-// kBadInput. Thread: the one that opened the device.
+// Checks that no value of the description depends on itself, by way of whichever others, and that none takes more steps
+// than any camera's does: Aravis follows such values recursively, until the stack is full, or for ever. Registers with
+// values must have from 1 to 65536 bytes: Aravis allocates any stated size. Errors: kBadInput. Thread: the one that
+// opened the device.
 Status check_description(ArvGc* description);
 
 }  // namespace bolo::genicam

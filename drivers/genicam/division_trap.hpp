@@ -3,9 +3,9 @@
 
 namespace bolo::genicam {
 
-// The smallest of all integers divided by -1 has no result. Aravis computes what cameras' formulas say, with that
-// division too, which is a fault of the processor on x86-64 (SIGFPE) and nothing on arm64. From here on its result is
-// 0; every other fault is as it was. Thread: any.
+// The smallest of all integers divided by -1 has no result. Aravis evaluates cameras' formulas, including that
+// division, which is a fault of the processor on x86-64 (SIGFPE) and nothing on arm64. From here on its result is 0;
+// every other fault is as it was. Thread: any.
 void survive_division_of_smallest() noexcept;
 
 }  // namespace bolo::genicam

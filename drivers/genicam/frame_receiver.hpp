@@ -17,8 +17,8 @@
 
 namespace bolo::genicam {
 
-// --- Tells from a sample of pixels since when the scene stands still, and if the values can be temperatures; when a
-// NUC is due.
+// --- Detects from a sample of pixels since when the scene stands still, and if the values can be temperatures; decides
+// when a NUC is due.
 
 // Samples some 1,000 pixels spread over the frame. Nothing is allocated.
 class SceneWatch {
@@ -57,8 +57,8 @@ class SceneWatch {
   rt::Gauge<int> median_{-1};
 };
 
-// Why the median of a frame cannot be what its scale says, and the setting to change; nothing when it can, or has no
-// kelvin. Believed are 200 to 700 K. Thread: any.
+// Why the median of a frame cannot be right by its scale, and the setting to change; nothing when it can, or has no
+// kelvin. Plausible are 200 to 700 K. Thread: any.
 std::optional<std::string> implausible(int median, const LinearScale& scale);
 
 // Decides when a NUC is due.

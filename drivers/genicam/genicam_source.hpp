@@ -53,8 +53,8 @@ struct CameraOptions {
   std::string serial;         // empty: any. A lost camera that is not at its address any more is looked for by it
   int width = 0;              // 0: leave as the camera has it
   int height = 0;             // image rows, without metadata rows
-  double rate_hz = 0.0;       // 0: leave; also the frame period when the camera does not say
-  double true_rate_hz = 0.0;  // what it really is, where the camera says something else; 0: as the camera says
+  double rate_hz = 0.0;       // 0: leave; also the frame period when the camera does not state it
+  double true_rate_hz = 0.0;  // actual rate, where the camera states another; 0: as stated
   IrFormat ir_format = IrFormat::kTemperatureLinear10mK;
   PixelOrder pixel_order = PixelOrder::kLittleEndian;
   int metadata_rows = 0;  // rows after the image that are dropped

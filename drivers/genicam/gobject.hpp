@@ -15,8 +15,8 @@ struct Free {
   void operator()(void* memory) const noexcept { g_free(memory); }
 };
 
-// From now on GLib and what logs by it say nothing on standard error: of a damaged description they print dozens of
-// lines, at each try, where the error of the call says it in one. Thread: any.
+// Silences GLib's log on standard error from now on: for a damaged description it prints dozens of lines at each try,
+// where the call's error is one. Thread: any.
 inline void silence_glib() noexcept {
   g_log_set_default_handler([](const char*, GLogLevelFlags, const char*, void*) {}, nullptr);
 }

@@ -169,7 +169,7 @@ Assembler::Frame* Assembler::find(const Packet& packet, std::int64_t now_ns) noe
   return latest_ = frame;
 }
 
-// Begins a frame; null when its number says that it is over, or when there is no room for it.
+// Begins a frame; null when its number is already over, or when there is no room for it.
 Assembler::Frame* Assembler::place_for(const Packet& packet, std::int64_t now_ns) noexcept {
   if (started_ && packet.extended == extended_) {
     const std::int64_t ahead = steps(newest_, packet.frame_id, extended_);
@@ -195,7 +195,7 @@ void Assembler::begin(Frame& frame, const Packet& packet, std::int64_t now_ns) n
   std::ranges::fill(frame.states, PacketState{});
 }
 
-// A free one; or the quietest of those whose numbers nothing speaks for; or, for a likely frame, the quietest.
+// A free one; or the quietest of those with unlikely numbers; or, for a likely frame, the quietest.
 Assembler::Frame* Assembler::choose_place(bool likely, std::int64_t now_ns) noexcept {
   Frame* quietest = nullptr;
   Frame* unlikely = nullptr;
@@ -247,7 +247,7 @@ std::span<const std::byte> Assembler::contents(const Frame& frame) const noexcep
 
 // --- packets that did not come ---
 
-// Asks for those up to `last` whose time is over; a first look only notes them.
+// Requests missing packets up to `last` whose timeout is over; the first call for a packet only starts its timeout.
 void Assembler::request_missing(Frame& frame, std::uint32_t last, std::int64_t now_ns) noexcept {
   if (!plan_.resend || frame.no_resend || frame.packets < kMostAskedPart) return;
   std::uint32_t first = 0;  // of a run that is due
@@ -381,8 +381,8 @@ void Assembler::emit(Frame& whole, std::int64_t now_ns) noexcept {
                       .pixels = contents(whole)});
 }
 
-// No more is expected of it. While other frames become whole it was none of the camera's, or a later one of them will
-// tell that it is lost; when none does, it is lost.
+// Stops waiting for it. While other frames become whole it was either none of the camera's or will be missing in a
+// later counter; when none does, it is lost.
 void Assembler::give_up(Frame& frame) noexcept {
   if (emitted_ - frame.emitted_before < kOthers + frames_held_ && within_reach(frame, frame.last_ns))
     return lose(frame);

@@ -1,4 +1,4 @@
-// Puts frames together from GVSP packets: which are whole, which are lost, which packets to ask for again.
+// Assembles frames from GVSP packets: finds whole and lost frames, and the packets to request again.
 #pragma once
 
 #include <array>
@@ -25,7 +25,7 @@ enum class Content : std::uint8_t { kLeader = 1, kTrailer = 2, kPayload = 3 };
 struct Packet {
   Content content = Content::kPayload;
   bool extended = false;        // ids of 64 and 32 bits, not of 16 and 24
-  bool refused = false;         // the camera says that it cannot send this packet again; there is no body
+  bool refused = false;         // the camera cannot send this packet again; there is no body
   std::uint64_t frame_id = 0;   // GigE Vision: block id
   std::uint32_t packet_id = 0;  // within the frame
   std::span<const std::byte> body{};
@@ -42,7 +42,7 @@ struct Leader {
   int x_padding = 0;
 };
 
-// Of a leader's body; nothing when it is too short for what it says it is. Thread: any.
+// From a leader's body; nothing when it is too short for its type. Thread: any.
 std::optional<Leader> parse_leader(std::span<const std::byte> body) noexcept;
 
 // The camera's time in ns, from 0 to below 2^62, so that differences cannot overflow. ticks_per_s: 1 to
@@ -68,7 +68,7 @@ class FrameOutput {
 };
 
 struct StreamPlan {
-  std::size_t payload_bytes = 0;  // of a frame, as the camera says it
+  std::size_t payload_bytes = 0;  // of a frame, as stated by the camera
   std::size_t packet_bytes = 0;   // with IP and UDP headers, more than both and a header
   std::size_t frames = 48;        // that may be under way at once
   std::int64_t period_ns = 0;
@@ -88,8 +88,8 @@ struct StreamCounts {
   rt::Counter ignored;  // datagrams that belong to no frame: late, or not the camera's
 };
 
-// A datagram can be anybody's. So nothing that it says is an index before it was compared with what a frame of the
-// agreed size can have, memory is that of the plan, and a frame is believed only when it is whole, or when a later
+// A datagram can come from anyone. So none of its values is an index before it was compared with what a frame of the
+// agreed size can have, memory is that of the plan, and a frame is accepted only when it is whole, or when a later
 // frame is: a lone packet with an invented number makes no frame, and loses none. A number that the stream cannot have
 // reached by now takes a place only while one is free, or from another such; it counts when its frame is whole. Thread:
 // acquire, but for construction and counts. Nothing allocates after construction.
@@ -113,7 +113,7 @@ class Assembler {
 
  private:
   struct PacketState {
-    std::int64_t due_ns = 0;  // when it is asked for (again); 0: not missed yet
+    std::int64_t due_ns = 0;  // when it is requested (again); 0: not missing yet
     std::uint32_t bytes = 0;
     bool received = false;
     bool requested = false;
@@ -125,7 +125,7 @@ class Assembler {
     bool too_early = false;  // for what the stream had come to when it began
     bool no_resend = false;  // the camera cannot, or too much was asked for
     std::uint64_t id = 0;
-    std::uint32_t packets = 0;  // expected; the trailer can say fewer
+    std::uint32_t packets = 0;  // expected; fewer by the trailer
     bool has_trailer = false;
     std::uint32_t received = 0;
     std::uint32_t prefix = 0;  // all packets before this one have come

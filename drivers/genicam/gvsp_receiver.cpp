@@ -48,7 +48,7 @@ Result<std::unique_ptr<Receiver>> Receiver::open(const std::string& own_address,
   UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_in own = address_of(own_address, 0);
   socklen_t size = sizeof own;
-  // The filter first: what comes before it would stay in the socket.
+  // The filter goes first: packets that come before it would stay in the socket.
   if (!fd || !filter_stream(fd.get(), camera_address, 0) ||
       bind(fd.get(), reinterpret_cast<const sockaddr*>(&own), size) != 0 ||
       getsockname(fd.get(), reinterpret_cast<sockaddr*>(&own), &size) != 0) {

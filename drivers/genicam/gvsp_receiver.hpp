@@ -25,7 +25,7 @@ std::string refused_priority(int realtime_priority);
 
 class Receiver final : private FrameOutput {
  public:
-  // Binds a socket that takes what comes from the camera's address only. Addresses in dotted form. Thread: setup.
+  // Binds a socket that accepts only packets from the camera's address. Addresses in dotted form. Thread: setup.
   static Result<std::unique_ptr<Receiver>> open(const std::string& own_address, const std::string& camera_address,
                                                 int socket_buffer_bytes);
   // Ends the thread, which takes no longer than one frame's work. Thread: setup.
@@ -36,8 +36,8 @@ class Receiver final : private FrameOutput {
   // UDP port that the camera sends to.
   std::uint16_t port() const noexcept { return port_; }
 
-  // Frames go to `take` from now on, on the thread of the receiver. source_port: that the camera says it sends from; 0:
-  // it does not say. The result is whether the priority was granted: frames flow also without. Thread: setup, once.
+  // Frames go to `take` from now on, on the thread of the receiver. source_port: of the camera's packets; 0: unknown.
+  // The result is whether the priority was granted: frames flow also without. Thread: setup, once.
   Status start(const StreamPlan& plan, std::uint16_t source_port, int realtime_priority,
                std::function<void(const CameraFrame&)> take);
 

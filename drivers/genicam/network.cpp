@@ -65,8 +65,8 @@ class UdpSocket {
 
 // Sends a GVCP command of 32-bit words and waits for its acknowledgement, three times at most, 0.7 s in all: the answer
 // from its first word on, at least one, or nothing when the camera refuses or is silent.
-std::optional<std::vector<unsigned char>> ask_all(const UdpSocket& socket, Command command,
-                                                  std::initializer_list<std::uint32_t> words) {
+std::optional<std::vector<unsigned char>> query_all(const UdpSocket& socket, Command command,
+                                                    std::initializer_list<std::uint32_t> words) {
   constexpr int kTries = 3;
   constexpr int kWaitMs = 230;
   constexpr std::uint16_t kRequest = 1;
@@ -92,8 +92,9 @@ std::optional<std::vector<unsigned char>> ask_all(const UdpSocket& socket, Comma
 }
 
 // The first word of the answer.
-std::optional<std::uint32_t> ask(const UdpSocket& socket, Command command, std::initializer_list<std::uint32_t> words) {
-  const auto answer = ask_all(socket, command, words);
+std::optional<std::uint32_t> query(const UdpSocket& socket, Command command,
+                                   std::initializer_list<std::uint32_t> words) {
+  const auto answer = query_all(socket, command, words);
   return answer ? std::optional(load_u32(*answer, 0)) : std::nullopt;
 }
 
@@ -158,7 +159,7 @@ Result<Route> route_to(const std::string& ipv4) {
 bool answers_gvcp(const std::string& ipv4) {
   const UdpSocket socket;
   if (socket.connect_to(ipv4) != 0) return false;
-  return ask(socket, Command::kDiscovery, {}).has_value();
+  return query(socket, Command::kDiscovery, {}).has_value();
 }
 
 std::optional<std::vector<unsigned char>> read_memory(const std::string& ipv4, std::uint32_t address,
@@ -166,7 +167,7 @@ std::optional<std::vector<unsigned char>> read_memory(const std::string& ipv4, s
   constexpr std::size_t kAddressBytes = 4;  // begins the answer
   const UdpSocket socket;
   if (socket.connect_to(ipv4) != 0) return std::nullopt;
-  auto answer = ask_all(socket, Command::kReadMemory, {address, bytes});
+  auto answer = query_all(socket, Command::kReadMemory, {address, bytes});
   if (!answer || answer->size() < kAddressBytes + bytes || load_u32(*answer, 0) != address) return std::nullopt;
   return std::vector<unsigned char>(answer->begin() + kAddressBytes, answer->begin() + kAddressBytes + bytes);
 }
@@ -174,21 +175,21 @@ std::optional<std::vector<unsigned char>> read_memory(const std::string& ipv4, s
 bool free_from_dead_program(const std::string& ipv4, const std::string& own_address) {
   const UdpSocket living;
   if (living.connect_to(ipv4) != 0) return false;
-  const auto address = ask(living, Command::kReadRegister, {kPrimaryAddress});
-  const auto port = ask(living, Command::kReadRegister, {kPrimaryPort});
+  const auto address = query(living, Command::kReadRegister, {kPrimaryAddress});
+  const auto port = query(living, Command::kReadRegister, {kPrimaryPort});
   in_addr own{};
   inet_pton(AF_INET, own_address.c_str(), &own);
   if (!address || !port || *port == 0 || *address != ntohl(own.s_addr)) return false;
   const UdpSocket dead;
   if (!dead.bind_to(own, static_cast<std::uint16_t>(*port))) return false;
-  return dead.connect_to(ipv4) == 0 && ask(dead, Command::kWriteRegister, {kPrivilege, 0}).has_value();
+  return dead.connect_to(ipv4) == 0 && query(dead, Command::kWriteRegister, {kPrivilege, 0}).has_value();
 }
 
 bool filter_stream(int socket, const std::string& camera_address, std::uint16_t source_port) {
   constexpr auto kSourceAddress = static_cast<std::uint32_t>(SKF_NET_OFF + 12);  // in the IP header
   constexpr std::uint32_t kSourcePort = 0;  // the filter of a socket begins at the UDP header: 8 bytes
   constexpr std::uint32_t kContent = 8 + 4;
-  constexpr std::uint32_t kContentBits = 0x7f;  // the highest says that ids are extended
+  constexpr std::uint32_t kContentBits = 0x7f;  // the highest bit: ids are extended
   constexpr std::uint32_t kShortest = 8 + 8;
   constexpr std::uint32_t kWhole = 0xffffffff;
   in_addr camera{};
@@ -223,7 +224,7 @@ Status check_resources() {
   try {
     std::thread([] {}).join();
   } catch (const std::system_error& e) {
-    return failed(words_of(e));
+    return failed(describe_exception(e));
   }
   return {};
 }

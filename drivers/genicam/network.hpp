@@ -38,22 +38,22 @@ bool answers_gvcp(const std::string& ipv4);
 std::optional<std::vector<unsigned char>> read_memory(const std::string& ipv4, std::uint32_t address,
                                                       std::uint32_t bytes);
 
-// Takes control of the camera away from a program on this computer that died: a camera holds on to it until no
-// heartbeat came for some 3 s, and tells its address and port where it has these registers. Only when no process has
-// that port any more, from which the camera then hears that control is given back. True when it was. Thread: setup.
+// Takes control of the camera away from a program on this computer that died: a camera grants it until no heartbeat
+// came for some 3 s, and has the holder's address and port in registers, if at all. Only when no process has that port
+// any more, from which the camera is then sent a release of control. True when it was. Thread: setup.
 bool free_from_dead_program(const std::string& ipv4, const std::string& own_address);
 
-// Has the kernel drop what comes to a stream's socket from another address than the camera's, or from another port when
-// source_port is not 0, and what is no leader, payload or trailer. Keeps strangers out of the socket's buffer; who
-// forges the camera's address is left to gvsp::Assembler. False when the kernel refuses. Thread: setup.
+// Has the kernel drop packets to a stream's socket from another address than the camera's, or from another port when
+// source_port is not 0, and those that are no leader, payload or trailer. Keeps strangers out of the socket's buffer;
+// forged sender addresses are left to gvsp::Assembler. False when the kernel refuses. Thread: setup.
 bool filter_stream(int socket, const std::string& camera_address, std::uint16_t source_port);
 
-// The system gives the descriptors and the thread that Aravis needs to look for cameras and to open one: refused a
-// socket it goes on with none, refused a thread GLib aborts. Errors: kFailed. Thread: setup, or the connection
-// manager's.
+// Checks that the system has the descriptors and the thread that Aravis needs to look for cameras and to open one:
+// refused a socket it goes on with none, refused a thread GLib aborts. Errors: kFailed. Thread: setup, or the
+// connection manager's.
 Status check_resources();
 
-// The largest socket buffer that the kernel grants, bytes; 0 when it does not say. Thread: setup.
+// The largest socket buffer that the kernel grants, bytes; 0 when unknown. Thread: setup.
 int largest_socket_buffer();
 
 }  // namespace bolo::genicam

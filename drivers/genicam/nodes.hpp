@@ -52,7 +52,7 @@ class Nodes {
   Status status_;
 };
 
-// As the camera's description tells it; empty when it does not. Thread: setup.
+// From the camera's description; empty when it has none. Thread: setup.
 std::string read_serial(Nodes& nodes);
 
 }  // namespace bolo::genicam

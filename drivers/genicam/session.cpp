@@ -210,7 +210,7 @@ Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& 
                                        [this](const CameraFrame& frame) { take(frame); });
     if (!raised) warnings.push_back(gvsp::refused_priority(options_.realtime_priority));
   } catch (const std::system_error& e) {
-    return failed(connection_.name + ": " + words_of(e));
+    return failed(connection_.name + ": " + describe_exception(e));
   }
   return {};
 }
@@ -245,7 +245,7 @@ Result<gvsp::StreamPlan> Session::plan_stream(std::size_t payload_bytes, std::ve
   return plan;
 }
 
-// From which the camera says that it sends; 0 when it does not.
+// Source port of the camera's stream packets; 0 when unknown.
 std::uint16_t Session::source_port() {
   return (read_register(kStreamCapability) & kHasSourcePort) != 0
              ? static_cast<std::uint16_t>(read_register(kStreamSourcePort))

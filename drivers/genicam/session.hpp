@@ -78,7 +78,7 @@ class Session {
   Status prepare(FrameReceiver& receiver, std::vector<std::string>& warnings);
   // The receiver gets frames from now on. Thread: setup.
   void admit() noexcept { gate_.open(); }
-  // Tells the camera to send. Thread: setup.
+  // Starts the camera's acquisition. Thread: setup.
   Status begin();
   // After it returns the receiver is not touched any more. Never blocks for long, idempotent. Thread: setup.
   void shut() noexcept { gate_.shut(); }
@@ -95,7 +95,7 @@ class Session {
   Status set_nuc(const NucOptions& nuc, std::vector<std::string>& warnings);
   // Synchronisation of its clock. Blocks as above. Thread: setup.
   PtpState ptp();
-  // Of the camera, K; 0 when it does not tell. Blocks as above. Thread: setup.
+  // Of the camera, K; 0 when unknown. Blocks as above. Thread: setup.
   double temperature_k();
   // Since the stream was prepared. Thread: setup.
   TransportStats transport() const;

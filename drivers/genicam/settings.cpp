@@ -73,7 +73,7 @@ LinearScale configure_ir_format(Nodes& nodes, IrFormat wanted, Warnings& warning
   return {Unit::kCount, 1.0, 0.0};
 }
 
-// Radiometric counts become 10 mK on the way in, when the camera tells its constants.
+// Radiometric counts become 10 mK on the way in, when the camera states its constants.
 void make_kelvin(Nodes& nodes, const ObjectParameters& object, Negotiated& result, Warnings& warnings) {
   const std::optional<Planck> planck = read_planck(nodes);
   if (!planck) {
@@ -89,8 +89,8 @@ void make_kelvin(Nodes& nodes, const ObjectParameters& object, Negotiated& resul
 
 // At least those of the cameras that have windowing, should SensorHeight follow the window.
 int sensor_rows(Nodes& nodes) {
-  const int said = nodes.has("SensorHeight") ? static_cast<int>(nodes.integer("SensorHeight")) : 0;
-  return std::max(said, kSensorRows);
+  const int rows = nodes.has("SensorHeight") ? static_cast<int>(nodes.integer("SensorHeight")) : 0;
+  return std::max(rows, kSensorRows);
 }
 
 // Sets the smallest window that holds the height. True when the camera had another one before.
@@ -113,8 +113,7 @@ void configure_size(Nodes& nodes, const char* name, int wanted, Status& refused)
   }
 }
 
-// The image as the camera has it, without metadata rows. Memory is taken for many of them, so that what it says is not
-// believed without end.
+// The image as the camera has it, without metadata rows. Memory is taken for many of them, so that its size is limited.
 Result<Geometry> read_geometry(Nodes& nodes, const std::string& camera, int metadata_rows) {
   const std::int64_t width = nodes.integer("Width");
   const std::int64_t height = nodes.integer("Height") - metadata_rows;
@@ -237,9 +236,9 @@ pipeline::PtpStatus ptp_status(const PtpState& ptp) {
     }
     return kept;
   };
-  const std::string told = letters(ptp.status);
+  const std::string status = letters(ptp.status);
   for (std::size_t i = 1; i < pipeline::kPtpStatuses; ++i) {
-    if (letters(name(static_cast<pipeline::PtpStatus>(i))) == told) return static_cast<pipeline::PtpStatus>(i);
+    if (letters(name(static_cast<pipeline::PtpStatus>(i))) == status) return static_cast<pipeline::PtpStatus>(i);
   }
   return pipeline::PtpStatus::kOff;
 }

@@ -19,7 +19,7 @@ namespace bolo::genicam {
 struct PtpState {
   bool enabled = false;
   std::string status{};        // "Slave": it follows a master; "Listening", "Master" ...; empty: it does not say
-  std::int64_t offset_ns = 0;  // from its master, as the camera reckons; 0 where it does not say
+  std::int64_t offset_ns = 0;  // from its master, as the camera reckons; 0 when unknown
 };
 PtpState read_ptp(Nodes& nodes);
 // By SFNC's names of the states ("PreMaster"); kOff for one that it does not have. Thread: any.
@@ -53,7 +53,7 @@ Status configure_range(Nodes& nodes, const CameraOptions& options, std::vector<s
 // Sets NUCMode: automatic, or only on command. Thread: setup.
 void configure_nuc(Nodes& nodes, const NucOptions& nuc, std::vector<std::string>& warnings);
 
-// The constants of the present range; nothing when the camera does not tell them. Thread: setup.
+// The constants of the present range; nothing when the camera does not state them. Thread: setup.
 std::optional<Planck> read_planck(Nodes& nodes);
 
 }  // namespace bolo::genicam

@@ -74,7 +74,7 @@ Status ReplaySource::start(pipeline::FrameInlet& inlet) {
       inlet.finish();
     });
   } catch (const std::system_error& e) {
-    return failed("no frames can be replayed: " + words_of(e));
+    return failed("no frames can be replayed: " + describe_exception(e));
   }
   return {};
 }

@@ -17,7 +17,7 @@ const char* camera_state_word(const bolo_shm_camera& camera) noexcept;
 // State of the camera's PTP clock: "off", "slave" ...; "unknown" for one of a later version. Thread: any.
 const char* ptp_word(const bolo_shm_camera& camera) noexcept;
 
-// Seconds from one CLOCK_MONOTONIC time to a later one, 0 to an earlier one, whatever a writer put there. Thread: any.
+// Seconds from one CLOCK_MONOTONIC time to a later one, 0 to an earlier one, for any values. Thread: any.
 double seconds_since(std::int64_t then_ns, std::int64_t now_ns) noexcept;
 
 // Keys in snake_case, unit in the name; what is not known is null. now_ns: CLOCK_MONOTONIC. Thread: any.

@@ -11,9 +11,9 @@
 namespace bolo::shm {
 namespace {
 
-constexpr int kLookAgainAfter_ms = 10;  // for a writer that is not there
-constexpr int kMostSilence_ms = 100;    // of a writer after which its name is looked at: it may be dead
-constexpr int kAttempts = 3;            // to catch a frame of a ring that is overwritten all the time
+constexpr int kRetry_ms = 10;         // for a writer that is not there
+constexpr int kMostSilence_ms = 100;  // of a writer after which its name is checked: it may be dead
+constexpr int kAttempts = 3;          // to catch a frame of a ring that is overwritten all the time
 
 class Deadline {
  public:
@@ -27,14 +27,14 @@ class Deadline {
     const std::int64_t left_ns = ns_ - monotonic_ns();
     return static_cast<int>(std::clamp<std::int64_t>((left_ns - 1) / 1'000'000 + 1, 0, most));
   }
-  void pause() const { std::this_thread::sleep_for(std::chrono::milliseconds(left_ms(kLookAgainAfter_ms))); }
+  void pause() const { std::this_thread::sleep_for(std::chrono::milliseconds(left_ms(kRetry_ms))); }
 
  private:
   std::int64_t ns_;
 };
 
 // An object that cannot be read now may be readable the next moment: its writer may be starting.
-bool may_pass(Refusal refusal) {
+bool is_transient(Refusal refusal) {
   return refusal == Refusal::kAbsent || refusal == Refusal::kNotReady || refusal == Refusal::kDenied ||
          refusal == Refusal::kForeign;
 }
@@ -62,7 +62,7 @@ Result<FollowedStream> FollowedStream::open(const std::string& name, int timeout
     Result<ShmReader> reader = ShmReader::open(name, &why);
     if (refusal != nullptr) *refusal = why;
     if (reader) return FollowedStream(std::move(*reader));
-    if (!may_pass(why) || deadline.passed()) return tl::unexpected<Error>(reader.error());
+    if (!is_transient(why) || deadline.passed()) return tl::unexpected<Error>(reader.error());
     deadline.pause();
   }
 }

@@ -1,4 +1,4 @@
-// The frames of a name, whatever writers come and go under it.
+// The frames of a name, across the writers that come and go under it.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,9 @@ class FollowedStream {
 
   enum class Outcome {
     kFrame,
-    kTimeout,    // the writer lives, but published nothing in time
-    kEnded,      // the writer ended or stopped, and no other came in time; obstacle() says what stands for its name
+    kTimeout,  // the writer lives, but published nothing in time
+    kEnded,    // the writer ended or stopped, and no other came in time; obstacle() describes the present owner of its
+               // name
     kRestarted,  // another writer: reader() is of its object, frames are counted from 0; frames of the old one are
                  // gone unless they are held
   };
@@ -28,7 +29,7 @@ class FollowedStream {
   // The newest frame that was not given yet. Thread: one at a time.
   Outcome latest(BorrowedFrame& frame, std::uint64_t& missed, int timeout_ms);
 
-  // Goes to another writer that has taken the name, whatever of the old one's frames was not read. next() and latest()
+  // Switches to another writer that has taken the name; unread frames of the old one are dropped. next() and latest()
   // do it where no frame comes, so that none is lost. False: there is none, or not yet to be read. Thread: one at a
   // time.
   bool follow();

@@ -13,22 +13,22 @@
 namespace bolo::shm {
 namespace {
 
-Result<deblur::Settings> settings_of(const bolo_shm_header& header, const bolo_shm_settings& told) {
-  if (told.method > BOLO_METHOD_MOTION) {
+Result<deblur::Settings> settings_of(const bolo_shm_header& header, const bolo_shm_settings& shared) {
+  if (shared.method > BOLO_METHOD_MOTION) {
     return bad_input("its solver is unknown here: use the same release on both sides");
   }
   deblur::Settings s;
-  s.method = static_cast<deblur::Method>(told.method);
+  s.method = static_cast<deblur::Method>(shared.method);
   s.tau_s = header.tau_s;
   s.period_s = header.frame_period_s;
   s.window = static_cast<int>(header.window);
   s.lookahead = static_cast<int>(header.lookahead);
-  s.levels = static_cast<int>(told.levels);
-  s.iterations = static_cast<int>(told.iterations);
-  s.kappa = told.kappa;
-  s.lambda = told.lambda;
-  s.auto_lambda = (told.flags & BOLO_SETTINGS_AUTO_LAMBDA) != 0;
-  s.noise_k = told.noise_k;
+  s.levels = static_cast<int>(shared.levels);
+  s.iterations = static_cast<int>(shared.iterations);
+  s.kappa = shared.kappa;
+  s.lambda = shared.lambda;
+  s.auto_lambda = (shared.flags & BOLO_SETTINGS_AUTO_LAMBDA) != 0;
+  s.noise_k = shared.noise_k;
   RETURN_IF_ERROR(deblur::validate(s));
   return s;
 }
@@ -62,7 +62,7 @@ struct PointReader::Impl {
   std::string isa;
   std::vector<std::uint32_t> copied;  // pixels of the frame that are copied
   std::vector<std::uint32_t> solved;  // of the copied ones
-  bool measured_noise = false;        // the frame's own, told with it
+  bool measured_noise = false;        // the frame's own, published with it
   double solver_noise_k = 0.0;
   std::unique_ptr<deblur::Solver> solver;
   std::vector<std::vector<std::uint16_t>> samples;  // one a frame of the window
@@ -130,21 +130,21 @@ Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_
                                       const model::PixelMaps& maps) {
   const std::string where = "shared memory '" + reader.name() + "'";
   const bolo_shm_header header = reader.header();
-  const std::optional<bolo_shm_settings> told = reader.settings();
-  if (!told) return bad_input(where + ": its writer does not tell the solver's settings; restart a newer one");
-  if ((told->flags & BOLO_SETTINGS_UNDONE) != 0) {
+  const std::optional<bolo_shm_settings> shared = reader.settings();
+  if (!shared) return bad_input(where + ": its writer does not tell the solver's settings; restart a newer one");
+  if ((shared->flags & BOLO_SETTINGS_UNDONE) != 0) {
     return bad_input(where + ": its profile changes frames around the solver; read the deblurred planes instead");
   }
-  if ((told->flags & BOLO_SETTINGS_MAPS) != 0 && maps.empty()) {
+  if ((shared->flags & BOLO_SETTINGS_MAPS) != 0 && maps.empty()) {
     return bad_input(where + ": its pixels have parameters of their own; give the writer's maps");
   }
-  ASSIGN_OR_RETURN(const deblur::Settings settings, at(where, settings_of(header, *told)));
+  ASSIGN_OR_RETURN(const deblur::Settings settings, at(where, settings_of(header, *shared)));
   auto impl = std::unique_ptr<Impl>(new Impl{.reader = std::move(reader),
                                              .settings = settings,
                                              .format = format_of(header),
                                              .row_delay_s = maps.row_delay_s,
                                              .correction = {},
-                                             .isa = told->isa,
+                                             .isa = shared->isa,
                                              .copied = {},
                                              .solved = {},
                                              .solver = nullptr,

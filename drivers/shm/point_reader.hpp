@@ -1,6 +1,6 @@
 // Solves single pixels of a live stream on demand, from the raw planes in shared memory, in the reader's own process:
-// bit for bit what the writer's deblurred plane shows there. Where pixels have time constants of their own, whose
-// correction remembers all frames of the past, the reader begins a window earlier, and may differ by a count.
+// bit for bit as the writer's deblurred plane. For pixels with time constants of their own, whose correction depends on
+// all past frames, the reader begins a window earlier, and may differ by a count.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +18,8 @@ namespace bolo::shm {
 class PointReader {
  public:
   // Makes a solver with the writer's settings and instruction set for `pixels`, row-major indices. A stream whose
-  // pixels have parameters of their own needs the writer's `maps`; without them, and for a writer that does not tell
-  // its settings, it is refused. Thread: setup.
+  // pixels have parameters of their own needs the writer's `maps`; without them, and without published settings, it is
+  // refused. Thread: setup.
   static Result<PointReader> over(ShmReader reader, std::vector<std::uint32_t> pixels,
                                   const model::PixelMaps& maps = {});
   PointReader(PointReader&&) noexcept;
@@ -33,9 +33,9 @@ class PointReader {
     kOverwritten,  // a frame of its window has left the ring
   };
   // Estimates the pixels of frame `number` (publication order) into `out`, pixels.size() values in the stream's scale.
-  // Only the samples of these pixels are copied, but the whole raw planes where the method looks at a pixel's
-  // surroundings (mmae, motion, automatic lambda) or has maps. While the writer measures the noise, these
-  // also make their solver anew for each frame: tens of milliseconds. Thread: one at a time.
+  // Only the samples of these pixels are copied, but the whole raw planes where the method uses a pixel's surroundings
+  // (mmae, motion, automatic lambda) or has maps. While the writer measures the noise, these also make their solver
+  // anew for each frame: tens of milliseconds. Thread: one at a time.
   Outcome solve(std::uint64_t number, std::span<std::uint16_t> out);
 
   // Frames published so far; the last `look-ahead` of them can't be solved yet. Thread: any.

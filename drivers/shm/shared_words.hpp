@@ -171,8 +171,8 @@ inline bool has_motion(const SlotLayout& layout, const bolo_shm_slot& head) noex
   return layout.motion_blocks != 0 && head.motion_blocks == layout.motion_blocks;
 }
 
-// What the slot says of frame `number`. Its times are kept to what differences can be taken of, whatever a foreign
-// writer says: 73 years of a clock, 146 of UTC. Thread: any reader.
+// The slot's head of frame `number`. Its times are clamped so that differences do not overflow, even of a foreign
+// writer: 73 years of a clock, 146 of UTC. Thread: any reader.
 inline void copy_head(const std::byte* slot, std::uint64_t number, bolo_shm_slot& head) noexcept {
   constexpr std::int64_t kMost = std::int64_t{1} << 61U;
   head.sequence = 2 * number + 2;

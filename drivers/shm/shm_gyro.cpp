@@ -24,7 +24,7 @@ Result<std::unique_ptr<Gyro>> ShmGyro::create(const std::string& name) {
   return std::unique_ptr<Gyro>(new ShmGyro("/dev/shm/bolo-gyro." + name));
 }
 
-ShmGyro::ShmGyro(std::string path) : path_(std::move(path)), believed_(believed_users()) { kept_.reserve(kMostKept); }
+ShmGyro::ShmGyro(std::string path) : path_(std::move(path)), trusted_(trusted_users()) { kept_.reserve(kMostKept); }
 
 bool ShmGyro::read(void* to, std::size_t bytes, std::uint64_t from) const noexcept {
   return ::pread(object_.get(), to, bytes, static_cast<off_t>(from)) == static_cast<ssize_t>(bytes);
@@ -33,8 +33,8 @@ bool ShmGyro::read(void* to, std::size_t bytes, std::uint64_t from) const noexce
 std::span<const GyroSample> ShmGyro::samples() noexcept {
   const std::int64_t now_ns = monotonic_ns();
   if (read_new()) {
-    heard_ns_ = now_ns;
-  } else if (now_ns - std::max(heard_ns_, opened_ns_) > kSilentNs) {
+    sampled_ns_ = now_ns;
+  } else if (now_ns - std::max(sampled_ns_, opened_ns_) > kSilentNs) {
     open(now_ns);
   }
   return kept_;
@@ -46,7 +46,7 @@ void ShmGyro::open(std::int64_t now_ns) noexcept {
   UniqueFd object(::open(path_.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOFOLLOW));
   struct stat status {};
   if (!object || fstat(object.get(), &status) != 0 || !S_ISREG(status.st_mode)) return;
-  if (std::ranges::find(believed_, status.st_uid) == believed_.end()) return;
+  if (std::ranges::find(trusted_, status.st_uid) == trusted_.end()) return;
   if (object_ && status.st_ino == inode_) return;
   object_ = std::move(object);
   inode_ = status.st_ino;
@@ -54,7 +54,7 @@ void ShmGyro::open(std::int64_t now_ns) noexcept {
   kept_.clear();
 }
 
-// True when there was a sample. What the writer may have been writing meanwhile is passed over.
+// True when there was a sample. Samples that the writer may have been overwriting meanwhile are skipped.
 bool ShmGyro::read_new() noexcept {
   bolo_gyro_header header{};
   if (!object_ || !read(&header, sizeof header, 0)) return false;

@@ -17,8 +17,8 @@
 
 namespace bolo::shm {
 
-// It reads by pread(): what a writer does to the object, even to make it shorter, ends as a short read. Samples that
-// are no rates are passed over; where times go back, what was before is forgotten.
+// Reads by pread(): anything that a writer does to the object, even making it shorter, ends as a short read. Samples
+// that are no rates are skipped; where times go back, earlier samples are dropped.
 class ShmGyro final : public Gyro {
  public:
   // Bad input: no such name. The object need not be there yet. Thread: setup.
@@ -35,11 +35,11 @@ class ShmGyro final : public Gyro {
   void take(const bolo_gyro_sample& sample) noexcept;
 
   std::string path_;
-  std::vector<uid_t> believed_;
+  std::vector<uid_t> trusted_;
   UniqueFd object_;
   ino_t inode_ = 0;
   std::uint64_t next_ = 0;  // sample that is read next
-  std::int64_t heard_ns_ = 0;
+  std::int64_t sampled_ns_ = 0;
   std::int64_t opened_ns_ = 0;  // tried to
   std::array<bolo_gyro_sample, 256> chunk_{};
   std::vector<GyroSample> kept_;

@@ -59,7 +59,7 @@ bool put_zeros(const Range& range) noexcept {
   return mmap(data, bytes, protection, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) != MAP_FAILED;
 }
 
-void hand_on(int signal, siginfo_t* info, void* context) {
+void pass_to_previous(int signal, siginfo_t* info, void* context) {
   if ((before.sa_flags & SA_SIGINFO) != 0) return before.sa_sigaction(signal, info, context);
   if (before.sa_handler != SIG_DFL && before.sa_handler != SIG_IGN) return before.sa_handler(signal);
   ::signal(signal, SIG_DFL);
@@ -74,7 +74,7 @@ void on_bus_error(int signal, siginfo_t* info, void* context) {
       return;
     }
   }
-  hand_on(signal, info, context);
+  pass_to_previous(signal, info, context);
 }
 
 void catch_bus_errors() noexcept {
@@ -85,8 +85,8 @@ void catch_bus_errors() noexcept {
   sigaction(SIGBUS, &ours, nullptr);
 }
 
-// The library may be unloaded. Whoever came after us keeps the signal.
-void let_go() noexcept {
+// The library may be unloaded. A handler that was installed after ours stays.
+void restore_handler() noexcept {
   struct sigaction now {};
   if (sigaction(SIGBUS, nullptr, &now) == 0 && now.sa_sigaction == on_bus_error) sigaction(SIGBUS, &before, nullptr);
 }
@@ -109,7 +109,7 @@ GuardedMapping::~GuardedMapping() {
   const std::lock_guard lock(changes);
   if (place_ < kMost) ranges[place_].data.store(nullptr, std::memory_order_relaxed);
   munmap(data_, bytes_);
-  if (--mappings == 0) let_go();
+  if (--mappings == 0) restore_handler();
 }
 
 namespace {
@@ -144,14 +144,14 @@ std::optional<uid_t> uid_of(const std::string& user) {
   return found != nullptr ? std::optional<uid_t>(found->pw_uid) : std::nullopt;
 }
 
-// Whether the open file still has a name.
+// True if the open file still has a name.
 bool is_linked(const UniqueFd& fd) {
   struct stat status {};
   return fd && fstat(fd.get(), &status) == 0 && status.st_nlink > 0;
 }
 
 // An object's header; nothing when there is none yet, or it can't be read.
-std::optional<bolo_shm_header> told_by(const std::string& path) {
+std::optional<bolo_shm_header> read_header(const std::string& path) {
   const UniqueFd fd(shm_open(path.c_str(), O_RDONLY | O_NONBLOCK, 0));  // anybody can put a pipe there
   bolo_shm_header header{};
   const ssize_t got = fd ? pread(fd.get(), &header, sizeof(header), 0) : -1;
@@ -160,8 +160,8 @@ std::optional<bolo_shm_header> told_by(const std::string& path) {
 }
 
 // ", process 123 (bolod)": the writer that the object names, if that user has such a process.
-std::string process_words(const std::string& path, uid_t owner) {
-  const auto header = told_by(path);
+std::string describe_process(const std::string& path, uid_t owner) {
+  const auto header = read_header(path);
   const std::string process = header ? "/proc/" + std::to_string(header->writer_pid) : "";
   struct stat status {};
   if (!header || stat(process.c_str(), &status) != 0 || status.st_uid != owner) return "";
@@ -170,12 +170,12 @@ std::string process_words(const std::string& path, uid_t owner) {
   return ", process " + std::to_string(header->writer_pid) + " (" + printable(command) + ")";
 }
 
-tl::unexpected<Error> living(const std::string& path, const std::optional<bolo_shm_header>& told) {
-  if (!told) {
+tl::unexpected<Error> living(const std::string& path, const std::optional<bolo_shm_header>& header) {
+  if (!header) {
     return bad_input("shared memory " + path +
                      " is being set up by another process; try again, or choose another name");
   }
-  return bad_input("shared memory " + path + " is written by process " + std::to_string(told->writer_pid) +
+  return bad_input("shared memory " + path + " is written by process " + std::to_string(header->writer_pid) +
                    "; stop it, or choose another name");
 }
 
@@ -186,9 +186,9 @@ tl::unexpected<Error> in_the_way(const std::string& file, const std::string& obj
   if (lstat(place.c_str(), &status) != 0 || status.st_uid == geteuid()) {
     return failed("cannot create shared memory " + file + ": " + errno_text(error));
   }
-  return failed(place + " is in the way: it belongs to " + user_words(status.st_uid) +
-                process_words(object, status.st_uid) + "; have them end what made it, remove it as root, or choose " +
-                "another name");
+  return failed(place + " is in the way: it belongs to " + describe_user(status.st_uid) +
+                describe_process(object, status.st_uid) +
+                "; have them end what made it, remove it as root, or choose " + "another name");
 }
 
 // One try to become the only writer of the name: the locked descriptor of its lock, or an empty one to try again.
@@ -204,8 +204,8 @@ Result<UniqueFd> try_lock(const std::string& lock, const std::string& object) {
   const bool locked = flock(fd.get(), LOCK_EX | LOCK_NB) == 0;
   if (!is_linked(fd)) return UniqueFd();
   if (locked) return fd;
-  const auto told = told_by(object);
-  if (!told || !heartbeat_stale(told->heartbeat_ns)) return living(object, told);
+  const auto header = read_header(object);
+  if (!header || !heartbeat_stale(header->heartbeat_ns)) return living(object, header);
   shm_unlink(lock.c_str());
   return UniqueFd();
 }
@@ -277,7 +277,7 @@ std::vector<std::string> object_names() {
   return names;
 }
 
-std::vector<uid_t> believed_users() {
+std::vector<uid_t> trusted_users() {
   std::vector<uid_t> users{0, geteuid()};
   const char* const named = std::getenv("BOLO_USER");  // NOLINT(concurrency-mt-unsafe): nothing here sets it
   for (const char* const user : {kPackagedUser, named != nullptr ? named : ""}) {
@@ -286,12 +286,12 @@ std::vector<uid_t> believed_users() {
   return users;
 }
 
-bool is_believed(uid_t owner) {
-  const std::vector<uid_t> users = believed_users();
+bool is_trusted(uid_t owner) {
+  const std::vector<uid_t> users = trusted_users();
   return std::ranges::find(users, owner) != users.end();
 }
 
-std::string user_words(uid_t user) {
+std::string describe_user(uid_t user) {
   std::vector<char> buffer(16384);
   struct passwd entry {};
   struct passwd* found = nullptr;

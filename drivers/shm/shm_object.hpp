@@ -13,8 +13,8 @@
 
 namespace bolo::shm {
 
-// Mapped memory whose owner makes it shorter, or whose file system has no page left for it, ends whoever reads
-// or writes there (SIGBUS), and no check before is in time. A guarded mapping turns into zeros of the process's own
+// Mapped memory whose owner makes it shorter, or whose file system has no page left for it, ends a process that
+// accesses it (SIGBUS), and no check before is in time. A guarded mapping turns into zeros of the process's own
 // instead: to a reader of shared memory that is a writer which has ended, and a writer finds that its object was cut.
 // Signals elsewhere go where they went before the first of these. Of more mappings than a process should have, the last
 // are not guarded. Thread: any.
@@ -47,18 +47,18 @@ std::vector<std::string> object_names();
 // True if this user's objects are trusted: anybody may make a file of any name in /dev/shm. Trusted are
 // root, this process's own user, "bolo", which the packaged daemon runs as, and the user that the environment's
 // BOLO_USER names or numbers. Thread: any.
-std::vector<uid_t> believed_users();
-bool is_believed(uid_t owner);
+std::vector<uid_t> trusted_users();
+bool is_trusted(uid_t owner);
 // "user alice (uid 1000)". Thread: any.
-std::string user_words(uid_t user);
+std::string describe_user(uid_t user);
 
 // An object that this process created and owns, mapped, and the lock of its name; both are unlinked in the destructor.
 class OwnedObject {
  public:
-  // Creates "/bolo." + name with `bytes` of zeroed memory that is really there. An object that a dead or stopped writer
-  // of this user left is unlinked first; a living writer is refused as bad input. What other users have made under the
-  // name can't be removed, but may go: that is a failure which says who they are. Only the owner can open the object
-  // before publish_to(). Thread: setup.
+  // Creates "/bolo." + name with `bytes` of zeroed memory that is really allocated. An object that a dead or stopped
+  // writer of this user left is unlinked first; a living writer is refused as bad input. Objects of other users can't
+  // be removed, but may go: that is a failure which names the user. Only the owner can open the object before
+  // publish_to(). Thread: setup.
   static Result<OwnedObject> create(const std::string& name, std::size_t bytes);
 
   // Another like this one where is_there() no longer holds, under the same lock if that is there; this one stays

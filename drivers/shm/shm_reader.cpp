@@ -82,9 +82,9 @@ tl::unexpected<Refused> cannot_open(const std::string& name, int error) {
       {Refusal::kFailed, {ErrorKind::kFailed, "cannot open shared memory '" + name + "': " + std::strerror(error)}});
 }
 
-tl::unexpected<Refused> not_believed(const std::string& name, uid_t owner) {
+tl::unexpected<Refused> not_trusted(const std::string& name, uid_t owner) {
   return refuse(Refusal::kForeign,
-                "shared memory '" + name + "' belongs to " + user_words(owner) +
+                "shared memory '" + name + "' belongs to " + describe_user(owner) +
                     ", not to bolo, root or this user; if it is your daemon's, set BOLO_USER to that "
                     "user's name or number");
 }
@@ -96,7 +96,7 @@ Opened<std::shared_ptr<const Mapping>> map_object(const std::string& name) {
   if (!fd) return cannot_open(name, errno);
   struct stat status {};
   if (fstat(fd.get(), &status) != 0) return cannot_open(name, errno);
-  if (!is_believed(status.st_uid)) return not_believed(name, status.st_uid);
+  if (!is_trusted(status.st_uid)) return not_trusted(name, status.st_uid);
   const auto bytes = static_cast<std::size_t>(status.st_size);
   void* memory = MAP_FAILED;
   if (bytes >= sizeof(bolo_shm_header)) memory = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, fd.get(), 0);
@@ -158,7 +158,7 @@ void end_text(char (&text)[N]) {
 
 struct ShmReader::Impl {
   std::shared_ptr<const Mapping> mapping;
-  bolo_shm_header checked{};  // as validated; what says where things lie is only ever read from here
+  bolo_shm_header checked{};  // as validated; sizes and offsets are only ever read from here
   SlotLayout layout;
   bool futex_works = true;
 
@@ -197,7 +197,7 @@ Opened<std::unique_ptr<ShmReader::Impl>> ShmReader::Impl::open(const std::string
 
 // Sleeps until the wake word differs from what was seen, or ns have passed, and little longer than to the next frame:
 // any reader can move the others to a futex that nobody wakes (FUTEX_REQUEUE), and then only their own clock does. A
-// spurious wake-up only costs one more look.
+// spurious wake-up only costs one more check.
 void ShmReader::Impl::sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept {
   constexpr double kPeriods = 1.25;  // frames in time come before it
   const double most_ns =
@@ -280,9 +280,9 @@ std::optional<bolo_shm_settings> ShmReader::settings() const noexcept {
 }
 
 std::optional<bolo_shm_camera> ShmReader::camera() const noexcept {
-  const std::optional<bolo_shm_settings> told = settings();
-  if (!told || told->camera_offset % kWord != 0) return std::nullopt;
-  const std::uint64_t begin = told->camera_offset;
+  const std::optional<bolo_shm_settings> shared = settings();
+  if (!shared || shared->camera_offset % kWord != 0) return std::nullopt;
+  const std::uint64_t begin = shared->camera_offset;
   const bolo_shm_header& h = impl_->checked;
   if (begin < h.settings_offset + sizeof(bolo_shm_settings) || begin + BOLO_SHM_CAMERA_BYTES_FIRST > h.slots_offset) {
     return std::nullopt;
@@ -291,9 +291,9 @@ std::optional<bolo_shm_camera> ShmReader::camera() const noexcept {
   bolo_shm_camera camera{};
   copy_out(&camera.bytes, from, sizeof(camera.bytes));
   // Fields that an older writer does not have stay 0.
-  const auto told_bytes = std::min<std::uint64_t>({sizeof(camera), camera.bytes, h.slots_offset - begin});
-  if (told_bytes < BOLO_SHM_CAMERA_BYTES_FIRST) return std::nullopt;
-  copy_out(&camera, from, told_bytes);
+  const auto shared_bytes = std::min<std::uint64_t>({sizeof(camera), camera.bytes, h.slots_offset - begin});
+  if (shared_bytes < BOLO_SHM_CAMERA_BYTES_FIRST) return std::nullopt;
+  copy_out(&camera, from, shared_bytes);
   end_text(camera.control_socket);
   return camera;
 }

@@ -32,9 +32,9 @@ StreamFormat format_of(const bolo_shm_header& header);
 // Thread: any.
 FrameMeta meta_of(const bolo_shm_slot& head) noexcept;
 
-// A frame where it lies in the ring, nothing copied but its head. The writer may overwrite the planes at any time: what
-// was made of them counts only if still_there() says so afterwards. Good as long as the reader that gave it, or a
-// hold() of that, lives.
+// A frame where it lies in the ring, nothing copied but its head. The writer may overwrite the planes at any time:
+// results from them are valid only if still_there() afterwards. Good as long as the reader that gave it, or a hold() of
+// that, lives.
 struct BorrowedFrame {
   std::uint64_t number = 0;  // publication order
   bolo_shm_slot head{};
@@ -60,21 +60,21 @@ struct BorrowedFrame {
   bool still_there() const noexcept { return still_holds_after_plain_reads(slot, number); }
 };
 
-// Why an object was not opened, where the caller does something about it; the Error says it in words.
+// Why an object was not opened, for callers that act on it; the Error describes it.
 enum class Refusal {
   kNone,
   kBadName,    // no name for shared memory
   kAbsent,     // there is no such object
   kNotReady,   // it is being set up
   kDenied,     // this user may not read it
-  kForeign,    // it belongs to a user who is not believed
+  kForeign,    // it belongs to a user who is not trusted
   kBadLayout,  // another version, or its header contradicts itself
   kFailed,     // the system refused
 };
 
 class ShmReader {
  public:
-  // Maps "/bolo." + name read-only and checks its owner (is_believed()), magic, version and every offset against the
+  // Maps "/bolo." + name read-only and checks its owner (is_trusted()), magic, version and every offset against the
   // object's size. Thread: setup.
   static Result<ShmReader> open(const std::string& name, Refusal* refusal = nullptr);
   // The names that exist now, sorted: "cam" for the object "/bolo.cam", whether its writer lives or not. Thread: any.
@@ -84,7 +84,7 @@ class ShmReader {
   ShmReader& operator=(ShmReader&&) noexcept;
   ~ShmReader();
 
-  // Another reader of the same object, whatever its name stands for by now. Thread: any.
+  // Another reader of the same object, even if its name stands for another by now. Thread: any.
   ShmReader share() const;
   // As long as this lives the object stays mapped, and pointers of its frames good. Thread: any.
   std::shared_ptr<const void> hold() const noexcept;
@@ -115,10 +115,10 @@ class ShmReader {
   bool read_samples(std::uint64_t number, std::span<const std::uint32_t> pixels, bolo_shm_slot& head,
                     std::uint16_t* out) const noexcept;
 
-  // The writer's solver settings; nothing when it does not tell. Thread: any.
+  // The writer's solver settings; nothing when it does not publish them. Thread: any.
   std::optional<bolo_shm_settings> settings() const noexcept;
 
-  // The camera's present state; nothing when the writer does not tell. Thread: any.
+  // The camera's present state; nothing when the writer does not publish it. Thread: any.
   std::optional<bolo_shm_camera> camera() const noexcept;
 
   // Frames published so far: the newest is published() - 1. Thread: any.

@@ -62,7 +62,7 @@ constexpr int kReadingMargin = 16;   // frames that a reader of a whole window h
 constexpr std::size_t kSettingsOffset = sizeof(bolo_shm_header);
 constexpr std::size_t kCameraOffset = kSettingsOffset + sizeof(bolo_shm_settings);
 constexpr std::size_t kSlotsOffset = round_up(kCameraOffset + sizeof(bolo_shm_camera), rt::kCacheLine);
-constexpr std::int64_t kLookPeriodNs = 1'000'000'000;  // at the name
+constexpr std::int64_t kNamePeriodNs = 1'000'000'000;  // of checks of the name
 constexpr unsigned kModeBits = 0777;
 constexpr unsigned kOwnerBits = 0600;    // what the writer itself needs
 constexpr unsigned kOthersWrite = 0022;  // readers must not be able to disturb the writer or each other
@@ -187,7 +187,7 @@ Waker::~Waker() {
 }
 
 void Waker::end() noexcept {
-  ends_.store(true, std::memory_order_relaxed);    // told by the count below
+  ends_.store(true, std::memory_order_relaxed);    // published by the count below
   asked_.fetch_add(1, std::memory_order_release);  // partner: run()'s load
   asked_.notify_one();
   thread_.join();
@@ -242,13 +242,13 @@ struct ShmSink::Impl {
   std::uint64_t slot_count = 0;
   std::unique_ptr<Ring> ring;  // the pipeline thread's, once open
   std::atomic<Ring*> fresh{
-      nullptr};        // owned: in its place from the next frame on; `ring` stands still while it is null
-  std::mutex looking;  // close() waits for a look at the name; frames do not
-  std::int64_t next_look_ns = 0;
+      nullptr};           // owned: in its place from the next frame on; `ring` stands still while it is null
+  std::mutex name_check;  // close() waits for a check of the name; frames do not
+  std::int64_t next_check_ns = 0;
   pipeline::Notices notices;
 
   Result<std::unique_ptr<Ring>> fill(OwnedObject object) const;
-  void look_after_name();
+  void check_name();
   void take_fresh() noexcept;
   void store(const pipeline::PipelineStats& stats) const noexcept {
     store_stats(ring->header(), stats);
@@ -277,11 +277,11 @@ Result<std::unique_ptr<ShmSink::Ring>> ShmSink::Impl::fill(OwnedObject object) c
   return made;
 }
 
-void ShmSink::Impl::look_after_name() {
-  const std::lock_guard lock(looking);
+void ShmSink::Impl::check_name() {
+  const std::lock_guard lock(name_check);
   // partner: the store in take_fresh()
-  if (fresh.load(std::memory_order_acquire) != nullptr || ring == nullptr || monotonic_ns() < next_look_ns) return;
-  next_look_ns = monotonic_ns() + kLookPeriodNs;
+  if (fresh.load(std::memory_order_acquire) != nullptr || ring == nullptr || monotonic_ns() < next_check_ns) return;
+  next_check_ns = monotonic_ns() + kNamePeriodNs;
   if (ring->object.is_there()) return;
   const std::string what = "shared memory /bolo." + options.name + " was taken away or cut off";
   auto object = ring->object.create_again();
@@ -296,10 +296,10 @@ void ShmSink::Impl::look_after_name() {
 }
 
 void ShmSink::Impl::take_fresh() noexcept {
-  Ring* const made = fresh.load(std::memory_order_acquire);  // partner: the store in look_after_name()
+  Ring* const made = fresh.load(std::memory_order_acquire);  // partner: the store in check_name()
   if (made == nullptr) return;
   ring.reset(made);
-  fresh.store(nullptr, std::memory_order_release);  // partner: the load in look_after_name()
+  fresh.store(nullptr, std::memory_order_release);  // partner: the load in check_name()
 }
 
 std::uint64_t bytes_needed(const ShmOptions& options, const deblur::Settings& settings, Geometry frame) {
@@ -359,13 +359,13 @@ void ShmSink::idle(const pipeline::PipelineStats& stats) noexcept {
 }
 
 void ShmSink::close() noexcept {
-  const std::lock_guard lock(impl_->looking);
+  const std::lock_guard lock(impl_->name_check);
   impl_->take_fresh();
   impl_->ring.reset();
 }
 
 std::vector<pipeline::Notice> ShmSink::take_notices() {
-  impl_->look_after_name();
+  impl_->check_name();
   return impl_->notices.take();
 }
 

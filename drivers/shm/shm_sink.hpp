@@ -44,10 +44,10 @@ struct ShmOptions {
   int slots = 0;                 // 0: a window of raw planes and some time to read them
   unsigned mode = 0640;          // permissions; readers need to read only
   std::string group;             // owner group of the object; empty: the process's
-  std::string control_socket{};  // where the daemon hears commands, told to readers; empty: nowhere
+  std::string control_socket{};  // of the daemon, for commands, published to readers; empty: none
 };
 
-// Checks the permissions, whatever the frames are. Thread: any.
+// Checks the permissions, which need no frames. Thread: any.
 Status check_mode(const ShmOptions& options);
 
 // Bytes of the object for such frames; those of a ring of the least size where options.slots is out of range. Thread:
@@ -78,7 +78,7 @@ class ShmSink final : public pipeline::FrameSink {
 class ShmSection final : public pipeline::SinkSection {
  public:
   bool enabled() const noexcept { return enabled_; }
-  // As asked for, without what the context tells.
+  // As given, without what comes from the context.
   const ShmOptions& options() const noexcept { return options_; }
 
   void declare(model::KeyTable& keys) override;

@@ -407,7 +407,7 @@ void Hotplug::run() {
   }
 }
 
-// An event only says that something changed: libusb's callback must not perform transfers, and so cannot read strings.
+// Compares whole lists, since libusb's callback must not perform transfers, and so cannot read strings.
 void Hotplug::compare() {
   auto present = list_devices(context_.get(), filter_);
   if (!present) return;

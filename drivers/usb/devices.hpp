@@ -102,8 +102,8 @@ Result<std::vector<UsbDevice>> list_devices(const DeviceFilter& filter);
 // --- Every descriptor of a USB device as text, for support of cameras whose protocol is unknown.
 
 // Of each device that matches: device, configurations, interfaces with their alternate settings, endpoints,
-// class-specific descriptors in hexadecimal, strings and BOS; where permission is missing, a line that says so.
-// kBadInput: no device matches. Performs transfers. Thread: setup.
+// class-specific descriptors in hexadecimal, strings and BOS; a remark where permission is missing. kBadInput: no
+// device matches. Performs transfers. Thread: setup.
 Result<std::string> descriptor_report(const DeviceFilter& filter);
 
 // --- Devices that come and go.

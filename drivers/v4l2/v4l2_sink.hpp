@@ -30,7 +30,7 @@ struct V4l2Stats {
   rt::Counter written;         // frames that the device took
   rt::Counter dropped;         // frames that it did not: it was busy or gone, or a newer one came first
   rt::Counter failures;        // times that the device failed and was let go
-  rt::Gauge<bool> open{true};  // it is there now
+  rt::Gauge<bool> open{true};  // now
 };
 
 // Writes on a thread of its own (bolo-v4l2): always the newest frame, so that a device that is slow, stuck or gone
@@ -46,7 +46,7 @@ class V4l2Sink final : public pipeline::FrameSink {
   V4l2Sink(const V4l2Sink&) = delete;
   V4l2Sink& operator=(const V4l2Sink&) = delete;
 
-  // A device that is missing, or no v4l2loopback, is bad input and says the command that makes one.
+  // A device that is missing, or no v4l2loopback, is bad input, with the command that makes one.
   Status open(const pipeline::SinkFormat& format) override;
   void publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& stats) noexcept override;
   // Waits two seconds at most for a device that is stuck in a write.

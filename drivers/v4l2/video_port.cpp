@@ -71,7 +71,7 @@ Status LoopbackPort::check_driver() const {
   return bad_input(path_ + " takes no frames: another program writes to it already; stop that, or use another device");
 }
 
-// The driver rounds sizeimage up to pages; each write says how many bytes an image has.
+// The driver rounds sizeimage up to pages; each write has an image's own size.
 Status LoopbackPort::set_format(const VideoFormat& format) const {
   v4l2_format wanted{};
   wanted.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;

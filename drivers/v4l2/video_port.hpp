@@ -23,8 +23,8 @@ class VideoPort {
  public:
   virtual ~VideoPort() = default;
 
-  // Opens the device and tells it what will come. A device that is not there, or cannot take this, is bad input and
-  // says how to mend it. Thread: setup, or the sink's.
+  // Opens the device and sets its format. A device that is not there, or cannot take this, is bad input, with the
+  // remedy. Thread: setup, or the sink's.
   virtual Status open(const VideoFormat& format) = 0;
 
   // Gives it one whole image. 0: it was taken; EAGAIN: not now; any other errno: the device is of no use any more.

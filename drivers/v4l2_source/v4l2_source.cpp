@@ -76,7 +76,7 @@ struct V4l2Source::Impl {
   std::uint64_t id = 0;  // of the last buffer, unwrapped
   std::uint32_t sequence = 0;
   bool any = false;  // since the device was opened
-  pipeline::PeriodNews period_news;
+  pipeline::PeriodChange period_change;
   std::atomic<bool> stop_requested{false};
   std::thread thread;
 };
@@ -132,7 +132,7 @@ void V4l2Source::Impl::drain() {
   for (bool first = true; !stop_requested.load(std::memory_order_relaxed); first = false) {
     const int error = device->take(frame);
     if (error == EAGAIN && !first) return;
-    if (error == EAGAIN || error == EIO) {  // EIO: one buffer was lost, says the kernel: its number will be missing
+    if (error == EAGAIN || error == EIO) {  // EIO: the kernel lost one buffer: its number will be missing
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
       return;
     }
@@ -184,7 +184,7 @@ void V4l2Source::Impl::deliver(const VideoFrame& frame, std::int64_t now_ns) noe
   inlet->commit(*slot);
 }
 
-// Says that frames flow, have stopped, or have stopped for good.
+// Reports that frames flow, have stopped, or have stopped for good.
 void V4l2Source::Impl::watch(std::int64_t now_ns) {
   if (device == nullptr) return;
   const bool arrived = last_frame_ns >= since_ns;
@@ -247,10 +247,10 @@ void V4l2Source::Impl::reopen() {
   status.reopened.add();
 }
 
-// Reports that frames come at another rate than the driver says, or than before.
+// Reports that frames come at another rate than the driver's, or than before.
 void V4l2Source::Impl::check_period() {
   const double measured_s = status.measured_period_s.value();
-  const double before_s = period_news.until_now(measured_s, info.format.frame_period_s);
+  const double before_s = period_change.update(measured_s, info.format.frame_period_s);
   if (before_s == 0.0) return;
   notices.report(true, fmt::format("{:.5g} frames come a second, not {:.5g}, and they are solved so from now on",
                                    1.0 / measured_s, 1.0 / before_s));
@@ -281,7 +281,7 @@ Status V4l2Source::start(pipeline::FrameInlet& inlet) {
   try {
     self.thread = std::thread([&self] { self.run(); });
   } catch (const std::system_error& e) {
-    return failed("no frames can be received: " + words_of(e));
+    return failed("no frames can be received: " + describe_exception(e));
   }
   return {};
 }

@@ -29,7 +29,7 @@ struct V4l2SourceOptions {
   Container format = Container::kY16;
   Rows rows{};
   LinearScale scale{Unit::kCount, 1.0, 0.0};
-  double frame_period_s = 1.0 / 60.0;  // where the driver does not say
+  double frame_period_s = 1.0 / 60.0;  // where the driver does not state it
   int buffers = 8;
   int realtime_priority = 0;      // SCHED_FIFO, of the receiving thread; 0: the default scheduler
   int stall_ms = 200;             // without a frame for this long, and for 20 frame periods: stalled

@@ -60,7 +60,7 @@ Result<std::vector<VideoNode>> candidates(VideoSystem& system, const std::string
   return bad_input("no video device has the serial number '" + wanted + "'; there are: " + list_of(all));
 }
 
-std::string why_not(int error) {
+std::string describe_error(int error) {
   switch (error) {
     case ENOENT:
     case ENODEV:
@@ -87,7 +87,7 @@ Result<std::unique_ptr<VideoDevice>> VideoDevice::open(VideoSystem& system, cons
   for (const VideoNode& node : nodes) {
     const int fd = system.open(node.path.c_str());
     if (fd < 0) {
-      status = bad_input(node.path + ": " + why_not(errno));
+      status = bad_input(node.path + ": " + describe_error(errno));
       continue;
     }
     std::unique_ptr<VideoDevice> device(new VideoDevice(system, fd, node.path, node.serial));
@@ -132,14 +132,14 @@ Status VideoDevice::agree_on_format(Container container) {
   const std::uint32_t wanted = code_of(container);
   v4l2_format format{};
   format.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
-  if (system_.ioctl(fd_, VIDIOC_G_FMT, &format) < 0) return refused(why_not(errno));
+  if (system_.ioctl(fd_, VIDIOC_G_FMT, &format) < 0) return refused(describe_error(errno));
   v4l2_pix_format& pixels = format.fmt.pix;
   if (pixels.pixelformat != wanted) {
     pixels.pixelformat = wanted;
     pixels.field = V4L2_FIELD_NONE;
     pixels.bytesperline = pixels.sizeimage = 0;
     const bool set = system_.ioctl(fd_, VIDIOC_S_FMT, &format) == 0;
-    if (!set && errno == EBUSY) return refused(why_not(errno));
+    if (!set && errno == EBUSY) return refused(describe_error(errno));
     if (!set || pixels.pixelformat != wanted) {
       return refused(
           fmt::format("it does not send {}; it offers {}. Values of 8 bits are a picture for the eye, no "
@@ -159,11 +159,11 @@ Status VideoDevice::agree_on_format(Container container) {
     return refused(fmt::format("it sends frames of {} bytes, too few for {}x{} pixels of 16 bits", image_bytes_,
                                pixels.width, pixels.height));
   }
-  ask_period();
+  query_period();
   return {};
 }
 
-void VideoDevice::ask_period() {
+void VideoDevice::query_period() {
   v4l2_streamparm parameters{};
   parameters.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   if (system_.ioctl(fd_, VIDIOC_G_PARM, &parameters) < 0) return;
@@ -178,25 +178,25 @@ Status VideoDevice::request_buffers(int count) {
   request.count = static_cast<std::uint32_t>(count);
   request.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   request.memory = V4L2_MEMORY_MMAP;
-  if (system_.ioctl(fd_, VIDIOC_REQBUFS, &request) < 0) return refused(why_not(errno));
+  if (system_.ioctl(fd_, VIDIOC_REQBUFS, &request) < 0) return refused(describe_error(errno));
   if (request.count < 2) return refused("it has no room for two frames");
   for (std::uint32_t i = 0; i < request.count; ++i) {
     v4l2_buffer buffer{};
     buffer.index = i;
     buffer.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
     buffer.memory = V4L2_MEMORY_MMAP;
-    if (system_.ioctl(fd_, VIDIOC_QUERYBUF, &buffer) < 0) return refused(why_not(errno));
+    if (system_.ioctl(fd_, VIDIOC_QUERYBUF, &buffer) < 0) return refused(describe_error(errno));
     void* const memory = system_.map(fd_, buffer.length, buffer.m.offset);
-    if (memory == nullptr) return refused("its buffers cannot be mapped: " + why_not(errno));
+    if (memory == nullptr) return refused("its buffers cannot be mapped: " + describe_error(errno));
     buffers_.push_back({memory, buffer.length});
-    if (system_.ioctl(fd_, VIDIOC_QBUF, &buffer) < 0) return refused(why_not(errno));
+    if (system_.ioctl(fd_, VIDIOC_QBUF, &buffer) < 0) return refused(describe_error(errno));
   }
   return {};
 }
 
 Status VideoDevice::start() {
   int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
-  if (system_.ioctl(fd_, VIDIOC_STREAMON, &type) < 0) return refused(why_not(errno));
+  if (system_.ioctl(fd_, VIDIOC_STREAMON, &type) < 0) return refused(describe_error(errno));
   streaming_ = true;
   return {};
 }

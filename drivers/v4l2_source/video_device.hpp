@@ -1,4 +1,4 @@
-// One opening of a video device, from the first look at it to its last buffer.
+// One opening of a video device, from its discovery to its last buffer.
 #pragma once
 
 #include <linux/videodev2.h>
@@ -22,9 +22,8 @@ struct VideoFrame {
 
 class VideoDevice {
  public:
-  // Finds the device that the options name, and asks for its format and its buffers; nothing flows yet. `serial`: of
-  // the camera that it must be, wherever it is now; empty: any. Errors (kBadInput) say what to do. Thread: setup, or
-  // acquire.
+  // Finds the device that the options name, and requests its format and its buffers; nothing flows yet. `serial`: of
+  // the required camera, wherever it is now; empty: any. Errors (kBadInput) have the remedy. Thread: setup, or acquire.
   static Result<std::unique_ptr<VideoDevice>> open(VideoSystem& system, const V4l2SourceOptions& options,
                                                    const std::string& serial);
   ~VideoDevice();
@@ -47,7 +46,7 @@ class VideoDevice {
   // Of a whole frame of the device, metadata and stacked images among it.
   Geometry geometry() const noexcept { return geometry_; }
   std::size_t stride() const noexcept { return stride_; }  // bytes a row
-  double period_s() const noexcept { return period_s_; }   // 0: the driver does not say
+  double period_s() const noexcept { return period_s_; }   // 0: unknown to the driver
   // A frame of so many bytes is one of this format.
   bool is_whole(std::size_t bytes) const noexcept {
     return bytes == stride_ * static_cast<std::size_t>(geometry_.height) || bytes == image_bytes_;
@@ -63,7 +62,7 @@ class VideoDevice {
 
   Status check_capabilities();
   Status agree_on_format(Container format);
-  void ask_period();
+  void query_period();
   Status request_buffers(int count);
   std::string offered();
   tl::unexpected<Error> refused(const std::string& what) const;

@@ -29,7 +29,7 @@ class VideoSystem {
 
   // Never blocks: devices are opened so. Thread: setup, or acquire.
   virtual int ioctl(int fd, unsigned long request, void* argument) noexcept = 0;
-  // 1: a frame waits, or the device is gone, which the next ioctl tells. 0: neither in time.
+  // 1: a frame waits, or the device is gone, which the next ioctl reports. 0: neither in time.
   virtual int poll(int fd, int timeout_ms) noexcept = 0;
 };
 

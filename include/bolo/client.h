@@ -14,21 +14,21 @@
  *
  * A daemon's ring is mapped read-only: no reader can stop it, slow it or change a frame, however many there are, and
  * whether they are slow, stand still or die. A handle outlives the daemon: it waits for the next one under the same
- * name, says BOLO_CLIENT_RESTARTED once, and goes on with its frames.
+ * name, returns BOLO_CLIENT_RESTARTED once, and goes on with its frames.
  *
  * Results. 0 is success. Above 0 nothing is wrong, but there is no frame or value. Below 0 is an error, and
- * bolo_client_error() says in one line what is wrong and what to do. Nothing aborts, and no exception leaves.
+ * bolo_client_error() describes the fault and its remedy in one line. Nothing aborts, and no exception leaves.
  *
  * Threads. One handle is for one thread at a time; any number of handles can be used side by side. What is documented
  * as "any thread" takes no handle, or does not mind.
  *
- * Times are nanoseconds of CLOCK_MONOTONIC where not said otherwise. timeout_ms: 0 only looks, below 0 waits as long as
+ * Times are nanoseconds of CLOCK_MONOTONIC unless stated otherwise. timeout_ms: 0 only polls, below 0 waits as long as
  * it takes.
  *
  * Planes are row-major uint16, width * height of them: kelvin = scale * value + offset, or counts; see
  * bolo_client_kelvin(). What lies in the shared memory itself is in bolo/shm_layout.h.
  *
- * A daemon's segment is believed only if it belongs to root, to the reader's own user, to "bolo", as which the packaged
+ * A daemon's segment is trusted only if it belongs to root, to the reader's own user, to "bolo", as which the packaged
  * daemon runs, or to the user that the environment's BOLO_USER names or numbers: anybody may make one of any name. Then
  * its header is checked. Only the user that owns it could still shrink it under its readers, which would end them with
  * SIGBUS; Bolo never does.
@@ -67,7 +67,7 @@ enum bolo_client_result {
   BOLO_CLIENT_NO_MOTION = 7,   /* the scene's motion is not known for this frame, or this daemon does not estimate it */
 
   BOLO_CLIENT_ABSENT = -1,       /* there is no such stream: is the daemon running? */
-  BOLO_CLIENT_DENIED = -2,       /* this user may not read it, or should not believe it: see below */
+  BOLO_CLIENT_DENIED = -2,       /* this user may not read it, or should not trust it: see below */
   BOLO_CLIENT_BAD_STREAM = -3,   /* of another version, or damaged */
   BOLO_CLIENT_BAD_ARGUMENT = -4, /* of this call */
   BOLO_CLIENT_UNSUPPORTED = -5,  /* this stream can't do that */
@@ -77,7 +77,7 @@ enum bolo_client_result {
 /* A stream, followed across restarts of its daemon. */
 typedef struct bolo_client bolo_client;
 
-/* What a stream is. Owned by its handle, which fills it anew at each BOLO_CLIENT_RESTARTED. */
+/* Properties of a stream. Owned by its handle, which fills it anew at each BOLO_CLIENT_RESTARTED. */
 struct bolo_client_info {
   uint32_t width;  /* pixels */
   uint32_t height; /* pixels */
@@ -96,7 +96,7 @@ struct bolo_client_info {
   const char* camera_model;
   const char* camera_serial;
   const char* solver;                       /* in words */
-  const struct bolo_shm_settings* settings; /* what frames are solved with; NULL: the daemon does not tell */
+  const struct bolo_shm_settings* settings; /* of the solver; NULL: not published by the daemon */
   const char* control_socket;               /* path of the daemon's control socket; "": none */
   double row_delay_s;                       /* sensor row r is sampled r * row_delay_s after the frame's time */
 };
@@ -118,7 +118,7 @@ struct bolo_client_frame {
   const uint16_t* raw;         /* as the camera gave it */
   const uint16_t* deblurred;   /* with the pixels' inertia undone */
   const void* slot;            /* the library's */
-  /* How the scene moved from the frame before to this one, where the daemon's solver estimates it ("motion") and could
+  /* Motion of the scene from the frame before to this one, where the daemon's solver estimates it ("motion") and could
    * for this frame; else NULL and 0. In place, as the planes: counts if bolo_client_valid() holds afterwards. */
   const struct bolo_shm_motion* motion;              /* of the whole picture */
   const struct bolo_shm_block_motion* motion_blocks; /* of 8x8 pixels each, row-major: motion_across * motion_down */
@@ -127,10 +127,10 @@ struct bolo_client_frame {
   int64_t utc_ns; /* host_ns (receive_ns where that is 0) in UTC: ns since 1970; 0: not known */
 };
 
-/* What daemon and camera do. Owned by the handle, as of the last bolo_client_get_state(). */
+/* State of daemon and camera. Owned by the handle, as of the last bolo_client_get_state(). */
 struct bolo_client_state {
   uint32_t alive;              /* 0: the daemon ended, or gave no sign of life for BOLO_SHM_STALE_NS */
-  uint32_t clock_synchronised; /* 1: something disciplines the host's clock, as its kernel says */
+  uint32_t clock_synchronised; /* 1: the host's clock is disciplined, according to its kernel */
   int64_t heartbeat_age_ns;
   uint64_t published;                   /* frames */
   uint64_t received;                    /* whole frames from the camera */
@@ -139,7 +139,7 @@ struct bolo_client_state {
   uint64_t gap_frames;                  /* frames with a lost one in their window */
   uint64_t lost_frames;                 /* before publication, all causes */
   uint64_t lost[BOLO_SHM_LOSS_CAUSES];  /* by cause, as in struct bolo_shm_header */
-  const struct bolo_shm_camera* camera; /* NULL: the daemon does not tell */
+  const struct bolo_shm_camera* camera; /* NULL: not published by the daemon */
   int64_t clock_error_ns;               /* of the host's UTC, at most; 16 s: nothing bounds it */
   uint64_t clock_steps;                 /* times that somebody set it */
 };
@@ -168,17 +168,17 @@ BOLO_CLIENT_API void bolo_client_close(bolo_client* client);
  * last call without a handle where client is NULL. Good until the next call. */
 BOLO_CLIENT_API const char* bolo_client_error(const bolo_client* client);
 
-/* What the stream is. Never NULL; good until BOLO_CLIENT_RESTARTED or close. */
+/* Properties of the stream. Never NULL; good until BOLO_CLIENT_RESTARTED or close. */
 BOLO_CLIENT_API const struct bolo_client_info* bolo_client_get_info(const bolo_client* client);
 
-/* What daemon and camera do now. Never NULL; good until the next call of this function, or close. */
+/* Present state of daemon and camera. Never NULL; good until the next call of this function, or close. */
 BOLO_CLIENT_API const struct bolo_client_state* bolo_client_get_state(bolo_client* client);
 
 /* Waits for the next frame in order. Frames that were overwritten before this handle came to them are skipped, to the
  * middle of the ring, and counted in frame->missed.
  *
  * OK, TIMEOUT, ENDED; RESTARTED: another daemon has taken the name, all that is still in the old ring was given, and
- * info is filled anew: look whether its geometry and scale still suit you, then call again. Frames count from 0 again.
+ * info is filled anew: check that its geometry and scale still suit you, then call again. Frames count from 0 again.
  * Frames given before, and their pointers, are gone then, but those under bolo_client_hold(). */
 BOLO_CLIENT_API int bolo_client_next(bolo_client* client, int timeout_ms, struct bolo_client_frame* frame);
 

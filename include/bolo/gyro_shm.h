@@ -5,7 +5,7 @@
  *   offset 64    struct bolo_gyro_sample, header.capacity of them: sample n (0, 1, 2 ...) lies in place n % capacity
  *
  * A writer makes the object, writes the header with `written` 0 and `magic` last, and then, of each sample, first the
- * sample and then header.written = n + 1 (release). It waits for nobody. bolod only reads, believes nothing that it has
+ * sample and then header.written = n + 1 (release). It waits for nobody. bolod only reads, trusts nothing that it has
  * not checked, and does without while nothing comes: an object may be made, removed and made anew at any time.
  * All values little-endian. Python: "<QIIQ" at 0, "<q3d" at 64 + 32 (n % capacity).
  */

@@ -1,8 +1,8 @@
 /* The layout of Bolo's shared memory: POSIX object "/bolo.NAME", mapped read-only by readers. C11 and C++.
  *
  *   offset 0                       struct bolo_shm_header
- *   header.settings_offset         struct bolo_shm_settings    (0: a writer that does not tell)
- *   settings.camera_offset         struct bolo_shm_camera      (0: a writer that does not tell)
+ *   header.settings_offset         struct bolo_shm_settings    (0: not published)
+ *   settings.camera_offset         struct bolo_shm_camera      (0: not published)
  *   header.slots_offset            slot 0: struct bolo_shm_slot, raw plane, deblurred plane, motion, padding
  *   + header.slot_stride           slot 1 ...                 (header.slot_count slots)
  *
@@ -31,28 +31,28 @@
  * A reader that copied any word of a later frame m in R2 has, by that acquire, W1 of m before its R3, sees an odd or
  * higher sequence there, and throws the copy away. On x86-64 and with 64-bit words acquire and release cost nothing.
  *
- * To wait for a frame: read header.wake, look at published, and FUTEX_WAIT (shared, not private) on header.wake with
+ * To wait for a frame: read header.wake, check published, and FUTEX_WAIT (shared, not private) on header.wake with
  * the value read, for a frame's period or so: whoever maps the object can move its waiters to a futex of his own, where
  * nobody wakes them. A process that can't use futexes polls published.
  *
  * A writer that ends orderly stores BOLO_SHM_CLOSED in header.state and unlinks the name. A writer that starts under a
- * name that is taken by a dead writer unlinks the old object, so a reader to whom no frame comes looks whether the name
+ * name that is taken by a dead writer unlinks the old object, so a reader without new frames checks whether the name
  * stands for another object by now (stat: its inode), and maps that. The object is never resized while it has a name.
  *
  * Solving a pixel on demand. Frame n was estimated from the raw planes of the frames of its window, which ends
  * lookahead frames after n: frames that the window's rules (camera_ns, frame_id, frame_period_s) place there, at most
  * `window` of them. A reader that solves a pixel's samples in them with bolo_shm_settings gets the deblurred plane's
- * bits (drivers/shm/point_reader.hpp does): better ones where the slot's flags tell that less was spent on the frame.
+ * bits (drivers/shm/point_reader.hpp does): better ones where the slot's flags show less effort.
  * Not where BOLO_SETTINGS_UNDONE is set. Where BOLO_SETTINGS_MAPS is set it
  * needs the same maps file besides: maps are not in the shared memory. For BOLO_METHOD_MMAE, BOLO_METHOD_MOTION and
- * BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the slot's noise_k: these look at a pixel's surroundings.
+ * BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the slot's noise_k: these use a pixel's surroundings.
  * (BOLO_METHOD_MOTION with measured noise: to a count, for motions are found with the noise of their own frames.)
  *
  * The writer holds flock(LOCK_EX) on /dev/shm/bolo-lock.NAME for its life: that is how a second writer of the same name
  * is refused, whatever process namespace it runs in. Only its user can open that file: a reader's lock would keep the
  * next writer out. Readers take no lock.
  *
- * Anybody may make a file of any name in /dev/shm: a reader looks who owns the object (fstat) before it believes it.
+ * Anybody may make a file of any name in /dev/shm: a reader checks its owner (fstat) before trusting it.
  *
  * For readers in other languages, the header's bytes (Python: struct.unpack_from of the first 312, then the rest live):
  *   "<QIIIIIIQQQQddddIIII64s64s64sq"  magic .. start_ns        at   0
@@ -148,7 +148,7 @@ struct bolo_shm_header {
   double row_delay_s; /* from the sample of one sensor row to that of the next; 0: all at once, or not known */
 
   /* Written while running. */
-  uint64_t clock_synchronised; /* 1: the kernel says that something disciplines the host's clock */
+  uint64_t clock_synchronised; /* 1: the host's clock is disciplined, according to the kernel */
   int64_t clock_error_ns;      /* of the host's UTC, at most, as the kernel knows it; 16 s: nothing bounds it */
   uint64_t clock_steps;        /* times that somebody set the host's clock */
   uint64_t reserved[2];
@@ -172,7 +172,7 @@ struct bolo_shm_slot {
   uint64_t reserved[6];
 };
 
-/* How the scene moved through the picture from the frame before to this one: px a frame, to the right and down. */
+/* Motion of the scene through the picture from the frame before to this one: px a frame, to the right and down. */
 struct bolo_shm_motion {
   double affine[6]; /* of the whole picture: x = a0 + a1 X + a2 Y, y = a3 + a4 X + a5 Y, at X columns and Y rows from
                        the frame's centre, column (width - 1) / 2 and row (height - 1) / 2 */
@@ -198,11 +198,11 @@ enum bolo_shm_method {
 
 enum bolo_shm_settings_flag {
   BOLO_SETTINGS_AUTO_LAMBDA = 1u << 0, /* lambda is chosen from noise and motion */
-  BOLO_SETTINGS_MAPS = 1u << 1,        /* pixels or rows have parameters of their own, which are not told here */
+  BOLO_SETTINGS_MAPS = 1u << 1,        /* pixels or rows have parameters of their own, which are not here */
   BOLO_SETTINGS_UNDONE = 1u << 2       /* frames are changed before or after the solver: raw planes are not its input */
 };
 
-/* What the frames are solved with, besides tau_s, frame_period_s, window, lookahead and scale of the header. Written
+/* Settings of the solver, besides tau_s, frame_period_s, window, lookahead and scale of the header. Written
  * before magic, never changed. As asked for: 0 iterations are as many as the accuracy needs. */
 struct bolo_shm_settings {
   uint32_t bytes;  /* sizeof(struct bolo_shm_settings) of the writer */
@@ -227,7 +227,7 @@ enum bolo_shm_camera_state {
 
 #define BOLO_SHM_LOST_CAUSES 8u
 
-/* What the writer knows of its camera. Live: written while running, each word for itself, with every frame and at least
+/* State of the writer's camera. Live: written while running, each word for itself, with every frame and at least
  * every 250 ms without frames. Times are CLOCK_MONOTONIC, counts are since the writer's start. */
 struct bolo_shm_camera {
   uint64_t bytes;                      /* sizeof(struct bolo_shm_camera) of the writer */
@@ -246,13 +246,13 @@ struct bolo_shm_camera {
   uint64_t received_packets;
   uint64_t missing_packets;
   uint64_t resent_packets;
-  double temperature_k;     /* of the camera; 0: it does not tell */
+  double temperature_k;     /* of the camera; 0: unknown */
   char control_socket[112]; /* path of the writer's control socket; empty: none. Written before magic, never changed */
-  uint64_t ptp;             /* port state of its PTP clock, as IEEE 1588 numbers them (9: slave); 0: off, or not told */
+  uint64_t ptp;             /* port state of its PTP clock, as IEEE 1588 numbers them (9: slave); 0: off, or unknown */
   int64_t ptp_offset_ns;    /* of its clock from its PTP master, as it reckons */
 };
 
-/* What writers before `ptp` have of it. */
+/* Its size in writers before `ptp`. */
 #define BOLO_SHM_CAMERA_BYTES_FIRST 304u
 
 #ifdef __cplusplus

@@ -21,7 +21,7 @@ constexpr std::size_t kMostDamaged = std::size_t{1} << 20;
 
 constexpr double kPeriodTolerance = 0.2;
 constexpr double kLongestPeriod_s = 1.0;  // no thermal camera streams slower than a frame a second
-// What is counted in periods must end, and times must fit nanoseconds: beyond these no unit makes sense of a file.
+// Bounds that keep counts of periods finite and times within nanoseconds.
 constexpr double kLeastPeriod_s = 1e-6;
 constexpr double kMostPeriod_s = 1e6;
 constexpr double kLastTime_s = 9e9;

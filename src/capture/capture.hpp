@@ -28,7 +28,7 @@ struct FrameTimes {
   double host_s = 0.0;  // CLOCK_MONOTONIC of the host that recorded it
   double utc_s = 0.0;   // UTC, since 1970
   double uncertainty_s =
-      0.0;  // of utc_s, at most; written: root attribute utc_uncertainty_s has the largest. 0: not said
+      0.0;  // of utc_s, at most; written: root attribute utc_uncertainty_s has the largest. 0: unknown
 };
 
 // A pixel of the camera's frame: column and row.
@@ -167,7 +167,7 @@ struct WriterOptions {
   // Commits go on to the disk, on a thread of their own: a cut of power finds one too, a kill always the last.
   bool survives_power_cut = false;
   Replace replace = Replace::kNothing;  // of the file of the final name, and of a ".part" that somebody left there
-  bool motion = false;                  // /motion is written: of every frame what is known of the scene's motion
+  bool motion = false;                  // /motion is written: the scene's motion in every frame, as far as known
   bool times = false;                   // /t_host and /t_utc come with every frame
 };
 
@@ -203,7 +203,7 @@ class CaptureWriter {
   // for the disk.
   Status complete();
   // Completes, waits for the disk, renames. Without it the destructor leaves the ".part" file behind, readable. Thread:
-  // any once it is complete, whatever other captures do; else any one at a time.
+  // any once it is complete, beside other captures; else any one at a time.
   Status close();
   // Closes and removes it.
   void discard();

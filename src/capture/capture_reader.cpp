@@ -23,7 +23,7 @@ std::vector<std::uint64_t> ids_from_times(const std::vector<double>& t, double p
 
 // The authors' `.mat` version 7.3 (HDF5 after 512 bytes of MATLAB's own): `t` 1 x n (s), `frames` n x width x height
 // (kelvin) as MATLAB shows them; HDF5 lists dimensions in reverse, so `/frames` is (height, width, n) here.
-bool looks_like_matlab_capture(hid_t file) {
+bool is_matlab_capture(hid_t file) {
   const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
   return !h5::has_attribute({group.get(), "root"}, "format") && !h5::exists(file, "/frame_id") &&
          h5::exists(file, "/frames") && h5::exists(file, "/t");
@@ -89,8 +89,8 @@ Result<CaptureReader> CaptureReader::open_as(const std::filesystem::path& file, 
   ASSIGN_OR_RETURN(h5::Handle handle,
                    at(file.string(), open_hdf5(file, trust == Trust::kDamaged ? FileUse::kSalvage : FileUse::kRead)));
   ASSIGN_OR_RETURN(Contents contents,
-                   at(file.string(), looks_like_matlab_capture(handle.get()) ? read_matlab_capture(handle.get())
-                                                                             : read_bolo_capture(handle.get(), trust)));
+                   at(file.string(), is_matlab_capture(handle.get()) ? read_matlab_capture(handle.get())
+                                                                     : read_bolo_capture(handle.get(), trust)));
   return CaptureReader(std::make_unique<Impl>(Impl{file.string(), std::move(handle), std::move(contents)}));
 }
 

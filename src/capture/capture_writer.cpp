@@ -1,8 +1,8 @@
 // Writing "bolo-capture" version 1.
 //
-// To survive a kill or a cut of power, all datasets are brought to the same length and committed twice a second of
-// frames; CrashSafeFile keeps the file at the last commit whatever HDF5 writes in between, and wherever in a commit it
-// is cut. SWMR mode keeps its order only towards readers on the same machine, not towards the disk, and allows neither
+// To survive a kill or a power cut, all datasets are brought to the same length and committed twice a second of frames;
+// CrashSafeFile keeps the file at the last commit in spite of HDF5's writes in between and of a cut within a commit.
+// SWMR mode keeps its order only towards readers on the same machine, not towards the disk, and allows neither
 // attributes nor events to be added. The oldest file format is kept: newer ones mark a file as "open for writing" and
 // refuse it afterwards.
 #include <algorithm>
@@ -203,7 +203,7 @@ Status CaptureWriter::Impl::write_attribute(const Attribute& attribute) {
   return broken("root attribute '" + attribute.name + "' cannot be written");
 }
 
-// What is said now is worth more than at the end: all that comes would be lost.
+// Reported at the next commit, not only at the end: all later frames would be lost, too.
 Status CaptureWriter::Impl::check_file() const {
   if (driven->file->is_ours()) return {};
   return failed(part_name.string() + ": was removed, renamed or cut off by another program");
@@ -414,7 +414,7 @@ Status CaptureWriter::close() {
   }
   Status published = publish(w.part_name, {w.final_name, w.options.replace});
   if (published) remove_records(w.part_name);
-  w.driven.reset();  // and with it the lock: who gets it finds that the name is gone
+  w.driven.reset();  // and with it the lock: its next holder finds that the name is gone
   return published;
 }
 

@@ -89,7 +89,7 @@ std::filesystem::path real_name(const std::filesystem::path& file) {
   return error ? file : real;
 }
 
-// A live record that is older than the journal's knows nothing of what has been written to the file since.
+// A live record that is older than the journal's lacks later writes to the file, so it is ignored.
 Records read_both(const std::filesystem::path& name) {
   const std::filesystem::path file = real_name(name);
   Records records;

@@ -2,8 +2,8 @@
 // last commit that was made durable, and FILE.live, of the last commit of all, which counts for as long as the kernel
 // keeps what was written to the file and has not reached the disk. crash_safe_file.hpp says when each is written.
 //
-// FILE.live has two pointers in its first page; each record goes where it doesn't touch the one before, then the
-// pointer of the one before that is turned to it. So a process that is killed anywhere leaves a whole record.
+// FILE.live has two pointers in its first page. A record never overwrites the previous one; then the older pointer is
+// set to it. So a process that is killed anywhere leaves a whole record.
 #pragma once
 
 #include <sys/types.h>
@@ -47,12 +47,12 @@ std::optional<PageRecord> read_record(int descriptor, std::uint64_t offset);
 std::filesystem::path journal_of(const std::filesystem::path& file);  // FILE.journal
 std::filesystem::path live_of(const std::filesystem::path& file);     // FILE.live
 
-// A file that is no link and has no other name, or none at all. What is written, emptied and removed in the end must be
-// so: whoever can put a link there would have another file's content go. Thread: any.
+// True if the file is no link and has no other name, or does not exist. Only such a file is written, emptied or
+// removed: a link would lead to another file's content. Thread: any.
 bool has_one_name(const std::filesystem::path& file);
 
-// The kernel's memory that holds what was written to the disk of `descriptor`: by boot, and by each time that the disk
-// was put in. Empty bytes where that is not known. Thread: any.
+// Identifies the kernel's page cache of the disk of `descriptor`: the boot, and the disk's sequence number in it. Empty
+// bytes where it is unknown. Thread: any.
 using CacheName = std::array<char, 64>;
 CacheName cache_of(int descriptor);
 

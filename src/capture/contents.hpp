@@ -19,7 +19,7 @@ struct Contents {
   std::vector<double> t_host;  // both empty, or one for each frame
   std::vector<double> t_utc;
   std::vector<Event> events;
-  Result<Stimulus> stimulus = Stimulus{};  // an error is for those who ask for it: frames are good without
+  Result<Stimulus> stimulus = Stimulus{};  // an error is for callers that need it: frames are good without
   std::vector<std::string> warnings;
   std::optional<FrameStore> frames;  // always there after open
   std::optional<FrameStore> truth;
@@ -47,8 +47,8 @@ inline constexpr std::size_t kLongestEventKind = 63;  // bytes; stored in 64 wit
 Result<std::vector<Event>> read_events(hid_t file);
 bool append_events(hid_t file, const std::vector<Event>& events);
 
-// /stimulus. Reading: NoStimulus when the group is absent; errors (kBadInput) name the field. What is written has
-// passed check_stimulus(); errors: kFailed with the library's cause. Thread: any one at a time.
+// /stimulus. Reading: NoStimulus when the group is absent; errors (kBadInput) name the field. Writing: only what passed
+// check_stimulus(); errors: kFailed with the library's cause. Thread: any one at a time.
 Result<Stimulus> read_stimulus(hid_t file);
 Status write_stimulus(hid_t file, const Stimulus& stimulus);
 // The rules that read_stimulus() holds a file to; writers refuse the same. Thread: any.

@@ -206,7 +206,7 @@ bool CrashSafeFile::write(std::uint64_t offset, std::size_t bytes, const void* d
   const auto* from = static_cast<const std::byte*>(data);
   const std::uint64_t committed = committed_pages_ * kPageBytes;
   const std::size_t held = offset >= committed ? 0 : std::min<std::uint64_t>(bytes, committed - offset);
-  if (held > 0 && !hold_back(offset, held, from)) return false;
+  if (held > 0 && !defer_write(offset, held, from)) return false;
   if (bytes > held && !write_through(offset + held, bytes - held, from + held)) return false;
   size_ = std::max(size_, offset + bytes);
   return true;
@@ -218,7 +218,7 @@ bool CrashSafeFile::write_through(std::uint64_t offset, std::size_t bytes, const
   return true;
 }
 
-bool CrashSafeFile::hold_back(std::uint64_t offset, std::size_t bytes, const std::byte* data) {
+bool CrashSafeFile::defer_write(std::uint64_t offset, std::size_t bytes, const std::byte* data) {
   return for_each_page(offset, bytes, [&](std::uint64_t number, std::size_t inside, std::size_t count, std::size_t at) {
     auto page = waiting_.find(number);
     if (page == waiting_.end()) {
@@ -289,7 +289,7 @@ void CrashSafeFile::begin_disk() {
   }
 }
 
-// Waits for what is on its way to the disk. What failed waits again, as far as nothing newer does.
+// Waits for the commit on its way to the disk. If it failed, its pages wait again unless newer ones do.
 bool CrashSafeFile::end_disk() {
   const int error = disk_.get();
   if (error != 0) waiting_.merge(on_way_.pages);

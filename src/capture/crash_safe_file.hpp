@@ -1,29 +1,28 @@
-// A file that grows and is rewritten in places, and of which a killed process or a cut of power leaves exactly the
-// state of a commit, whatever part of the later writes reached the disk: a killed process that of the last one, a cut
-// of power that of the last one that the disk had time for.
+// A file that grows and is rewritten in places. A killed process leaves exactly the state of the last commit, a power
+// cut that of the last commit that reached the disk, whichever later writes had reached it.
 //
-// Pages that existed at the last commit are never written before it is durable: such writes wait in memory. What lies
-// beyond is written at once, for the committed state doesn't know of it. Each commit() is one for the process (P), and
-// begins one for the disk (C) when none is under way, with all pages that wait, on a thread of its own, so that the
-// writer never waits for the disk, however slow it is:
+// Pages that existed at the last commit are not overwritten before it is durable: such writes wait in memory. Writes
+// beyond them go out at once, since the committed state does not include them. Each commit() is one for the process
+// (P), and begins one for the disk (C) of all waiting pages when none is under way, on a thread of its own: the writer
+// never waits for the disk, however slow it is.
 //
-// - P:  all that waits and all that is on its way to the disk goes to FILE.live, in one record with a checksum, without
-//       a sync: the kernel keeps what was written. From here on the new state is the one that a kill leaves.
-// - C1: the file is synced: what is new beyond the committed pages is there, and so is C4 of the last time.
+// - P:  pages that wait or are on their way to the disk go to FILE.live, in one record with a checksum, without a
+//       sync: the kernel keeps what was written. From here on a kill leaves the new state.
+// - C1: the file is synced: data beyond the committed pages is durable, and so is C4 of the previous commit.
 // - C2: the pages on their way go to FILE.journal, in one record with a checksum.
-// - C3: the journal is synced. From here on the new state is the one that a cut of power leaves.
-// - C4: the pages are written to the file. Reading them finds them in memory until then.
+// - C3: the journal is synced. From here on a power cut leaves the new state.
+// - C4: the pages are written to the file. Reads find them in memory until then.
 //
 //   writer: P1 begin ... P2 ... P3 ... P4: C has ended, begin ... P5 ...
 //   disk:      C1 ------- C2 C3 ---- C4                 C1 ------- C2 ...
 //
-// A cut before C3 finds a journal that is torn, or that of the last time, which changes nothing: C1 made its C4 whole.
-// A cut after C3 finds the journal whole; opening lays its pages over the file, whatever C4 had come to. The live
-// record names the kernel that wrote it, and is passed over by another one: what it builds on is gone. A kill finds the
-// last P, whose record is never older than the pages of C4: opening lays it over journal and file. A kill within P
-// finds the record of the P before, and the file as that left it but for C4's pages, which it has.
+// A cut before C3 leaves a torn journal, or the previous one, which changes nothing: C1 made its C4 durable. A cut
+// after C3 leaves a whole journal; opening writes its pages over the file, however far C4 had come. The live record
+// names the boot that wrote it and is ignored by any other: the writes that it builds on are gone. After a kill,
+// opening lays the last P's record, never older than the pages of C4, over journal and file. A kill within P leaves the
+// record of the previous P, and the file as that left it but for C4's pages, which the record has.
 //
-// Files that only are to survive the process do C2 and C4 themselves, in place of P.
+// Files that need only survive the process do C2 and C4 themselves, in place of P.
 #pragma once
 
 #include <cstddef>
@@ -60,15 +59,14 @@ class CrashSafeFile {
   // limit); what was reserved before stays. Thread of this and all below: any one at a time.
   Status reserve(std::uint64_t end);
 
-  // False on failure, errno tells why. What lies beyond size() is read as zeros; what the file had when it was opened
-  // for reading, and has no longer, is a failure.
+  // False on failure, with errno. Bytes beyond size() read as zeros; a file opened for reading that was cut off since
+  // is a failure.
   bool read(std::uint64_t offset, std::size_t bytes, void* out) const;
   bool write(std::uint64_t offset, std::size_t bytes, const void* data);
-  // The file is at least `end` bytes long afterwards. Tells what failed on the disk since the last commit, too; after a
-  // failure it can be called again.
+  // The file is at least `end` bytes long afterwards. Also reports what failed on the disk since the last commit; can
+  // be called again after a failure.
   bool commit(std::uint64_t end);
-  // The file is on the disk afterwards and needs no records, as long as the last commit said; what was reserved beyond
-  // is given back.
+  // Makes the last commit durable in the file itself, which then needs no records, and frees space reserved beyond it.
   bool finish();
 
   // False once another program removed the file, gave its name to another, or cut it off.
@@ -80,7 +78,7 @@ class CrashSafeFile {
   CrashSafeFile(std::filesystem::path name, UniqueFd file) : name_(std::move(name)), file_(std::move(file)) {}
   Status begin(SurvivesCut survives);
   bool write_through(std::uint64_t offset, std::size_t bytes, const std::byte* data);
-  bool hold_back(std::uint64_t offset, std::size_t bytes, const std::byte* data);
+  bool defer_write(std::uint64_t offset, std::size_t bytes, const std::byte* data);
   const Page* in_memory(std::uint64_t number) const;
   int write_commit(const PageRecord& record, std::uint64_t end);
   bool commit_here();
@@ -98,7 +96,7 @@ class CrashSafeFile {
   std::uint64_t size_ = 0;
   std::uint64_t length_ = 0;        // of the file itself: without what waits
   std::uint64_t opened_bytes_ = 0;  // that the file had; 0 when writing
-  std::uint64_t end_ = 0;           // that the last commit was told
+  std::uint64_t end_ = 0;           // of the last commit
   std::uint64_t committed_pages_ = 0;
   std::uint64_t sequence_ = 0;
   Pages waiting_;               // of a file that is read: what the records lay over it

@@ -149,8 +149,8 @@ h5::Dims FrameStore::corner(std::size_t index) const {
   return at;
 }
 
-// A frame that a torn index doesn't lead to is read "successfully", leaving the buffer as it was: two different buffers
-// tell.
+// HDF5 reads a frame that a torn index does not lead to "successfully", leaving the buffer as it was: detected by two
+// different buffers.
 bool FrameStore::is_stored(std::size_t index) {
   hsize_t bytes = 0;
   if (!contiguous_ && (H5Dget_chunk_storage_size(dataset_.get(), corner(index).data(), &bytes) < 0 || bytes == 0))

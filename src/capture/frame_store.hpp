@@ -20,7 +20,7 @@ class FrameStore {
  public:
   static constexpr std::size_t kBlockBytes = std::size_t{64} << 20;
 
-  // Any number type; whoever is stricter looks at stored_type(). `block_bytes`: memory for turning MATLAB's order over.
+  // Any number type; stricter callers check stored_type(). `block_bytes`: memory for turning MATLAB's order over.
   // `values`: the dataset is (n, height, width, values), and a "frame" is `values` times as wide as it is stored.
   // Errors: kBadInput naming `path`.
   static Result<FrameStore> open(hid_t file, const std::string& path, FrameOrder order,

@@ -15,8 +15,8 @@ namespace {
 constexpr std::size_t kMostCompression = 2048;
 constexpr std::size_t kLongestString = std::size_t{1} << 20;
 
-// Before any other call of the library: at the program's end it would try to close what it could not open of a damaged
-// file, and say so. All that is written here is closed here.
+// Before any other call of the library: at exit it would try to close objects of a damaged file that it could not open,
+// and print errors. All that is written here is closed here.
 [[maybe_unused]] const herr_t kLeftAlone = H5dont_atexit();
 
 herr_t keep_first(unsigned, const H5E_error2_t* error, void* out) {

@@ -86,15 +86,15 @@ bool exists(hid_t file, const std::string& path);
 
 enum class Expect {
   kWhole,  // as much stored data as the shape needs, so that a forged shape cannot make a reader allocate at will
-  kPart,   // the end may be missing; the caller looks before it reads
+  kPart,   // the end may be missing; the caller checks before it reads
 };
 
-// The dataset, checked to be readable: a shape, filters that this library has, and the data that `expect` says.
-// Thread: any one at a time.
+// The dataset, checked to be readable: a shape, filters that this library has, and data as `expect` demands. Thread:
+// any one at a time.
 Result<Handle> open_dataset(hid_t file, const std::string& path, Expect expect = Expect::kWhole);
 Dims shape(hid_t dataset);
 
-// What is read as a whole: a file with holes has room for any number of rows, and memory has not.
+// Limit of rows that are read as a whole: a sparse file can have more than memory.
 inline constexpr std::size_t kMostRowBytes = std::size_t{1} << 30;
 Status check_rows(const std::string& path, std::size_t rows, std::size_t row_bytes);
 

@@ -9,15 +9,15 @@
 
 namespace bolo::capture {
 
-// Shared by HDF5's handle of a file and its writer. HDF5 crashes after a file that it could not close. So,
-// once `ending` is set, a write that fails (a full disk) is noted here and not told HDF5; nothing is committed any
-// more: the file stays at the commit before.
+// Shared by HDF5's handle of a file and its writer. HDF5 crashes after a file that it could not close. So, once
+// `ending` is set, a failed write (a full disk) is noted here and hidden from HDF5; nothing more is committed: the file
+// stays at the commit before.
 struct DrivenFile {
   std::unique_ptr<CrashSafeFile> file;
   bool writes = false;
   bool salvages = false;
   bool ending = false;
-  bool erred = false;  // a read or a write failed: what HDF5 made of it need not be whole
+  bool erred = false;  // a read or a write failed: HDF5's state may be inconsistent
   int error = 0;       // errno of what failed since `ending`
 };
 

@@ -24,7 +24,7 @@ Result<model::PixelMaps> read_profile_maps(const model::CameraProfile& profile);
 
 // --- A camera's profile with its maps, written as two files that belong together.
 
-// Where a profile's maps go by themselves: PROFILE-maps.h5, a name that no recording of the camera has. Thread: any.
+// Default name of a profile's maps: PROFILE-maps.h5, which no recording of the camera has. Thread: any.
 std::filesystem::path maps_beside(const std::filesystem::path& profile);
 
 // Writes `maps`, when there are any of single pixels, to `maps_file`, and then the profile, which names them from its

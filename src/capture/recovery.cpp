@@ -13,7 +13,7 @@
 namespace bolo::capture {
 namespace {
 
-// As the file promises where it keeps its promise, else what can be found in it.
+// Opens the capture as it is if it is sound, else salvages it.
 Result<CaptureReader> open_damaged(const std::filesystem::path& file, std::vector<std::string>& remarks) {
   Result<CaptureReader> reader = CaptureReader::open(file);
   if (reader) return reader;
@@ -34,7 +34,7 @@ Status copy_extras(const CaptureReader& reader, CaptureWriter& writer) {
   return stimulus ? writer.write_stimulus(*stimulus) : Status{};
 }
 
-// One frame after the other; what cannot be read is passed over, and said by a "gap" at the next one.
+// Copies frame by frame; unreadable frames are skipped and marked by a "gap" event at the next one.
 class FrameCopy {
  public:
   FrameCopy(const CaptureReader& reader, CaptureWriter& writer, Recovered& done)

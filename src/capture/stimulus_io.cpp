@@ -24,7 +24,7 @@ constexpr const char* name_of(const Chopper*) { return "chopper"; }
 constexpr const char* name_of(const BarTarget*) { return "bar_target"; }
 constexpr const char* name_of(const SceneStimulus*) { return "scene"; }
 
-// The fields of each kind, in the order of the file, for who reads or writes them.
+// The fields of each kind, in the order of the file, for reading and writing.
 void each_field(auto& fields, Of<Uniform> auto& u) {
   fields.number("temperature_k", u.temperature_k);
   fields.accuracy("level_accuracy_k", u.level_accuracy_k);
@@ -92,7 +92,7 @@ class FieldReader {
 
 struct FieldWriter {
   void number(const char* name, double value) { good = good && h5::write_attribute(group, name, value); }
-  // Written where it is not what its absence says.
+  // Written only if it differs from the default.
   void accuracy(const char* name, double value) {
     if (value != kLevelAccuracyK) number(name, value);
   }

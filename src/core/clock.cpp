@@ -12,9 +12,9 @@
 namespace bolo {
 namespace {
 
-constexpr std::int64_t kLookEveryNs = 1'000'000'000;
+constexpr std::int64_t kReadEveryNs = 1'000'000'000;
 constexpr std::int64_t kNsPerUs = 1000;
-constexpr int kTries = 5;  // a look that was not interrupted is among them
+constexpr int kTries = 5;  // one of these reads is not interrupted
 
 }  // namespace
 
@@ -44,9 +44,9 @@ std::string utc_text(std::int64_t utc_ns) {
   return std::string(date.data()) + rest.data();
 }
 
-// Between two reads of the other clock: the closer they are, the surer.
-UtcClock::Look UtcClock::look() const noexcept {
-  Look best;
+// Reads UTC between two reads of CLOCK_MONOTONIC: the closer they are, the smaller the error.
+UtcClock::Reading UtcClock::read() const noexcept {
+  Reading best;
   for (int i = 0; i < kTries; ++i) {
     const std::int64_t before = clocks_.monotonic();
     const std::int64_t utc = clocks_.realtime();
@@ -59,10 +59,10 @@ UtcClock::Look UtcClock::look() const noexcept {
 
 bool UtcClock::update(std::int64_t now_ns) noexcept {
   const bool seems_same = std::abs(clocks_.realtime() - now_ns - offset_ns_) < kClockStepNs;
-  if (started_ && seems_same && now_ns - looked_ns_ < kLookEveryNs) return false;
-  const Look now = look();
+  if (started_ && seems_same && now_ns - read_ns_ < kReadEveryNs) return false;
+  const Reading now = read();
   state_ = clocks_.state();
-  looked_ns_ = now_ns;
+  read_ns_ = now_ns;
   const std::int64_t change_ns = std::abs(now.offset_ns - offset_ns_);
   const bool stepped = started_ && change_ns > kClockStepNs;
   if (!started_ || change_ns > now.error_ns + error_ns_) {

@@ -65,16 +65,16 @@ class UtcClock {
   const ClockState& state() const noexcept { return state_; }
 
  private:
-  struct Look {
+  struct Reading {
     std::int64_t offset_ns = 0;  // UTC - CLOCK_MONOTONIC
     std::int64_t error_ns = 0;
   };
-  Look look() const noexcept;
+  Reading read() const noexcept;
 
   HostClocks clocks_;
   ClockState state_;
   bool started_ = false;
-  std::int64_t looked_ns_ = 0;
+  std::int64_t read_ns_ = 0;
   std::int64_t offset_ns_ = 0;
   std::int64_t error_ns_ = 0;
 };

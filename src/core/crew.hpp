@@ -6,7 +6,7 @@
 namespace bolo {
 
 // Calls work(self, begin, end) for parts of [0, rows) that together are all of it, at the same time or one after the
-// other, and returns when all are done. What becomes of a row must not depend on its part. Thread: pipeline.
+// other, and returns when all are done. A row's result must not depend on its part. Thread: pipeline.
 class Crew {
  public:
   virtual ~Crew() = default;

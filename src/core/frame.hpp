@@ -46,7 +46,7 @@ struct LinearScale {
   constexpr bool operator==(const LinearScale&) const = default;
 };
 
-// State of a frame, set by whoever learns it. The values are part of the shared-memory layout (shm_layout.h).
+// State of a frame. The values are part of the shared-memory layout (shm_layout.h).
 enum FrameFlag : std::uint32_t {
   kFlagNone = 0,
   kFlagGap = 1U << 0,        // at least one frame of this frame's window was lost

@@ -28,7 +28,7 @@ tl::unexpected<Error> no_file(const std::filesystem::path& file, mode_t mode) {
   return bad_input(file.string() + ": is " + kind_of(mode) + ", not a file");
 }
 
-std::string size_in_words(std::uint64_t bytes) {
+std::string describe_size(std::uint64_t bytes) {
   const bool large = bytes >= std::uint64_t{1} << 20U;
   return std::to_string(bytes >> (large ? 20U : 10U)) + (large ? " MiB" : " KiB");
 }
@@ -36,8 +36,7 @@ std::string size_in_words(std::uint64_t bytes) {
 }  // namespace
 
 Result<UniqueFd> open_input(const std::filesystem::path& file) {
-  // Devices may do something by being opened, so they are looked at first; what is put there meanwhile is not waited
-  // for.
+  // Checked before it is opened, which may already affect a device. A pipe put there meanwhile does not block the open.
   struct stat info {};
   if (::stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return no_file(file, info.st_mode);
   UniqueFd opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
@@ -48,7 +47,7 @@ Result<UniqueFd> open_input(const std::filesystem::path& file) {
 
 Result<std::ifstream> stream_input(const std::filesystem::path& file) {
   ASSIGN_OR_RETURN(const UniqueFd opened, open_input(file));
-  // The very file that was looked at, whatever has its name by now.
+  // The file that was checked, even if its name now belongs to another.
   std::ifstream stream("/proc/self/fd/" + std::to_string(opened.get()), std::ios::binary);
   if (!stream) return unreadable(file, errno);
   return stream;
@@ -65,7 +64,7 @@ Result<std::string> read_input(const std::filesystem::path& file, std::uint64_t 
     if (got == 0) return text;
     text.append(piece.data(), static_cast<std::size_t>(got));
     if (text.size() > most_bytes) {
-      return bad_input(file.string() + ": is larger than the " + size_in_words(most_bytes) + " that it may be");
+      return bad_input(file.string() + ": is larger than the " + describe_size(most_bytes) + " that it may be");
     }
   }
 }

@@ -29,8 +29,8 @@ std::optional<std::array<double, N>> numbers_of(std::string_view line) {
   return values;
 }
 
-// take(line, first) for each line in turn but empty ones and those that begin with #; `first` may be a header. What it
-// refuses is told with file and line. Thread: any.
+// Calls take(line, first) for each line but empty ones and those that begin with #; `first` may be a header. Errors of
+// take get the file and line. Thread: any.
 template <typename Take>
 Status read_rows(const std::filesystem::path& file, const Take& take) {
   ASSIGN_OR_RETURN(std::string whole, read_input(file));

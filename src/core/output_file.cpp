@@ -35,8 +35,8 @@ bool is_one_of(const std::set<FileId>& files, const fs::path& file) {
   return id && files.contains(*id);
 }
 
-// What has the name is a file, or a link that can only stand for one. A link itself would be replaced: one to a folder
-// or a device, or to whatever a process has open (/dev/stdout is one), is not the user's to lose.
+// True if the name may be replaced: a file, or a link to one. Replacing any other link would lose it: one to a folder
+// or a device, or to a file that a process has open (/dev/stdout).
 bool is_file(const fs::path& there) {
   std::error_code error;
   const fs::file_status status = fs::status(there, error);
@@ -78,7 +78,7 @@ int give_name(const fs::path& written, const OutputFile& output) {
   return error;
 }
 
-Status told(int error, const fs::path& written, const OutputFile& output) {
+Status to_status(int error, const fs::path& written, const OutputFile& output) {
   if (error == EEXIST) {
     return failed(output.path.string() +
                   " was made by another program meanwhile and stays; what was written is whole in " + written.string());
@@ -142,7 +142,7 @@ bool sync_folder_of(const fs::path& file) {
 }
 
 Status publish(const fs::path& written, const OutputFile& output) {
-  return told(give_name(written, output), written, output);
+  return to_status(give_name(written, output), written, output);
 }
 
 Result<FileBeside> FileBeside::create(OutputFile output) {
@@ -163,7 +163,7 @@ FileBeside::~FileBeside() {
 Status FileBeside::publish() {
   const int error = give_name(path_, output_);
   if (error == 0 || error == EEXIST) file_ = UniqueFd();  // it is whole, and stays
-  return told(error, path_, output_);
+  return to_status(error, path_, output_);
 }
 
 Status FileBeside::write(std::string_view content) {

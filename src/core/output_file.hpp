@@ -1,5 +1,5 @@
-// One rule for every file that a program of ours writes: no output is an input, nothing that exists is replaced unless
-// the user said so, and a file gets its name only when it is whole and on the disk. So neither a kill nor a full disk
+// One rule for every file that a program of ours writes: no output is an input, nothing that exists is replaced without
+// the user's leave, and a file gets its name only when it is whole and on the disk. So neither a kill nor a full disk
 // costs a file that was there before.
 #pragma once
 
@@ -43,7 +43,7 @@ Status check_outputs(const std::vector<std::filesystem::path>& outputs,
                      const std::vector<std::filesystem::path>& inputs, Replace replace);
 
 // Gives `written` (closed, in the same folder) the name of `output` once it is on the disk. A name that was taken
-// meanwhile is left alone unless it may be replaced: `written` then stays, whole, and the error says so. Thread: any.
+// meanwhile is left alone unless it may be replaced: `written` then stays, whole, with an error. Thread: any.
 Status publish(const std::filesystem::path& written, const OutputFile& output);
 
 // Makes names durable that were given or taken in the file's folder. False on failure. Thread: any.
@@ -63,7 +63,7 @@ class FileBeside {
   int descriptor() const { return file_.get(); }
   // Appends. Errors: a disk that takes only a part (kFailed).
   Status write(std::string_view content);
-  // Once; whatever else has it open has closed it.
+  // Once; all other users of the file have closed it.
   Status publish();
 
  private:

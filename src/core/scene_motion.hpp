@@ -15,7 +15,7 @@ constexpr int motion_blocks(int pixels) { return (pixels + kMotionBlock - 1) / k
 // Across and down.
 constexpr Geometry motion_blocks(Geometry frame) { return {motion_blocks(frame.width), motion_blocks(frame.height)}; }
 
-// Of one block: px a frame, to the right and down; confidence from 0, nothing is known of it, to 1.
+// Of one block: px a frame, to the right and down; confidence from 0, unknown, to 1.
 struct BlockMotion {
   float x = 0.0F;
   float y = 0.0F;

@@ -1,4 +1,4 @@
-// Text: from others, made fit to be shown; numbers and durations in it; the word that a person may have meant.
+// Text: untrusted text made printable, numbers and durations, suggestions for misspelt words.
 #pragma once
 
 #include <algorithm>
@@ -38,9 +38,8 @@ inline std::size_t printable_character(std::string_view text) {
   return shortest && !surrogate && code <= 0x10ffffU && !moves ? length : 0;
 }
 
-// The text on one line, without anything that a terminal would take for an order: what is not printable becomes '?'.
-// Names of files, shared memory and devices, and texts that cameras and other programs tell, are anybody's. Thread:
-// any.
+// The text on one line, unprintable characters replaced by '?', so that a terminal obeys none of it. Names of files,
+// shared memory and devices, and texts of cameras and other programs, are untrusted. Thread: any.
 inline std::string printable(std::string_view text) {
   std::string shown;
   shown.reserve(text.size());
@@ -65,7 +64,7 @@ inline std::string shortest(double value) {
   return error == std::errc() ? std::string(text.data(), end) : std::string("?");
 }
 
-// --- Durations in words, for the log and for people.
+// --- Durations, for the log and for people.
 
 // "1.5 s". Thread: any.
 inline std::string seconds_text(std::int64_t ns, int decimals = 1) {
@@ -91,7 +90,7 @@ inline std::optional<double> number_of(std::string_view text) {
   return value;
 }
 
-// --- The word a person may have meant.
+// --- Suggestions for misspelt words.
 
 // Letters to change, to add or to leave out to make one of the other: Levenshtein's distance, row by row. Thread: any.
 inline std::size_t edit_distance(std::string_view word, std::string_view other) {

@@ -1,4 +1,4 @@
-// Work shared out among threads, and words for memory and threads that the system refuses.
+// Work shared out among threads, and error messages for memory and threads that the system refuses.
 #pragma once
 
 #include <algorithm>
@@ -30,8 +30,8 @@ void share_out(std::size_t count, std::size_t threads, Work&& work) {
   run();
 }
 
-// What a library threw, in words: of memory and threads that the system refuses it has none that help. Thread: any.
-inline std::string words_of(const std::exception& e) {
+// Message of a library's exception; for refused memory and threads, one that helps. Thread: any.
+inline std::string describe_exception(const std::exception& e) {
   if (dynamic_cast<const std::bad_alloc*>(&e) != nullptr) return "not enough memory";
   const auto* refused = dynamic_cast<const std::system_error*>(&e);
   if (refused == nullptr || refused->code() != std::errc::resource_unavailable_try_again) return e.what();

@@ -83,7 +83,7 @@ void Chain::apply(std::size_t pass, PixelRange pixels) noexcept {
   }
 }
 
-// The first correction reads the raw frame, unless it looks at the whole one first.
+// The first correction reads the raw frame, unless it measures the whole frame first.
 void Chain::load(PixelRange pixels) noexcept {
   if (samples_.front()->hooks().whole_frame) return to_float(raw_, input_.type, plane_, pixels);
   samples_.front()->load(raw_, input_.type, plane_, pixels);

@@ -97,7 +97,7 @@ double CommonOffset::centre() noexcept {
   return centre;
 }
 
-// Steps are told from motion by its spread in the frame before, which motion does not change at once.
+// Steps are distinguished from motion by its spread in the frame before, which motion does not change at once.
 void CommonOffset::measure(const float* plane) noexcept {
   for (std::size_t i = 0; i < lattice_.size(); ++i) now_[i] = plane[lattice_[i]];
   double difference = first_ ? 0.0 : centre();
@@ -118,7 +118,7 @@ void CommonOffset::measure(const float* plane) noexcept {
   } else {
     usual_ += kTrendTaken * (step - usual_);
   }
-  // Flicker cannot be told while nearly all of the picture moves.
+  // Flicker cannot be measured while nearly all of the picture moves.
   if (flicker_taken_) flicker_ = kFlickerKept * flicker_ + (still ? difference - trend_ : 0.0);
   trend_ += kTrendTaken * (difference - trend_);
   for (float& d : difference_) d = static_cast<float>(std::abs(static_cast<double>(d) - difference));

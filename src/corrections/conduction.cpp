@@ -57,7 +57,7 @@ class Conduction final : public Correction {
       const Reach to{x > 0 ? 1U : 0U, x + 1 < width_ ? 1U : 0U, p >= width_ ? width_ : 0U, p < last_row ? width_ : 0U};
       const bool inner = x > 0 && x + 1 < width_;  // up to the last column but one they are alike
       const std::size_t count = inner ? std::min({kMost, width_ - 1 - x, end - p}) : 1;
-      flow_off(plane, p, count, to, flow.data());
+      heat_flow(plane, p, count, to, flow.data());
       for (std::size_t i = 0; i < count; ++i) change(frame.values.begin + (p - frame.first_pixel) + i, flow[i]);
       p += count;
     }
@@ -65,7 +65,7 @@ class Conduction final : public Correction {
 
   // c sum (y - y_n), in values, of `count` pixels of one row.
   template <typename T>
-  void flow_off(const T* plane, std::size_t first, std::size_t count, const Reach& to, float* out) const noexcept {
+  void heat_flow(const T* plane, std::size_t first, std::size_t count, const Reach& to, float* out) const noexcept {
     const float coupling = coupling_;
     for (std::size_t i = 0; i < count; ++i) {
       const std::size_t p = first + i;

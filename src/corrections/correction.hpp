@@ -63,7 +63,7 @@ class Correction {
 
   // A frame `periods` after the one before; 0: nothing of before is remembered. Thread: pipeline.
   virtual void begin(std::uint64_t /*periods*/) noexcept {}
-  // Looks at a frame that the corrections before it have left, whole, before it is applied. Thread: pipeline.
+  // Measures the whole frame, as the corrections before it left it, before apply(). Thread: pipeline.
   virtual void measure(const float* /*plane*/) noexcept {}
   // Changes pixels of the whole plane in place; disjoint between concurrent calls. Thread: worker.
   virtual void apply(float* /*plane*/, PixelRange) noexcept {}

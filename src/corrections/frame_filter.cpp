@@ -1,7 +1,7 @@
-// The camera's average of frames: y is what came, x what it read, w the weight of the new frame.
+// Inverts the camera's average of frames: y was sent, x read, w is the weight of the new frame.
 //   recursive: x_k = (y_k - (1 - w) y_{k-1}) / w; box: x_k = (y_k - (1 - w) x_{k-1}) / w.
 // Exact. Noise from before the filter comes back as it was; rounding to counts grows by sqrt(1 + (1 - w)^2) / w, of a
-// box by 1 / sqrt(2 w - 1). Where y_{k-1} was lost on its way it is taken to lie on the line to the last that came.
+// box by 1 / sqrt(2 w - 1). A y_{k-1} that was lost on its way is interpolated from the last one received.
 #include <vector>
 
 #include "src/corrections/correction.hpp"

@@ -7,9 +7,9 @@
 //   y'_{+g} = a_0^g y' + (1 - a_0^g) (y_{+g} - a^g y) / (1 - a^g).
 // With e = y' - y that is e_{+g} = a_0^g e + c_g (y_{+g} - y), c_g = (a^g - a_0^g) / (1 - a^g): small numbers only, so
 // that single precision loses nothing at 300 K. The solver then takes every pixel for one of the nominal tau. This is
-// exact for inputs that are constant between received samples, which is what the samples can tell of an input; the
-// noise of the camera goes through the same filter. e begins at 0: wrong by what the first frames differ from rest, an
-// error that decays as a_0^g, which is just what the solver takes out of a window's first sample (Y of design).
+// exact for inputs that are constant between received samples, the most that samples determine; the noise of the camera
+// goes through the same filter. e begins at 0: wrong by the first frames' difference from rest, an error that decays as
+// a_0^g, which is just what the solver takes out of a window's first sample (Y of design).
 //
 // Dead pixels become the mean of the good ones among their 8 neighbours, each corrected; with none good, of the next
 // wider square ring that has one.
@@ -31,7 +31,7 @@ class PixelCorrection final : public Correction {
   static Result<PixelCorrection> create(const deblur::Settings& settings, const StreamFormat& input,
                                         const model::PixelMaps& maps);
 
-  // False when the maps say nothing of single pixels: there is nothing to call. Thread: any.
+  // False when the maps correct no single pixels: there is nothing to call. Thread: any.
   bool changes_samples() const noexcept { return !gain_.empty() || !lag_.empty() || !dead_.empty(); }
 
   void begin(std::uint64_t periods) noexcept override;

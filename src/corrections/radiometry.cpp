@@ -1,5 +1,5 @@
 // From temperature to the radiance that the pixels follow, in kelvin-like units, before the solver; after it back, and
-// from the apparent temperature to that of what is looked at, B(T) = (B(T') - (1 - e) B(T_reflected)) / e.
+// from the apparent temperature to that of the object, B(T) = (B(T') - (1 - e) B(T_reflected)) / e.
 #include <algorithm>
 #include <cmath>
 #include <vector>

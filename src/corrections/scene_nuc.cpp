@@ -1,5 +1,5 @@
-// The pattern that stays while the scene moves (src/motion/fixed_pattern.hpp), taken out as it is learnt. What it
-// leaves of a pattern, or adds where there is none, is .2 to .8 of a pixel's noise after 300 frames.
+// Subtracts the fixed pattern that is learnt while the scene moves (src/motion/fixed_pattern.hpp). The residual
+// pattern, or the one added where there was none, is .2 to .8 of a pixel's noise after 300 frames.
 #include <algorithm>
 #include <cmath>
 
@@ -34,7 +34,7 @@ class SceneNuc final : public Correction {
     if (periods > 1) learnt_.skip();
   }
   void measure(const float* plane) noexcept override { learnt_.learn(plane); }
-  void apply(float* plane, PixelRange pixels) noexcept override { learnt_.take_out(plane, pixels); }
+  void apply(float* plane, PixelRange pixels) noexcept override { learnt_.subtract(plane, pixels); }
 
  private:
   motion::FixedPattern learnt_;

@@ -6,7 +6,7 @@
 //   D                  H x: Haar coefficients, c - Q t of the dual
 //   u                  scaled dual of D = z: t / rho
 //   w                  D + u, from which z = soft(w) and u = clip(w) follow
-//   z - u              w - 2 clip(w): what the x-update sees of them
+//  z - u              w - 2 clip(w): input of the x-update
 #if defined(BOLO_DEBLUR_ADMM_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_ADMM_INL
 #undef BOLO_DEBLUR_ADMM_INL
@@ -19,7 +19,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
-// An iteration with what all its pixels share, a vector a coefficient.
+// An iteration, with the constants of all its pixels, a vector a coefficient.
 template <int kBins>
 struct Iteration {
   static constexpr std::size_t kLevels = log2_of(kBins);
@@ -43,7 +43,7 @@ struct Iteration {
     }
   }
 
-  // Adds coefficient i's part to the estimate; `pull` is what the jumps do to it.
+  // Adds coefficient i's part to the estimate; `pull` is the jumps' effect on it.
   template <int kLevel>
   HWY_INLINE Vec add(const Dual<kBins>& m, int i, std::size_t v, Vec pull, Vec estimate) const {
     const Vec w = hn::Add(hn::MulAdd(at(keep[i]), at(m.state[i] + v), at(m.c[i] + v)), pull);

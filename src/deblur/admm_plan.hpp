@@ -12,8 +12,7 @@
 
 namespace bolo::deblur {
 
-// --- The problem with bins longer than a frame (2^levels < N), or a number of iterations that was asked for: full
-// matrices.
+// --- The problem with bins longer than a frame (2^levels < N), or with a given number of iterations: full matrices.
 
 inline constexpr int kMaxDenseBins = 64;
 

@@ -13,8 +13,8 @@ namespace bolo::deblur {
 
 // --- Risk of each lambda on each motion model: the table from which lambda is chosen.
 
-// lambda_half over the noise. The first is as good as none, but says which input is meant where a frame is lost. The
-// last choice is the raw sample itself: with much noise and no look-ahead no lambda reaches it.
+// lambda_half over the noise. The first is close to none, but makes the input unique where a frame is lost. The last
+// choice is the raw sample itself: with much noise and no look-ahead no lambda reaches it.
 inline constexpr std::array kLambdaSteps = {0.001F, 0.05F, 0.1F, 0.2F, 0.35F, 0.5F,  0.7F,
                                             1.0F,   1.4F,  2.0F, 3.0F, 5.0F,  10.0F, 20.0F};
 inline constexpr int kRawChoice = static_cast<int>(kLambdaSteps.size());
@@ -35,8 +35,8 @@ class LambdaRisk {
 };
 
 // In each block of 8 x 8 pixels the lambda with the least expected error, given how well the models of motion explain
-// the block (MotionPosterior) and what each lambda costs on each model (LambdaRisk). Where the raw sample is expected
-// to be better than any lambda makes it, it is published as it is: an addition to the paper's estimator.
+// the block (MotionPosterior) and the error of each lambda on each model (LambdaRisk). A raw sample of less expected
+// error is published unchanged: an addition to the paper's estimator.
 class AutoLambdaSolver final : public Solver {
  public:
   explicit AutoLambdaSolver(const StreamTask& task);

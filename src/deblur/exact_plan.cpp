@@ -11,7 +11,8 @@ constexpr int kFirstSweeps = 8;
 constexpr int kSweepsBeforePath = 64;
 constexpr int kMaxSweeps = 1 << 16;
 constexpr double kStartRidge = 1e-9;  // relative: keeps the start defined where frames are lost
-constexpr double kRounding = 1e-10;   // relative to the largest |h|: what double precision leaves of the conditions
+constexpr double kRounding =
+    1e-10;  // relative to the largest |h|: rounding errors of the conditions in double precision
 
 constexpr Eigen::Index kPathSteps = 20;  // times the number of columns: far more than paths of real data have
 

@@ -7,8 +7,8 @@
 namespace bolo::deblur {
 namespace {
 
-// One iteration from the dual's sweeps. Where these do not apply (bins longer than a frame, more than three lost) or
-// more iterations are asked for: from least squares, with full matrices.
+// One iteration from the dual's sweeps; for bins longer than a frame, more than three lost frames or more iterations,
+// from least squares, with full matrices.
 class AdmmMethod final : public PixelMethod {
  public:
   explicit AdmmMethod(const StreamTask& task)

@@ -15,19 +15,19 @@ namespace {
 using motion::Affine;
 using motion::PaddedPlane;
 
-constexpr int kWindow = 32;           // px a side of what has one error of the motion
+constexpr int kWindow = 32;           // px a side of a window with one error of the motion
 constexpr int kFirst = 4;             // frames before the first of a pair: its instrument's, and its blur's
 constexpr int kApart = 4;             // frames of a pair at least: then they share no noise, nor do their instruments
 constexpr std::size_t kPairs = 8;     // of the hundreds that a burst has
 constexpr double kFarthest = 40.0;    // px that the picture may move between a pair's frames
 constexpr double kOfHeight = 0.3;     // or this share of the picture
 constexpr int kBorder = 6;            // px, whose smoothed values are not the picture's alone
-constexpr double kLeastChange = 0.3;  // px^2, of a pair: what errors of the motion make is a tenth of it
-constexpr double kMostUncertain = 0.011;   // of tau; what moves too fast shows little of it, and that wrongly
-constexpr double kMostUnexplained = 0.05;  // of what the two frames differ by: else the motion was not found
-constexpr int kWeighings = 3;              // of weighing windows by what is left in them
+constexpr double kLeastChange = 0.3;  // px^2, of a pair: errors of the motion are a tenth of it
+constexpr double kMostUncertain = 0.011;   // of tau; fast motion determines it poorly, and with a bias
+constexpr double kMostUnexplained = 0.05;  // of the two frames' difference: else the motion was not found
+constexpr int kWeighings = 3;              // iterations of the windows' weights
 
-// Variance of the age of what a frame's innovation shows, which is at most one period old.
+// Variance of the age of an innovation's content, which is at most one period old.
 double own_variance(const motion::Inertia& inertia) {
   const double tau = inertia.tau;
   const double square = 2.0 * tau * tau - (1.0 + 2.0 * tau) * inertia.rho * inertia.gain();
@@ -170,8 +170,8 @@ void GapMeter::compare(const Pair& pair) {
   }
 }
 
-// The share of a that motion within the two frames makes: half the variance of each frame's trail, which differ,
-// times the second derivatives of (1 - rho) x, which is z.
+// The part of a due to motion within the two frames: half the variance of each frame's trail, which differ, times the
+// second derivatives of (1 - rho) x, which is z.
 void GapMeter::take_own_blur(const Pair& pair) {
   const double own = own_variance(inertia_);
   const auto velocity = [&](int k, std::size_t axis) {  // in the middle of frame k, which its innovation is of
@@ -225,7 +225,7 @@ void GapMeter::sum_up(const Region& part, std::size_t window) {
   samples_.push_back({window, count, s[kQ][kA], s[kQ][kB], s[kA][kA], s[kA][kB], s[kB][kB]});
 }
 
-// Windows in which much is left, of whatever cause, count for little. Those of one place go together in the error.
+// Windows with large residuals, of any cause, get little weight. The standard error is clustered by window.
 void GapMeter::regress(GapFigures& figures) {
   const double given = inertia_.rho;
   const double floor = 2.0 * (1.0 + given * given) * motion::kSmoothedNoise * noise_ * noise_;
@@ -275,7 +275,7 @@ GapFigures GapMeter::measure(std::span<const void* const> planes, double period_
   pattern.slots = kFrames;
   std::fill_n(pattern.received.begin(), kFrames, true);
   Alone alone;
-  meter.look({planes, kFrames - 1, 0}, pattern, alone);
+  meter.update({planes, kFrames - 1, 0}, pattern, alone);
   noise_ = meter.noise();
   GapFigures figures{.noise_k = task_.in_kelvin(noise_)};
   const Geometry g = task_.input.geometry;

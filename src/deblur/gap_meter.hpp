@@ -1,15 +1,15 @@
 // Prediction error of the pixel's equation on a camera's stream, and the time constant with the least.
 //
-// The equation says y_k = rho y_{k-1} + (1 - rho) x_k, rho = exp(-T / tau), x_k what the scene showed during frame k.
-// During an earlier frame j it showed (y_j - rho y_{j-1}) / (1 - rho), and has moved by D since. So frame k should be
+// The equation is y_k = rho y_{k-1} + (1 - rho) x_k, rho = exp(-T / tau), x_k the scene during frame k. During an
+// earlier frame j it was (y_j - rho y_{j-1}) / (1 - rho), and has moved by D since. So frame k should be
 //   rho y_{k-1}(p) + (y_j - rho y_{j-1})(p - D).
 // In steady motion that holds for every rho, for then the blurred picture moves as a whole. Between two frames that
 // were blurred by different velocities it holds for the true rho alone, which therefore is the regression of
 //   a = y_k - y_j(p - D)   on   b = y_{k-1} - y_{j-1}(p - D).
 // The noise of y_{k-1} stands in b: the regression is by an instrument q, the same of the frames' changes two periods
-// before, whose noise stands in neither. What an error of D makes goes along with the picture's gradient, which is
-// taken out of a, b and q in each window of the picture, with their means. x_k is itself blurred by the motion during
-// frame k, which two frames have in different measure; that, known from their velocities, is taken out of a.
+// before, whose noise stands in neither. Errors of D are proportional to the picture's gradient, which is projected out
+// of a, b and q in each window of the picture, with their means. x_k is itself blurred by the motion during frame k,
+// differently in two frames; that, known from their velocities, is subtracted from a.
 #pragma once
 
 #include <array>
@@ -27,10 +27,10 @@ namespace bolo::deblur {
 struct GapFigures {
   double noise_k = 0.0;  // temporal, K (counts without kelvin)
   double speed = 0.0;    // of the picture where it was fastest, px a frame
-  // Residual of the prediction with the given time constant over that of noise, root mean squares; 0: not told, for
-  // the picture did not change its velocity enough.
+  // Residual of the prediction with the given time constant over that of noise, root mean squares; 0: unknown, since
+  // the picture's velocity changed too little.
   double ratio = 0.0;
-  double tau_ratio = 0.0;          // the pixels' time constant over the given one; 0: not told
+  double tau_ratio = 0.0;          // the pixels' time constant over the given one; 0: unknown
   double tau_sigma = 0.0;          // standard error of that
   double tau_periods = 0.0;        // the given time constant
   std::array<double, 3> square{};  // of the ratio, by powers of rho

@@ -1,4 +1,4 @@
-// The unknowns that are solved for, and the samples that are there.
+// Unknowns of the problem, and samples that were received.
 #pragma once
 
 #include <array>
@@ -37,7 +37,7 @@ struct WithinFrame {
 // Thread: any.
 WithinFrame within_frame(const Settings& settings);
 
-// Which slots of a window hold a frame.
+// Slots of a window that hold a frame.
 struct Pattern {
   std::array<bool, kMaxSlots> received{};
   int slots = 0;
@@ -67,7 +67,7 @@ struct Published {
 };
 Published published_bins(const Grid& grid, int slots, int target) noexcept;
 
-// --- Which bins are published when a row is sampled later than its frame's time.
+// --- Bins that are published for a row that is sampled later than its frame's time.
 //
 // Every row has a window of the same shape on its own sample times: sample s of a row with delay d lies at s T + d. The
 // frame's time is that of its target's row 0, so it lies d before the row's own target sample. The published value is

@@ -9,8 +9,8 @@ namespace {
 // precision.
 constexpr int kSteps = 14;
 
-// Of a lost row, in place of its sample's weight: what holds its leaf only through others would be lost in single
-// precision. It delays the leaf after it by a^2 of this, and is gone when the steps have become small.
+// Weight of a lost row in place of its sample's: a leaf held only through others would be lost in single precision. It
+// delays the leaf after it by a^2 of this, and is gone when the steps have become small.
 constexpr float kHold = 10.0F;
 
 }  // namespace

@@ -20,7 +20,7 @@ std::string_view best_isa();
 bool force_isa(std::string_view isa);
 
 // As force_isa(), for users: "auto" is the best; any other name than those available is refused with their list.
-// check_isa() only looks. Thread: setup.
+// check_isa() only checks. Thread: setup.
 Status choose_isa(std::string_view name);
 Status check_isa(std::string_view name);
 

@@ -13,22 +13,22 @@
 
 namespace bolo::deblur {
 
-// A run of pixels [begin, end) of a window's planes, and where their estimates go. Planes may stand at any address;
-// nothing outside the run is read or written.
+// A run of pixels [begin, end) of a window's planes, and the destination of their estimates. Planes may stand at any
+// address; nothing outside the run is read or written.
 struct PixelRun {
   const void* const* planes = nullptr;
   PixelType input = PixelType::kUint16;
-  bool whole = false;  // float input that was uint16: what stands in for it is rounded, for the same bits
+  bool whole = false;  // float input that was uint16: its substitutes are rounded, for the same bits
   PixelType output = PixelType::kUint16;
   float scale = 1.0F;  // of float output: scale * value + offset
   float offset = 0.0F;
   std::size_t begin = 0;
   std::size_t end = 0;
   void* out = nullptr;
-  Published published;  // what of the estimated input is written
+  Published published;  // part of the estimated input that is written
   const float* lambda =
       nullptr;         // of each pixel, indexed like the planes: lambda_half in the values' unit; null: the plan's
-  double delay = 0.0;  // how much later than the frame's time the row is sampled, in periods (grid.hpp)
+  double delay = 0.0;  // of the row's sample after the frame's time, periods (grid.hpp)
 };
 
 // One instruction set's kernels. NaN in a float plane makes that pixel's estimate NaN (0 as uint16) for as long as it

@@ -16,7 +16,7 @@ class PixelMethod {
 
   // Makes ready for a pattern of lost frames. No allocation. Thread: pipeline.
   virtual void prepare(const Pattern& pattern) noexcept = 0;
-  // Estimates a run of pixels. What a pixel becomes depends on its own samples alone, bit for bit. Thread: worker.
+  // Estimates a run of pixels. A pixel's result depends on its own samples alone, bit for bit. Thread: worker.
   virtual void run(const PixelRun& run) const noexcept = 0;
 
   // As Solver's.

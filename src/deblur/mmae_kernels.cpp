@@ -60,13 +60,13 @@ HWY_INLINE void load_differences(const BlockSamples& in, int samples, std::size_
       const std::size_t at = column + v;
       const auto columns = static_cast<std::size_t>(in.columns);
       const std::size_t count = at < columns ? std::min(kLanes, columns - at) : 0;
-      // Samples lie whole frames apart, where no processor looks for what comes next.
+      // Samples lie whole frames apart, where hardware does not prefetch.
       for (int i = 0; i < samples; ++i) hwy::Prefetch(static_cast<const T*>(in.values[r][i]) + at + kStatColumns);
       Vec before = load_values(static_cast<const T*>(in.values[r][0]) + at, count);
       for (int i = 1; i < samples; ++i) {
         const Vec value = load_values(static_cast<const T*>(in.values[r][i]) + at, count);
         const Vec d = hn::Mul(inverse_noise, hn::Sub(value, before));
-        // A sample that is no number says nothing of its block's motion.
+        // A NaN says nothing of its block's motion.
         const Vec usable = hn::IfThenElseZero(hn::Lt(hn::Abs(d), all(kLargestDifference)), d);
         hn::Store(usable, Float(), to.d[r][i - 1] + v);
         before = value;
@@ -102,7 +102,7 @@ HWY_INLINE void store_block_sums(const Vec* pair, float (*moments)[kMostPairs], 
 #endif
 }
 
-// Of pairs i <= j of differences those from i on that are looked at: where `mirrored`, the others are added to these.
+// End of the pairs i <= j of differences that are computed for i; where `mirrored`, the others are added to these.
 constexpr int end_of_row(bool mirrored, int i, int differences) { return mirrored ? differences - i : differences; }
 
 // M = sum over a block's pixels of d d^T, pairs i <= j row by row.

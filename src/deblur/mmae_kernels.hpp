@@ -11,8 +11,8 @@
 namespace bolo::deblur {
 
 inline constexpr int kStatBlock = 8;                         // pixels a side of a block with one posterior
-inline constexpr int kStatRowStep = 2;                       // every other row tells of its motion
-inline constexpr int kStatRows = kStatBlock / kStatRowStep;  // rows of a block that are looked at
+inline constexpr int kStatRowStep = 2;                       // every other row is used
+inline constexpr int kStatRows = kStatBlock / kStatRowStep;  // rows of a block that are used
 inline constexpr int kStatBlocks = 8;                        // blocks side by side that are done at once
 inline constexpr std::size_t kStatColumns = std::size_t{kStatBlock} * kStatBlocks;  // their pixels
 inline constexpr int kCellColumns = 256;                                            // pixels filtered at once

@@ -49,7 +49,7 @@ void MmaeSolver::solve_points(const WindowView& window, std::span<const std::uin
   }
 }
 
-// Rows from centre to centre of the blocks, so that each row of blocks is looked at once.
+// Rows from centre to centre of the blocks, so that each row of blocks is processed once.
 void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std::byte* out, std::size_t stride,
                                float* errors) const noexcept {
   const Columns columns{(part.x + kHalf) / kStatBlock - 1, (part.x + part.width - 1 + kHalf) / kStatBlock};

@@ -60,7 +60,7 @@ class MotionModels {
 
   // Samples of model `model` together with the truth: the lower Cholesky factor of the covariance of
   // (y_0 .. y_slots-1 without noise, x at the first offset), row-major, size slots + 1, for unit noise variance.
-  // For tables of what an estimator makes of each model. Thread: setup.
+  // For tables of an estimator's result on each model. Thread: setup.
   std::vector<double> joint_factor(int model) const;
   int slots() const noexcept { return slots_; }
 

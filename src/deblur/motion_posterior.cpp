@@ -45,7 +45,7 @@ MotionPosterior::MotionPosterior(const StreamTask& task)
 }
 
 void MotionPosterior::prepare(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
-  noise_.look(window, pattern, crew);
+  noise_.update(window, pattern, crew);
   current_ = place_of(pattern);
 }
 

@@ -22,8 +22,8 @@ class MotionPosterior {
   // in advance, others cost some 0.5 ms when their pattern changes. No allocation. Thread: pipeline.
   void prepare(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
 
-  // Of `count` blocks (at most kStatBlocks) from `first` on in a row of blocks. The same for a block, whatever blocks
-  // it is asked for with. Thread: worker.
+  // Of `count` blocks (at most kStatBlocks) from `first` on in a row of blocks. A block's result does not depend on the
+  // others. Thread: worker.
   void find(const WindowView& window, int block_row, int first, int count, Posteriors& out) const noexcept;
 
   const MotionModels& models() const noexcept { return models_; }

@@ -12,12 +12,12 @@
 namespace bolo::deblur {
 namespace {
 
-constexpr double kLargestDifference = 31.6;  // K, of innovations that are matched: what is more counts no more
+constexpr double kLargestDifference = 31.6;  // K, bound of innovations that are matched
 constexpr float kMovesItself = 0.5F;         // px a frame
 constexpr double kCut = 2.0;                 // px that half of the picture is off
 constexpr double kTimesNext = 4.0;           // as far off as those next to it leave it
 constexpr int kBefore = 3;                   // displacements, that one which does not match is held against
-constexpr double kUnconfirmed = 12.0;        // px a frame: what is faster is believed once it was seen twice
+constexpr double kUnconfirmed = 12.0;        // px a frame: faster motion must be seen twice
 constexpr double kAbrupt = 0.9;              // of Path::steady: above it nothing stopped just now
 
 // As the task, in the values' own unit and float.
@@ -40,7 +40,7 @@ MotionSolver::MotionSolver(const StreamTask& task)
       global_(followed()),
       gyro_(task.input.geometry, task.input.row_step, task.settings.gyro_setup, task.settings.period_s, inertia_),
       local_(followed()),
-      told_(task.input.geometry) {
+      block_motions_(task.input.geometry) {
   const Geometry g = task.input.geometry;
   for (int ahead = 0; usable() && ahead <= task.settings.lookahead; ++ahead)
     estimators_.emplace_back(g, inertia_, ahead);
@@ -61,7 +61,7 @@ bool MotionSolver::usable() const noexcept {
   return std::min(task_.input.geometry.width, task_.input.geometry.height) >= motion::kLeastSide;
 }
 
-// The frames whose motion is looked for. Of those that are too low for it, none are kept: the rim around each is wider
+// Size of the frames whose motion is estimated; a single block for frames too low for it, whose padding would be larger
 // than they are.
 Geometry MotionSolver::followed() const noexcept {
   return usable() ? task_.input.geometry : Geometry{motion::kBlock, motion::kBlock};
@@ -75,7 +75,7 @@ void MotionSolver::forget() noexcept {
   for (Displacement& d : displacements_) d.there = false;
 }
 
-// By those who will read it: each row comes from memory once.
+// Split like the kernels that read it, so that each row comes from memory once.
 void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) const noexcept {
   for_rows(crew, to.blocks_down(), [&](int block_row) {
     const auto [begin, end] = to.rows_of(block_row);
@@ -103,8 +103,7 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   }
 }
 
-// What does not match at all, where the displacements [from, to) do, is a cut; what never matches is a scene of many
-// motions.
+// A cut: frame `at` does not match, though the displacements [from, to) do. A scene of many motions never matches.
 bool MotionSolver::is_cut(int at, int from, int to) noexcept {
   double least = std::numeric_limits<double>::max();
   for (int i = from; i < to; ++i) {
@@ -129,31 +128,31 @@ bool MotionSolver::is_confirmed(int newest) noexcept {
   return false;
 }
 
-// The displacements of the period `newest` before the newest and of those before it, less what is told of them. Where
-// frames are lost, and before a cut, nothing is known but that: what is left is taken to have stayed.
-motion::Displacements MotionSolver::history(int newest, const motion::Told& told) noexcept {
+// The displacements from that of period `newest` (before the newest) on, less the gyro's. For lost frames, and before a
+// cut, the last residual is kept.
+motion::Displacements MotionSolver::history(int newest, const motion::GyroMotions& by_gyro) noexcept {
   motion::Displacements left;
-  motion::Affine last = displacement(newest).motion + told.displacements[0] * -1.0;
+  motion::Affine last = displacement(newest).motion + by_gyro.displacements[0] * -1.0;
   const auto length = static_cast<std::size_t>(scene_length(newest));
   for (std::size_t i = 0; i < left.size(); ++i) {
     const Displacement& d = displacement(static_cast<int>(i) + newest);
-    if (d.there && i < length) last = d.motion + told.displacements[i] * -1.0;
+    if (d.there && i < length) last = d.motion + by_gyro.displacements[i] * -1.0;
     left[i] = last;
   }
   return left;
 }
 
-// The gyro's displacements, if they agree with the picture's, and what they leave of those.
-bool MotionSolver::ask_gyro(const FrameMeta& meta, int newest, motion::Displacements& left,
-                            motion::Told& told) noexcept {
+// Finds the gyro's displacements and the residuals `left`. True if they agree with the picture's.
+bool MotionSolver::use_gyro(const FrameMeta& meta, int newest, motion::Displacements& left,
+                            motion::GyroMotions& by_gyro) noexcept {
   Gyro* const gyro = task_.settings.gyro;
   if (gyro == nullptr) return false;
   const double later_s = (task_.settings.lookahead - newest) * task_.settings.period_s;
   gyro_use_ = GyroUse::kSilent;
-  if (!gyro_.find(gyro->samples(), gyro->time_of(meta) + to_ns(later_s), told)) return false;
-  const motion::Displacements rest = history(newest, told);
+  if (!gyro_.find(gyro->samples(), gyro->time_of(meta) + to_ns(later_s), by_gyro)) return false;
+  const motion::Displacements rest = history(newest, by_gyro);
   gyro_use_ = GyroUse::kIgnored;
-  if (!motion::bears_out(left, rest, displacement(newest).uncertainty)) return false;
+  if (!motion::gyro_agrees(left, rest, displacement(newest).uncertainty)) return false;
   gyro_use_ = GyroUse::kUsed;
   left = rest;
   return true;
@@ -167,10 +166,10 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   ahead = target == 1 && displacement(0).there;
   const int newest = ahead ? 0 : target;
   if (target >= newest + scene_length(newest)) return false;
-  motion::Told told;
-  motion::Displacements left = history(newest, told);
-  const bool knows = ask_gyro(meta, newest, left, told);
-  path = motion::path_of(inertia_, left, ahead, displacement(newest).uncertainty, knows ? &told : nullptr);
+  motion::GyroMotions by_gyro;
+  motion::Displacements left = history(newest, by_gyro);
+  const bool knows = use_gyro(meta, newest, left, by_gyro);
+  path = motion::path_of(inertia_, left, ahead, displacement(newest).uncertainty, knows ? &by_gyro : nullptr);
   for (int i = 0; i <= target; ++i) {
     if (is_cut(i, i + 1, i + 1 + kBefore)) path.steady = 0.0;
   }
@@ -182,8 +181,8 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   return true;
 }
 
-// The camera is told to have rested for so many frames: each innovation since is the scene itself, and their mean
-// stands beside what a per-pixel estimate still takes for moving, in blocks that do not move by themselves.
+// While the gyro shows rest, each innovation is the scene itself: the mean over `rests` frames is averaged with
+// per-pixel estimates that assume motion, in blocks that do not move by themselves.
 void MotionSolver::use_rest(int rests, const motion::VectorField& deviation) noexcept {
   const int target = task_.settings.lookahead;
   const int count = std::min(rests, 2);  // the innovations that the displacement is of
@@ -240,15 +239,15 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
       local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,
                   mmae_.noise(), cap * cap, crew);
   if (path.rests > 0 && path.steady < kAbrupt) use_rest(path.rests, deviation);
-  told_.find(kernels_, inertia_,
-             {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
-              innovation(target).smoothed.level[0], mmae_.noise()},
-             crew);
+  block_motions_.find(kernels_, inertia_,
+                      {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
+                       innovation(target).smoothed.level[0], mmae_.noise()},
+                      crew);
   motion::EstimateInputs in;
   in.now = &frame(target).values;
   in.innovation = &innovation(target).values;
   const int newest = ahead ? 0 : target;
-  const int length = scene_length(newest);  // where the history ends, nothing is known of a cut
+  const int length = scene_length(newest);  // no cut can be detected where the history ends
   const int of_scene = length < motion::kHistory ? newest + length : motion::kPast + target;
   for (int j = 0; j < motion::kPast; ++j) {
     Frame& past = frame(target + 1 + j);

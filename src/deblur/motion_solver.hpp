@@ -17,9 +17,9 @@
 
 namespace bolo::deblur {
 
-// Every estimate is of the whole frame, made by prepare(); solve() hands it out. Beside it stands the one of mmae,
-// which is taken, pixel by pixel, where the motion does not explain what is seen, and for whole frames where no motion
-// can be had: the frame before is lost, or the picture is too small.
+// prepare() estimates the whole frame; solve() copies it. mmae's estimate replaces it pixel by pixel where the motion
+// does not explain the frames, and for whole frames without a motion: the frame before is lost, or the picture is too
+// small.
 //
 // Memory of earlier windows holds only values that this one would give again: each displacement is that of three
 // frames, all of them in the window (and, where it is measured, the noise, as in mmae).
@@ -33,11 +33,11 @@ class MotionSolver final : public Solver {
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return mmae_.isa(); }
   double noise_k() const noexcept override;
-  const SceneMotion* motion() const noexcept override { return knows_motion_ ? &told_.found() : nullptr; }
+  const SceneMotion* motion() const noexcept override { return knows_motion_ ? &block_motions_.found() : nullptr; }
   std::optional<GyroUse> gyro_use() const noexcept override { return gyro_use_; }
 
  private:
-  static constexpr int kFrames = motion::kPast + 2;    // that an estimate looks at: with the one after it
+  static constexpr int kFrames = motion::kPast + 2;    // of an estimate, with the one after it
   static constexpr int kFirst = motion::kHistory + 3;  // frames before the newest that its path is made of
   struct Frame {
     bool there = false;
@@ -64,8 +64,8 @@ class MotionSolver final : public Solver {
   bool is_cut(int at, int from, int to) noexcept;
   int scene_length(int newest) noexcept;
   bool is_confirmed(int newest) noexcept;
-  motion::Displacements history(int newest, const motion::Told& told) noexcept;
-  bool ask_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::Told& told) noexcept;
+  motion::Displacements history(int newest, const motion::GyroMotions& by_gyro) noexcept;
+  bool use_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::GyroMotions& by_gyro) noexcept;
   void use_rest(int rests, const motion::VectorField& deviation) noexcept;
   void write(std::size_t pixel, std::size_t count, std::size_t to, void* out) const noexcept;
   void solve_per_pixel(const WindowView& window, Crew& crew) noexcept;
@@ -90,7 +90,7 @@ class MotionSolver final : public Solver {
   std::vector<Innovation> innovations_;
   std::array<Displacement, motion::kHistory + 1> displacements_;
   motion::VectorField field_;
-  motion::BlockMotions told_;
+  motion::BlockMotions block_motions_;
   bool knows_motion_ = false;     // of the last prepare()
   std::uint64_t taken_ = 0;       // periods taken in
   std::uint64_t newest_ = 0;      // WindowView::newest of the last of them; 0: none

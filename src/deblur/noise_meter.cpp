@@ -12,7 +12,7 @@ namespace {
 constexpr int kOrder = 6;
 constexpr int kBlockRows = 4;
 constexpr int kBlockColumns = 8;
-constexpr int kRowStep = 2 * kBlockRows;  // every other row of blocks is looked at
+constexpr int kRowStep = 2 * kBlockRows;  // every other row of blocks is used
 constexpr double kQuantile = 0.05;
 constexpr double kRise = 1.002;       // a frame
 constexpr double kFall = 0.2;         // of the way, a frame
@@ -51,7 +51,7 @@ double NoiseMeter::noise() const noexcept {
   return std::min(kMostNoise, noise);
 }
 
-void NoiseMeter::look(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
+void NoiseMeter::update(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
   if (given_ > 0.0) return;
   int run = 0;  // received frames in a row, newest first
   for (int s = pattern.slots - 1; s >= 0 && run <= kOrder; --s) {

@@ -18,11 +18,11 @@ class NoiseMeter {
   // Thread: setup.
   explicit NoiseMeter(const StreamTask& task);
 
-  // Looks at the newest frames of a window. No allocation. Thread: pipeline.
-  void look(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
+  // Measures the newest frames of a window. No allocation. Thread: pipeline.
+  void update(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
 
-  // Standard deviation in the values' unit: the settings' if they give one, else the measured, at least what the
-  // quantisation makes. Thread: pipeline.
+  // Standard deviation in the values' unit: the settings' if they give one, else the measured, at least that of
+  // quantisation. Thread: pipeline.
   double noise() const noexcept;
 
  private:

@@ -81,7 +81,7 @@ Status validate(const Settings& settings) {
                     "0 (automatic) to 1000");
   complaints.unless(settings.lookahead >= 0 && settings.lookahead < rows, "lookahead", settings.lookahead,
                     "0 to window - 2 frames");
-  // The models reckon with what happens between frames themselves.
+  // The models account for motion between frames themselves.
   const bool far_apart = settings.period_s > kLongestRatioToLookAhead * settings.tau_s;
   complaints.unless(!far_apart || settings.lookahead == 0 || settings.method == Method::kMmae, "lookahead",
                     settings.lookahead, "0 where frames are more than 2 tau apart: it would show two frames in one");
@@ -100,7 +100,7 @@ Status check_gyro(const Settings& settings) {
   return bad_input("a gyro needs lens.focal_px in the camera profile");
 }
 
-std::string little_to_undo(const Settings& settings) {
+std::string weak_inertia_warning(const Settings& settings) {
   const double left = std::exp(-settings.period_s / settings.tau_s);
   if (left > kLittleLeft) return {};
   std::ostringstream text;

@@ -50,13 +50,13 @@ Status validate(const Settings& settings);
 // Refuses a gyro with methods that have no use for one. Thread: setup.
 Status check_gyro(const Settings& settings);
 
-// T / tau above which a look-ahead is refused: what lies before and after a frame's time then has little in common, and
-// its mean would show both (a hand twice).
+// T / tau above which a look-ahead is refused: the inputs before and after a frame's time then have little in common,
+// and their mean would show both (a hand twice).
 inline constexpr double kLongestRatioToLookAhead = 2.0;
 
-// A sentence for people where so little of a frame is left in the next that there is next to nothing to undo; empty
-// where there is. Thread: setup.
-std::string little_to_undo(const Settings& settings);
+// A remark for users where so little of a frame is left in the next that deblurring changes hardly anything; else
+// empty. Thread: setup.
+std::string weak_inertia_warning(const Settings& settings);
 
 // --- The stream's properties that every method needs.
 
@@ -70,7 +70,7 @@ struct StreamTask {
   double row_delay(int row) const { return row * row_period; }
   bool delays_rows() const { return row_period != 0.0; }
 
-  // Row y of a raw plane as it is; what is no number, or beyond any temperature, becomes the value before it.
+  // Row y of a raw plane; NaN, and values beyond any temperature, become the value before.
   void load_row(const void* plane, int y, float* to) const noexcept;
 
   // Kelvin a unit of the values; camera counts are taken for 10 mK, as in the A655sc's linear modes.

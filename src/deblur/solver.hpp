@@ -18,8 +18,8 @@ namespace bolo::deblur {
 struct WindowView {
   std::span<const void* const> planes;  // settings.window entries, each a whole plane of the stream's format
   int target = 0;                       // the entry whose time is estimated: window - 1 - lookahead; never null
-  // Counts the periods of one stream: that of the newest entry, so that a solver can tell how far the window went on.
-  // 0: not known, nothing of earlier windows can be used.
+  // Period number of the window's newest entry in its stream, from which a solver derives how far the window advanced.
+  // 0: unknown, nothing of earlier windows can be used.
   std::uint64_t newest = 0;
   FrameMeta meta{};  // of the target: its times, for a gyro's sake
 };
@@ -35,21 +35,21 @@ class Solver {
   static Result<std::unique_ptr<Solver>> create(const Settings& settings, const StreamFormat& input, PixelType output,
                                                 double row_delay_s = 0.0);
 
-  // Makes ready for the pattern of lost frames in this window; cheap when it did not change. Who is in the crew changes
-  // no bit. No allocation. Thread: pipeline, before the workers.
+  // Prepares for the pattern of lost frames in this window; cheap when it did not change. The result does not depend on
+  // the crew, bit for bit. No allocation. Thread: pipeline, before the workers.
   virtual void prepare(const WindowView& window, Crew& crew) noexcept = 0;
   void prepare(const WindowView& window) noexcept {
     Alone alone;
     prepare(window, alone);
   }
 
-  // Estimates the pixels of `part` into the same pixels of `out`, a whole plane of the output type. `part` lies
-  // inside the frame. What a pixel becomes does not depend on which part it is solved with. No allocation.
-  // Thread: worker, parts disjoint between concurrent calls.
+  // Estimates the pixels of `part` into the same pixels of `out`, a whole plane of the output type. `part` lies inside
+  // the frame. A pixel's result does not depend on the part. No allocation. Thread: worker, parts disjoint between
+  // concurrent calls.
   virtual void solve(const WindowView& window, const Region& part, void* out) const noexcept = 0;
 
-  // The same for single pixels, row-major indices in any order, into pixels.size() values of `out`: bit for bit what
-  // solve() makes of them. No allocation. Thread: worker.
+  // The same for single pixels, row-major indices in any order, into pixels.size() values of `out`: bit for bit as
+  // solve(). No allocation. Thread: worker.
   virtual void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels,
                             void* out) const noexcept = 0;
 

@@ -11,14 +11,13 @@
 
 namespace bolo::deblur {
 
-// Periods from one frame to a later one; below 1 where time does not go on. Two witnesses: the camera's clock and its
-// counter. When they disagree, the clock is right as long as it shows a whole number of periods (cameras lose frames
-// without a jump in the counter), or a longer pause than counter and jitter explain (NUC, reconnect: frames that never
-// were are not counted); else it is the clock that is doubtful. `off_grid`: the clock shows no whole number of periods
-// as taken. Thread: any.
+// Periods from one frame to a later one; below 1 where time does not go on. From the camera's clock and its counter.
+// When they disagree, the clock is right as long as it shows a whole number of periods (cameras lose frames without a
+// jump in the counter), or a longer pause than counter and jitter explain (NUC, reconnect: frames that never were are
+// not counted); else the counter is. `off_grid`: the clock shows no whole number of periods as taken. Thread: any.
 std::int64_t periods_between(const FrameMeta& from, const FrameMeta& to, double period_s, bool& off_grid) noexcept;
 
-// A frame in the window. `token` is the owner's handle of the plane's memory; the window never looks at it.
+// A frame in the window. `token` is the owner's handle of the plane's memory; the window never uses it.
 struct WindowFrame {
   FrameMeta meta;
   const void* plane = nullptr;
@@ -43,8 +42,8 @@ class Window {
 
   // Places a frame by its counter and its camera time (periods_between()); flagged as jitter where it stands off the
   // grid. With `restart`, or when the frame is further from the last one than the window is long, or goes back in time,
-  // the window is emptied first; frames that still waited for their
-  // look-ahead become ready without it. Returns true when the window was emptied. Thread: pipeline.
+  // the window is emptied first; frames that still waited for their look-ahead become ready without it. Returns true
+  // when the window was emptied. Thread: pipeline.
   bool push(const WindowFrame& frame, bool restart) noexcept;
 
   // The source's true period. For frames pushed from now on: give the next one with `restart`. Thread: pipeline.
@@ -79,13 +78,13 @@ class Window {
   double period_s_;
   std::vector<Place> places_;  // a ring, one place a period; the oldest is places_[oldest_]
   std::size_t oldest_ = 0;
-  std::uint64_t periods_ = 0;  // that it has gone on, and a whole window's at each emptying
+  std::uint64_t periods_ = 0;  // advanced so far, plus a whole window's at each emptying
   std::size_t covered_ = 0;    // periods since the window was emptied, at most places_.size()
   FrameMeta last_;             // of the newest frame in the window
   WindowFrame incoming_;
   std::int64_t steps_left_ = 0;      // until incoming_ stands in the newest place
   std::size_t drain_left_ = 0;       // steps until no frame waits for its look-ahead any more; then the window empties
-  std::vector<const void*> planes_;  // what Ready::view shows
+  std::vector<const void*> planes_;  // of Ready::view
   std::vector<std::uint32_t> released_;
 };
 

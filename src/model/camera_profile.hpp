@@ -1,4 +1,4 @@
-// All that is known of one camera, read from a TOML file (config/a655sc.toml documents every key).
+// Properties of one camera, read from a TOML file (config/a655sc.toml documents every key).
 #pragma once
 
 #include <cstdint>
@@ -113,9 +113,9 @@ void undo_effects(Undo& undo, const EffectValue& value_of);
 struct PixelMaps {
   Geometry geometry;               // of the frames that the maps are for; 0x0: of the stream they are used with
   std::vector<float> tau_s;        // thermal time constant, s
-  std::vector<float> gain;         // 1: as the camera says
+  std::vector<float> gain;         // 1: unchanged
   std::vector<float> offset;       // in the unit of the frames: K, or counts where they have no kelvin
-  std::vector<std::uint8_t> dead;  // 1: the pixel says nothing; it is filled from its neighbours
+  std::vector<std::uint8_t> dead;  // 1: no signal; it is filled from its neighbours
   double row_delay_s = 0.0;        // sensor row r is sampled r * row_delay_s after the frame's time; s
 
   bool empty() const { return tau_s.empty() && gain.empty() && offset.empty() && dead.empty() && row_delay_s == 0.0; }
@@ -133,7 +133,7 @@ struct CameraProfile {
   GyroSetup gyro;                // what a gyro beside the camera needs
   Undo undo;                     // what else the camera does to its frames
 
-  // How the camera sends its frames; each of these is configurable because it was not proven on every camera.
+  // Frame transport: configurable because it was not proven on every camera.
   bool big_endian_pixels = false;  // Mono16 byte order on the wire
   int metadata_rows = 0;           // rows at the end of each frame that are not image
 };

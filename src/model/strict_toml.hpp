@@ -64,8 +64,8 @@ class KeyTable {
   void choice(std::string_view key, Target& value, Choices<Enum> choices, std::string_view meaning);
 
   // Reads a file into the bound variables. A syntax error, an unknown key (with the nearest valid one), a wrong type
-  // and a value out of range are bad input: "FILE:LINE:COLUMN: what is wrong"; the first in the file is told, and how
-  // many more there are. The variables keep their values when anything is wrong. Thread: setup.
+  // and a value out of range are bad input: "FILE:LINE:COLUMN: what is wrong"; the first in the file is reported, and
+  // the number of others. The variables keep their values when anything is wrong. Thread: setup.
   Status read(const std::filesystem::path& file);
 
   // Declares that a section or key is gone; with `value`, that one choice of a declared key is. A file that still has
@@ -77,8 +77,8 @@ class KeyTable {
   // Replaces "default" and the value in document()'s line for a key.
   void explain(std::string_view path, std::string_view words);
 
-  // Each key's value at declaration, as TOML; empty for one without a value. Of keys declared over variables
-  // that were read: what the file says. By path.
+  // Each key's value at declaration, as TOML; empty for one without a value. For variables that were read: the file's
+  // value. By path.
   std::map<std::string, std::string, std::less<>> texts() const;
 
   // "FILE:LINE:COLUMN: " of a key that the file has, "FILE: " of one that it has not: for errors between keys.
@@ -87,7 +87,7 @@ class KeyTable {
   // A TOML text with every key, its meaning, unit, range and value; a key without a value is commented out.
   std::string document() const;
 
-  // A value in a file, and the key's answer to it: how to store it, or what is wrong (" must be ...").
+  // A value in a file, and the key's check of it: how to store it, or what is wrong (" must be ...").
   struct WrongType {};
   using Value = std::variant<std::int64_t, double, bool, std::string, std::vector<std::int64_t>, WrongType>;
   using Commit = std::function<void()>;

@@ -7,12 +7,12 @@
 
 namespace bolo::motion {
 
-// Of values with the scene's covariances `scene` (of a scene of variance 1, to be `variance`) and the noise's `noise`,
-// covariances `truth` with what is wanted, and the sums that have to make 1. Thread: any.
+// For values with the covariances `scene` (of a scene of variance 1, scaled to `variance`) and `noise`, the covariances
+// `truth` with the estimated value, and the coefficients `sums` of the unit sum. Thread: any.
 template <typename Matrix, typename Vector>
 void best_weights(const Matrix& scene, const Matrix& noise, const Vector& truth, const Vector& sums, double variance,
                   FilterWeights& out) {
-  constexpr double kModelError = 1e-6;  // of the scene's variance: interpolation, and what the model leaves out
+  constexpr double kModelError = 1e-6;  // of the scene's variance: interpolation, and errors of the model
   Matrix all = variance * scene + noise;
   all.diagonal().array() += kModelError * variance + 1e-9;
   const Eigen::LDLT<Matrix> factors(all);

@@ -40,8 +40,8 @@ struct Source {
   float w11;
 };
 
-// So far that a block of 12 x 12 around (x0, y0) would leave the rim, it sees nothing but the repeated border: it may
-// as well stay at the rim. What is no number is taken for the lowest.
+// Beyond the rim a block of 12 x 12 around (x0, y0) would see the repeated border only: positions are clamped there.
+// NaN becomes the lowest.
 HWY_INLINE int limited(float whole, int first, int blocks) {
   const float low = static_cast<float>(2 - kRim - first);
   const float high = static_cast<float>(blocks * kBlock + kRim - kBlock - 4 - first);
@@ -74,14 +74,14 @@ HWY_INLINE Vec sample(const float* at, std::ptrdiff_t stride, const Source& s) {
   return hn::MulAdd(all(s.w11), load(at + stride + 1), v);
 }
 
-// Four pixels that a value between them is made of.
+// Four pixels that a value between them is interpolated from.
 struct Tap {
   std::ptrdiff_t offset[4];
   float w[4];
 };
 
-// Of p + s for the pixels p of the block at (x0, y0): of the pixels around it, or, where s is whole along an axis, of
-// four along the other.
+// Of p + s for the pixels p of the block at (x0, y0): the pixels around it, or, where s is whole along an axis, four
+// along the other.
 HWY_INLINE Tap tap_at(const PaddedPlane& plane, int x0, int y0, float sx, float sy) {
   const Whole s = whole_of(plane, x0, y0, sx, sy);
   const std::ptrdiff_t at = s.y * plane.stride() + s.x;

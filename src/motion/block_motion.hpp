@@ -13,7 +13,7 @@ namespace bolo::motion {
 
 struct BlockMotionInputs {
   Affine trail;                  // from the frame before to this one (Path::trail)
-  const VectorField& global;     // displacements from `before` to `now` that the whole picture has
+  const VectorField& global;     // displacements from `before` to `now` of the whole picture
   const VectorField& deviation;  // of the blocks from it
   const ScalarField& misfit;     // LocalMotion::misfit()
   const PaddedPlane& before;     // smoothed innovations that were matched
@@ -26,9 +26,9 @@ class BlockMotions {
   // Thread: setup.
   explicit BlockMotions(Geometry geometry);
 
-  // Confidence is 1 / (1 + (s / 0.25 px)^2), s the standard error that 24 x 24 pixels around the block leave their
-  // velocity along the edges that they show least of, px a frame: 0 where there is nothing to see, small on a single
-  // edge. It vanishes where the two innovations do not match (misfit above 1). No allocation. Thread: pipeline.
+  // Confidence is 1 / (1 + (s / 0.25 px)^2), s the standard error, px a frame, of the velocity from 24 x 24 pixels
+  // around the block, in the direction of their weakest gradients: 0 without contrast, small on a single edge. It
+  // vanishes where the two innovations do not match (misfit above 1). No allocation. Thread: pipeline.
   void find(const Kernels& kernels, const Inertia& inertia, const BlockMotionInputs& in, Crew& crew) noexcept;
   // Of the last find(). Thread: pipeline.
   const SceneMotion& found() const noexcept { return found_; }
@@ -38,7 +38,7 @@ class BlockMotions {
   VectorField trail_;
   VectorField matched_;
   BlockField<MatchSums> sums_;
-  std::array<ScalarField, 4> raw_;   // gradients xx, xy, yy and what is left, squared
+  std::array<ScalarField, 4> raw_;   // gradients xx, xy, yy and residuals, squared
   std::array<ScalarField, 4> mean_;  // over 24 x 24 pixels
   SceneMotion found_;
 };

@@ -51,7 +51,7 @@ struct BlockSum {
   HWY_INLINE BlockSum() { std::fill_n(&row[0][0], sizeof(row) / sizeof(Vec), hn::Zero(Float())); }
 };
 
-// The sum of the planes moved by their displacements, which all see the whole block.
+// The sum of the planes moved by their displacements; all cover the whole block.
 HWY_INLINE void add_moved(const PaddedPlane* const* planes, const Vec2* const* d, int count, int x0, int y0,
                           BlockSum& sum) {
   for (int i = 0; i < count; ++i) {
@@ -60,7 +60,7 @@ HWY_INLINE void add_moved(const PaddedPlane* const* planes, const Vec2* const* d
   }
 }
 
-// Their mean at a block that not all of them see; `otherwise` where none does.
+// Their mean at a block that some do not cover; `otherwise` where none does.
 HWY_NOINLINE void align_seen(const PaddedPlane* const* planes, const Vec2* const* d, int count,
                              const PaddedPlane& otherwise, int x0, int y0, PaddedPlane& out) {
   HWY_ALIGN float total[kBlock * kBlock] = {};
@@ -116,7 +116,7 @@ void shift(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& o
   }
 }
 
-constexpr float kBeyond = 1.0F;  // px, where a repeated border will do
+constexpr float kBeyond = 1.0F;  // px, where a repeated border is good enough
 
 void differ(const PaddedPlane* const* planes, const Vec2* const* d, int count, const PaddedPlane& from, int block_row,
             Columns columns, PaddedPlane& out, float* square) noexcept {
@@ -189,7 +189,7 @@ void mix(const FilterWeights* const* corners, const float* shares, std::size_t c
   }
 }
 
-// Of the pixels of half a block, the shares of the blocks before and after in what is interpolated between centres.
+// For the pixels of half a block, the shares of the blocks before and after in interpolation between centres.
 struct Shares {
   HWY_ALIGN float before[kBlock];
   HWY_ALIGN float here[kBlock];
@@ -207,7 +207,7 @@ struct Shares {
   }
 };
 
-// The weights of a block's pixels, by tap and column: in its middle, and how they change up to the middle of the block
+// The weights of a block's pixels, by tap and column: at its centre, and their change up to the centre of the block
 // above or below.
 struct PixelWeights {
   HWY_ALIGN float middle[FilterWeights::kError][kBlock];
@@ -233,7 +233,7 @@ HWY_INLINE void spread_weights(const FilterWeights* const* rows, int block, int 
   }
 }
 
-// Sums with the weights of the block's middle, and with their change.
+// Sums with the weights of the block's centre, and with their change.
 struct HalfBlock {
   static constexpr int kRows = kBlock / 2;
   Vec middle[kRows];

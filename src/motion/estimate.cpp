@@ -17,7 +17,7 @@ constexpr float kSlowPath = 0.3F;               // px a frame, that differences 
 constexpr float kSamePath = 0.1F;               // of the speed: up to here the path's weights are a block's
 constexpr float kOtherPath = 0.3F;              // from here on none of them
 constexpr float kFading = 8.0F;                 // px a frame, before PathWeights::kFastest
-constexpr float kOfError = 0.3F;                // of the estimate's error, in how far the check is trusted
+constexpr float kOfError = 0.3F;                // of the estimate's error, in the trust in the check
 constexpr float kMayLeave = 1.0F;               // px of a trail, beyond the border
 constexpr float kNearlyRight = 0.05F;           // of the mean square error beside it
 constexpr float kAnotherWay = 1.0F;             // px a frame
@@ -25,13 +25,13 @@ constexpr float kMeanAge = 0.5F * (kNear + 1);  // of the near past's frames, pe
 constexpr std::size_t kFar = kPast - kNear;     // frames
 constexpr float kFarPart = float{kFar} / kPast;
 
-// The far past counts for less where it differs from the near one by more than chance: in a block, and, where a wrong
-// motion drowns in each block's noise, in most of them.
-constexpr float kMisfit = 2.0F;      // beyond what is best if the difference were noise
+// The far past counts for less where it differs from the near one by more than chance: in a block, and, since a wrong
+// motion is hidden by each block's noise, in most of them.
+constexpr float kMisfit = 2.0F;      // beyond the best if the difference were noise
 constexpr float kUnusual = 0.2F;     // of chance, in the median block
-constexpr std::size_t kSample = 11;  // every so many blocks tell of all
+constexpr std::size_t kSample = 11;  // every so many blocks are a sample of all
 
-// Variance of what interpolation at x makes of white noise.
+// Noise variance after cubic interpolation at x of white noise of variance 1.
 float noise_of_cubic(float x) {
   float w[4];
   cubic(x - std::floor(x), w);
@@ -40,8 +40,8 @@ float noise_of_cubic(float x) {
 
 float power4(float v) { return v * v * v * v; }
 
-// The block, of a row or column of so many over `pixels`, that is next to `block` and all of whose trail is in the
-// picture; `way`: of the trail's end from its beginning.
+// The nearest block to `block`, in a row or column of so many over `pixels`, all of whose trail is in the picture;
+// `way`: of the trail's end from its beginning.
 int within(int block, int blocks, int pixels, float way) noexcept {
   const float before = -way - static_cast<float>(block * kBlock);
   const float after = static_cast<float>((block + 1) * kBlock - pixels) + way;
@@ -87,7 +87,7 @@ void Estimator::extend_row(int row, PaddedPlane& plane) const noexcept {
   plane.extend(begin, end);
 }
 
-// How far each block of a row goes the way of the picture's middle, for which the path's weights are.
+// Share of the path in the weights of each block of a row, by how closely the block follows the picture's centre.
 void Estimator::compare_paths(const EstimateInputs& in, int row) noexcept {
   const Vec2 v = in.path.velocity.at(0.0, 0.0);
   const float speed = std::max(std::hypot(v.x, v.y), kSlowPath);
@@ -130,7 +130,7 @@ void Estimator::set_fields(const EstimateInputs& in, std::span<const Affine, kPa
   }
 }
 
-// Of the past's frames [begin, end) those that are there.
+// The available ones of the past's frames [begin, end).
 int Estimator::past_of(const EstimateInputs& in, std::size_t begin, std::size_t end, int row,
                        PastRows& rows) const noexcept {
   int count = 0;
@@ -208,7 +208,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
   });
 }
 
-// Those that blocks ask for.
+// Those that blocks need.
 void Estimator::make_path_weights(Crew& crew) noexcept {
   if (!path_weights_.bent()) return;
   std::array<bool, WeightTable::kKinds> wanted{};
@@ -221,7 +221,7 @@ void Estimator::make_path_weights(Crew& crew) noexcept {
   path_weights_.make(wanted, crew);
 }
 
-// Blocks beside which, or in which, the far past is of use.
+// Blocks beside which, or in which, the far past is used.
 Columns Estimator::next_columns(int row, int begin) const noexcept {
   const auto wants = [&](int c) {
     return std::ranges::any_of(rows_around(far_gain_, row), [&](const float* gain) {
@@ -236,7 +236,7 @@ Columns Estimator::next_columns(int row, int begin) const noexcept {
   return found;
 }
 
-// What noise alone makes of the mean square difference of both means, noise variances: mean over some blocks.
+// Share of noise in the mean square difference of both means, noise variances: mean over some blocks.
 float Estimator::noise_of_difference() const noexcept {
   float sum = 0.0F;
   int count = 0;
@@ -249,7 +249,7 @@ float Estimator::noise_of_difference() const noexcept {
   return sum / static_cast<float>(count);
 }
 
-// The median, over some of the blocks in which the far past is of use; step_ is not in use yet.
+// The median, over some of the blocks in which the far past is used; step_ is not in use yet.
 float Estimator::usual_difference() noexcept {
   std::size_t count = 0;
   for (std::size_t i = 0; i < far_gain_.size(); i += kSample) {
@@ -261,7 +261,7 @@ float Estimator::usual_difference() noexcept {
   return *middle;
 }
 
-// Where there is little to see in the noise, adds to the past's mean what does not differ from it by more than noise.
+// In blocks of little contrast to noise, adds the far past to the past's mean where both agree up to noise.
 void Estimator::add_far_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   for_rows(crew, weights_.down(), [&](int row) {
     std::fill_n(raw_[0].row(row), raw_[0].across(), kUnseen);
@@ -290,7 +290,7 @@ void Estimator::add_far_past(const Kernels& kernels, const EstimateInputs& in, C
   });
 }
 
-// True if the frame before saw what is in the middle of a block now; what has just come in has no past to go by.
+// True if the frame before shows the content of a block's centre; content that has just come in has no past.
 bool Estimator::seen_before(int block) const noexcept {
   const Vec2 d = past_[0][static_cast<std::size_t>(block)];
   const int left = block % share_.across() * kBlock;
@@ -301,20 +301,20 @@ bool Estimator::seen_before(int block) const noexcept {
          y <= static_cast<float>(geometry_.height);
 }
 
-// The innovation is the scene seen along one frame's trail, whatever came before. What the estimate leaves of it is put
-// back where it is more than noise, and tells how far to trust the estimate.
+// The innovation is the scene seen along one frame's trail, independent of the past. Its residual after the estimate is
+// added back where it exceeds noise, and weights the trust in the estimate.
 void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   const auto ratio = static_cast<float>(1.0 / inertia_.tau);
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.check(x_, *in.innovation, *in.now, trail_.row(row), ratio, row, left_, raw_[0].row(row), raw_[1].row(row));
   });
-  for_rows(crew, weights_.down(), [&](int row) { take_from_within(row); });
+  for_rows(crew, weights_.down(), [&](int row) { copy_from_inside(row); });
   for_rows(crew, weights_.down(), [&](int row) { judge(in, row); });
 }
 
-// What a pixel saw beyond the border is not known: where trails leave the picture the nearest block inside tells how
-// well the motion explains the innovation.
-void Estimator::take_from_within(int row) noexcept {
+// Samples from beyond the border are unknown: where trails leave the picture, the nearest block inside shows how well
+// the motion explains the innovation.
+void Estimator::copy_from_inside(int row) noexcept {
   for (int c = 0; c < trail_.across(); ++c) {
     const Vec2 way = trail_.at(c, row);
     const int column = within(c, trail_.across(), geometry_.width, way.x);
@@ -348,9 +348,9 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
   }
 }
 
-// Shares are interpolated between blocks. A block that a per-pixel estimate has nearly right takes none from one beside
-// it that moves another way: with it would come some of that motion.
-void Estimator::spare_what_rests(const EstimateInputs& in, int row) noexcept {
+// Shares are interpolated between blocks. A block whose per-pixel estimate is nearly right takes none from a neighbour
+// with another motion, which would blend some of that motion in.
+void Estimator::protect_resting_blocks(const EstimateInputs& in, int row) noexcept {
   for (int c = 0; c < share_.across(); ++c) {
     const auto here = static_cast<std::size_t>(row * share_.across() + c);
     most_[here] = 1.0F;
@@ -393,7 +393,7 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
     kernels.blend(sharp, in.other, rows_around(share_, row).data(), most_.row(row), row, out);
   };
   for_rows(crew, weights_.down(), [&](int row) {
-    spare_what_rests(in, row);
+    protect_resting_blocks(in, row);
     kernels.correct(left_, rows_around(step_, row).data(), row, {0, step_.across()}, x_);
     if (at_once) blend(x_, row);
   });

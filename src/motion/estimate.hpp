@@ -1,4 +1,4 @@
-// The sharp picture: what the frame, the past moved onto it and the pixel's own past make of each pixel, checked
+// The sharp picture: each pixel estimated from the frame, the past moved onto it and the pixel's own past, checked
 // against the innovation, and blended with a per-pixel estimate where that is better.
 #pragma once
 
@@ -60,9 +60,9 @@ class Estimator {
   float usual_difference() noexcept;
   void add_far_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
-  void take_from_within(int row) noexcept;
+  void copy_from_inside(int row) noexcept;
   void judge(const EstimateInputs& in, int row) noexcept;
-  void spare_what_rests(const EstimateInputs& in, int row) noexcept;
+  void protect_resting_blocks(const EstimateInputs& in, int row) noexcept;
   bool seen_before(int block) const noexcept;
   const PaddedPlane& at_frame_time(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   template <typename T>
@@ -73,9 +73,9 @@ class Estimator {
   std::shared_ptr<const WeightTable> table_;
   PathWeights path_weights_;
   PaddedPlane mean_;
-  PaddedPlane far_;  // the far past's mean, then how it differs from the near past's
+  PaddedPlane far_;  // the far past's mean, then its difference from the near past's
   PaddedPlane ahead_;
-  PaddedPlane along_;  // not yet smoothed across
+  PaddedPlane along_;  // before smoothing across
   PaddedPlane x_;
   PaddedPlane left_;
   std::array<VectorField, kPast> past_;
@@ -92,14 +92,14 @@ class Estimator {
   std::array<ScalarField, 4> raw_;
   std::array<ScalarField, 4> smooth_;
   ScalarField contrast_across_;  // noise variances
-  ScalarField far_gain_;         // how much of the far past is of use, and taken
+  ScalarField far_gain_;         // weight of the far past
   ScalarField far_share_;
-  ScalarField bent_;         // how much of the weights is the path's
+  ScalarField bent_;         // share of the path's weights
   ScalarField unexplained_;  // mean square error that no weights take out, noise variances
-  BlockField<char> leaves_;  // where trails do not stay within the picture
-  ScalarField step_;         // how much of what is left is added
+  BlockField<char> leaves_;  // 1: a trail leaves the picture
+  ScalarField step_;         // share of the residual that is added
   ScalarField share_;
-  ScalarField most_;  // share in any pixel of a block
+  ScalarField most_;  // largest share in any pixel of a block
 };
 
 }  // namespace bolo::motion

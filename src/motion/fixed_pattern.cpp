@@ -14,7 +14,7 @@ constexpr double kLeastShift = 1.0;   // px, root mean square: less shows much o
 constexpr int kOldest = 40;           // frames that a reference waits for the scene to move
 constexpr float kExcessPrice = 4.0F;  // errors of the motion last for some frames
 constexpr float kTooFar = 9.0F;       // sigma squared
-constexpr float kInside = 1.0F;       // px that the bicubic shift looks beyond
+constexpr float kInside = 1.0F;       // px of support of the bicubic shift
 constexpr float kLargestFrame = 1e7F;
 
 // A row of a block's pixels: loops over it become vectors.
@@ -225,7 +225,7 @@ void FixedPattern::follow_block(int column, int row) noexcept {
   }
 }
 
-void FixedPattern::take_out(float* frame, PixelRange pixels) const noexcept {
+void FixedPattern::subtract(float* frame, PixelRange pixels) const noexcept {
   const auto width = static_cast<std::size_t>(geometry_.width);
   for (std::size_t begin = pixels.begin; begin < pixels.end;) {
     const std::size_t y = begin / width;

@@ -1,6 +1,6 @@
 // The fixed pattern of a camera, from its scene: a pattern stays where it is while the scene moves across it
 // (registration-based, scene-based non-uniformity correction). Offsets of single pixels, finer than blocks of 8 x 8:
-// what is smooth, or even along the motion, and all that a still camera shows cannot be told from the scene.
+// smooth patterns, or even along the motion, and all patterns of a still camera cannot be separated from the scene.
 //
 // The innovation z of a moving scene is that of the frame before, moved, whatever the speed was before that; a fixed
 // pattern f is in z as it is in the frame. So z_k(p) - f(p) is compared with r(p - d), a mean of innovations less their
@@ -29,14 +29,14 @@ class FixedPattern {
   // Frames narrower or lower than 24 px show no motion: the pattern stays 0. Thread: setup.
   FixedPattern(Geometry geometry, const Inertia& inertia, const PatternSettings& settings);
 
-  // All that is known; or only the frame before, because the next one does not follow it. Thread: pipeline.
+  // Resets everything; or only the frame before, because the next one does not follow it. Thread: pipeline.
   void forget() noexcept;
   void skip() noexcept { has_before_ = has_reference_ = false; }
   // The next frame, as it came: row-major. No allocation. Thread: pipeline.
   void learn(const float* frame) noexcept;
 
-  // Subtracts what is known of it from these pixels of a frame. Thread: worker.
-  void take_out(float* frame, PixelRange pixels) const noexcept;
+  // Subtracts the estimated pattern from these pixels of a frame. Thread: worker.
+  void subtract(float* frame, PixelRange pixels) const noexcept;
 
  private:
   void begin_frame(const float* frame) noexcept;
@@ -57,7 +57,7 @@ class FixedPattern {
   Alone alone_;
   GlobalMotion global_;
   PaddedPlane pattern_;
-  PaddedPlane variance_;  // of what is not known of it
+  PaddedPlane variance_;  // of the estimate's error
   PaddedPlane now_;       // frames less the pattern
   PaddedPlane before_;
   PaddedPlane innovation_;

@@ -8,23 +8,23 @@ namespace bolo::motion {
 namespace {
 
 constexpr int kSearch = 8;              // px of the smallest level in each direction
-constexpr double kPrefersStill = 0.03;  // of the difference, that a displacement must save
-constexpr double kChance = 2.5;         // times 1 / sqrt(pixels): what chance saves where there is little to see
+constexpr double kPrefersStill = 0.03;  // of the difference, by which a displacement must reduce it
+constexpr double kChance = 2.5;         // times 1 / sqrt(pixels): reduction by chance where there is little contrast
 constexpr float kCompetes = 2.0F;       // times the least difference of whole displacements
-constexpr float kInexactly = 0.05F;     // of the mean difference: what is said of it between pixels
+constexpr float kInexactly = 0.05F;     // of the mean difference: error of a difference between whole pixels
 constexpr double kSettled = 0.03;       // px of the level, anywhere in the picture
 constexpr int kTries = 3;               // steps that make a displacement exact
 constexpr float kAsWell = 1.35F;        // times the least error of exact ones
 constexpr double kPixels = kBlock * kBlock;
 constexpr double kSeen = 0.3;              // of a block, or it does not count
 constexpr double kFewest = 0.15;           // of the picture
-constexpr double kAlike = 12.6;            // px^2 of smoothed noise that go together: 1 / kSmoothedNoise
+constexpr double kAlike = 12.6;            // px^2 of smoothed noise that are correlated: 1 / kSmoothedNoise
 constexpr double kTypicalWeight = 0.5625;  // of a block whose error is the median
 constexpr double kMatched = 2.5;           // variances of the smoothed innovation: a good match has 2
 constexpr double kRidge = 1e-4;            // of the mean diagonal
-constexpr double kInexact = 0.05;          // of what is said of noise
+constexpr double kInexact = 0.05;          // of the noise, whose model is not exact
 constexpr double kUnlikely = 2.0;          // standard deviations
-constexpr double kCrooked = 0.003;         // of all gradients: what pixels make along a straight edge
+constexpr double kCrooked = 0.003;         // of all gradients: along a straight edge, due to pixels
 
 // Noise's share of the squared gradients of the moved plane, a pixel, in units of the innovation's noise
 // variance: that of a Gaussian whose variance is the smoothing's, and what the gradient (see pull_of_noise) and moving
@@ -51,7 +51,7 @@ struct Step {
 };
 constexpr std::array kSteps = {Step{2, 3, false}, Step{1, 2, true}, Step{0, 3, true}};
 
-// Share of the difference without a displacement that one must stay below: what it saves is more than chance.
+// Share of the difference at rest that a displacement must stay below: a reduction beyond chance.
 float still_share(const PaddedPlane& plane) noexcept {
   const double pixels = plane.geometry().width * plane.geometry().height;
   return static_cast<float>(1.0 - std::max(kPrefersStill, kChance / std::sqrt(pixels)));
@@ -81,7 +81,7 @@ class Differences {
     }
     return true;
   }
-  // Differences grow with the distance from what fits, which lies between whole pixels: what is left there.
+  // Differences grow with the distance from the match, which lies between whole pixels: the remaining one there.
   float between(int x, int y) noexcept {
     float error = at(x, y);
     if (std::abs(x) < kSearch) error -= 0.5F * std::abs(at(x - 1, y) - at(x + 1, y));
@@ -129,7 +129,7 @@ bool solve(std::array<std::array<double, 6>, 6>& m, std::array<double, 6>& v, st
   return true;
 }
 
-// Of a row of blocks: weighted sums of 1, x and x^2 times the gradients' products and what is left along them.
+// Of a row of blocks: weighted sums of 1, x and x^2 times the gradients' products and the residuals along them.
 struct RowSums {
   std::array<double, 3> xx{};
   std::array<double, 3> xy{};
@@ -275,8 +275,8 @@ Affine GlobalMotion::refined(const Kernels& kernels, const Pyramid& a, const Pyr
   return motion;
 }
 
-// Where several displacements fit, the smallest of those that fit about as well as the best once they are exact: one
-// that is too large takes apart what was never blurred.
+// Of several displacements that fit, the smallest whose refined fit is about as good as the best: too large a one would
+// sharpen a scene that was never blurred.
 Affine GlobalMotion::start(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                            double noise, Crew& crew) noexcept {
   std::array<Start, kStarts> list{};
@@ -305,7 +305,7 @@ Affine GlobalMotion::start(const Kernels& kernels, const Inertia& inertia, const
   return from[best];
 }
 
-// The median of the mean square errors of the blocks that are seen; negative when these are too few.
+// The median of the mean square errors of the covered blocks; negative when these are too few.
 float GlobalMotion::typical_error(const Level& level) noexcept {
   std::size_t seen = 0;
   double pixels = 0.0;
@@ -322,7 +322,7 @@ float GlobalMotion::typical_error(const Level& level) noexcept {
 void GlobalMotion::Unseen::find(double xx, double xy, double yy, double chance) noexcept {
   const double middle = 0.5 * (xx + yy);
   const double apart = std::hypot(0.5 * (xx - yy), xy);
-  const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy);  // of the direction that is seen best
+  const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy);  // of the direction with the strongest gradients
   const auto unseen = [&](double energy) { return 1.0 / (1.0 + std::pow(std::max(energy - 1.0, 0.0) / chance, 8.0)); };
   axes = {{{std::cos(angle), std::sin(angle), unseen(middle + apart)},
            {-std::sin(angle), std::cos(angle), unseen(middle - apart)}}};
@@ -338,7 +338,7 @@ void GlobalMotion::Unseen::forget(Affine& motion) const noexcept {
   }
 }
 
-// Of blocks that are weighed by how well they fit.
+// From blocks weighted by their fit.
 Equations GlobalMotion::equations(int level, float typical, double variance) const noexcept {
   const Level& work = levels_[static_cast<std::size_t>(level)];
   Equations sums;
@@ -358,7 +358,7 @@ Equations GlobalMotion::equations(int level, float typical, double variance) con
   return sums;
 }
 
-// At the coarsest level: which directions show more than noise and what pixels make along a straight edge.
+// At the coarsest level: the directions whose gradients exceed noise and those of pixels along a straight edge.
 void GlobalMotion::find_unseen(const Equations& sums, int level, double innovation_noise) noexcept {
   const NoiseOfLevel& noise = kNoise[static_cast<std::size_t>(level)];
   const Level& work = levels_[static_cast<std::size_t>(level)];
@@ -370,7 +370,7 @@ void GlobalMotion::find_unseen(const Equations& sums, int level, double innovati
   unseen_.find(sums.m[0][0] / along_x, sums.m[0][3] / std::sqrt(along_x * along_y), sums.m[3][3] / along_y, chance);
 }
 
-// One step of Gauss and Newton. False when too little is seen, or another would hardly move it.
+// One Gauss-Newton step. False when too little is covered, or another step would hardly move it.
 bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                            int level, bool affine, double noise, Crew& crew, Affine& motion) noexcept {
   Level& work = levels_[static_cast<std::size_t>(level)];

@@ -42,15 +42,15 @@ class GlobalMotion {
   // Thread: setup.
   explicit GlobalMotion(Geometry geometry);
 
-  // The motion from `a` to `b`, of the two alone: nothing is remembered. `noise`: standard deviation of a frame's
-  // noise, in the values' unit. No allocation. Thread: pipeline.
+  // The motion from `a` to `b`, without memory. `noise`: standard deviation of a frame's noise, in the values' unit.
+  // No allocation. Thread: pipeline.
   Affine find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, double noise,
               Crew& crew) noexcept;
 
   // Standard deviation, px, that noise alone gives the middle of the last find(). Thread: pipeline.
   double uncertainty() const noexcept { return uncertainty_; }
 
-  // Residual displacement, px, that the last find() leaves half of the picture: above a few where scenes differ.
+  // Residual displacement, px, of half of the picture after the last find(): above a few where scenes differ.
   // Thread: pipeline.
   double misfit() const noexcept { return misfit_; }
 
@@ -60,8 +60,8 @@ class GlobalMotion {
     BlockField<MatchSums> sums;
     VectorField pull;  // of the noise, on the sums; only at full size
   };
-  // A scene whose edges are all parallel does not show how it moves along them (the aperture problem): what is found
-  // there is chance, and taken back. Two directions, and how little is seen of each at the coarsest level, 0 to 1.
+  // A scene whose edges are all parallel does not show its motion along them (the aperture problem): the estimate there
+  // is chance, and removed. Two directions, and the share of each that is unseen at the coarsest level, 0 to 1.
   struct Unseen {
     struct Axis {
       double x = 0.0;
@@ -70,7 +70,7 @@ class GlobalMotion {
     };
     std::array<Axis, 2> axes;
 
-    // Of sums of the gradients' products in units of what chance makes of them, give or take `chance`.
+    // From sums of the gradients' products in units of those of noise alone, whose uncertainty is `chance`.
     void find(double xx, double xy, double yy, double chance) noexcept;
     void forget(Affine& motion) const noexcept;
   };

@@ -6,7 +6,7 @@
 namespace bolo::motion {
 namespace {
 
-constexpr double kLatest = 0.5;        // periods for which the last rate is taken to go on
+constexpr double kLatest = 0.5;        // periods for which the last rate is held
 constexpr double kLongestPause = 3.0;  // periods from one sample to the next
 
 using Turn = std::array<double, 3>;
@@ -55,8 +55,8 @@ GyroMotion::GyroMotion(Geometry frame, int row_step, const GyroSetup& setup, dou
   for (double& w : weights_) w /= sum;
 }
 
-// Of a scene that rests, seen by a camera that turns: x' = -f wy + wz y, y' = f wx - wz x about the principal point
-// (the terms of second order, some percent at the picture's border, are left to the picture's own motion).
+// Of a static scene before a turning camera: x' = -f wy + wz y, y' = f wx - wz x about the principal point (the terms
+// of second order, some percent at the picture's border, are left to the picture's own motion).
 Affine GyroMotion::motion_of(const Turn& turn) const noexcept {
   const double half = 0.5 * frame_.width;
   const double roll = turn[2];
@@ -70,7 +70,7 @@ Affine GyroMotion::motion_of(const Turn& turn) const noexcept {
   return m;
 }
 
-bool GyroMotion::find(std::span<const GyroSample> samples, std::int64_t time_ns, Told& told) const noexcept {
+bool GyroMotion::find(std::span<const GyroSample> samples, std::int64_t time_ns, GyroMotions& out) const noexcept {
   constexpr int kParts = kPartsOfFrame * (kHistory + 1);
   std::array<Affine, kParts + 1> place;  // of the picture, by age; the oldest is 0
   const double part = period_ns_ / kPartsOfFrame;
@@ -87,12 +87,12 @@ bool GyroMotion::find(std::span<const GyroSample> samples, std::int64_t time_ns,
     place[static_cast<std::size_t>(i)] = motion_of(turn);
   }
   const auto moved = [&](std::size_t from) { return place[from] + place[from + kPartsOfFrame] * -1.0; };
-  for (std::size_t i = 0; i < told.displacements.size(); ++i) {
-    told.displacements[i] = {};
+  for (std::size_t i = 0; i < out.displacements.size(); ++i) {
+    out.displacements[i] = {};
     for (std::size_t q = 0; q < weights_.size(); ++q)
-      told.displacements[i] = told.displacements[i] + moved(kPartsOfFrame * i + q) * weights_[q];
+      out.displacements[i] = out.displacements[i] + moved(kPartsOfFrame * i + q) * weights_[q];
   }
-  for (std::size_t i = 0; i < told.spans.size(); ++i) told.spans[i] = moved(kPartsOfFrame * i);
+  for (std::size_t i = 0; i < out.spans.size(); ++i) out.spans[i] = moved(kPartsOfFrame * i);
   return true;
 }
 

@@ -18,7 +18,7 @@ class GyroMotion {
 
   // The motion before `time_ns`, the time of the newest of the displacements. False where the samples do not reach over
   // it: late by more than half a frame, begun after it, or with pauses of more than three. Thread: pipeline.
-  bool find(std::span<const GyroSample> samples, std::int64_t time_ns, Told& told) const noexcept;
+  bool find(std::span<const GyroSample> samples, std::int64_t time_ns, GyroMotions& out) const noexcept;
 
  private:
   static constexpr int kPartsOfFrame = 4;

@@ -102,8 +102,8 @@ double covariance(const float* share, std::size_t count, double x, double dx, do
   const Wide d;
   constexpr std::size_t kStep = hn::MaxLanes(d);
   constexpr std::size_t kRun = 64 * kStep;  // values that are added up in single precision
-  constexpr double kFar = 500.0;            // px, where the scene has nothing in common any more
-  // Steps are counted from where the scene is nearest, so that what counts most is known best.
+  constexpr double kFar = 500.0;            // px, beyond which the scene is uncorrelated
+  // Steps are counted from the closest approach, where precision matters most.
   const auto all = static_cast<double>(count);
   const double nearest = dx == 0.0 ? 0.0 : std::clamp(std::round(-x / dx), 0.0, all);
   const double reach = dx == 0.0 ? all : std::ceil(kFar / std::abs(dx));

@@ -1,5 +1,5 @@
 // The pixel loops, built once for every instruction set (Highway) and chosen at run time; kernels of a row of blocks
-// may run at the same time for different rows. Displacements d follow the scene: what was at p - d is now at p.
+// may run at the same time for different rows. Displacements d follow the scene: the content at p - d is now at p.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 namespace bolo::motion {
 
 // Sums over a block's pixels whose source lies inside the frame, of a = earlier plane moved by d, its gradient g and
-// what is left, e = b - a.
+// the residual e = b - a.
 struct MatchSums {
   float xx = 0.0F;  // g_x g_x
   float xy = 0.0F;
@@ -23,8 +23,8 @@ struct MatchSums {
 };
 
 // Weights of the estimate of one block: of the newest frame along the motion, of the past's mean along the motion, of
-// the pixel itself one and two frames before; the mean square error that they should have, and what of it is noise, in
-// units of the noise's variance.
+// the pixel itself one and two frames before; their expected mean square error, and noise's share of it, in units of
+// the noise's variance.
 inline constexpr int kReach = 5;
 inline constexpr int kTaps = 2 * kReach + 1;
 inline constexpr int kPast = 8;  // frames that are moved onto the newest
@@ -39,8 +39,8 @@ struct alignas(64) FilterWeights {
   float w[kStride] = {};
 };
 
-// Of a pixel's neighbours up to 3 px away on both sides, along the axis that is more across the motion: how much of
-// their difference from it is added to it.
+// Weights of a pixel's differences to its neighbours up to 3 px away on both sides, along the axis that is more across
+// the motion.
 struct AcrossWeights {
   static constexpr int kReach = 3;
   float w[kReach] = {};
@@ -69,8 +69,8 @@ struct FilterInputs {
   const PaddedPlane* before[2] = {};
 };
 
-// Parts of a trail: where the scene was, against where it is, when a value saw it; how long that is ago, times sqrt(2)
-// standard deviations of the velocity, px; the variance of the part's own length, px^2; and its share in the value.
+// Parts of a trail: the scene's position when a value saw it, relative to now; its age, times sqrt(2) standard
+// deviations of the velocity, px; the variance of the part's own length, px^2; and its share in the value.
 struct SceneTrail {
   static constexpr int kMost = 128;
   int count = 0;
@@ -90,30 +90,30 @@ struct Kernels {
   void (*smooth)(const PaddedPlane& from, int begin, int end, PaddedPlane& out) noexcept;
   // Means of 2 x 2, rows [begin, end) of `out`.
   void (*halve)(const PaddedPlane& from, int begin, int end, PaddedPlane& out) noexcept;
-  // Mean |b(p) - a(p - d)| over the pixels that both see, for a whole d; a large number where these are too few.
+  // Mean |b(p) - a(p - d)| over the pixels in both, for a whole d; a large number where these are too few.
   float (*mean_difference)(const PaddedPlane& a, const PaddedPlane& b, int dx, int dy) noexcept;
   // A row of blocks; `margin`: pixels inside the frame's border that a source must keep.
   void (*match)(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_row, float margin,
                 MatchSums* out) noexcept;
   // Bias of the sums (xe, ye) a pixel by the noise of the frame between two innovations, for `count` displacements;
-  // `shared`: of it, in both innovations (innovation.hpp).
+  // `shared`: its variance, in both innovations (innovation.hpp).
   void (*pull)(const Vec2* d, int count, float shared, Vec2* out) noexcept;
   // Mean over the block of min(e^2, cap).
   void (*cost)(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_row, float cap,
                float* out) noexcept;
   // The whole displacement (up to 9 across, 5 down) beyond `d` for which 12 x 12 pixels of half-size planes around a
-  // block's centre match best; `price` a squared pixel of displacement, as a mean square difference. Returned is what
-  // goes beyond d.
+  // block's centre match best; `price` a squared pixel of displacement, as a mean square difference. Returns the part
+  // beyond d.
   Vec2 (*search)(const PaddedPlane& a, const PaddedPlane& b, int column, int row, Vec2 d, float price) noexcept;
-  // Means of b, and of its square about it, over blocks.
+  // Means of b, and of its squared deviations, over blocks.
   void (*energy)(const PaddedPlane& b, int block_row, float* mean, float* square) noexcept;
-  // Mean of the planes moved by their displacements (bicubic), of those that see a pixel; `now` where none does.
+  // Mean of the planes moved by their displacements (bicubic) that cover a pixel; `now` where none does.
   void (*align)(const PaddedPlane* const* planes, const Vec2* const* d, int count, const PaddedPlane& now,
                 int block_row, PaddedPlane& out) noexcept;
   // One bicubic shift of a row of blocks: out(p) = from(p - d).
   void (*shift)(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& out) noexcept;
   // out = mean of the planes moved by their displacements (bicubic), less `from`; means over blocks of its square.
-  // Where not all planes see a whole block: 0 and kUnseen.
+  // Blocks that not all planes cover wholly: 0 and kUnseen.
   void (*differ)(const PaddedPlane* const* planes, const Vec2* const* d, int count, const PaddedPlane& from,
                  int block_row, Columns columns, PaddedPlane& out, float* square) noexcept;
   void (*fit)(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction, const float* lag, int block_row,
@@ -138,8 +138,8 @@ struct Kernels {
   // block no more than its `most`. `other` and `out` are planes of the frame's width.
   void (*blend)(const PaddedPlane& x, const float* other, const float* const* c, const float* most, int block_row,
                 float* out) noexcept;
-  // For j = first, first + 1 ...: the sum of shares c(r), r^2 the square of a - b + j step and of both's doubts'
-  // difference, and both's blur. As mean over velocities this is good to 2 %, and like it a covariance: c falls
+  // For j = first, first + 1 ...: the sum of shares c(r), r^2 the square of a - b + j step, of the difference of their
+  // uncertainties, and of their blurs. As mean over velocities this is good to 2 %, and like it a covariance: c falls
   // completely monotonely with r^2. Thread: any.
   void (*correlate)(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, int count, double* out) noexcept;
   // Sum over i of share[i] c(r_i), r_i the length of (x + i dx, y + i dy), to 2e-7; c is the scene's autocovariance

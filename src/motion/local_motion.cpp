@@ -7,21 +7,21 @@ namespace bolo::motion {
 namespace {
 
 constexpr float kLocalPixels = kBlock * kBlock;
-constexpr float kTight = 0.05F;     // px that a block may deviate when nothing tells that blocks do
-constexpr float kLoose = 0.5F;      // the same where they do, or once it is known to go its own way
-constexpr float kGuarded = 2.0F;    // of the deviation that is measured: it also stands in the noise
-constexpr float kOwnWay = 1.0F;     // px: more is not the picture's deviation but another thing's motion
-constexpr float kBothWays = 0.01F;  // of the trace squared: what is less shows one direction only
+constexpr float kTight = 0.05F;     // px that a block may deviate without evidence that blocks do
+constexpr float kLoose = 0.5F;      // the same where they do, or once the block is known to move differently
+constexpr float kGuarded = 2.0F;    // of the measured deviation, which noise adds to
+constexpr float kOwnWay = 1.0F;     // px: more is another object's motion
+constexpr float kBothWays = 0.01F;  // of the trace squared: below it the gradients have one direction only
 constexpr float kSamples = 36.0F;   // independent ones in a window of 24 x 24 smoothed pixels, by the matching's scale
 constexpr float kLongestStep = 1.0F;    // px
 constexpr float kNoiseLimit = 6.0F;     // variances of the smoothed innovation: a good match has 2
-constexpr float kAllSeen = 0.9F;        // of the blocks around: what has just come in matches anything
+constexpr float kAllSeen = 0.9F;        // of the blocks around: content that has just come in matches anything
 constexpr float kTextureLimit = 0.03F;  // of the texture's energy
 constexpr double kFewPoor = 0.004;      // of the blocks: not worth a search
-constexpr float kWorthALook = 0.8F;     // of the cost near the global motion
+constexpr float kWorthTrying = 0.8F;    // of the cost near the global motion
 constexpr float kWorthTaking = 0.7F;
 constexpr float kSearched = 1.1F;   // a searched displacement is whole pixels: its cost is a little less reliable
-constexpr float kUnmatched = 1.3F;  // of the texture's energy: what is left where nothing matches is twice it
+constexpr float kUnmatched = 1.3F;  // of the texture's energy: the residual where nothing matches is twice it
 constexpr int kCompanions = 3;      // blocks of 9 that must agree
 
 }  // namespace
@@ -105,7 +105,7 @@ void LocalMotion::step_row(const Task& task, const VectorField& base, float loos
   }
 }
 
-// Means over those of nine blocks that were matched within a step of where the middle one was, as if there.
+// Means over those of nine blocks that were matched within a step of the middle one, as if with its displacement.
 void LocalMotion::mean_of_near(int row) noexcept {
   for (int c = 0; c < total_.across(); ++c) {
     const Vec2 here = total_.at(c, row);
@@ -127,8 +127,8 @@ void LocalMotion::mean_of_near(int row) noexcept {
   }
 }
 
-// Two steps of Lucas and Kanade from `base`, which holds d back as much as `looseness` says; without one, as much as
-// the first step shows. Into unsmoothed_.
+// Two Lucas-Kanade steps from `base`, to which `looseness` ties d; without one, it is estimated from the first step.
+// Into unsmoothed_.
 void LocalMotion::refine(const Task& task, const VectorField& base, std::optional<float> looseness) noexcept {
   unsmoothed_ = base;
   const bool alike = !looseness;  // all are matched with the global motion
@@ -200,7 +200,7 @@ void LocalMotion::search(const Task& task) noexcept {
   });
 }
 
-// The cheapest of: at rest, what the search found here, and what it found beside.
+// The cheapest of: at rest, the search's result here, and its results beside.
 void LocalMotion::choose(const Task& task) noexcept {
   for (std::size_t i = 0; i < large_.size(); ++i) large_[i] = Vec2{} - task.global[i];
   found_ = large_;
@@ -221,7 +221,7 @@ void LocalMotion::choose(const Task& task) noexcept {
     }
   }
   for (std::size_t i = 0; i < large_.size(); ++i) {
-    if (poor_[i] == 0 || cost_large_[i] >= kWorthALook * cost_small_[i]) large_[i] = small_[i];
+    if (poor_[i] == 0 || cost_large_[i] >= kWorthTrying * cost_small_[i]) large_[i] = small_[i];
   }
 }
 

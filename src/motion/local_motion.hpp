@@ -16,14 +16,13 @@ class LocalMotion {
   // Thread: setup.
   explicit LocalMotion(Geometry geometry);
 
-  // The deviations of the blocks' displacements from `global`, of the two innovations alone. Blocks that follow the
-  // picture are let deviate a little; where that fails, larger ones are looked for. No allocation. Thread: pipeline.
+  // The deviations of the blocks' displacements from `global`, from the two innovations alone. Blocks that follow the
+  // picture may deviate a little; where that fails, larger deviations are searched. No allocation. Thread: pipeline.
   const VectorField& find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                           const VectorField& global, double noise, float cap, Crew& crew) noexcept;
 
-  // Mean square difference over 24 x 24 pixels that the found motion leaves, over what noise and 1.3 times the
-  // texture's energy make: well above 1 where the two innovations have nothing to do with each other. Of the last
-  // find(). Thread: pipeline.
+  // Mean square residual over 24 x 24 pixels of the found motion, over that of noise and 1.3 times the texture's
+  // energy: well above 1 where the two innovations are unrelated. Of the last find(). Thread: pipeline.
   const ScalarField& misfit() const noexcept { return misfit_; }
 
  private:

@@ -120,8 +120,8 @@ void match(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_
 }
 
 // With s^2 the smoothing's variance, the shared noise has the autocovariance of a Gaussian of variance 2 s^2, which the
-// matching widens: by moving (linear between pixels) and by its gradient, that of a mean over 2 pixels along and
-// (1 2 1) / 4 across. Its derivative at d is what stands in the sum.
+// matching widens: by moving (linear between pixels) and by its gradient, that of a mean over 2 pixels along and (1 2
+// 1) / 4 across. Its derivative at d enters the sum.
 HWY_INLINE Vec pull_along(Vec along, Vec across, Vec shared) {
   const auto widened = [](Vec v, float by) HWY_ATTR {
     const Vec part = hn::Sub(v, hn::Floor(v));
@@ -135,7 +135,7 @@ HWY_INLINE Vec pull_along(Vec along, Vec across, Vec shared) {
 }
 
 void pull(const Vec2* d, int count, float shared, Vec2* out) noexcept {
-  constexpr float kFar = 50.0F;  // px^2: nothing is left there
+  constexpr float kFar = 50.0F;  // px^2: negligible beyond
   for (int first = 0; first < count; first += kLanes) {
     const int together = std::min(kLanes, count - first);
     HWY_ALIGN float x[kLanes] = {};

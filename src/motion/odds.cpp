@@ -15,25 +15,25 @@ constexpr std::array<std::array<float, kTerms>, 2> kOdds = {
      {-1.35F, 1.78F, 0.89F, 4.50F, 0.35F, -0.97F, 3.07F, 2.96F, 0.21F, 0.75F, -0.71F, -1.60F}}};  // with look-ahead
 constexpr float kLeastChange = 0.3F;                                                              // noise variances
 constexpr float kLeastError = 0.02F;                                                              // noise variances
-constexpr float kQuiet = 0.3F;       // noise variances: below it there is little to gain
-constexpr float kAcceptable = 0.3F;  // of the change, that may be left in slow motion
+constexpr float kQuiet = 0.3F;       // noise variances: negligible below
+constexpr float kAcceptable = 0.3F;  // of the change, acceptable residual in slow motion
 constexpr float kFast = 4.0F;        // px a frame: from there on trails are less exact, and other estimates poor
 constexpr float kMostFast = 4.0F;    // times kFast
-constexpr float kAware = 0.5F;       // px a frame: up to here a per-pixel estimate tells how wrong it is
-constexpr float kUnaware = 1.5F;     // from here on it does not
-constexpr float kOfChange = 0.5F;    // of what has changed, most that a per-pixel estimate is taken to be wrong by
-constexpr float kNearRest = 0.3F;    // px a frame: below it what both promise counts for more
+constexpr float kAware = 0.5F;       // px a frame: up to it a per-pixel estimate's own error is reliable
+constexpr float kUnaware = 1.5F;     // from here on it is not
+constexpr float kOfChange = 0.5F;    // of the change: bound of a per-pixel estimate's error
+constexpr float kNearRest = 0.3F;    // px a frame: below it the expected errors count for more
 
 }  // namespace
 
-// The coefficients are those of the least error of the blend, in frames relative to what it was, and of the least
+// The coefficients are those of the least error of the blend, in frames relative to the old one, and of the least
 // excess over mmae's in any frame or tile of 32 x 32 pixels: of 260 random scenes (tests/motion/random_scene.hpp) and
 // 48 stretches of pans and hands before street stills. The first was raised by 0.2 for MotionSafety's bounds. With
 // look-ahead: of 240 random scenes and 28 stretches, those of fast hands six times; of 240 others 32 frames instead of
 // 56 were more than 10 % worse than mmae's, and the error of 28 others fell by 1.4 %.
 //
-// A per-pixel estimate does not know what crossed a pixel between two frames, nor, therefore, how wrong it is in fast
-// motion: where that explains what has changed, it tells.
+// A per-pixel estimate ignores the scene that crossed the pixel between two frames and so underestimates its error in
+// fast motion: where motion explains the change, that bounds the error from below.
 float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const auto of_left = static_cast<float>(inertia.noise());
   const auto of_change = static_cast<float>(inertia.change_noise());
@@ -45,13 +45,13 @@ float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const float explained = std::clamp(1.0F + kMargin - e.left / of_left, 0.0F, 1.0F);
   const float unaware = std::clamp((e.speed - kAware) / (kUnaware - kAware), 0.0F, 1.0F);
   const float shown = std::min(e.per_pixel, kOfChange * std::max(e.change - kMargin * of_change, 0.0F));
-  const float told = std::max(e.other, explained * unaware * shown);
-  const float other = std::log(told + kLeastError);
+  const float other_error = std::max(e.other, explained * unaware * shown);
+  const float other = std::log(other_error + kLeastError);
   const float slow = std::max(1.0F - e.speed / kNearRest, 0.0F);
   const std::array<float, kTerms> terms = {1.0F,
                                            mine,
                                            other,
-                                           std::max(std::log(kQuiet / (told + 1e-3F)), 0.0F),
+                                           std::max(std::log(kQuiet / (other_error + 1e-3F)), 0.0F),
                                            std::log(left),
                                            std::log(change + 0.12F * of_change),
                                            std::log(1.0F + relative * relative),

@@ -1,19 +1,19 @@
-// Which of a block's two estimates is likely to be the better one: the one along the motion, or the per-pixel one.
+// Odds that the per-pixel estimate of a block is better than the one along the motion.
 #pragma once
 
 #include "src/motion/innovation.hpp"
 
 namespace bolo::motion {
 
-inline constexpr float kMargin = 1.25F;  // of what noise alone makes of a mean square
+inline constexpr float kMargin = 1.25F;  // of a mean square due to noise alone
 
 // Evidence about a block's two estimates; errors and energies in units of the noise's variance.
 struct Evidence {
   float mine;       // mean square error that the estimate along the motion should have
-  float other;      // and the per-pixel one, as it says itself
-  float per_pixel;  // what any per-pixel one leaves besides noise if the scene moves as is said, as far as that fits
+  float other;      // and the per-pixel one, by its own estimate
+  float per_pixel;  // error beyond noise of any per-pixel estimate if the motion is right, as far as that fits
                     // the past
-  float left;       // energy of what the estimate leaves of the innovation
+  float left;       // energy of the innovation's residual after the estimate
   float change;     // of innovation less frame
   float speed;      // px a frame
   bool seen;        // before this frame

@@ -10,7 +10,7 @@
 
 namespace bolo::motion {
 
-inline constexpr int kBlock = kMotionBlock;  // pixels a side of what has one motion
+inline constexpr int kBlock = kMotionBlock;  // pixels a side of a block with one motion
 inline constexpr int kRim = 16;  // at least two blocks: a displaced block of 12 x 12 never leaves it (block-inl.hpp)
 
 constexpr int blocks_over(int pixels) { return motion_blocks(pixels); }
@@ -45,7 +45,7 @@ class PaddedPlane {
   // its first and last. Thread: worker.
   void extend(int begin, int end) noexcept;
   void extend() noexcept { extend(0, geometry_.height); }
-  // Mirrors what is inside about the border's value, so that gradients go on; first the rows' sides, then, from whole
+  // Reflects the inside about the border's value, so that gradients continue; first the rows' sides, then, from whole
   // rows, above and below. Thread: worker.
   void mirror_sides(int begin, int end) noexcept { extend_sides(begin, end, 1.0F); }
   void mirror_ends() noexcept;

@@ -7,31 +7,31 @@
 namespace bolo::motion {
 namespace {
 
-constexpr double kExtrapolated = 0.8;  // of what the last two displacements say of the next
-constexpr double kOfThePast = 0.25;    // the past's mean has its share in the weights' velocity
+constexpr double kExtrapolated = 0.8;  // of the change between the last two displacements
+constexpr double kOfThePast = 0.25;    // share of the past's mean in the weights' velocity
 constexpr double kAbrupt = 0.04;     // of the speed: half a frame before its time a stop changes a displacement by 13 %
 constexpr double kSlowPan = 1.5;     // px a frame: below it a stop does no harm
-constexpr double kUnnoticed = 0.02;  // px a frame: what estimates differ by
-constexpr double kByChance = 8.0;    // what a second difference may be by noise, in the displacement's uncertainty
-// Of the speed: what second differences were before is taken for a hand's, or for noise that the uncertainty does not
-// cover. More would let noise of .8 K pass for motion (MotionSafety), less costs hands in .5 K of noise 3 %.
+constexpr double kUnnoticed = 0.02;  // px a frame: resolution of estimates
+constexpr double kByChance = 8.0;    // bound of a second difference due to noise, in the displacement's uncertainty
+// Of the speed: past second differences up to it count as a hand's motion, or as noise beyond the uncertainty. More
+// would let noise of .8 K pass for motion (MotionSafety), less costs hands in .5 K of noise 3 %.
 constexpr double kMostUsual = 0.25;
-// px of a frame as long as tau: hands go to and fro by up to 3.6 (0.7 px at 200 Hz, 8 at 60). What repeats is matched
-// now here, now there.
+// px of a frame as long as tau: hands go to and fro by up to 3.6 (0.7 px at 200 Hz, 8 at 60). A repetitive scene is
+// matched at changing places.
 constexpr double kHop = 4.0;
-// With a bend that is told only the error of straight trails remains, and it drowns in noise.
-constexpr double kTold = 6.0;         // times kByChance
-constexpr double kUnexplained = 0.5;  // of the squared changes, that a gyro may leave, and what noise makes of them
+// With a gyro only the error of straight trails remains, which is below the noise.
+constexpr double kWithGyro = 6.0;     // times kByChance
+constexpr double kUnexplained = 0.5;  // of the squared changes, that a gyro may leave, beside noise
 constexpr double kGyroNoise = 0.02;   // px a frame
 constexpr double kRest = 0.1;         // px a frame
 
 using Spans = std::array<Affine, kHistory - 1>;  // u_i, the newest first
 
-Spans spans_of(const Inertia& inertia, const Displacements& d, const Displacements& told) noexcept {
+Spans spans_of(const Inertia& inertia, const Displacements& d, const Displacements& gyro) noexcept {
   Spans u;
   for (std::size_t i = 0; i < u.size(); ++i) {
     const Affine change = i == 0 ? (d[0] + d[1] * -1.0) * kExtrapolated : d[i - 1] + d[i] * -1.0;
-    u[i] = told[i] + d[i] + change * inertia.age();
+    u[i] = gyro[i] + d[i] + change * inertia.age();
   }
   return u;
 }
@@ -64,7 +64,7 @@ double roughness(const Displacements& d, std::size_t axis) noexcept {
 }
 
 // The velocity that blurred the frame at the end of span `first`: earlier spans count for less by rho each. Before the
-// history everything is taken to have gone on as in its last spans.
+// history the motion of its last spans is assumed.
 Affine blurring(const Inertia& inertia, const Spans& u, std::size_t first) noexcept {
   Affine sum;
   double weight = 1.0;
@@ -82,7 +82,7 @@ float jerk(const Displacements& d, std::size_t i) noexcept {
   return std::hypot(j.x, j.y);
 }
 
-// The largest change of the picture's middle that the next one takes back, px a frame.
+// The largest change of the picture's centre that the next one reverses, px a frame.
 double hop(const Displacements& d) noexcept {
   double most = 0.0;
   for (std::size_t i = 0; i + 2 < d.size(); ++i) {
@@ -99,14 +99,14 @@ double steadiness(const Inertia& inertia, const Displacements& d, double uncerta
   const Vec2 last = d[1].at(0.0, 0.0);
   const double speed = std::max<double>(std::hypot(last.x, last.y), kSlowPan);
   const double chance = kByChance * uncertainty;
-  const double before = std::max({jerk(d, 3), jerk(d, 4), jerk(d, 5)});  // not touched by what was abrupt just now
+  const double before = std::max({jerk(d, 3), jerk(d, 4), jerk(d, 5)});  // unaffected by the newest changes
   const double usual = std::clamp(before, chance, std::max(chance, kMostUsual * speed));
   const double relative = std::max(jerk(d, 0) - kUnnoticed - usual, 0.0) / (kAbrupt * speed + chance);
   const double hops = std::max(hop(d) - chance, 0.0) * inertia.tau * inertia.tau / kHop;
   return 1.0 / (1.0 + std::pow(relative, 4.0) + std::pow(hops, 4.0));
 }
 
-// James and Stein's estimator: towards the mean by the share of the scatter that chance explains.
+// James-Stein estimator: towards the mean by noise's share of the scatter.
 void smooth(Displacements& left, double uncertainty) noexcept {
   const Affine mean = mean_of(left);
   double scatter = 0.0;
@@ -122,7 +122,7 @@ bool rests(const Affine& u) noexcept {
 
 }  // namespace
 
-bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
+bool gyro_agrees(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
   const double chance = kHistory * (9.0 * uncertainty * uncertainty + 3.0 * kGyroNoise * kGyroNoise);
   return std::ranges::all_of(std::array<std::size_t, 2>{0, 1}, [&](std::size_t axis) {
     return roughness(left, axis) <= kUnexplained * roughness(displacements, axis) + chance;
@@ -130,11 +130,11 @@ bool bears_out(const Displacements& displacements, const Displacements& left, do
 }
 
 Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty,
-             const Told* told) noexcept {
-  static constexpr Told kNothing;
-  const Told& known = told != nullptr ? *told : kNothing;
+             const GyroMotions* gyro) noexcept {
+  static constexpr GyroMotions kNothing;
+  const GyroMotions& known = gyro != nullptr ? *gyro : kNothing;
   Displacements d = left;
-  if (told != nullptr) smooth(d, uncertainty);
+  if (gyro != nullptr) smooth(d, uncertainty);
   const Spans u = spans_of(inertia, d, known.spans);
   const std::size_t now = ahead ? 1 : 0;  // the span that ends at the estimated frame
   const Affine v0 = blurring(inertia, u, now);
@@ -148,10 +148,10 @@ Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, doub
   path.next = u[0];
   path.displacement = d[now] + known.displacements[now];
   path.steady = std::min({steadiness(inertia, left, uncertainty),
-                          steadiness(inertia, d + known.displacements, kTold * uncertainty),
-                          steadiness(inertia, d + known.spans, kTold * uncertainty)});
+                          steadiness(inertia, d + known.displacements, kWithGyro * uncertainty),
+                          steadiness(inertia, d + known.spans, kWithGyro * uncertainty)});
   const Affine mean = mean_of(left);
-  for (std::size_t i = now; told != nullptr && i < u.size() && rests(mean + told->spans[i]); ++i) ++path.rests;
+  for (std::size_t i = now; gyro != nullptr && i < u.size() && rests(mean + gyro->spans[i]); ++i) ++path.rests;
   Affine moved;
   Affine before;
   for (std::size_t j = 0; j < path.past.size(); ++j) {

@@ -1,8 +1,8 @@
 // Motion of the scene over the frames that blur a picture, and between them.
 //
-// Innovations are centred `age` before their frames, so that their displacements d_k are those of an earlier time; what
-// the scene did over [t_{k-i-1}, t_{k-i}] is u_i = d_{k-i} + age (d_{k-i+1} - d_{k-i}), and, where the next
-// displacement is not known yet, extrapolated from the last two.
+// Innovations are centred `age` before their frames, so that their displacements d_k belong to an earlier time; the
+// displacement over [t_{k-i-1}, t_{k-i}] is u_i = d_{k-i} + age (d_{k-i+1} - d_{k-i}), and, where the next displacement
+// is not known yet, extrapolated from the last two.
 #pragma once
 
 #include <array>
@@ -21,30 +21,30 @@ struct Path {
   Affine velocity;                           // that its weights are for: mostly the one that blurred the frame
   std::array<Affine, kPast> past{};          // moves the frames 1, 2, 3 ... before onto it
   Affine ahead;                              // moves the frame after onto it
-  // Evidence in the last displacements that the motion goes on as it was, 1 to 0: a second difference that is much
-  // of the speed is a stop, a knock or a cut, of which the newest innovation has seen a part at most.
+  // Evidence in the last displacements that the motion continues, 1 to 0: a second difference that is large against the
+  // speed is a stop, a knock or a cut, of which the newest innovation has seen a part at most.
   double steady = 1.0;
   Affine displacement;  // of the estimated frame
-  int rests = 0;        // frames up to the estimated one during which the camera is told to have rested
+  int rests = 0;        // frames up to the estimated one during which the camera rests, by the gyro
 };
 
 using Displacements = std::array<Affine, kHistory>;  // the newest first
 
 // A gyro's d_k, d_{k-1} ... and u_0, u_1 ...
-struct Told {
+struct GyroMotions {
   Displacements displacements{};
   Displacements spans{};
 };
 
-// True if what the gyro leaves of the displacements changes by chance alone, or less than half as much (squared) from
-// one to the next as they do themselves: what it does not see (a bias, the camera's way) does no harm, and where it
-// does not know how the motion changes it is of no use. Thread: any.
-bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept;
+// True if the gyro's residuals `left` change from one to the next by no more than noise, or by less than half (squared)
+// of what the displacements do: constant residuals (a bias, the camera's translation) do no harm, but a gyro that
+// misses the changes is of no use. Thread: any.
+bool gyro_agrees(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept;
 
-// `left`: displacements of the newest frame, the one before it and so on, less what is `told` of them (null: nothing);
-// with `ahead` the first belongs to the frame after the estimated one. `uncertainty`: GlobalMotion::uncertainty() of
-// the newest. Thread: any.
+// `left`: displacements of the newest frame, the one before it and so on, less the gyro's (null: none); with `ahead`
+// the first belongs to the frame after the estimated one. `uncertainty`: GlobalMotion::uncertainty() of the newest.
+// Thread: any.
 Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty = 0.0,
-             const Told* told = nullptr) noexcept;
+             const GyroMotions* gyro = nullptr) noexcept;
 
 }  // namespace bolo::motion

@@ -8,7 +8,7 @@
 namespace bolo::motion {
 namespace {
 
-// Times at which the scene is looked at, the same for all frames: what two of them saw at a time, they saw alike.
+// Quadrature nodes in time, the same for all frames, so that the scene that two of them saw at one time is one value.
 struct Stretch {
   double until;  // periods ago
   int slow;      // steps a period
@@ -18,7 +18,7 @@ constexpr std::array kStretches = {Stretch{5.0, 4, 6}, Stretch{9.0, 2, 3}, Stret
 constexpr double kFastPath = 5.0;     // px a frame
 constexpr double kStraight = 0.03;    // of the speed, that no span differs by
 constexpr double kUnseenBend = 0.02;  // px a frame
-constexpr double kFlat = 1e-4;        // of the variance: less is what floats make of nothing
+constexpr double kFlat = 1e-4;        // of the variance: less is rounding error of floats
 
 enum Part : std::size_t { kNow, kMean, kOneBefore, kTwoBefore, kAfter };
 constexpr std::array kFirstRow = {0, FilterWeights::kMean, FilterWeights::kBefore, FilterWeights::kBefore + 1,
@@ -27,7 +27,7 @@ constexpr bool has_taps(std::size_t trail) { return trail != kOneBefore && trail
 
 Vec2 middle(const Affine& a) { return a.at(0.0, 0.0); }
 
-// How far the scene came from `age` periods before the estimated frame until then.
+// Displacement of the scene from `age` periods before the estimated frame until it.
 Vec2 way(const Path& path, double age) {
   if (age < 0.0) return middle(path.next) * static_cast<float>(age);
   Vec2 sum;
@@ -170,8 +170,8 @@ void PathWeights::follow(const Kernels& kernels, const Path& path, Crew& crew) n
   set_noise(path);
 }
 
-// What contrast says of the scene's variance, and how much of the frame the past's mean leaves, with the least
-// uncertainty that there are weights for.
+// Derives from contrasts the scene's variance and the past's mean's difference from the frame, for the least
+// uncertainty that has weights.
 void PathWeights::set_contrast(const Kernels& kernels, const SceneTrail& now, Vec2 e) noexcept {
   const Matrix& scene = covariances_[0].scene;
   const double variance = scene(kReach, kReach);

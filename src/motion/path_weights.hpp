@@ -1,5 +1,5 @@
-// Weights of the estimate for the path that the frames really took, where WeightTable's are for straight ones: the same
-// model of scene, noise and uncertainty, evaluated anew for each frame, at the picture's middle.
+// Weights of the estimate for the frames' actual path, where WeightTable's are for straight ones: the same model of
+// scene, noise and uncertainty, evaluated anew for each frame, at the picture's centre.
 #pragma once
 
 #include <array>
@@ -15,26 +15,26 @@ namespace bolo::motion {
 
 class PathWeights {
  public:
-  // Of the table's uncertainties, the smallest: where the motion is less sure it does not matter how it bends.
+  // Of the table's uncertainties, the smallest: under larger ones a bend does not matter.
   static constexpr int kLevels = 3;
-  // Of paths that are faster, px a frame, the steps of time are too coarse.
+  // For faster paths, px a frame, the steps of time are too coarse.
   static constexpr float kFastest = 25.0F;
 
   // `ahead`: 1 when the frame after the estimated one is known too. Thread: setup.
   PathWeights(const Inertia& inertia, int ahead);
 
-  // Covariances of what the frames show along the path. No allocation. Thread: pipeline.
+  // Covariances of the frames' values along the path. No allocation. Thread: pipeline.
   void follow(const Kernels& kernels, const Path& path, Crew& crew) noexcept;
 
   // False when the last path is as good as straight: then there are no weights. Thread: pipeline.
   bool bent() const noexcept { return bent_; }
-  // From one of the values that get weights to the next: a whole pixel along an axis. Thread: any.
+  // Distance between values with weights: a whole pixel along an axis. Thread: any.
   Vec2 step() const noexcept { return step_; }
   // Half the mean square difference over two pixels along the path, over the one at lag_of(its speed). Thread: any.
   float lag_factor() const noexcept { return lag_factor_; }
 
-  // Mean square difference of the frame and the past's mean, moved onto it, that the path and its least uncertainty
-  // make, over half the mean square difference over two pixels. Thread: any.
+  // Mean square difference of the frame and the past's mean, moved onto it, due to the path and its least uncertainty,
+  // over half the mean square difference over two pixels. Thread: any.
   float change() const noexcept { return change_; }
 
   // Makes the weights of the wanted cells (WeightTable::kKinds of them). No allocation. Thread: pipeline.

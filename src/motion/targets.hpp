@@ -9,7 +9,7 @@
 
 namespace bolo::motion {
 
-// What table() gives with dispatch set to each of the sets in `built` (HWY_TARGETS of the caller), best first;
+// Results of table() with dispatch set to each of the targets in `built` (HWY_TARGETS of the caller), best first;
 // afterwards the best is chosen again. Lower bits are better. Thread: setup, one at a time.
 template <typename GetTable>
 auto tables_of_targets(std::int64_t built, const GetTable& table) {

@@ -25,13 +25,13 @@ constexpr std::array kUncertain = {0.004, 0.02, 0.07, 0.25, 1.0};  // of the spe
 constexpr int kNodes = 48;                                         // of ages
 constexpr double kSmallestRatio = 1e-3;                            // of contrast across to noise
 constexpr double kRatioDecades = 0.15;                             // a step
-constexpr float kLeastLess = 0.01F;     // of the mean square error, that the far past must take off to be used
-constexpr float kWorthwhile = 0.1F;     // more than that: it is used in full
+constexpr float kLeastLess = 0.01F;     // of the mean square error: least gain for which the far past is used
+constexpr float kWorthwhile = 0.1F;     // gain beyond that for which it is used in full
 constexpr float kLeastAcross = 0.007F;  // noise variances
-constexpr float kSlanted = 0.7F;        // of the noise, that values between pixels have less on the diagonal
+constexpr float kSlanted = 0.7F;        // of the noise, by which values between pixels have less on the diagonal
 constexpr float kLargestIndex = 1e-4F;  // below the last, so that there is one above
 
-// Gauss-Hermite nodes of the standard normal: 5 along the motion, 3 across, of which two see the same.
+// Gauss-Hermite nodes of the standard normal: 5 along the motion, 3 across, of which two are equivalent.
 struct Node {
   double at;
   double weight;
@@ -283,7 +283,7 @@ void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
   }
 }
 
-// What a pixel's own newest values leave.
+// Error beyond noise of an estimate from a pixel's own newest values.
 template <typename Covariances>
 void WeightTable::fill_per_pixel(std::size_t speed, std::size_t uncertainty, Covariances& covariances, double unit) {
   const int n = 3 + ahead_;

@@ -1,5 +1,5 @@
-// The table of weights of the estimate: what to make of a pixel from its frame, from the past along the motion and from
-// its own past, for how fast the scene moves, how much it has to show and how surely the motion is known.
+// Table of the estimate's weights for the frame, the past along the motion and the pixel's own past, by the scene's
+// speed and contrast and the uncertainty of the motion.
 //
 // They are linear minimum-mean-square weights with unit sum. The model, in pixels and frame periods: the scene has the
 // autocovariance c(R) = var (exp(-R / 5) + exp(-R / 30)) / 2, R = sqrt(r^2 + 0.6^2) - 0.6. Pixel p of frame k shows
@@ -7,7 +7,7 @@
 // plus white noise of variance 1 and a fixed pattern of 1/2. The velocity is uncertain along and across: covariances
 // are means over it, both with the same nodes, or they would not be covariances.
 //
-// What they leave of the noise is white across the motion, where the scene is not: a second filter takes it out.
+// The noise that they leave is white across the motion, where the scene is not: a second filter takes it out.
 #pragma once
 
 #include <array>
@@ -53,12 +53,12 @@ class WeightTable {
   // For a speed (px a frame), half the mean square difference of the near past's mean over lag_of(speed), less its
   // noise, in units of the noise's variance, and the speed's standard deviation over the speed. Thread: any.
   Place place_of(float speed, float structure, float uncertainty) const noexcept;
-  // How much of the far past is of use, 0 to 1: more frames take out more noise, and show less sharply what there is to
-  // see. `beside`: mean square error that no weights take out, noise variances. Thread: any.
+  // Weight of the far past, 0 to 1: more frames average out more noise, but blur the scene. `beside`: mean square error
+  // that no weights take out, noise variances. Thread: any.
   float far_gain(const Place& place, float beside) const noexcept;
   // Mean square error that the weights for the near past should have, noise variances. Thread: any.
   float near_error(const Place& place, const PathWeights* path = nullptr, float bent = 0.0F) const noexcept;
-  // Of an estimate from a pixel's own newest values, what is not noise. Thread: any.
+  // Error beyond noise of an estimate from a pixel's own newest values. Thread: any.
   float per_pixel_error(const Place& place) const noexcept;
   // Weights for a past's mean of kNear frames (`far` 0), of kPast (1), or between; `bent`: the part of the near past's
   // that is the path's. Thread: any.

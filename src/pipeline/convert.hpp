@@ -1,4 +1,4 @@
-// Raw planes as they are published before a window is full, and what is seen in them on the way.
+// Raw planes converted for publication before a window is full, and the detection of saturated values.
 #pragma once
 
 #include <cstdint>

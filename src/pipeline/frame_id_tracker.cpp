@@ -14,8 +14,8 @@ constexpr std::uint32_t kWindowMask = (1U << FrameIdTracker::kReorderFrames) - 1
 
 // Aravis itself drops frames up to 100 behind the newest; what is further back is a counter that began again.
 constexpr std::int64_t kResetBehind = 64;
-// A jump ahead of up to this many frames is believed without asking the clock.
-constexpr double kBelievedFrames = 200;
+// A jump ahead of up to this many frames is accepted without checking the clock.
+constexpr double kTrustedFrames = 200;
 // Beyond that, no more frames can be lost than fit into the time that has passed, with this margin.
 constexpr double kTimeMargin = 2.0;
 
@@ -143,7 +143,7 @@ std::int64_t FrameIdTracker::steps_from_highest(std::uint64_t raw_id) const noex
 bool FrameIdTracker::is_reset(std::int64_t steps, std::int64_t arrival_ns) const noexcept {
   if (steps <= -kResetBehind) return true;
   const double elapsed_frames = static_cast<double>(arrival_ns - highest_ns_) / period_ns_;
-  return static_cast<double>(steps) > kBelievedFrames + kTimeMargin * elapsed_frames;
+  return static_cast<double>(steps) > kTrustedFrames + kTimeMargin * elapsed_frames;
 }
 
 Arrivals::Arrivals(FrameInlet& inlet, SourceStatus& status) noexcept

@@ -38,11 +38,11 @@ class FrameIdTracker {
   void broken(std::uint64_t raw_id, LossCause cause, std::int64_t arrival_ns) noexcept;
 
   // As broken(kIncomplete), of a frame whose first packet, and with it the counter, was lost. It takes the place of one
-  // of the frames that the next known counter shows to be missing, and is counted then. Where none is missing it was no
-  // frame of the camera's: the transport library takes any bytes on the stream's port for the rest of one.
+  // of the frames that the next known counter shows to be missing, and is counted then. If none is missing it was no
+  // frame of the camera: the transport library takes any bytes on the stream's port for part of one.
   void broken_without_id() noexcept;
 
-  // The stream was opened anew: the counter says nothing about the frames before. The next frame's id follows the last.
+  // The stream was reopened, perhaps with a reset counter: the next frame's id follows the last.
   void restart() noexcept { reset_next_ = true; }
 
   // The stream has ended: frames that are still not there are missing.
@@ -88,7 +88,7 @@ class FrameIdTracker {
   std::array<std::uint64_t, kLossCauses> counted_{};
 };
 
-// --- Numbers, losses and times of the frames that a camera sends: what every source of live frames keeps of them.
+// --- Numbers, losses and times of a camera's frames, for every live source.
 
 // Outlives a source's connections. Thread: acquire, or setup while no connection delivers. No allocation.
 class Arrivals {

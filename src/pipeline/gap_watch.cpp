@@ -23,9 +23,9 @@ constexpr std::size_t kEnough = 3;
 constexpr double kCalm = 0.5;  // px a frame: beyond it the scene's own changes pass for noise
 constexpr int kLowestPriority = 19;
 
-// As factors, of the time constant and of the noise: further off is told, and ceases within the other.
-constexpr std::array kTold{1.1, 1.5};
-constexpr std::array kCeases{1.05, 1.3};
+// Factors, of the time constant and of the noise, beyond which a difference is reported, and within which it ends.
+constexpr std::array kReported{1.1, 1.5};
+constexpr std::array kResolved{1.05, 1.3};
 
 bool off(double ratio, double factor) { return ratio > 0.0 && (ratio > factor || ratio < 1.0 / factor); }
 
@@ -46,22 +46,22 @@ std::optional<Notice> GapTrend::add(const deblur::GapFigures& figures) {
   ratio_.add(figures.ratio);
   tau_.add(figures.tau_ratio);
   if (figures.speed < kCalm && noise_k_ > 0.0) noise_.add(figures.noise_k / noise_k_);
-  const auto& limits = grown_ ? kCeases : kTold;
+  const auto& limits = grown_ ? kResolved : kReported;
   const bool tau_off = off(tau_ratio(), limits[0]);
   const bool noise_off = off(noise_ratio(), limits[1]);
   if ((tau_off || noise_off) == grown_) return std::nullopt;
   grown_ = !grown_;
   if (!grown_) return Notice{false, "the camera does what its profile says again", event::kGapGrew};
-  const auto told = [](const char* format, double is, double said) {
+  const auto difference = [](const char* format, double measured, double expected) {
     std::array<char, 80> text{};
-    std::snprintf(text.data(), text.size(), format, is, said);
+    std::snprintf(text.data(), text.size(), format, measured, expected);
     return std::string(text.data());
   };
-  std::string words = "the camera is not what its profile says:";
-  if (tau_off) words += told(" time constant %.3g ms instead of %.3g", 1e3 * tau_s_ * tau_ratio(), 1e3 * tau_s_);
-  if (tau_off && noise_off) words += ",";
-  if (noise_off) words += told(" noise %.3g instead of %.3g", noise_k_ * noise_ratio(), noise_k_);
-  return Notice{true, words + "; was it changed, or has it aged?", event::kGapGrew};
+  std::string text = "the camera is not what its profile says:";
+  if (tau_off) text += difference(" time constant %.3g ms instead of %.3g", 1e3 * tau_s_ * tau_ratio(), 1e3 * tau_s_);
+  if (tau_off && noise_off) text += ",";
+  if (noise_off) text += difference(" noise %.3g instead of %.3g", noise_k_ * noise_ratio(), noise_k_);
+  return Notice{true, text + "; was it changed, or has it aged?", event::kGapGrew};
 }
 
 GapWatch::GapWatch(const StreamFormat& format, double tau_s, double noise_k, double interval_s, PipelineStats& stats)
@@ -107,11 +107,11 @@ void GapWatch::run() {
       turn_.store(kPipeline, std::memory_order_release);
     }
     turn_.wait(kPipeline, std::memory_order_acquire);
-    if (taken_ == deblur::GapMeter::kFrames) look();
+    if (taken_ == deblur::GapMeter::kFrames) evaluate();
   }
 }
 
-void GapWatch::look() {
+void GapWatch::evaluate() {
   std::array<const void*, deblur::GapMeter::kFrames> planes{};
   for (std::size_t i = 0; i < planes.size(); ++i) planes[i] = burst_.data() + i * plane_bytes_;
   const double period_s =

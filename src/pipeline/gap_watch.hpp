@@ -1,4 +1,4 @@
-// Watches on the stream itself whether the pixels still do what the profile says (gap_meter.hpp).
+// Checks on the live stream that the pixels still match the camera's profile (gap_meter.hpp).
 #pragma once
 
 #include <atomic>
@@ -18,14 +18,14 @@
 
 namespace bolo::pipeline {
 
-// Medians of the last five bursts that told, once three did. Thread: one at a time.
+// Medians of the last five bursts with a result, once there are three. Thread: one at a time.
 class GapTrend {
  public:
   // The profile's time constant and noise (K, or counts).
   GapTrend(double tau_s, double noise_k) : tau_s_(tau_s), noise_k_(noise_k) {}
 
-  // A notice when it begins or ceases to differ from the profile for good: the time constant by 10 % (again within 5),
-  // the noise, which only still pictures tell, by half (again within 30 %).
+  // A notice when the camera begins or ceases to differ from its profile for good: the time constant by 10 % (again
+  // within 5), the noise, measured in still pictures only, by half (again within 30 %).
   std::optional<Notice> add(const deblur::GapFigures& figures);
 
   // 0: not known yet.
@@ -51,7 +51,7 @@ class GapTrend {
   bool grown_ = false;
 };
 
-// Takes a burst of consecutive frames once in a while, and looks at it on a thread of the lowest priority.
+// Takes a burst of consecutive frames periodically, and evaluates it on a thread of the lowest priority.
 class GapWatch {
  public:
   // Planes of `format`. `interval_s`: from one burst's end to the next's begin. Results go to the stats' gauges.
@@ -61,7 +61,7 @@ class GapWatch {
   GapWatch(const GapWatch&) = delete;
   GapWatch& operator=(const GapWatch&) = delete;
 
-  // Copies the frame, while a burst is wanted; one with a hole, a NUC or a new window in it begins anew. Thread:
+  // Copies the frame while a burst is being taken; a gap, a NUC or a restart of the window begins it anew. Thread:
   // pipeline.
   void offer(const FrameMeta& meta, const void* plane, bool restart) noexcept;
 
@@ -70,7 +70,7 @@ class GapWatch {
 
  private:
   void run();
-  void look();
+  void evaluate();
 
   const std::size_t plane_bytes_;
   PipelineStats& stats_;

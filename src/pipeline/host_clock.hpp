@@ -10,13 +10,13 @@
 
 namespace bolo::pipeline {
 
-// A frame arrives late by the way from camera to host: at least its shortest, more when something was busy. Arrival
-// minus camera time, over camera time, therefore lies above a line whose slope is the drift of the clocks. The line is
-// the edge of the points' lower convex hull that lies over their mean time: of all lines below the points the one that
-// is closest to them (Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements",
-// INFOCOM 1999). The points are the fastest frames of each half second of the last ten. What is left of the error is
-// the shortest way itself, which cannot be told from an offset of the clocks. Thread: acquire, or setup while no
-// connection delivers. No allocation.
+// A frame arrives late by the transport delay: at least its minimum, more when something was busy. Arrival minus camera
+// time, over camera time, therefore lies above a line whose slope is the drift of the clocks. The line is the edge of
+// the points' lower convex hull that lies over their mean time: of all lines below the points the one that is closest
+// to them (Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM
+// 1999). The points are the fastest frames of each half second of the last ten. The remaining error is the minimum
+// delay, which looks the same as an offset of the clocks. Thread: acquire, or setup while no connection delivers. No
+// allocation.
 class HostClock {
  public:
   // period_s: the frame period, for telling a jump of the clock from frames that were lost.
@@ -77,10 +77,10 @@ class HostClock {
   std::size_t count_ = 0;
 };
 
-// Measures the frame period by the camera's own clock, whatever its settings say.
+// Measures the frame period by the camera's own clock, independently of its settings.
 //
-// The median of 32 steps of the clock, each over the frames that the counter says it took: pauses and lost frames do
-// not move it. Thread: acquire. No allocation.
+// The median of 32 steps of the clock, each over the counter's number of frames: pauses and lost frames do not move it.
+// Thread: acquire. No allocation.
 class PeriodMeter {
  public:
   // Another connection's frames follow, or the clock jumped.

@@ -19,7 +19,7 @@ namespace {
 // the next check: after twice the time at most.
 constexpr std::int64_t kPollNs = 100'000'000;
 
-constexpr double kGyroFrames = 400;  // after which is looked what became of the gyro
+constexpr double kGyroFrames = 400;  // after which the use of the gyro is checked
 
 constexpr int kMaxWorkers = 64;
 constexpr int kMaxQueueFrames = 4096;
@@ -117,7 +117,7 @@ void Pipeline::Impl::work_alone() noexcept {
   for (int worker = 0; worker < team.size(); ++worker) work(worker);
 }
 
-void Pipeline::Impl::look_at_clock(std::int64_t now_ns) noexcept {
+void Pipeline::Impl::read_clock(std::int64_t now_ns) noexcept {
   if (utc.update(now_ns)) stats.clock_steps.add();
   stats.clock_synchronised.set(utc.state().synchronised ? 1 : 0);
   stats.clock_error_ns.set(utc.state().error_ns);
@@ -152,7 +152,7 @@ void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
   if ((published.meta.flags & kFlagGap) != 0) stats.gap_frames.add();
   stats.published.add();
   published.publish_ns = monotonic_ns();
-  look_at_clock(published.publish_ns);
+  read_clock(published.publish_ns);
   stamp_utc(published.meta);
   stats.latency.add(published.publish_ns - published.meta.receive_ns);
   stats.stages.deblur.add(published.publish_ns - work_began_ns);
@@ -239,11 +239,11 @@ bool Pipeline::Impl::process_next() noexcept {
 // One line when most frames begin to go without the gyro, and one when they no longer do.
 std::optional<Notice> Pipeline::Impl::gyro_notice() {
   std::array<std::uint64_t, kGyroUses> fresh{};
-  for (std::size_t i = 0; i < kGyroUses; ++i) fresh[i] = stats.gyro[i].value() - gyro_told[i];
+  for (std::size_t i = 0; i < kGyroUses; ++i) fresh[i] = stats.gyro[i].value() - gyro_reported[i];
   if (sum_of(fresh) < kGyroFrames) return std::nullopt;
-  for (std::size_t i = 0; i < kGyroUses; ++i) gyro_told[i] += fresh[i];
+  for (std::size_t i = 0; i < kGyroUses; ++i) gyro_reported[i] += fresh[i];
   const auto most = static_cast<GyroUse>(std::ranges::max_element(fresh) - fresh.begin());
-  if (most == std::exchange(gyro_said, most)) return std::nullopt;
+  if (most == std::exchange(last_gyro_use, most)) return std::nullopt;
   if (most == GyroUse::kUsed) return Notice{false, "the gyro tells the motion again", event::kGyro};
   return Notice{true,
                 most == GyroUse::kSilent
@@ -256,7 +256,7 @@ std::optional<Notice> Pipeline::Impl::gyro_notice() {
 void Pipeline::Impl::idle_sinks() noexcept {
   const std::int64_t now_ns = monotonic_ns();
   if (now_ns - last_sign_ns < kPollNs) return;
-  look_at_clock(now_ns);
+  read_clock(now_ns);
   for (FrameSink* sink : sinks) sink->idle(stats);
   last_sign_ns = now_ns;
 }
@@ -307,7 +307,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
 
   auto impl = std::make_unique<Impl>(std::move(source), std::move(info), std::move(timed), options);
   impl->warn(impl->team.status());
-  if (const std::string little = deblur::little_to_undo(impl->settings); !little.empty() && options.warn) {
+  if (const std::string little = deblur::weak_inertia_warning(impl->settings); !little.empty() && options.warn) {
     options.warn(little);
   }
   RETURN_IF_ERROR(impl->keep_up());
@@ -361,7 +361,7 @@ std::vector<Notice> Pipeline::take_notices() {
     std::ranges::move(sink->take_notices(), std::back_inserter(notices));
   }
   if (impl_->gap) std::ranges::move(impl_->gap->take_notices(), std::back_inserter(notices));
-  if (const std::uint64_t steps = impl_->stats.clock_steps.value(); steps != impl_->steps_told.exchange(steps)) {
+  if (const std::uint64_t steps = impl_->stats.clock_steps.value(); steps != impl_->steps_reported.exchange(steps)) {
     notices.push_back({true,
                        "somebody set the host's clock: UTC of the frames stepped with it, their other times did not",
                        event::kClockStep});

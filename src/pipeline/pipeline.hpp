@@ -22,8 +22,8 @@
 namespace bolo::pipeline {
 
 struct PipelineOptions {
-  // period_s is not looked at: the source's own frame period takes its place, for on any other grid a window would be
-  // full of gaps. lambda is in kelvin, or in counts for a source that has no kelvin.
+  // period_s is ignored: the source's own frame period replaces it, for on any other grid a window would be full of
+  // gaps. lambda is in kelvin, or in counts for a source that has no kelvin.
   deblur::Settings deblur;
   PixelType output = PixelType::kUint16;
   int workers = 2;        // the pipeline thread is one of them
@@ -31,25 +31,25 @@ struct PipelineOptions {
   // Spends less on frames while too many wait (pipeline/quality_level.hpp), each with its flag. Not for sources that
   // wait.
   bool degrade = false;
-  // The source does not wait: the solver is tried once at the start. Is it too slow for the frame rate, then with
-  // `degrade` no frame gets more than what keeps up, and without it is bad input.
+  // The source does not wait: the solver is tried once at the start. If it is too slow for the frame rate, `degrade`
+  // limits all frames to the first effort that keeps up; without it that is bad input.
   bool must_keep_up = false;
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
-  model::PixelMaps maps{};   // what is known of the source's single pixels; of its frame size
+  model::PixelMaps maps{};   // of the source's single pixels; of its frame size
   // The camera's other effects on its frames (src/corrections): undone before and after the solver. Sinks get
   // the raw frames as they came.
   model::Undo undo{};
-  double pixel_noise_k = 0.03;  // of one pixel, K (counts without kelvin): tells flicker and jumps from what moves
+  double pixel_noise_k = 0.03;  // of one pixel, K (counts without kelvin): separates flicker and jumps from motion
   double watch_gap_s = 0.0;     // how often the stream is compared with the profile (gap_watch.hpp); 0: never
   // Only these pixels are solved, with the whole frame's surroundings, bit for bit as within the whole frame. A region:
   // the deblurred plane is a whole one of which nothing else is written. Points (row-major indices, any order): the
   // deblurred "plane" has one value for each. Not both.
   std::optional<Region> region{};
   std::vector<std::uint32_t> points{};
-  // Set once nothing more is wanted: the run then ends at once, and gives up what waits and the frame in work. Null:
-  // never. Outlives the pipeline.
+  // Set to abort: the run ends at once and drops waiting frames and the frame in work. Null: never. Outlives the
+  // pipeline.
   const std::atomic<bool>* give_up = nullptr;
-  // Told, once each, what the system refused though work goes on: a priority, a place, a worker. May be empty.
+  // Called once for each thing that the system refused though work goes on: a priority, a CPU, a worker. May be empty.
   // Thread: setup, or pipeline before the first frame.
   std::function<void(const std::string&)> warn{};
 };
@@ -65,14 +65,13 @@ class Pipeline {
   Pipeline& operator=(const Pipeline&) = delete;
 
   // Runs until the source ends or stop_requested; then stops the source, publishes what had already come and closes the
-  // sinks. Once told to stop it ends within half a second, however long a frame takes: what is not solved by then is
-  // published as raw planes with `degrade`, and else not at all (with
-  // `must_keep_up` counted as pool_exhausted). The calling thread becomes
-  // the pipeline thread. Nothing is allocated after the first frame. Called once; Thread: setup.
+  // sinks. After a stop request it ends within half a second, however long a frame takes: frames not solved by then are
+  // published as raw planes with `degrade`, and else dropped (with `must_keep_up` counted as pool_exhausted). The
+  // calling thread becomes the pipeline thread. Nothing is allocated after the first frame. Called once; Thread: setup.
   Status run(const std::atomic<bool>& stop_requested);
 
-  // The source's period was measured to be another one: from the next frame on, in a new window. settings() go on to
-  // tell how it began. Errors: as create(); nothing changes then. Thread: any, one at a time.
+  // Sets a newly measured frame period: from the next frame on, in a new window. settings() keep the first one. Errors:
+  // as create(); nothing changes then. Thread: any, one at a time.
   Status set_period(double period_s);
 
   // Thread: any.
@@ -88,7 +87,7 @@ class Pipeline {
   const deblur::Settings& settings() const noexcept;
   // The instruction set of the solver. Thread: any.
   std::string_view isa() const noexcept;
-  // Method, iterations, lambda and instruction set in words, for people. Thread: any.
+  // Method, iterations, lambda and instruction set, as text. Thread: any.
   const std::string& solver_text() const noexcept;
 
  private:
@@ -98,11 +97,10 @@ class Pipeline {
   std::unique_ptr<Impl> impl_;
 };
 
-// --- From what is known of a camera to what the pipeline is asked to do.
+// --- Pipeline options from a camera's profile.
 
-// Sets the time constant, the maps and what else is undone. A read-out that averages over integration_s is taken for a
-// pixel that is slower by half of it: both delay what they see by the same time. `maps`: capture::read_profile_maps().
-// Thread: any.
+// Sets the time constant, the maps and the other corrections. A read-out that averages over integration_s is modelled
+// as a pixel slower by half of it: both delay their input equally. `maps`: capture::read_profile_maps(). Thread: any.
 void apply_profile(const model::CameraProfile& profile, model::PixelMaps maps, PipelineOptions& options);
 
 }  // namespace bolo::pipeline

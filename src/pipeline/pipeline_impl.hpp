@@ -116,7 +116,7 @@ struct Pipeline::Impl {
   void prepare(const deblur::WindowView& view) noexcept;
   bool deblur(const deblur::Window::Ready& frame) noexcept;
   void publish(const deblur::Window::Ready& frame) noexcept;
-  void look_at_clock(std::int64_t now_ns) noexcept;
+  void read_clock(std::int64_t now_ns) noexcept;
   void stamp_utc(FrameMeta& meta) noexcept;
   void idle_sinks() noexcept;
   const void* corrected(const rt::FrameSlot& slot, bool restart_window) noexcept;
@@ -176,11 +176,11 @@ struct Pipeline::Impl {
     delete spending;
   }
 
-  std::optional<GapWatch> gap;                       // goes before what it writes to
-  UtcClock utc;                                      // of the pipeline thread
-  std::atomic<std::uint64_t> steps_told{0};          // of it, as notices
-  std::array<std::uint64_t, kGyroUses> gyro_told{};  // of stats, as notices
-  GyroUse gyro_said = GyroUse::kUsed;
+  std::optional<GapWatch> gap;                           // goes before what it writes to
+  UtcClock utc;                                          // of the pipeline thread
+  std::atomic<std::uint64_t> steps_reported{0};          // of it, as notices
+  std::array<std::uint64_t, kGyroUses> gyro_reported{};  // of stats, as notices
+  GyroUse last_gyro_use = GyroUse::kUsed;
   std::int64_t last_sign_ns = 0;   // when the sinks were last called
   std::int64_t work_began_ns = 0;  // on the frame that is published next: it was taken, or the last one was out
 };

@@ -9,8 +9,8 @@
 namespace bolo::pipeline {
 namespace {
 
-// Frames go on being solved for this long once the end was asked for. Rows and points solved between two reads of the
-// clock: enough to cost nothing, little enough for half a second even where a pixel takes 0.2 ms (exact).
+// Frames are still solved for this long after a stop request. Rows and points solved between two reads of the clock:
+// enough to cost nothing, little enough for half a second even where a pixel takes 0.2 ms (exact).
 constexpr std::int64_t kEndNs = 300'000'000;
 constexpr int kRowsAtOnce = 64;
 constexpr int kExactRowsAtOnce = 1;

@@ -20,15 +20,15 @@ inline constexpr std::size_t kQualityLevels = 4;
 // "full", "reduced", "inverse", "raw". Thread: any.
 std::string_view name(QualityLevel level);
 
-// The flag of a frame's meta that tells it (FrameFlag, shm_layout.h); 0 for kFull. Thread: any.
+// Its flag in a frame's meta (FrameFlag, shm_layout.h); 0 for kFull. Thread: any.
 constexpr std::uint32_t flag_of(QualityLevel level) noexcept {
   return level == QualityLevel::kFull ? 0U : 16U << static_cast<unsigned>(level);
 }
 
 // Decides before each frame, from how many wait behind it.
 //
-// Down the list: as soon as a share of the queue is filled, 1/8, 1/4 and 1/2 for the three. Whoever has to save half of
-// it has 32 frames left of the default 64, 160 ms at 200 Hz, before anything is lost.
+// Down the list: as soon as a share of the queue is filled, 1/8, 1/4 and 1/2 for the three. At a half 32 frames are
+// left of the default 64, 160 ms at 200 Hz, before anything is lost.
 // Up: one step at a time, when nothing has waited for a while. When a step turns out to be too much within kTrialNs, it
 // is tried again after twice the time, up to kLongestCalmNs: on a machine that is too slow for good, quality does not
 // swing with every frame.

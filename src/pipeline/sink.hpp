@@ -38,7 +38,7 @@ struct SinkFormat {
   int iterations_asked = 0;  // as the options had them; deblur.iterations are those in use
   std::string isa;           // instruction set of the kernels
   bool maps = false;         // pixels have parameters of their own
-  bool motion = false;       // frames may tell the scene's motion
+  bool motion = false;       // frames may carry the scene's motion
   bool undone = false;       // frames are changed before or after the solver (PipelineOptions::undo)
   double row_delay_s = 0.0;  // sensor row r is sampled r * row_delay_s after the frame's time
   // As in PipelineOptions: only these pixels of the deblurred planes are solved; with points the planes hold these
@@ -60,7 +60,7 @@ struct SinkNumber {
 };
 
 struct SinkStatistics {
-  std::string_view group;  // sinks of one kind, a list in JSON: "video"; empty: this one has nothing to tell
+  std::string_view group;  // sinks of one kind, a list in JSON: "video"; empty: no statistics
   std::string_view label;  // what `name` is: "device"
   std::string name;
   std::vector<SinkNumber> numbers;
@@ -98,7 +98,7 @@ class FrameSink {
 // The daemon that a sink belongs to.
 struct SinkContext {
   std::string name;            // the daemon's
-  std::string control_socket;  // where it hears commands; empty: nowhere
+  std::string control_socket;  // for commands; empty: none
   Geometry frame{};            // 0: not known yet
   deblur::Settings deblur{};
 };

@@ -1,4 +1,4 @@
-// The solver that the settings ask for, and the cheaper ones that stand in for it; the settings in words.
+// The solver that the settings ask for, and the cheaper ones that stand in for it; a description of the settings.
 #pragma once
 
 #include <array>
@@ -23,8 +23,8 @@ class SolverLadder {
   static Result<SolverLadder> create(const deblur::Settings& settings, const StreamFormat& input, PixelType output,
                                      double row_delay_s, bool degrade);
 
-  // Solves a frame of noise, or as much of it as 50 ms allow. Solvers that were not made are passed over. They have
-  // learned of noise that is none: frames take a ladder of their own. Thread: setup.
+  // Solves a frame of noise, or as much of it as 50 ms allow. Solvers that were not made are skipped. Their memory then
+  // is of invented noise: frames need a ladder of their own. Thread: setup.
   Pace measure(const deblur::Settings& settings, const StreamFormat& input, PixelType output, int workers);
 
   const deblur::Solver& full() const noexcept { return *solvers_.front(); }

@@ -24,11 +24,11 @@ namespace bolo::pipeline {
 // Relative: two periods that differ by less are the same to the sharp frames.
 inline constexpr double kSamePeriod = 0.005;
 
-// News of the frame period by the camera's clock, each once.
-class PeriodNews {
+// Reports each change of the frame period, measured by the camera's clock, once.
+class PeriodChange {
  public:
-  // s: the period until now, where the camera's clock says another one; else 0. `measured_s`: 0 while it is not known.
-  double until_now(double measured_s, double stated_s) noexcept {
+  // Returns the previous period, s, when the measured one differs from it, else 0. `measured_s`: 0 while unknown.
+  double update(double measured_s, double stated_s) noexcept {
     const double known_s = known_s_ > 0.0 ? known_s_ : stated_s;
     if (measured_s <= 0.0 || std::abs(measured_s / known_s - 1.0) < kSamePeriod) return 0.0;
     known_s_ = measured_s;
@@ -59,7 +59,7 @@ enum class LostCause : std::size_t {
 
 // Synchronisation of the camera's clock: PTP's port states, numbered as in IEEE 1588-2019, table 20.
 enum class PtpStatus : std::uint32_t {
-  kOff,  // or the camera does not say
+  kOff,  // or unknown
   kInitializing,
   kFaulty,
   kDisabled,

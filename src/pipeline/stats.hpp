@@ -50,12 +50,12 @@ struct PipelineStats {
   rt::Gauge<QualityLevel> effort;  // of the last one
   rt::Counter deblur_ns;           // time spent solving, summed over frames
   rt::Counter repeats;             // frames that repeated the one before and were dropped; among the missing, too
-  std::array<rt::Counter, kGyroUses> gyro;      // frames whose motion it was asked for, by what became of it
-  rt::Counter clock_steps;                      // somebody set the host's clock
-  rt::Gauge<std::uint64_t> clock_synchronised;  // 1: something disciplines it, as the kernel says
+  std::array<rt::Counter, kGyroUses> gyro;                         // frames whose motion was estimated, by its use
+  rt::Counter clock_steps;                                         // somebody set the host's clock
+  rt::Gauge<std::uint64_t> clock_synchronised;                     // 1: disciplined, according to the kernel
   rt::Gauge<std::int64_t> clock_error_ns{kUnboundedClockErrorNs};  // of its UTC, at most
   // Last results of a GapWatch; ratios are 0 until known.
-  rt::Counter gap_bursts;             // looked at
+  rt::Counter gap_bursts;             // evaluated
   rt::Gauge<double> gap_ratio;        // of the prediction's error to the noise
   rt::Gauge<double> gap_tau_ratio;    // of the pixels' time constant to the profile's
   rt::Gauge<double> gap_noise_ratio;  // of the noise to the profile's

@@ -68,11 +68,11 @@ struct PlaneSpan {
   double high = 1.0;
 };
 
-// As the plane says, else around its values without their outermost percent; with the diverging ramp around zero.
+// The plane's own span, else around its values without their outermost percent; with the diverging ramp around zero.
 PlaneSpan span_of(const Plane& plane);
 
-// The plane as a `data:` address of a PNG; pixels without a value are transparent. Empty when it has not as many values
-// as it says.
+// The plane as a `data:` address of a PNG; pixels without a value are transparent. Empty when the number of values does
+// not match its size.
 std::string picture_address(const Plane& plane);
 
 }  // namespace bolo::plot

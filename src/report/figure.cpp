@@ -111,7 +111,7 @@ double head_height(const Plot& plot) {
          (plot.caption.empty() ? 0.0 : 8.0);
 }
 
-// Title and caption stand above the plot: they say what to look for.
+// Title and caption stand above the plot.
 std::string head_of(const Plot& plot) {
   std::string out;
   double y = 15.0;

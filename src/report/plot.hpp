@@ -93,7 +93,7 @@ struct Series {
   std::vector<double> x{};
   std::vector<double> y{};
   std::vector<double> to{};           // of a band
-  std::vector<std::string> titles{};  // of each bar: said when the mouse rests on it
+  std::vector<std::string> titles{};  // of each bar: shown when the mouse rests on it
   bool dashed = false;                // lines
   double base = 0.0;                  // bars
   double width = 2.0;                 // lines, px

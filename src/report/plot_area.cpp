@@ -48,8 +48,8 @@ bool is_tight_in_x(const Plot& plot) {
          !std::ranges::all_of(plot.series, [](const Series& s) { return s.kind == Kind::kPoints; });
 }
 
-std::string text_at(const char* look, double x, double y, const std::string& words) {
-  return format("<text class=\"%s\" x=\"%.1f\" y=\"%.1f\">", look, x, y) + escaped(words) + "</text>";
+std::string text_at(const char* css_class, double x, double y, const std::string& words) {
+  return format("<text class=\"%s\" x=\"%.1f\" y=\"%.1f\">", css_class, x, y) + escaped(words) + "</text>";
 }
 
 // Moves values apart to at least `gap`, as little as may be, within 0 .. `most`.
@@ -221,7 +221,7 @@ std::string PlotArea::inside(const Placing& placing) const {
   return out;
 }
 
-std::string PlotArea::axis_words(const Margins& margins, const Placing& placing) const {
+std::string PlotArea::axis_text(const Margins& margins, const Placing& placing) const {
   std::string out;
   const double bottom = margins.top + placing.height;
   for (const Tick& tick : upright_ticks()) {
@@ -302,7 +302,7 @@ std::string PlotArea::drawing(const Margins& margins) const {
   return keys(margins) + ramp(margins, placed) +
          format("<svg x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\">", margins.left, margins.top, placed.width,
                 placed.height) +
-         grid(placed) + inside(placed) + "</svg>" + axis_words(margins, placed) + ends(margins, placed);
+         grid(placed) + inside(placed) + "</svg>" + axis_text(margins, placed) + ends(margins, placed);
 }
 
 }  // namespace bolo::plot

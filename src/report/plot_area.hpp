@@ -22,7 +22,7 @@ class PlotArea {
   explicit PlotArea(const Plot& plot);  // borrowed
 
   Margins needed() const;
-  // SVG of a drawing as wide as the plot says and as high as height() says, its area within these margins.
+  // SVG of a drawing of the plot's width and of height() with these margins, its area within them.
   std::string drawing(const Margins& margins) const;
   double height(const Margins& margins) const { return margins.top + plot_.height + margins.bottom; }
 
@@ -57,7 +57,7 @@ class PlotArea {
 
   std::string grid(const Placing& placing) const;
   std::string inside(const Placing& placing) const;
-  std::string axis_words(const Margins& margins, const Placing& placing) const;
+  std::string axis_text(const Margins& margins, const Placing& placing) const;
   std::string keys(const Margins& margins) const;
   std::string ramp(const Margins& margins, const Placing& placing) const;
   std::string ends(const Margins& margins, const Placing& placing) const;

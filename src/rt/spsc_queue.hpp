@@ -10,12 +10,11 @@
 //   P3 tail_.store(tail+1, seq_cst)           C3 head_.store(head+1, release)
 //
 // P2 happens before C2 of the same cell through P3 -> C1, and C2 happens before the P2 that reuses the cell through
-// C3 -> P1. No cell is touched by both sides at once, so plain values are enough. Each side keeps its last look at the
-// other's index and loads it again only when that look says full or empty: the cache line travels once a lap, not
-// once an item.
+// C3 -> P1. No cell is touched by both sides at once, so plain values are enough. Each side caches the other's index
+// and loads it again only when the cached one means full or empty: the cache line travels once a lap, not once an item.
 //
-// A consumer may sleep. It says so first and then looks once more; the producer first publishes and then asks whether
-// somebody sleeps (wake() does the same with woken_ in the place of tail_):
+// A consumer may sleep. It first announces that and then checks once more; the producer first publishes and then checks
+// for a sleeper (wake() does the same with woken_ in the place of tail_):
 //
 //   producer                                  consumer
 //   --------                                  --------
@@ -142,9 +141,9 @@ class SpscQueue {
   const std::uint64_t mask_;
   const std::unique_ptr<T[]> cells_;
   alignas(kCacheLine) std::atomic<std::uint64_t> tail_{0};  // written by the producer
-  std::uint64_t seen_head_ = 0;                             // the producer's last look at head_
+  std::uint64_t seen_head_ = 0;                             // head_ as the producer last loaded it
   alignas(kCacheLine) std::atomic<std::uint64_t> head_{0};  // written by the consumer
-  std::uint64_t seen_tail_ = 0;                             // the consumer's last look at tail_
+  std::uint64_t seen_tail_ = 0;                             // tail_ as the consumer last loaded it
   alignas(kCacheLine) std::atomic<bool> sleeping_{false};   // the consumer waits, or is about to
   std::atomic<bool> woken_{false};
   mutable sem_t bell_{};

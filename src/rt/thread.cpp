@@ -103,7 +103,7 @@ WorkerTeam::WorkerTeam(int workers, const ThreadOptions& options)
     }
   } catch (const std::system_error& e) {
     status_ = failed("worker thread " + std::to_string(threads_.size() + 1) + " of " + std::to_string(helpers) + ": " +
-                     words_of(e));
+                     describe_exception(e));
   }
   for (std::size_t i = 0; i < threads_.size(); ++i) wait(done_, 0);  // each has applied its options
   for (const Status& result : applied) {

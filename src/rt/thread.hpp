@@ -29,8 +29,8 @@ Status apply_to_this_thread(const ThreadOptions& options);
 
 class WorkerTeam {
  public:
-  // The caller of run() is worker 0; workers - 1 threads are started here, named options.name-1, -2 ... What the system
-  // refuses (a thread, a priority, a place) is told by status(); the team then works with what it got. Thread: setup.
+  // The caller of run() is worker 0; workers - 1 threads are started here, named options.name-1, -2 ... Refusals by the
+  // system (a thread, a priority, a CPU) are in status(); the team then works with what it got. Thread: setup.
   WorkerTeam(int workers, const ThreadOptions& options);
   ~WorkerTeam();
   WorkerTeam(const WorkerTeam&) = delete;

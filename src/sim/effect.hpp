@@ -24,7 +24,7 @@ struct Range {
   double high = 0.0;
 };
 
-// One number of an effect. A standard value of NaN is taken from the scene; `about` says how.
+// One number of an effect. A standard value of NaN is taken from the scene as described in `about`.
 struct Parameter {
   std::string_view key;
   std::string_view unit;  // "" for ratios
@@ -57,8 +57,8 @@ const std::vector<EffectDescription>& effect_descriptions();
 // nullptr when there is none of this name. Thread: any.
 const EffectDescription* find_effect(std::string_view name);
 
-// "NAME" or "NAME:key=value,...", where `form` is a key too. kBadInput says what is wrong in one line and names the
-// nearest name or key. Thread: any.
+// "NAME" or "NAME:key=value,...", where `form` is a key too. kBadInput has the fault in one line, with the nearest name
+// or key. Thread: any.
 Result<EffectSpec> parse_effect(std::string_view text);
 
 // Names known, forms and keys theirs, values within what is accepted, each name once. Thread: any.

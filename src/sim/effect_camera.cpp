@@ -10,7 +10,7 @@
 namespace bolo::sim {
 namespace {
 
-// m_k = integral over s from 0 to 1 of z exp(-z (1 - s)) s^k: what a pixel makes of x = s^k in z = h / tau.
+// m_k = integral over s from 0 to 1 of z exp(-z (1 - s)) s^k: a pixel's response to x = s^k, with z = h / tau.
 struct Moments {
   double m0, m1, m2;
 };
@@ -274,7 +274,7 @@ EffectCamera::EffectCamera(const CameraSettings& settings, const Field& field, r
   bands_.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) {
     std::unique_ptr<View> view = std::make_unique<BareView>(field);
-    for (const PlacedEffect& placed : effects_) view = placed.effect->look(std::move(view), model_);
+    for (const PlacedEffect& placed : effects_) view = placed.effect->filter_view(std::move(view), model_);
     bands_.emplace_back(model_, std::move(view), height * i / count, height * (i + 1) / count);
   }
 
@@ -336,7 +336,7 @@ void EffectCamera::plan_flight() {
   ++planned_;
 }
 
-// The camera was already looking. What a slow part remembers from long ago is taken in coarse steps.
+// The camera was running before the first frame. The distant past of a slow part is integrated in coarse steps.
 void EffectCamera::settle(double first_s) {
   const double slowest_s = *std::ranges::max_element(model_.tau_s) * std::max(1.0, model_.falling_scale);
   const double fine_s = first_s - kTimeConstants * slowest_s;

@@ -115,7 +115,7 @@ class Effect {
   virtual void configure(CameraModel&) {}
 
   // Puts itself between the scene and the pixels. Called once for each band of rows. Thread: setup.
-  virtual std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const { return inner; }
+  virtual std::unique_ptr<View> filter_view(std::unique_ptr<View> inner, const CameraModel&) const { return inner; }
 
   // Delay of the frame after its nominal time, s. Called once a frame, in order. Thread: one at a time.
   virtual double shift_s(std::int64_t, double) { return 0.0; }
@@ -190,23 +190,23 @@ auto maker() {
   return [](const EffectSetup& setup) -> std::unique_ptr<Effect> { return std::make_unique<T>(setup); };
 }
 
-// An effect of one hook, a function of configure()'s, look()'s, row()'s, shift_s()'s or frames_lost()'s parameters.
+// An effect of one hook: a function like configure(), filter_view(), row(), shift_s() or frames_lost().
 template <typename Hook>
 class HookEffect final : public Effect {
   static constexpr bool kConfigures = std::is_invocable_v<Hook&, CameraModel&>;
-  static constexpr bool kLooks = std::is_invocable_v<const Hook&, std::unique_ptr<View>, const CameraModel&>;
+  static constexpr bool kFiltersView = std::is_invocable_v<const Hook&, std::unique_ptr<View>, const CameraModel&>;
   static constexpr bool kRow = std::is_invocable_v<Hook&, const FrameInstant&, int, std::span<double>>;
   static constexpr bool kShifts = std::is_invocable_v<Hook&, std::int64_t, double>;
   static constexpr bool kLoses = std::is_invocable_v<Hook&, std::uint64_t>;
-  static_assert(kConfigures || kLooks || kRow || kShifts || kLoses, "takes what none of the hooks gets");
+  static_assert(kConfigures || kFiltersView || kRow || kShifts || kLoses, "takes what none of the hooks gets");
 
  public:
   explicit HookEffect(Hook hook) : hook_(std::move(hook)) {}
   void configure(CameraModel& model) override {
     if constexpr (kConfigures) hook_(model);
   }
-  std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel& model) const override {
-    if constexpr (kLooks) inner = hook_(std::move(inner), model);
+  std::unique_ptr<View> filter_view(std::unique_ptr<View> inner, const CameraModel& model) const override {
+    if constexpr (kFiltersView) inner = hook_(std::move(inner), model);
     return inner;
   }
   void row(const FrameInstant& frame, int row, std::span<double> kelvin) noexcept override {

@@ -22,8 +22,8 @@ class Scene {
   virtual ~Scene() = default;
   // Size of the scene's subject: [0, width) x [0, height). The scene goes on beyond.
   virtual Geometry size() const = 0;
-  // The temperatures of a rectangle anywhere in the plane, K; the same pixel has the same value whatever the rectangle.
-  // Thread: setup.
+  // The temperatures of a rectangle anywhere in the plane, K; a pixel's value is the same in every rectangle. Thread:
+  // setup.
   virtual capture::StillImage draw(Region region) const = 0;
 };
 
@@ -40,8 +40,8 @@ struct GreySpan {
   double hot_k = 310.0;
 };
 
-// Reads PNG (8 or 16 bit, grey or colour: colour becomes its luma), JPEG, or HDF5 with `image_k` in kelvin, told apart
-// by their first bytes. kBadInput when the file is none of them, damaged, or over 64 million pixels. Thread: setup.
+// Reads PNG (8 or 16 bit, grey or colour: colour becomes its luma), JPEG, or HDF5 with `image_k` in kelvin, detected by
+// their first bytes. kBadInput when the file is none of them, damaged, or over 64 million pixels. Thread: setup.
 Result<capture::StillImage> read_image(const std::filesystem::path& file, const GreySpan& span);
 
 // True if a picture's values come from grey levels (PNG, JPEG) rather than kelvin (HDF5).

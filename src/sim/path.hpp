@@ -46,8 +46,8 @@ class Path {
   std::vector<PathPoint> points_;
 };
 
-// What the camera sees moves along +x at `speed_px_s`: the view's position falls, x = -speed t. (The same sign as
-// velocity_px_s of the bar target.)
+// The scene moves along +x at `speed_px_s`: the view's position falls, x = -speed t. (The same sign as velocity_px_s of
+// the bar target.)
 Path steady_pan(double speed_px_s);
 
 // Reads `t_s,x_px,y_px` lines below a header line of just these names; lines beginning with '#' and empty ones are

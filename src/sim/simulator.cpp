@@ -21,7 +21,7 @@ Eigen::Map<const Eigen::ArrayXf> as_array(const std::vector<float>& row) {
 
 bool within(double value, double low, double high) { return value >= low && value <= high; }
 
-// What is wrong with the settings, or nothing.
+// Message about the first invalid setting; empty if all are valid.
 std::string fault(const CameraSettings& s) {
   const ReadoutSettings& r = s.readout;
   if (s.geometry.width < 1 || s.geometry.width > 16384) return "width must be 1 to 16384 pixels";
@@ -63,7 +63,7 @@ std::array<double, 3> moments(double z) noexcept {
   return m;
 }
 
-// What the frames were made with, as root attributes beside the format's own.
+// Writes the camera's settings, as root attributes beside the format's own.
 Status write_settings(capture::CaptureWriter& writer, const CameraSettings& settings) {
   const bool bolometer = settings.kind == CameraKind::kBolometer;
   Status status = writer.write_attribute("simulated_camera", std::string(bolometer ? "bolometer" : "visible"));
@@ -174,7 +174,7 @@ void Simulator::next(void* plane, float* truth) {
   ++frame_;
 }
 
-// The truth is what there is to see at the nominal time, whatever the camera makes of it.
+// The truth is the scene at the nominal time, without the camera's effects.
 void Simulator::next_with_effects(void* plane, float* truth) {
   effects_->next(plane);
   const auto width = static_cast<std::size_t>(settings_.geometry.width);

@@ -79,7 +79,7 @@ class EffectCamera;
 // steady state history_s() before it, 14 time constants, where what is left of a 30 K error is 25 uK.
 class Simulator {
  public:
-  // kBadInput when checked() refuses the settings, or when the field is hotter than the stored values can say.
+  // kBadInput when checked() refuses the settings, or when the field is hotter than stored values can represent.
   // Thread: setup.
   static Result<std::unique_ptr<Simulator>> create(const CameraSettings& settings, std::unique_ptr<const Field> field);
 

@@ -1,4 +1,4 @@
-// How the bench differs from what /stimulus says. Not an effect of the camera.
+// Errors of the bench: deviations from /stimulus. Not an effect of the camera.
 #pragma once
 
 #include <limits>

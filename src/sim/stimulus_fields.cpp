@@ -130,8 +130,7 @@ class SweptChopper final : public Field {
     if (now_s < to_s) out.push_back(to_s);
   }
 
-  // A blur of what moves is a blur in time, here of the ramp: of the same variance, which is all that pixels that are
-  // a hundred times slower tell of it.
+  // Blur of a moving edge is blur in time, here of the ramp: pixels a hundred times slower depend on its variance only.
   std::unique_ptr<const Field> blurred(const Blur& blur) const override {
     auto field = std::make_unique<SweptChopper>(*this);
     field->ramp_s_ = std::hypot(ramp_s_, std::sqrt(12.0) * blur.sigma_px * std::abs(sweep_s_) / width_);

@@ -42,7 +42,7 @@ def drivers(root):
 
 
 def daemon_drivers(root):
-    """What drivers/CMakeLists.txt calls BOLO_DAEMON_DRIVERS."""
+    """BOLO_DAEMON_DRIVERS of drivers/CMakeLists.txt."""
     return drivers(root) - {"fakecam"}
 
 
@@ -123,7 +123,7 @@ class Layers(unittest.TestCase):
         cls.scratch.cleanup()
 
     def refuses(self, file, line, message):
-        """Whether a copy of the tree with this line in front of this file is refused."""
+        """True if a copy of the tree with this line in front of this file is refused."""
         copy = pathlib.Path(self.scratch.name)
         victim = copy / file
         before = victim.read_text()

@@ -56,7 +56,7 @@ void read_everything(const std::filesystem::path& file) {
 
 class CaptureDamage : public ::testing::TestWithParam<const char*> {};  // the name: a ".part" is read more leniently
 
-// How a process ended that read the file: 0 when it read it or refused it.
+// Exit status of a process that reads the file: 0 when it read it or refused it.
 int end_of_reader(const std::filesystem::path& file) {
   const pid_t pid = fork();
   if (pid == 0) {
@@ -90,7 +90,7 @@ TEST_P(CaptureDamage, FlippedBytesNeverHangAndRarelyCrashTheLibrary) {
   EXPECT_LE(faults, kMostLibraryFaults);
 }
 
-// Where the values of a dataset lie in the file.
+// Byte ranges of a dataset's values in the file.
 std::vector<std::pair<std::size_t, std::size_t>> value_ranges(const std::filesystem::path& file, const char* path) {
   std::vector<std::pair<std::size_t, std::size_t>> ranges;
   edit(file, [&](hid_t f) {

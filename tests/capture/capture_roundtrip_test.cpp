@@ -1,4 +1,4 @@
-// What is written comes back, value for value.
+// Written captures are read back, value for value.
 #include "src/capture/recovery.hpp"
 #include "tests/capture/small_captures.hpp"
 

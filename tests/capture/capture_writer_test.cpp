@@ -349,7 +349,7 @@ TEST(CaptureWriterNames, ANameThatIsTakenMeanwhileStays) {
   EXPECT_TRUE(CaptureReader::open(scratch / "a.h5.part"));
 }
 
-// What other programs do to the file meanwhile is said at the next commit, and what they put in its place is theirs.
+// Interference by other programs is reported at the next commit, and their files are left alone.
 TEST(CaptureWriterNames, AFileThatIsTakenFromTheWriterIsSaid) {
   using Harm = void (*)(const std::filesystem::path&);
   const Harm remove = [](const auto& part) { std::filesystem::remove(part); };

@@ -63,7 +63,7 @@ TEST_F(PixelMapsFile, BelongsToTheProfileThatNamesIt) {
 struct Damage {
   const char* name;
   Change spoil;
-  const char* says;
+  const char* message;
 };
 
 class PixelMapsRefused : public PixelMapsFile, public ::testing::WithParamInterface<Damage> {};
@@ -72,7 +72,7 @@ TEST_P(PixelMapsRefused, ByFileDatasetAndPlace) {
   ASSERT_TRUE(write_pixel_maps(path("maps.h5"), some_maps()));
   edit(path("maps.h5"), GetParam().spoil);
   const auto maps = read_pixel_maps(path("maps.h5"));
-  expect_refused(maps, {GetParam().says});
+  expect_refused(maps, {GetParam().message});
   EXPECT_TRUE(!maps && maps.error().message.starts_with(path("maps.h5").string() + ": "));
 }
 

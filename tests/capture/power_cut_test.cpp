@@ -1,8 +1,7 @@
-// What a killed process or a cut of power leaves of a capture. All that the writer asks of the disk is logged: the
-// functions below take the place of the C library's, and make the disk slow, so that the writer goes on while it is
-// synced. Every place of the log is then a place to end at:
+// Captures after a kill or a power cut. All disk operations of the writer are logged: the functions below replace the C
+// library's, and make the disk slow, so that the writer goes on during syncs. The log can then end anywhere:
 //
-// - a cut of power leaves what a sync that has ended found written when it began, of each other write any subset of its
+// - a power cut leaves the writes that a finished sync found when it began, of each other write any subset of its
 //   sectors, and another kernel;
 // - a kill leaves all writes, the last one perhaps in part.
 //
@@ -190,7 +189,7 @@ Log record(const std::filesystem::path& file, std::size_t frames, int deflate_le
   return g_logger.end();
 }
 
-// What of the log reached the disk when power went after its first `cut` operations.
+// The disk after a power cut behind the log's first `cut` operations.
 template <typename Random>
 Disk after_cut(const Log& log, std::size_t cut, Random& random, Disk disk = {}) {
   std::map<std::string, std::size_t> began;   // by file: the newest sync, by its place in the log
@@ -212,7 +211,7 @@ Disk after_cut(const Log& log, std::size_t cut, Random& random, Disk disk = {}) 
   return disk;
 }
 
-// What a kill within operation `cut` leaves.
+// The disk after a kill within operation `cut`.
 template <typename Random>
 Disk after_kill(const Log& log, std::size_t cut, Random& random) {
   Disk disk;
@@ -231,8 +230,8 @@ std::size_t committed_before(const Log& log, std::size_t cut) {
   return frames;
 }
 
-// The least that a cut of power must leave. What the journal's newest sync made durable was begun after the sync before
-// had ended, and holds all that was committed by then.
+// The least number of frames after a power cut. The data that the journal's newest sync made durable was begun after
+// the sync before had ended, and holds all that was committed by then.
 std::size_t durable_before(const Log& log, std::size_t cut) {
   std::size_t before = 0;
   std::size_t newest = 0;

@@ -85,7 +85,7 @@ class Work:
         return done
 
     def differences(self):
-        """What one process made otherwise, or what is too much or missing."""
+        """Files that differ from one process's, that are extra or missing."""
         names = sorted(p.name for p in self.archive.expected.glob("*.h5"))
         there = sorted(p.name for p in self.out.iterdir())
         if names != there:

@@ -1,4 +1,4 @@
-"""What tools/slurm/bolo-deblur.sbatch asks bolo to do, without Slurm: sbatch_test.py SCRIPT.
+"""bolo's command lines in tools/slurm/bolo-deblur.sbatch, without Slurm: sbatch_test.py SCRIPT.
 
 A program that prints its arguments stands for bolo.
 """

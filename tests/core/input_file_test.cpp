@@ -1,4 +1,4 @@
-// What is no regular file is refused at once, by whatever name it has.
+// Anything but a regular file is refused at once, by any name.
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>

@@ -18,14 +18,14 @@ TEST(ShareOut, DoesEachOnceWithAsManyThreadsAsThereAre) {
 }
 
 TEST(WordsOf, SayWhatTheSystemRefuses) {
-  EXPECT_EQ(words_of(std::bad_alloc()), "not enough memory");
-  EXPECT_EQ(words_of(std::runtime_error("other")), "other");
+  EXPECT_EQ(describe_exception(std::bad_alloc()), "not enough memory");
+  EXPECT_EQ(describe_exception(std::runtime_error("other")), "other");
   const NoThreads none;
   try {
     std::thread([] {}).join();
     FAIL() << "a thread was started";
   } catch (const std::exception& e) {
-    EXPECT_EQ(words_of(e), "no thread can be started: raise 'ulimit -u', or TasksMax= of the systemd unit");
+    EXPECT_EQ(describe_exception(e), "no thread can be started: raise 'ulimit -u', or TasksMax= of the systemd unit");
   }
 }
 

@@ -14,7 +14,7 @@ struct Host {
   std::int64_t read_ns = 30;
   std::int64_t stall_ns = 0;  // before the next read of UTC, once
   ClockState state{true, 2 * kMs};
-  int looks = 0;  // at the state
+  int state_reads = 0;  // at the state
 };
 Host host;
 
@@ -25,7 +25,7 @@ std::int64_t realtime() noexcept {
   return host.monotonic_ns + host.offset_ns;
 }
 ClockState state() noexcept {
-  ++host.looks;
+  ++host.state_reads;
   return host.state;
 }
 
@@ -54,8 +54,8 @@ TEST_F(UtcClockTest, UtcIsMonotonicTimeAndAnOffsetThatStays) {
 
 TEST_F(UtcClockTest, TheStateIsAskedForOnceASecond) {
   for (int i = 0; i < 2000; ++i) frame();
-  EXPECT_GE(host.looks, 9);
-  EXPECT_LE(host.looks, 12) << "ten seconds of frames";
+  EXPECT_GE(host.state_reads, 9);
+  EXPECT_LE(host.state_reads, 12) << "ten seconds of frames";
   host.state = {};
   for (int i = 0; i < 201; ++i) frame();
   EXPECT_FALSE(clock_.state().synchronised);

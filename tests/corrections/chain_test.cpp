@@ -133,7 +133,7 @@ TEST(Corrections, ASlowPoleIsTakenOut) {
   EXPECT_LT(worst(pass(*chain, shown, all_of(shown)), fast), 10.0 * kRounding);
 }
 
-// What frames have more than the noise of their mean.
+// RMS of the frames' mean errors.
 double common_rms(const Frames& seen, const Frames& wanted, std::size_t from) {
   double squares = 0.0;
   for (std::size_t k = from; k < seen.size(); ++k) {

@@ -1,4 +1,4 @@
-// What is undone of single pixels: gain and offset, time constants of their own, dead pixels.
+// Corrections of single pixels: gain and offset, time constants of their own, dead pixels.
 #include "src/corrections/pixel_correction.hpp"
 #include "tests/deblur/inputs.hpp"
 #include "tests/deblur/solve.hpp"
@@ -138,8 +138,8 @@ TEST(PixelCorrection, EqualisesTimeConstantsOverGaps) {
   }
 }
 
-// What it remembers of frames before a window is what the window's first sample takes out, but for the mean that the
-// prior sees: thousandths of a kelvin.
+// Its memory of frames before a window cancels in the window's first sample, but for the mean that the prior sees:
+// thousandths of a kelvin.
 TEST(PixelCorrection, WindowsDoNotDependOnWhenItBegan) {
   for (const Method method : {Method::kInverse, Method::kExact}) {
     const Settings settings{.method = method, .lambda = 1e-4};
@@ -208,8 +208,8 @@ TEST(PixelCorrection, FillsDeadPixelsFromGoodNeighbours) {
   }
 }
 
-// What is lost by solving equalised samples with the nominal tau: the prior then weighs the input as it is, but the
-// residuals as the nominal pixel's. Against the exact optimum with the pixel's own tau, pan with 0.03 K of noise.
+// Loss from solving equalised samples with the nominal tau: the prior then weighs the input as it is, but the residuals
+// as the nominal pixel's. Against the exact optimum with the pixel's own tau, pan with 0.03 K of noise.
 class TauSpread : public ::testing::TestWithParam<double> {};
 
 TEST_P(TauSpread, CostsLittle) {

@@ -5,7 +5,7 @@
 
 namespace bolo::deblur::golden_test {
 
-// What solver.hpp says of one pixel: kelvin in, kelvin out.
+// Estimate of one pixel by solver.hpp: kelvin in, kelvin out.
 double estimate(const Settings& settings, const std::vector<float>& y, const std::vector<int>& received) {
   const auto solver = testing::make(settings, testing::kelvin({1, 1}, settings.period_s));
   if (!solver) return std::nan("");

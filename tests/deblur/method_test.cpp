@@ -1,4 +1,4 @@
-// What every way to estimate a pixel owes to PlaneSolver: a lambda for each pixel, and any mean of two bins.
+// Duties of every PixelMethod to PlaneSolver: a lambda for each pixel, and any mean of two bins.
 #include "src/deblur/method.hpp"
 #include "tests/deblur/inputs.hpp"
 #include "tests/deblur/solve.hpp"

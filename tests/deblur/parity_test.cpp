@@ -203,7 +203,6 @@ TEST(Parity, OneLostFrameOverFrameRates) {
   }
 }
 
-// Where it is not near itself.
 TEST(Parity, WithoutAFrameTheLastOfTwoSweepsIsNear) {
   EXPECT_EQ(plan_without({}, 0.005).near_sweeps, 0);
   for (std::size_t slot = 0; slot < 11; ++slot) EXPECT_EQ(plan_without({slot}, 0.005).near_sweeps, 1) << slot;

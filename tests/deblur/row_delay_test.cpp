@@ -17,7 +17,7 @@ std::unique_ptr<Solver> make(const Settings& s, double row_delay_s, int row_step
   return testing::make(s, format, PixelType::kFloat32, row_delay_s);
 }
 
-// What a rolling read-out makes of an input that rises by `slope` K a second everywhere, long since: y = x(t - tau).
+// Response of a rolling read-out to an input that rises by `slope` K a second everywhere, long since: y = x(t - tau).
 class Ramp {
  public:
   Ramp(const Settings& s, double row_delay_s, double slope) : target_(s.window - 1 - s.lookahead) {
@@ -46,7 +46,7 @@ std::vector<float> solve(const Settings& s, const WindowView& view, double row_d
   return testing::whole_frame(*make(s, row_delay_s, row_step), view, kFrame);
 }
 
-// How far the rows are from what row 0 shows, at most, K.
+// Largest difference of the rows from row 0, K.
 double skew(const std::vector<float>& out) {
   double largest = 0.0;
   for (const float value : out) {

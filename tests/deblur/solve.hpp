@@ -1,4 +1,4 @@
-// What the tests of the solvers share: streams of float kelvin, and whole frames or parts of them solved.
+// Shared by the tests of the solvers: streams of float kelvin, and whole frames or parts of them solved.
 #pragma once
 
 #include "src/deblur/solver.hpp"

@@ -219,9 +219,9 @@ TEST(SolverSettings, FramesFarApartHaveNoLookAhead) {
 
 TEST(SolverSettings, TellWhereThereIsNextToNothingToUndo) {
   Settings settings;
-  EXPECT_EQ(little_to_undo(settings), "");
+  EXPECT_EQ(weak_inertia_warning(settings), "");
   settings.period_s = 0.04;
-  EXPECT_EQ(little_to_undo(settings),
+  EXPECT_EQ(weak_inertia_warning(settings),
             "frames come every 40 ms, 3.6 times tau: only 2.6 % of a frame is left in the next, there is next to "
             "nothing to undo");
 }

@@ -5,7 +5,7 @@ namespace bolo::deblur::window_test {
 
 constexpr std::int64_t kPeriodNs = 5'000'000;
 
-// What a window showed for one frame.
+// A window's result for one frame.
 struct Shown {
   std::uint64_t id = 0;
   bool full = false;

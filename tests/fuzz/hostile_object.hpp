@@ -19,7 +19,7 @@
 
 namespace bolo::fuzz {
 
-// What a reader, or the writer meanwhile, does next; the target says what the fields mean.
+// Next step of a reader, or of the writer meanwhile; the target defines the fields.
 struct Step {
   std::uint8_t what = 0;
   std::uint16_t where = 0;

@@ -1,4 +1,4 @@
-// What a fuzz target makes of the bytes that it is given.
+// Decodes the bytes that a fuzz target is given.
 #pragma once
 
 #include <sys/mman.h>

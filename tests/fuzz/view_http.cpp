@@ -15,7 +15,7 @@
 using namespace bolo;
 using namespace bolo::view;
 
-// What the build makes of tools/view/page is not needed to find it.
+// Stands in for the files that the build makes of tools/view/page.
 std::span<const PageFile> bolo::view::page_files() {
   static constexpr PageFile kFiles[] = {{"index.html", "page"}, {"app.js", "script"}, {"style.css", "style"}};
   return kFiles;

@@ -1,4 +1,4 @@
-// What a table of keys accepts, what it refuses and in which words.
+// Values that a table of keys accepts and refuses, and its messages.
 #include <unistd.h>
 
 #include "src/model/camera_profile.hpp"

@@ -42,8 +42,8 @@ void show(FixedPattern& to, const std::vector<Picture>& frames, const Picture& p
 
 Picture pattern_of(const FixedPattern& learnt) {
   std::vector<float> plane(kFrame.pixels());
-  learnt.take_out(plane.data(), {0, 100});
-  learnt.take_out(plane.data(), {100, plane.size()});
+  learnt.subtract(plane.data(), {0, 100});
+  learnt.subtract(plane.data(), {100, plane.size()});
   Picture pattern;
   for (const float v : plane) pattern.push_back(-static_cast<double>(v));
   return pattern;
@@ -93,7 +93,7 @@ TEST(FixedPattern, StillScenesTeachNothing) {
   EXPECT_LT(error(learnt, kNone), 0.1 * kPattern) << "the picture itself would be taken for the pattern";
 }
 
-// What moves by itself differs from what the picture's motion predicts, and is no pattern.
+// Objects that move by themselves differ from the prediction by the picture's motion, and are no pattern.
 TEST(FixedPattern, MoversDoNotStayBehind) {
   const Scene scene = [back = pan(2.3, 0.7)](double x, double y, double t) {
     const double from_middle = std::hypot(x - 80.0 + 1.2 * t, y - 30.0);
@@ -131,7 +131,7 @@ TEST(FixedPattern, SmallFramesAreLeftAlone) {
   FixedPattern learnt({20, 16}, Inertia(kTau), {});
   std::vector<float> plane(320, 7.0F);
   for (int k = 0; k < 5; ++k) learnt.learn(plane.data());
-  learnt.take_out(plane.data(), {0, plane.size()});
+  learnt.subtract(plane.data(), {0, plane.size()});
   for (const float f : plane) EXPECT_EQ(f, 7.0F);
 }
 

@@ -1,4 +1,4 @@
-// What a gyro is worth to the solver `motion`, and what one that is wrong costs it.
+// Benefit of a gyro to the solver `motion`, and cost of a wrong one.
 #include "src/core/clock.hpp"
 #include "src/motion/gyro_motion.hpp"
 #include "tests/motion/stream.hpp"
@@ -67,11 +67,11 @@ struct Seen {
   int used = 0;
 };
 
-Seen watch_with(Stream& stream, double noise, int from, Gyro* gyro, double told_delay_s = 0.0,
+Seen watch_with(Stream& stream, double noise, int from, Gyro* gyro, double gyro_delay_s = 0.0,
                 Method method = Method::kMotion) {
   Settings settings = settings_of(method, noise);
   settings.gyro = gyro;
-  settings.gyro_setup = {kFocal, 0.0, 0.0, told_delay_s};
+  settings.gyro_setup = {kFocal, 0.0, 0.0, gyro_delay_s};
   const auto solver = solver_of(settings);
   Seen seen;
   for (int k = kWindow; k < stream.frames(); ++k) {
@@ -108,9 +108,9 @@ TEST(MotionGyro, AStopIsKnownAtOnce) {
       Stream stream = stream_of(way, noise, kFrames, 11);
       TestGyro gyro = gyro_of(way, kFrames, {});
       const Seen alone = watch_with(stream, noise, kStop + 1, nullptr);
-      const Seen told = watch_with(stream, noise, kStop + 1, &gyro, 0.002);
-      EXPECT_LT(told.rms, 0.9 * alone.rms) << noise << " K, at " << within;
-      EXPECT_GE(told.used, 5);
+      const Seen by_gyro = watch_with(stream, noise, kStop + 1, &gyro, 0.002);
+      EXPECT_LT(by_gyro.rms, 0.9 * alone.rms) << noise << " K, at " << within;
+      EXPECT_GE(by_gyro.used, 5);
     }
   }
 }
@@ -126,12 +126,12 @@ TEST(MotionGyro, AWrongOneDoesNoHarm) {
       Stream stream = stream_of(scene.way, noise, kFrames, 5);
       const Seen alone = watch_with(stream, noise, scene.from, nullptr);
       const auto expect_harmless = [&](const char* what, TestGyro gyro) {
-        const Seen told = watch_with(stream, noise, scene.from, &gyro);
-        EXPECT_LT(told.rms, 1.03 * alone.rms) << what << ", " << noise << " K, from frame " << scene.from;
-        for (std::size_t i = 0; i < told.errors.size(); ++i) {
-          EXPECT_LT(told.errors[i], 1.15 * alone.errors[i]) << what << ", " << noise << " K, frame " << i;
+        const Seen by_gyro = watch_with(stream, noise, scene.from, &gyro);
+        EXPECT_LT(by_gyro.rms, 1.03 * alone.rms) << what << ", " << noise << " K, from frame " << scene.from;
+        for (std::size_t i = 0; i < by_gyro.errors.size(); ++i) {
+          EXPECT_LT(by_gyro.errors[i], 1.15 * alone.errors[i]) << what << ", " << noise << " K, frame " << i;
         }
-        return told.used;
+        return by_gyro.used;
       };
       const auto made = [&](Errors e) { return gyro_of(scene.way, kFrames, e); };
       expect_harmless("a delay that is not told", made({}));
@@ -155,7 +155,7 @@ TEST(MotionGyro, AWrongOneDoesNoHarm) {
 // --- What rates become.
 
 using motion::GyroMotion;
-using motion::Told;
+using motion::GyroMotions;
 
 std::vector<GyroSample> turning(std::array<double, 3> rate, int count = 200) {
   std::vector<GyroSample> samples;
@@ -166,14 +166,14 @@ const motion::Inertia kInertia(2.2);
 
 TEST(GyroMotion, RatesMoveThePictureAsALensDoes) {
   const GyroMotion to_right({640, 120}, 4, {kFocal, 10.0, 0.0, 0.0}, kPeriod, kInertia);
-  Told told;
-  ASSERT_TRUE(to_right.find(turning({0.2, 0.4, 0.0}), to_ns(0.1), told));
-  for (const auto& d : {told.spans[0], told.spans[7], told.displacements[0], told.displacements[7]}) {
+  GyroMotions by_gyro;
+  ASSERT_TRUE(to_right.find(turning({0.2, 0.4, 0.0}), to_ns(0.1), by_gyro));
+  for (const auto& d : {by_gyro.spans[0], by_gyro.spans[7], by_gyro.displacements[0], by_gyro.displacements[7]}) {
     EXPECT_NEAR(d.p[0], -kFocal * 0.4 * kPeriod, 1e-6);       // to the right: the picture goes left
     EXPECT_NEAR(d.p[3], kFocal * 0.2 * kPeriod / 4.0, 1e-6);  // up: it goes down, by a quarter of the rows
   }
-  ASSERT_TRUE(to_right.find(turning({0.0, 0.0, 1.0}), to_ns(0.1), told));
-  const motion::Affine roll = told.spans[0];
+  ASSERT_TRUE(to_right.find(turning({0.0, 0.0, 1.0}), to_ns(0.1), by_gyro));
+  const motion::Affine roll = by_gyro.spans[0];
   EXPECT_NEAR(roll.p[2], 320.0 * 4.0 * kPeriod, 1e-6);  // clockwise: the picture turns the other way
   EXPECT_NEAR(roll.p[4], -320.0 / 4.0 * kPeriod, 1e-6);
   EXPECT_NEAR(roll.p[3], 10.0 / 4.0 * kPeriod, 1e-6);  // the centre is left of where the axis stands
@@ -183,32 +183,32 @@ TEST(GyroMotion, AStopFallsIntoItsSpan) {
   std::vector<GyroSample> samples = turning({0.0, 1.0, 0.0});
   for (std::size_t i = 98; i < samples.size(); ++i) samples[i].rate = {};
   const GyroMotion motion({640, 120}, 1, {kFocal, 0.0, 0.0, 0.0}, kPeriod, kInertia);
-  Told told;
-  ASSERT_TRUE(motion.find(samples, to_ns(0.1), told));
+  GyroMotions by_gyro;
+  ASSERT_TRUE(motion.find(samples, to_ns(0.1), by_gyro));
   const double whole = -kFocal * kPeriod;
-  EXPECT_NEAR(told.spans[0].p[0], 0.5 * whole, 1e-6);  // half of it; linear between 97 and 98 ms
-  EXPECT_NEAR(told.spans[1].p[0], whole, 1e-6);
-  EXPECT_GT(told.displacements[0].p[0], whole);
+  EXPECT_NEAR(by_gyro.spans[0].p[0], 0.5 * whole, 1e-6);  // half of it; linear between 97 and 98 ms
+  EXPECT_NEAR(by_gyro.spans[1].p[0], whole, 1e-6);
+  EXPECT_GT(by_gyro.displacements[0].p[0], whole);
   const GyroMotion later({640, 120}, 1, {kFocal, 0.0, 0.0, 0.005}, kPeriod, kInertia);
-  ASSERT_TRUE(later.find(samples, to_ns(0.095), told));
-  EXPECT_NEAR(told.spans[0].p[0], 0.5 * whole, 1e-6);
+  ASSERT_TRUE(later.find(samples, to_ns(0.095), by_gyro));
+  EXPECT_NEAR(by_gyro.spans[0].p[0], 0.5 * whole, 1e-6);
 }
 
 TEST(GyroMotion, WhereSamplesAreMissingItIsSilent) {
   const GyroMotion motion({640, 120}, 1, {kFocal, 0.0, 0.0, 0.0}, kPeriod, kInertia);
-  Told told;
+  GyroMotions by_gyro;
   const auto samples = turning({0.0, 1.0, 0.0}, 101);  // to 0.1 s
-  EXPECT_FALSE(motion.find({}, to_ns(0.1), told));
-  EXPECT_TRUE(motion.find(samples, to_ns(0.045), told));
-  EXPECT_FALSE(motion.find(samples, to_ns(0.044), told)) << "begins too late";
-  EXPECT_TRUE(motion.find(samples, to_ns(0.1024), told));
-  EXPECT_FALSE(motion.find(samples, to_ns(0.1026), told)) << "half a frame late";
+  EXPECT_FALSE(motion.find({}, to_ns(0.1), by_gyro));
+  EXPECT_TRUE(motion.find(samples, to_ns(0.045), by_gyro));
+  EXPECT_FALSE(motion.find(samples, to_ns(0.044), by_gyro)) << "begins too late";
+  EXPECT_TRUE(motion.find(samples, to_ns(0.1024), by_gyro));
+  EXPECT_FALSE(motion.find(samples, to_ns(0.1026), by_gyro)) << "half a frame late";
   auto gap = samples;
   gap.erase(gap.begin() + 70, gap.begin() + 83);
-  EXPECT_TRUE(motion.find(gap, to_ns(0.1), told));
+  EXPECT_TRUE(motion.find(gap, to_ns(0.1), by_gyro));
   gap.erase(gap.begin() + 65, gap.begin() + 70);
-  EXPECT_FALSE(motion.find(gap, to_ns(0.1), told)) << "a pause of more than three frames";
-  EXPECT_FALSE(motion.find(samples, std::int64_t{1} << 62, told));
+  EXPECT_FALSE(motion.find(gap, to_ns(0.1), by_gyro)) << "a pause of more than three frames";
+  EXPECT_FALSE(motion.find(samples, std::int64_t{1} << 62, by_gyro));
 }
 
 }  // namespace bolo::deblur::gyro_test

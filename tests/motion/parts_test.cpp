@@ -48,7 +48,7 @@ Affine global_of(const Pair& pair, double noise) {
   return global.find(best_kernels(), Inertia(kTau), pair.a, pair.b, noise, alone);
 }
 
-// What blocks move by: all as the global motion has it, and each for itself.
+// Motion of blocks: all as the global motion has it, and each for itself.
 struct Local {
   VectorField field{blocks_over(kFrame.width), blocks_over(kFrame.height)};
   LocalMotion local{kFrame};

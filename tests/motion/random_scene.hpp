@@ -5,7 +5,7 @@
 
 namespace bolo::motion::testing {
 
-// As a vehicle, a hand or a turned head may make them. What changes at once does it about time `event`, frames.
+// Motion as of a vehicle, a hand or a turned head. Sudden changes are about time `event`, frames.
 class RandomScene {
  public:
   RandomScene(std::uint32_t seed, double event) : random_(seed), event_(event) {

@@ -79,7 +79,7 @@ inline std::array<double, 7> match(const PaddedPlane& a, const PaddedPlane& b, P
   return s;
 }
 
-// What shared noise of unit weight pulls a match at d by, along d's first component.
+// Pull of shared noise of unit weight on a match at d, along d's first component.
 inline double pull(double along, double across) {
   const auto moved = [](double v) { return (v - std::floor(v)) * (1.0 - v + std::floor(v)); };
   const double a = 2.0 + 1.0 / 3.0 + moved(along);

@@ -1,4 +1,4 @@
-// What the solver `motion` does where the motion cannot be trusted: against mmae, frame by frame and tile by tile.
+// The solver `motion` where the motion cannot be trusted: against mmae, frame by frame and tile by tile.
 #include "src/deblur/motion_solver.hpp"
 #include "tests/motion/random_scene.hpp"
 #include "tests/motion/stream.hpp"
@@ -84,7 +84,7 @@ void expect_safe(const Scene& scene, double noise, double frame = kWorstFrame) {
   EXPECT_LT(worst.tile, kWorstTile);
 }
 
-// What stands before a scene, 56 x 56 pixels that move by v a frame.
+// An object before a scene, 56 x 56 pixels that move by v a frame.
 Scene object_before(const Scene& scene, double v) {
   return [scene, v, front = Texture(8, 6.0)](double x, double y, double t) {
     const bool in = std::abs(x - 66.0 - v * (t - kEvent)) < 28.0 && std::abs(y - 45.0) < 28.0;
@@ -128,7 +128,7 @@ TEST(MotionSafety, RepeatedTexture) {
 
 TEST(MotionSafety, StillsInMuchNoise) { expect_safe(pan(0.0, 0.0), 1.0); }
 
-// How they move along themselves cannot be seen; across, it can.
+// Motion along the edges cannot be seen; across, it can.
 TEST(MotionSafety, ParallelEdges) {
   constexpr double kWorstOfEdges = 0.7;
   for (const double noise : {0.03, 0.3}) {

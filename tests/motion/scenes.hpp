@@ -37,7 +37,7 @@ class Texture {
   Eigen::Array<float, kWaves, 1> amplitude_;
 };
 
-// What is at a pixel at a time (in frames).
+// The scene's value at a pixel and a time (in frames).
 using Scene = std::function<double(double x, double y, double t)>;
 
 using Picture = std::vector<double>;

@@ -83,7 +83,7 @@ TEST(MotionSolver, RowDelayIsUndone) {
             0.5 * rmse(stream.estimate(settings_of(Method::kMotion, 0.03), 23), picture_of(still_time, kFrame, 23)));
 }
 
-// What the solver was shown before the window does not matter, bit for bit: nothing can go bad for good.
+// Frames before the window do not matter, bit for bit: nothing can go bad for good.
 TEST(MotionSolver, AFreshStartGivesTheSame) {
   for (const int lookahead : {0, 1}) {
     Stream stream(pan(2.2, -0.7), 0.1, 40);
@@ -192,8 +192,8 @@ TEST(MotionSolver, ARowOfPixelsTakesLittleMemory) {
   EXPECT_LT((taken() - before) / format.geometry.pixels(), 300U) << "bytes a pixel";
 }
 
-// What the solver tells of frame k.
-SceneMotion told(Stream& stream, int k, double noise, int lookahead = 0) {
+// The solver's motion of frame k.
+SceneMotion motion_of(Stream& stream, int k, double noise, int lookahead = 0) {
   const auto solver = solver_of(settings_of(Method::kMotion, noise, lookahead));
   solver->prepare(stream.window_ending_at(k + lookahead, lookahead));
   EXPECT_NE(solver->motion(), nullptr);
@@ -210,7 +210,7 @@ bool is_inside(const SceneMotion& motion, std::size_t block) {
 TEST(MotionOutput, IsTheWayFromTheFrameBefore) {
   for (const int lookahead : {0, 1}) {
     Stream stream(pan(2.4, -0.8), 0.05, 26);
-    const SceneMotion motion = told(stream, 23, 0.05, lookahead);
+    const SceneMotion motion = motion_of(stream, 23, 0.05, lookahead);
     ASSERT_EQ(motion.size, (Geometry{17, 12}));
     EXPECT_NEAR(motion.affine[0], 2.4, 0.05);
     EXPECT_NEAR(motion.affine[3], -0.8, 0.05);
@@ -237,7 +237,7 @@ TEST(MotionOutput, AffineIsInPixelsAboutTheCentre) {
     return texture(s * (c * X + n * Y), s * (c * Y - n * X));
   };
   Stream stream(scene, 0.03, 24);
-  const SceneMotion motion = told(stream, 23, 0.03);
+  const SceneMotion motion = motion_of(stream, 23, 0.03);
   EXPECT_NEAR(motion.affine[0], 0.0, 0.05);
   EXPECT_NEAR(motion.affine[3], 0.0, 0.05);
   EXPECT_NEAR(motion.affine[1], kZoom, 0.002);
@@ -255,7 +255,7 @@ TEST(MotionOutput, AMoverHasItsOwnVelocity) {
     return inside ? 6.0 + mover(x - 2.5 * t, y) : still(x, y);
   };
   Stream stream(scene, 0.03, 20);
-  const SceneMotion motion = told(stream, 17, 0.03);  // it stands at 62 to 110
+  const SceneMotion motion = motion_of(stream, 17, 0.03);  // it stands at 62 to 110
   EXPECT_NEAR(motion.affine[0], 0.0, 0.15);
   const BlockMotion& in_it = motion.blocks[6 * 17 + 11];
   EXPECT_NEAR(in_it.x, 2.5, 0.3);
@@ -276,10 +276,10 @@ TEST(MotionOutput, ConfidenceIsThatOfWhatIsSeen) {
   Stream bars([](double x, double, double t) { return 3.0 * std::tanh(std::sin(0.2 * (x - 1.5 * t))); }, 0.1, 20);
   Stream rest(pan(0.0, 0.0), 0.05, 20);
   Stream cut([](double x, double y, double t) { return Texture(t < 16.5 ? 11U : 12U)(x, y); }, 0.1, 20);
-  EXPECT_LT(mean_confidence(told(flat, 18, 0.1)), 0.05) << "nothing to see";
-  EXPECT_LT(mean_confidence(told(bars, 18, 0.1)), 0.1) << "edges of one direction alone";
-  EXPECT_GT(mean_confidence(told(rest, 18, 0.05)), 0.8) << "at rest, and sure of it";
-  EXPECT_LT(mean_confidence(told(cut, 17, 0.1)), 0.3) << "two frames that do not match";
+  EXPECT_LT(mean_confidence(motion_of(flat, 18, 0.1)), 0.05) << "nothing to see";
+  EXPECT_LT(mean_confidence(motion_of(bars, 18, 0.1)), 0.1) << "edges of one direction alone";
+  EXPECT_GT(mean_confidence(motion_of(rest, 18, 0.05)), 0.8) << "at rest, and sure of it";
+  EXPECT_LT(mean_confidence(motion_of(cut, 17, 0.1)), 0.3) << "two frames that do not match";
 }
 
 TEST(MotionOutput, IsAbsentWhereItIsNotKnown) {

@@ -31,7 +31,7 @@ inline std::unique_ptr<Solver> solver_of(const Settings& settings, double row_de
   return make(settings, format_of(PixelType::kUint16), PixelType::kFloat32, row_delay_s);
 }
 
-// What a scene's pictures are compared with.
+// The estimate that a scene's pictures are compared with.
 inline Picture solved(Solver& solver, const WindowView& window) {
   Picture p;
   for (const float v : whole_frame(solver, window, kFrame)) p.push_back(static_cast<double>(v) - 300.0);

@@ -15,7 +15,7 @@ std::uint64_t allocation_count() noexcept;
 std::uint64_t library_allocation_count() noexcept;
 void reset_allocation_count() noexcept;
 
-// Whether a malloc outside operator new is seen.
+// True if a malloc outside operator new is counted.
 bool counts_malloc() noexcept;
 
 }  // namespace bolo::test

@@ -6,7 +6,7 @@ namespace bolo::pipeline::frame_id_tracker_test {
 constexpr double kPeriodS = 0.005;
 constexpr std::int64_t kPeriodNs = 5'000'000;
 
-// What comes, a period after what came before.
+// An event, a period after the one before.
 struct Step {
   enum { kFrame, kReset, kRefused, kBroken, kNameless, kWait, kReopened } what;
   std::uint64_t raw = 0;  // the camera's number, or how often

@@ -1,4 +1,4 @@
-// Whether the camera does what its profile says: told from its own stream, and not told where nothing can tell.
+// Differences of the camera from its profile: detected on its own stream, and not where it cannot show them.
 #include "src/pipeline/gap_watch.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tests/motion/scenes.hpp"
@@ -86,30 +86,30 @@ TEST(GapMeter, ACutIsNotTakenForAnotherCamera) {
   EXPECT_TRUE(f.tau_ratio == 0.0 || std::abs(f.tau_ratio - 1.0) < 0.1) << f.tau_ratio;
 }
 
-GapFigures told(double tau_ratio) { return {.noise_k = 0.03, .speed = 3.0, .ratio = 1.0, .tau_ratio = tau_ratio}; }
+GapFigures figures(double tau_ratio) { return {.noise_k = 0.03, .speed = 3.0, .ratio = 1.0, .tau_ratio = tau_ratio}; }
 GapFigures still(double noise_k) { return {.noise_k = noise_k}; }
 
 TEST(GapTrend, TellsAnAgedCameraOnceAndWhenItFitsAgain) {
   GapTrend trend(0.011, 0.03);
-  EXPECT_FALSE(trend.add(told(1.2)));
-  EXPECT_FALSE(trend.add(told(1.15)));
+  EXPECT_FALSE(trend.add(figures(1.2)));
+  EXPECT_FALSE(trend.add(figures(1.15)));
   EXPECT_EQ(trend.tau_ratio(), 0.0);
-  const auto grew = trend.add(told(1.22));
+  const auto grew = trend.add(figures(1.22));
   ASSERT_TRUE(grew);
   EXPECT_TRUE(grew->warning);
   EXPECT_EQ(grew->event, event::kGapGrew);
   EXPECT_NE(grew->text.find("time constant 13.2 ms instead of 11"), std::string::npos) << grew->text;
-  for (int i = 0; i < 5; ++i) EXPECT_FALSE(trend.add(told(1.07)));  // neither here nor there
-  EXPECT_FALSE(trend.add(told(1.0)));
-  EXPECT_FALSE(trend.add(told(1.0)));
-  const auto fits = trend.add(told(1.0));
+  for (int i = 0; i < 5; ++i) EXPECT_FALSE(trend.add(figures(1.07)));  // neither here nor there
+  EXPECT_FALSE(trend.add(figures(1.0)));
+  EXPECT_FALSE(trend.add(figures(1.0)));
+  const auto fits = trend.add(figures(1.0));
   ASSERT_TRUE(fits);
   EXPECT_FALSE(fits->warning);
 }
 
 TEST(GapTrend, OneBurstThatIsWrongSaysNothing) {
   GapTrend trend(0.011, 0.03);
-  for (const double ratio : {1.0, 0.3, 1.02, 1.6, 0.97, 0.0, 1.01}) EXPECT_FALSE(trend.add(told(ratio)));
+  for (const double ratio : {1.0, 0.3, 1.02, 1.6, 0.97, 0.0, 1.01}) EXPECT_FALSE(trend.add(figures(ratio)));
 }
 
 TEST(GapTrend, NoiseIsToldByStillPicturesAlone) {
@@ -125,7 +125,7 @@ TEST(GapTrend, NoiseIsToldByStillPicturesAlone) {
   EXPECT_NE(grew->text.find("noise 0.06 instead of 0.03"), std::string::npos) << grew->text;
 }
 
-// What a pipeline says of a stream once `bursts` were looked at. `hole`: so often a frame is lost; 0: never.
+// A pipeline's notices on a stream after `bursts` bursts. `hole`: so often a frame is lost; 0: never.
 std::vector<Notice> notices_of(const Planes& planes, std::uint64_t bursts, std::uint64_t hole = 0) {
   test::Script script;
   script.info.format = kFormat;

@@ -154,7 +154,7 @@ TEST(Overload, TheEndDoesNotWaitForASlowFrame) {
   EXPECT_EQ(sink.frames.back().deblurred, sink.frames.back().raw);
 }
 
-// What a file gets is solved as asked, or not there.
+// A file gets frames solved as configured, or none.
 TEST(Overload, TheEndLeavesOutWhatIsNotSolvedUnlessItMayDegrade) {
   MemorySink sink;
   stop_amidst(exactly(false, false), sink);

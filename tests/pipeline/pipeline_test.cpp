@@ -14,7 +14,7 @@ using namespace test;
 constexpr int kWindow = 17;
 constexpr std::uint64_t kWarmUp = kWindow - 1;
 
-// Whether exactly those frames have the flag whose place in the stream says so.
+// Expects the flag on exactly the frames with has_it().
 void expect_flag(const MemorySink& sink, std::uint32_t flag, const std::function<bool(std::uint64_t)>& has_it) {
   for (const MemorySink::Frame& frame : sink.frames) {
     EXPECT_EQ((frame.meta.flags & flag) != 0, has_it(frame.meta.frame_id)) << frame.meta.frame_id;

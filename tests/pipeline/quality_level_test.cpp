@@ -8,7 +8,7 @@ constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kPeriodNs = 5 * kMs;
 constexpr std::uint64_t kQueue = 64;
 
-// What a frame costs a machine at each effort, ms.
+// Cost of a frame at each effort, ms.
 using Costs = std::array<double, kQualityLevels>;
 
 // A camera that never waits, a queue, and one thread that solves: time passes without a clock.

@@ -72,8 +72,8 @@ std::vector<TextBox> text_boxes(const std::vector<Element>& elements) {
   std::vector<TextBox> boxes;
   for (const Element& element : elements) {
     if (element.name != "text") continue;
-    const std::string look = element.attributes.at("class");
-    const auto has = [&](const char* word) { return look.find(word) != std::string::npos; };
+    const std::string css_class = element.attributes.at("class");
+    const auto has = [&](const char* word) { return css_class.find(word) != std::string::npos; };
     const double size = has("title") ? 15.0 : has("caption") ? 13.0 : 12.0;
     const double wide = text_width(element.text, size);
     const double left = element.x - (has("end") ? wide : has("middle") ? wide / 2 : 0.0);

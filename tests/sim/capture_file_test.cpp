@@ -1,4 +1,4 @@
-// What write_capture() leaves on disk, read back through CaptureReader.
+// Files of write_capture(), read back through CaptureReader.
 #include "tests/sim/support.hpp"
 
 namespace bolo::sim::capture_file_test {

@@ -1,4 +1,4 @@
-// What the tests of the effects share: runs with effects, and a scene that tells the time.
+// Shared by the tests of the effects: runs with effects, and a scene that shows the time.
 #pragma once
 
 #include "tests/sim/support.hpp"
@@ -13,7 +13,7 @@ inline CameraSettings with(CameraSettings camera, std::initializer_list<std::str
   return camera;
 }
 
-// What an ideal camera with effects shows.
+// Frames of an ideal camera with effects.
 inline Frames run(Geometry geometry, std::initializer_list<std::string_view> effects,
                   std::unique_ptr<const Field> field, std::size_t frames) {
   return run(with(ideal_camera(geometry), effects), std::move(field), frames);
@@ -108,7 +108,7 @@ inline double lag_correlation(const Frames& frames, std::size_t lag) {
   return correlation(all_values(frames, 0, n - lag), all_values(frames, lag, n));
 }
 
-// What a bolometer shows of one step from 295 to 320 K and back.
+// A bolometer's response to one step from 295 to 320 K and back.
 inline double chopped(double t_s, double on_s, double off_s, double tau_up = kTau, double tau_down = kTau) {
   if (t_s <= on_s) return 295.0;
   const double top = 320.0 - 25.0 * std::exp(-(std::min(t_s, off_s) - on_s) / tau_up);

@@ -23,7 +23,7 @@ TEST(EffectDescriptions, TheCatalogueAndWhatIsOutsideIt) {
   EXPECT_TRUE(std::ranges::is_sorted(effect_descriptions(), {}, &EffectDescription::name));
 }
 
-// What a person reads and what the blind check draws from must fit together.
+// The documented values and those of the blind check must fit together.
 TEST(EffectDescriptions, StandardAndRealisticValuesAreAccepted) {
   for (const EffectDescription& effect : effect_descriptions()) {
     EXPECT_FALSE(effect.about.empty()) << effect.name;

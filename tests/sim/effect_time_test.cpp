@@ -104,7 +104,7 @@ TEST(Jitter, FramesAreTakenEarlierAndLater) {
   }
 }
 
-// How many periods each frame is ahead of the one before.
+// Periods from each frame to the next.
 std::vector<long> strides(const Frames& frames, std::size_t width) {
   std::vector<long> result;
   for (std::size_t k = 1; k < frames.shown.size(); ++k) {

@@ -1,4 +1,4 @@
-// What the pixels see, and when it changes.
+// Input of the pixels, and the times of its changes.
 #include "tests/sim/support.hpp"
 
 namespace bolo::sim::fields_test {

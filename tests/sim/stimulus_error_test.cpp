@@ -85,7 +85,7 @@ TEST(ImperfectChopper, TheBladeSweepsOverTheColumns) {
   EXPECT_NEAR(row_at(*soft, 0.2005)[7], 295.0 + 25.0 * 0.25, 1e-3);
 }
 
-// What the nominal camera and one with effects show of it: each column's exponential begins at its own time.
+// By the nominal camera and by one with effects: each column's exponential begins at its own time.
 TEST(ImperfectChopper, PixelsFollowTheSweep) {
   const CameraSettings plain = ideal_camera({32, 2});
   for (const CameraSettings& camera : {plain, testing::with(plain, {"noise_level"})}) {

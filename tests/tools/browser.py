@@ -12,7 +12,7 @@ ELEMENT = "element-6066-11e4-a52e-4f735466cecf"
 
 
 def missing():
-    """What is not installed, in words; empty when all is there."""
+    """Names what is not installed; empty when all is there."""
     return ", ".join(name for name in ("chromium", "chromedriver") if shutil.which(name) is None)
 
 
@@ -95,7 +95,7 @@ class Browser:
             out.write(base64.b64decode(self.devtools("Page.captureScreenshot", format="png")["data"]))
 
     def log(self, kind):
-        """What came since the last call: "browser" (console) or "performance" (DevTools events)."""
+        """Messages since the last call: "browser" (console) or "performance" (DevTools events)."""
         return self.call("POST", "/se/log", {"type": kind})
 
     def close(self):

@@ -48,7 +48,7 @@ TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   EXPECT_EQ(maps->offset.size(), 32U * 24U);
   EXPECT_GT(fs::file_size(file("fit.svg")), 10000U);
 
-  // What was written is what the deblurring takes.
+  // The deblurring accepts the written profile.
   done(words("deblur @chopper.h5 -o @sharp.h5 --profile @mine.toml"));
 }
 
@@ -67,17 +67,17 @@ TEST_F(Calibrate, SaysWhatIsWrongInOneLine) {
   simulate("pan.h5", "--frames 120");
   simulate("bigger.h5", "--width 40 --stimulus uniform --frames 20");
   simulate("chopper.h5", "--stimulus chopper --frames 120");
-  for (const auto& [line, says] : {std::pair{"", "give -o"},
-                                   {"-o @never.toml", "which captures"},
-                                   {"-o @never.toml @none.h5", "none.h5"},
-                                   {"-o @never.toml @shutter.h5", "no capture with pulses"},
-                                   {"-o @never.toml @pan.h5", "no rectangular pulses"},
-                                   {"-o @never.toml @chopper.h5 @bigger.h5", "another size"},
-                                   {"-o @never.toml @chopper.h5 @pan.h5", "no still field"},
-                                   {"-o @never.toml @chopper.h5 --profile @none.toml", "none.toml"},
-                                   {"-o @nowhere/mine.toml @chopper.h5", "nowhere/mine.toml"},
-                                   {"-o @never.toml @chopper.h5 --threads 2", "threads"}}) {
-    refused(words(std::string("calibrate ") + line), says);
+  for (const auto& [line, message] : {std::pair{"", "give -o"},
+                                      {"-o @never.toml", "which captures"},
+                                      {"-o @never.toml @none.h5", "none.h5"},
+                                      {"-o @never.toml @shutter.h5", "no capture with pulses"},
+                                      {"-o @never.toml @pan.h5", "no rectangular pulses"},
+                                      {"-o @never.toml @chopper.h5 @bigger.h5", "another size"},
+                                      {"-o @never.toml @chopper.h5 @pan.h5", "no still field"},
+                                      {"-o @never.toml @chopper.h5 --profile @none.toml", "none.toml"},
+                                      {"-o @nowhere/mine.toml @chopper.h5", "nowhere/mine.toml"},
+                                      {"-o @never.toml @chopper.h5 --threads 2", "threads"}}) {
+    refused(words(std::string("calibrate ") + line), message);
   }
   EXPECT_FALSE(fs::exists(file("never.toml")));
 }

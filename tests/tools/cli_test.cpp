@@ -1,4 +1,4 @@
-// What all verbs share: the line of progress, on a terminal, and what becomes of one that a library's exception ends.
+// Shared parts of all verbs: the line of progress, on a terminal, and the end by a library's exception.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -19,9 +19,9 @@ std::string ended(std::string verb) {
   std::array<char*, 2> words{program.data(), verb.data()};
   testing::internal::CaptureStderr();
   const int code = dispatch({"bolo", ""}, kVerbs, static_cast<int>(words.size()), words.data());
-  std::string said = testing::internal::GetCapturedStderr();
+  std::string output = testing::internal::GetCapturedStderr();
   EXPECT_EQ(code, kExitFailed);
-  return said;
+  return output;
 }
 
 TEST(Dispatch, AnExceptionIsAFailureInOneLine) {
@@ -29,10 +29,10 @@ TEST(Dispatch, AnExceptionIsAFailureInOneLine) {
   EXPECT_EQ(ended("fail"), "bolo fail: no?thread\n");
 }
 
-// The exit code of words that are parsed and begin with a verb's name, and what was said; no code: they are good.
+// Exit code and output of parsing words behind a verb's name; no code: they are good.
 struct Parsed {
   std::optional<int> code;
-  std::string said;
+  std::string output;
   cxxopts::ParseResult given;
 };
 Parsed parsed(std::vector<std::string> words) {
@@ -46,7 +46,7 @@ Parsed parsed(std::vector<std::string> words) {
   Parsed out;
   testing::internal::CaptureStderr();
   out.code = parse(options, static_cast<int>(argv.size()), argv.data(), out.given);
-  out.said = testing::internal::GetCapturedStderr();
+  out.output = testing::internal::GetCapturedStderr();
   return out;
 }
 
@@ -57,7 +57,7 @@ TEST(Parse, ANumberIsTheWholeValue) {
   for (const std::string text : {"0,03", "5abc", "0x10", "1_000", "5 6", "", "1e400", "nan", "inf", "1.5.2"}) {
     const Parsed wrong = parsed({"--rate=" + text});
     EXPECT_EQ(wrong.code, kExitUsage) << text;
-    expect_parts(wrong.said, {"--rate: ", text, "--help\n"});
+    expect_parts(wrong.output, {"--rate: ", text, "--help\n"});
   }
   EXPECT_EQ(parsed({"--list", "1,2abc"}).code, kExitUsage);
 }
@@ -65,9 +65,9 @@ TEST(Parse, ANumberIsTheWholeValue) {
 TEST(Parse, AFlagThatIsToldFalseIsRefused) {
   EXPECT_EQ(replace_of(parsed({"--overwrite"}).given), Replace::kExisting);
   EXPECT_EQ(replace_of(parsed({}).given), Replace::kNothing);
-  const Parsed told = parsed({"--overwrite=false"});
-  EXPECT_EQ(told.code, kExitUsage);
-  EXPECT_EQ(told.said, "bolo verb: --overwrite takes no value; leave it out instead\n");
+  const Parsed outcome = parsed({"--overwrite=false"});
+  EXPECT_EQ(outcome.code, kExitUsage);
+  EXPECT_EQ(outcome.output, "bolo verb: --overwrite takes no value; leave it out instead\n");
 }
 
 // Stands for stderr while it lives.
@@ -86,7 +86,7 @@ class Terminal {
     ::close(stderr_);
     ::close(terminal_);
   }
-  std::string said() const {
+  std::string output() const {
     std::string text(4096, '\0');
     const ssize_t count = ::read(terminal_, text.data(), text.size());
     text.resize(count > 0 ? static_cast<std::size_t>(count) : 0);
@@ -105,19 +105,19 @@ TEST(Progress, SaysTheRateSinceTheWorkBeganAndTheTimeLeft) {
     std::this_thread::sleep_for(std::chrono::milliseconds(150));
     progress.start_rate(50);
     progress.update(50);
-    const std::string said = terminal.said();
-    expect_parts(said, {"work: 50 of 100"});
-    EXPECT_EQ(said.find("second"), std::string::npos) << "no rate before the work began: " << said;
+    const std::string output = terminal.output();
+    expect_parts(output, {"work: 50 of 100"});
+    EXPECT_EQ(output.find("second"), std::string::npos) << "no rate before the work began: " << output;
     std::this_thread::sleep_for(std::chrono::milliseconds(250));
     progress.update(51);
   }
-  const std::string said = terminal.said();
-  expect_parts(said, {"work: 51 of 100 (51 %), ", " s left"});
-  const double rate = std::atof(said.c_str() + said.find("%), ") + 4);
+  const std::string output = terminal.output();
+  expect_parts(output, {"work: 51 of 100 (51 %), ", " s left"});
+  const double rate = std::atof(output.c_str() + output.find("%), ") + 4);
   EXPECT_GT(rate, 0.0);
-  EXPECT_LE(rate, 4.0) << "one in a quarter of a second or more: " << said;
-  const double left_s = std::atof(said.c_str() + said.find(" a second, ") + 11);
-  EXPECT_GE(left_s, 12.0) << "49 at that rate: " << said;
+  EXPECT_LE(rate, 4.0) << "one in a quarter of a second or more: " << output;
+  const double left_s = std::atof(output.c_str() + output.find(" a second, ") + 11);
+  EXPECT_GE(left_s, 12.0) << "49 at that rate: " << output;
 }
 
 }  // namespace bolo::tools::cli_test

@@ -136,7 +136,7 @@ TEST_F(DeblurFolder, BecomesAFolderOfTheSameFrames) {
 TEST_F(DeblurFolder, WhatIsDoneIsNotDoneAgain) {
   EXPECT_EQ(did(archive()), "abc");
   const auto written = fs::last_write_time(file("sharp/a.h5"));
-  // What a kill left beside a capture that is done goes, but not beside one that is worked on.
+  // A kill's remains beside a finished capture are removed, but not those of one in work.
   write("sharp/a.h5.part.journal", "left");
   write("sharp/b.h5.part.journal", "of one that works on it");
   write("sharp/b.h5.part", "now");
@@ -285,16 +285,16 @@ TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
   fs::create_directory(file("empty"));
   fs::create_directory(file("more"));
   fs::copy(file("archive/a.h5"), file("more/a.h5"));
-  for (const auto& [line, said] : {std::pair{"@archive/a.h5 @archive/b.h5 -o @out.h5", "need a folder"},
-                                   {"@archive/a.h5 @more/a.h5 -o @sharp", "another capture would also become"},
-                                   {"@archive -o @archive", "is both read and written"},
-                                   {"@empty -o @sharp", "no captures"},
-                                   {"@archive/a.h5 -o @out.h5 --shard 2", "--shard '2'"},
-                                   {"@archive/a.h5 -o @out.h5 --shard 3/2", "--shard '3/2'"},
-                                   {"@archive/a.h5 @none.h5 -o @sharp", "none.h5"}}) {
+  for (const auto& [line, message] : {std::pair{"@archive/a.h5 @archive/b.h5 -o @out.h5", "need a folder"},
+                                      {"@archive/a.h5 @more/a.h5 -o @sharp", "another capture would also become"},
+                                      {"@archive -o @archive", "is both read and written"},
+                                      {"@empty -o @sharp", "no captures"},
+                                      {"@archive/a.h5 -o @out.h5 --shard 2", "--shard '2'"},
+                                      {"@archive/a.h5 -o @out.h5 --shard 3/2", "--shard '3/2'"},
+                                      {"@archive/a.h5 @none.h5 -o @sharp", "none.h5"}}) {
     const Outcome outcome = run(words(line));  // which may tell of captures before the wrong one
     EXPECT_EQ(outcome.exit_code, 2) << line;
-    expect_parts(outcome.err, {said});
+    expect_parts(outcome.err, {message});
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
     fs::remove_all(file("sharp"));
   }

@@ -41,8 +41,8 @@ TEST_P(DeblurVerbPoints, AreTheWholeFramesBits) {
   const std::string solver = std::string("--solver ") + GetParam();
   const auto whole = deblurred(solver, "whole.h5");
   const auto part = deblurred(solver + " --points @p.csv", "points.h5");
-  EXPECT_EQ(told()["points"], 5);
-  EXPECT_TRUE(told()["roi"].is_null());
+  EXPECT_EQ(report()["points"], 5);
+  EXPECT_TRUE(report()["roi"].is_null());
   ASSERT_EQ(part.info().format.geometry, (Geometry{5, 1}));
   ASSERT_TRUE(part.points());
   EXPECT_EQ(*part.points(), places);

@@ -18,16 +18,16 @@ class DeblurVerb : public ProgramTest {
 
   // Runs on in.h5 with `more` options, expects success, and opens the output.
   capture::CaptureReader deblurred(const std::string& more = "", const std::string& name = "out.h5") {
-    told_ = printed(words("@in.h5 -o @" + name + " --overwrite --json " + more));
+    report_ = printed(words("@in.h5 -o @" + name + " --overwrite --json " + more));
     EXPECT_FALSE(fs::exists(file(name + ".part")));
     return *must(capture::CaptureReader::open(file(name)));
   }
-  // What it told of the last run, and an error among that.
-  nlohmann::json told() const { return nlohmann::json::parse(told_); }
-  double rmse(const char* which) const { return told()["rmse"][which].get<double>(); }
+  // The last run's report, and an error in it.
+  nlohmann::json report() const { return nlohmann::json::parse(report_); }
+  double rmse(const char* which) const { return report()["rmse"][which].get<double>(); }
 
  private:
-  std::string told_;
+  std::string report_;
 };
 
 inline std::vector<float> frame_of(const capture::CaptureReader& reader, std::size_t index) {

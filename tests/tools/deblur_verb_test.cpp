@@ -25,7 +25,7 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
     EXPECT_EQ(out.t()[i], in->t()[i + kWindow - 1]);
     EXPECT_EQ(out.frame_id()[i], in->frame_id()[i + kWindow - 1]);
   }
-  const auto json = told();
+  const auto json = report();
   EXPECT_EQ(json["frames_in"], 60);
   EXPECT_EQ(json["frames_out"], 44);
   EXPECT_EQ(json["lost"], 0);
@@ -47,15 +47,15 @@ TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
     return deblurred(motion + " --gyro @gyro.csv", name);
   };
   const auto alone = deblurred(motion, "alone.h5");
-  EXPECT_FALSE(told().contains("gyro"));
+  EXPECT_FALSE(report().contains("gyro"));
   const auto silent = with_gyro_from(200.0, "silent.h5");
-  EXPECT_EQ(told()["gyro"]["used"], 0);
-  EXPECT_GT(told()["gyro"]["silent"], 30);
+  EXPECT_EQ(report()["gyro"]["used"], 0);
+  EXPECT_GT(report()["gyro"]["silent"], 30);
   expect_same_frames(alone, silent);
   (void)with_gyro_from(99.95, "told.h5");
-  const auto said = told()["gyro"];
-  EXPECT_EQ(said["silent"], 0);
-  EXPECT_GT(said["used"].get<int>() + said["ignored"].get<int>(), 30);  // the bar jumps, which no even turn explains
+  const auto gyro = report()["gyro"];
+  EXPECT_EQ(gyro["silent"], 0);
+  EXPECT_GT(gyro["used"].get<int>() + gyro["ignored"].get<int>(), 30);  // the bar jumps, which no even turn explains
 }
 
 TEST_F(DeblurVerb, TheRmseIsThatOfTheFilesAndTheTruthIsCopied) {
@@ -113,8 +113,8 @@ TEST_F(DeblurVerb, ThreadsChangeNoBit) {
 TEST_F(DeblurVerb, LambdaMayBeAutomaticAndNoiseGiven) {
   write_blurred(file("in.h5"), {});
   (void)deblurred("--lambda auto --noise 0.05");
-  EXPECT_EQ(told()["settings"]["auto_lambda"], true);
-  EXPECT_EQ(told()["settings"]["noise_k"], 0.05);
+  EXPECT_EQ(report()["settings"]["auto_lambda"], true);
+  EXPECT_EQ(report()["settings"]["noise_k"], 0.05);
   EXPECT_LT(rmse("deblurred_k"), 0.5 * rmse("blurred_k"));
 }
 
@@ -125,7 +125,7 @@ TEST_F(DeblurVerb, AnInstructionSetCanBeChosen) {
   std::string slowest = refused.err.substr(refused.err.rfind(' ') + 1);  // the last of those it offers
   slowest.pop_back();                                                    // the line's end
   (void)deblurred("--isa " + slowest);
-  EXPECT_EQ(told()["settings"]["isa"], slowest);
+  EXPECT_EQ(report()["settings"]["isa"], slowest);
 }
 
 TEST_F(DeblurVerb, Uint16OutputKeepsTheInputsScale) {
@@ -148,7 +148,7 @@ TEST_F(DeblurVerb, ACaptureInCountsStaysInCountsAndIsNotJudged) {
   EXPECT_EQ(out.info().format.scale.unit, Unit::kCount);
   EXPECT_EQ(out.info().format.type, PixelType::kFloat32);
   for (const float value : frame_of(out, 40)) ASSERT_TRUE(value > 29'000.0F && value < 31'200.0F) << value;
-  EXPECT_TRUE(told()["rmse"].is_null());
+  EXPECT_TRUE(report()["rmse"].is_null());
 }
 
 TEST_F(DeblurVerb, FloatCapturesAreTaken) {
@@ -162,7 +162,7 @@ TEST_F(DeblurVerb, ALostFrameIsAGapAndEventsStartAgain) {
       file("in.h5"),
       {.frames = 80, .lost = {20}, .events = {{100.0 + 40 * kPeriod, "nuc"}}, .stimulus = capture::Uniform{300.0}});
   const auto out = deblurred();
-  EXPECT_EQ(told()["lost"], 1);
+  EXPECT_EQ(report()["lost"], 1);
   std::vector<std::uint64_t> expected;
   for (std::uint64_t n = kWindow - 1; n < 80; ++n) {
     if (n != 20 && (n < 40 || n >= 40 + kWindow - 1)) expected.push_back(500 + n);
@@ -232,10 +232,10 @@ TEST_F(DeblurVerb, AnInterruptionIsHeardInTheMiddleOfAFrame) {
   Program program = start(words("@in.h5 -o @out.h5 --solver exact --levels 7 --lambda 0.001 --threads 1"));
   while (!fs::exists(file("out.h5.part"))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   std::this_thread::sleep_for(std::chrono::seconds(1));
-  const auto told = std::chrono::steady_clock::now();
+  const auto signalled = std::chrono::steady_clock::now();
   program.signal(SIGTERM);
   EXPECT_EQ(program.outcome().exit_code, 1);
-  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - told;
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - signalled;
   std::printf("it ended after %.3f s\n", took.count());
   EXPECT_LT(took.count(), 5.0) << "1 s is promised; a busy machine takes longer, all frames far longer";
 }
@@ -255,7 +255,7 @@ using namespace test;
 
 struct Refusal {
   std::string words;  // "@NAME": the file of that name
-  const char* says;
+  const char* message;
 };
 
 const std::string kUsual = "@in.h5 -o @out.h5 ";
@@ -335,7 +335,7 @@ TEST_F(DeblurVerb, RefusesInOneLineWithExitCode2AndNoOutput) {
   write("turned.toml", "maps = \"turned-maps.h5\"\n");
   for (const Refusal& refusal : kRefusals) {
     SCOPED_TRACE(refusal.words);
-    refused(words(refusal.words), refusal.says);
+    refused(words(refusal.words), refusal.message);
     EXPECT_FALSE(fs::exists(file("out.h5")));
     EXPECT_FALSE(fs::exists(file("out.h5.part")));
   }

@@ -1,4 +1,4 @@
-// What bolo doctor reads of a host, and what it makes of it.
+// Facts of a host that bolo doctor reads, and its verdicts on them.
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 #include "tools/doctor/checks.hpp"
@@ -137,26 +137,26 @@ TEST(Doctor, SaysWhoKeepsTheClockAndHowWell) {
   const std::string tracking =
       "C0A80701,ntp.example,2,1763926262.123456789,-0.000012345,0.000001,0.000020,-4.512,0.001,0.021,0.000412,0.000310,"
       "64.2,Normal\n";
-  EXPECT_EQ(chrony_words(tracking), "chrony follows ntp.example (stratum 2), 0.0123 ms away");
-  EXPECT_EQ(chrony_words("00000000,,0,0.0,0.0,0.0,0.0,0.0,0.0,0.0,1.0,1.0,0.0,Not synchronised\n"),
+  EXPECT_EQ(describe_chrony(tracking), "chrony follows ntp.example (stratum 2), 0.0123 ms away");
+  EXPECT_EQ(describe_chrony("00000000,,0,0.0,0.0,0.0,0.0,0.0,0.0,0.0,1.0,1.0,0.0,Not synchronised\n"),
             "chrony runs, but follows nothing yet");
-  EXPECT_EQ(chrony_words("506 Cannot talk to daemon\n"), "");
-  EXPECT_EQ(chrony_words(""), "");
+  EXPECT_EQ(describe_chrony("506 Cannot talk to daemon\n"), "");
+  EXPECT_EQ(describe_chrony(""), "");
   const std::string ptp =
       "sending: GET TIME_STATUS_NP\n\taa.bb-0 seq 0 RESPONSE MANAGEMENT TIME_STATUS_NP\n\t\tmaster_offset  -37\n"
       "\t\tgmPresent   true\n";
-  EXPECT_EQ(ptp_words(ptp), "ptp4l follows a grandmaster, -37 ns away");
-  EXPECT_EQ(ptp_words("\t\tmaster_offset 0\n\t\tgmPresent false\n"), "ptp4l runs, but follows no grandmaster");
-  EXPECT_EQ(ptp_words("sending: GET TIME_STATUS_NP\n"), "");
+  EXPECT_EQ(describe_ptp(ptp), "ptp4l follows a grandmaster, -37 ns away");
+  EXPECT_EQ(describe_ptp("\t\tmaster_offset 0\n\t\tgmPresent false\n"), "ptp4l runs, but follows no grandmaster");
+  EXPECT_EQ(describe_ptp("sending: GET TIME_STATUS_NP\n"), "");
 
   Facts facts = good_host();
-  facts.time_services = {chrony_words(tracking)};
+  facts.time_services = {describe_chrony(tracking)};
   EXPECT_EQ(check_of(judge(facts, live_needs()), "clock").found,
             "the clock is synchronised, to 0.8 ms; chrony follows ntp.example (stratum 2), 0.0123 ms away");
   facts.clock = ClockState{};
-  const Check untold = check_of(judge(facts, live_needs()), "clock");
-  EXPECT_EQ(untold.verdict, Verdict::kAdvice);
-  expect_parts(untold.fix, {"rtcsync"});  // chrony keeps it, but the kernel was not told
+  const Check unsynchronised = check_of(judge(facts, live_needs()), "clock");
+  EXPECT_EQ(unsynchronised.verdict, Verdict::kAdvice);
+  expect_parts(unsynchronised.fix, {"rtcsync"});  // chrony keeps it, but the kernel was not told
 }
 
 TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {

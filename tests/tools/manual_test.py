@@ -29,7 +29,7 @@ def options_in(text):
 
 
 VERBS = verbs_in(help_of(BOLO))
-# What is typed, and what its --help says.
+# Command lines, and their --help.
 COMMANDS = {("bolo", verb): help_of(BOLO, verb) for verb in VERBS}
 COMMANDS[("bolod",)] = help_of(BOLOD)
 
@@ -41,7 +41,7 @@ def page_of(command):
 
 
 def complete(*words):
-    """What bash offers for the last of the words."""
+    """Bash's completions of the last of the words."""
     script = 'source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _bolo; printf "%s\\n" "${COMPREPLY[@]}"'
     run = ["bash", "--norc", "-uc", script, "bash", str(COMPLETION), *words]
     done = subprocess.run(run, capture_output=True, text=True, env={**os.environ, "PATH": PATH})

@@ -23,10 +23,11 @@ class Names : public ProgramTest {
 TEST_F(Names, JsonIsWrittenWithThem) {
   const std::string name = file("a\xff.h5");           // no UTF-8
   const std::string shown = file("a\xef\xbf\xbd.h5");  // U+FFFD
-  const auto told = [this](const std::vector<std::string>& words) { return nlohmann::json::parse(printed(words)); };
-  EXPECT_EQ(told({"simulate", "-o", name, "--frames", "2", "--width", "8", "--height", "4", "--json"})["file"], shown);
+  const auto json_of = [this](const std::vector<std::string>& words) { return nlohmann::json::parse(printed(words)); };
+  EXPECT_EQ(json_of({"simulate", "-o", name, "--frames", "2", "--width", "8", "--height", "4", "--json"})["file"],
+            shown);
   std::filesystem::remove(name);
-  EXPECT_EQ(told({"recover", capture(""), "-o", name, "--json"})["output"], shown);
+  EXPECT_EQ(json_of({"recover", capture(""), "-o", name, "--json"})["output"], shown);
 }
 
 TEST_F(Names, InfoShowsAttributesOfAnyBytes) { expect_parts(printed({"info", capture("x\xff")}), {"note \"x"}); }
@@ -38,8 +39,8 @@ TEST_F(Names, OfADamagedCaptureThereIsOneLine) {
     std::string damaged = good;
     damaged[at] = '\xff';
     std::ofstream(file("damaged.h5"), std::ios::binary) << damaged;
-    const std::string said = run({"info", file("damaged.h5")}).err;
-    EXPECT_LE(std::count(said.begin(), said.end(), '\n'), 1) << at << ": " << said.substr(0, 300);
+    const std::string output = run({"info", file("damaged.h5")}).err;
+    EXPECT_LE(std::count(output.begin(), output.end(), '\n'), 1) << at << ": " << output.substr(0, 300);
   }
 }
 
@@ -56,9 +57,9 @@ TEST_F(Names, NoneBreaksALineOrMovesTheCursor) {
       {"a\nb\x1b.h5"}};
   for (const std::vector<std::string>& words : all) {
     const Outcome outcome = run(words);
-    const std::string said = outcome.out + outcome.err;
-    EXPECT_EQ(said.find_first_of("\x1b"), std::string::npos) << said;
-    EXPECT_TRUE(said.find(shown) != std::string::npos || said.find("c?d?.h5") != std::string::npos) << said;
+    const std::string output = outcome.out + outcome.err;
+    EXPECT_EQ(output.find_first_of("\x1b"), std::string::npos) << output;
+    EXPECT_TRUE(output.find(shown) != std::string::npos || output.find("c?d?.h5") != std::string::npos) << output;
   }
 }
 

@@ -1,4 +1,4 @@
-"""What is installed fits together: package_test.py BUILD SOURCE."""
+"""The installed packages fit together: package_test.py BUILD SOURCE."""
 
 import os
 import pathlib
@@ -61,7 +61,7 @@ class Installed(unittest.TestCase):
 
 
 class Scripts(unittest.TestCase):
-    """What dpkg runs, in a root of our own with stand-ins for what changes the system."""
+    """Maintainer scripts, in a root of our own with stand-ins for programs that change the system."""
 
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory(prefix="bolo-scripts-")

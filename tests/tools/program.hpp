@@ -129,7 +129,7 @@ class ProgramTest : public ::testing::Test {
   }
   Outcome run(const std::vector<std::string>& more) const { return start(more).outcome(); }
 
-  // What it printed; expects success.
+  // Its standard output; expects success.
   std::string printed(const std::vector<std::string>& more) const {
     const Outcome outcome = run(more);
     EXPECT_EQ(outcome.exit_code, 0) << outcome.err;

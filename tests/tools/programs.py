@@ -1,4 +1,4 @@
-"""What tests of running programs share: waiting for what they do, addresses of a test's own, camera and daemon."""
+"""Shared by tests of running programs: waiting for effects, addresses of a test's own, camera and daemon."""
 
 import atexit
 import os
@@ -20,10 +20,10 @@ def free_port():
         return server.getsockname()[1]
 
 
-def wait_for(look, what, hang_guard_s=120.0):
-    """What look() finds, once it finds something."""
+def wait_for(find, what, hang_guard_s=120.0):
+    """Polls until find() returns something, and returns that."""
     end = time.monotonic() + hang_guard_s
-    while not (found := look()):
+    while not (found := find()):
         assert time.monotonic() < end, f"{what} did not come"
         time.sleep(0.01)
     return found

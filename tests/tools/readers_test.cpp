@@ -1,5 +1,4 @@
-// What PROMISES.md says of readers: however many, frozen, killed or slow, they do not change the writer's rate or
-// latency.
+// PROMISES.md on readers: however many, frozen, killed or slow, they do not change the writer's rate or latency.
 #include "tests/test.hpp"
 #include "tools/lab/bench/bench.hpp"
 

@@ -54,7 +54,7 @@ class RecordVerb : public test::ProgramTest {
   void publish_into_it(int frames) {
     writer_.publish_until([&] { return exists(file("a.h5.part")) && --frames < 0; });
   }
-  // Publishes until `last` is whole. What was told of the recording, in the end.
+  // Publishes until `last` is whole; returns the recording's final report.
   json end_of(Program& program, const std::string& last = "a.h5") {
     writer_.publish_until([&] { return exists(file(last)); });
     const Outcome outcome = program.outcome();
@@ -116,10 +116,10 @@ TEST_F(RecordVerb, StatShowsAllThatRun) {
 TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "300"});
-  const json told = end_of(program);
-  EXPECT_EQ(told["frames"], 300);
-  EXPECT_EQ(told["lost"]["overwritten"], 0);
-  EXPECT_EQ(told["lost"]["no_room"], 0);
+  const json report = end_of(program);
+  EXPECT_EQ(report["frames"], 300);
+  EXPECT_EQ(report["lost"]["overwritten"], 0);
+  EXPECT_EQ(report["lost"]["no_room"], 0);
   const capture::CaptureReader reader = opened(file("a.h5"));
   ASSERT_EQ(reader.info().frames, 300U);
   EXPECT_EQ(reader.info().camera_model, "Model");
@@ -197,11 +197,11 @@ TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
   write("a_002.h5", "earlier");
   write("a_003.h5.part", "unrecovered");
   Program program = record({"--frames", "300", "--planes", "deblurred", "--split-minutes", "0.01"});
-  const json told = end_of(program, "a_005.h5");
+  const json report = end_of(program, "a_005.h5");
   EXPECT_EQ(test::contents(file("a_002.h5")), "earlier");
   EXPECT_EQ(test::contents(file("a_003.h5.part")), "unrecovered");
-  EXPECT_EQ(told["frames"], 300);
-  EXPECT_EQ(told["lost"]["unwritten"], 0);
+  EXPECT_EQ(report["frames"], 300);
+  EXPECT_EQ(report["lost"]["unwritten"], 0);
   for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_004.h5", 120U}, {"a_005.h5", 60U}}) {
     expect_recorded(file(part), frames, 1);
   }
@@ -216,8 +216,7 @@ TEST_F(RecordVerb, WaitsForADaemonThatIsNotThereYet) {
   EXPECT_EQ(program.wait(), 0);
 }
 
-// What is printed goes to a full disk: that is not done.
-// A daemon whose camera sends nothing: what has a time to end at ends.
+// A daemon whose camera sends nothing: a recording with a time limit still ends.
 TEST_F(RecordVerb, SecondsWithoutAFrameEnd) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--seconds", "0.3", "--wait", "0.2"});
@@ -295,10 +294,10 @@ TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
   program.signal(SIGINT);
   const Outcome outcome = program.outcome();
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const json told = json::parse(outcome.out);
-  EXPECT_EQ(told["reconnects"], 1);
-  EXPECT_EQ(told["lost"]["overwritten"], 0);
-  EXPECT_GT(told["frames"], 2 * kSlots);
+  const json report = json::parse(outcome.out);
+  EXPECT_EQ(report["reconnects"], 1);
+  EXPECT_EQ(report["lost"]["overwritten"], 0);
+  EXPECT_GT(report["frames"], 2 * kSlots);
 }
 
 // A ring that is turned over faster than it is read: what was overwritten is counted, and marked in the file.
@@ -392,9 +391,9 @@ TEST_F(RecordVerb, ACutOffCaptureIsRecovered) {
   const auto left = fs::file_size(file("a.h5")) * 6 / 10;
   fs::resize_file(file("a.h5"), left);
   EXPECT_EQ(run({"info", file("a.h5")}).exit_code, 2);
-  const json told = json::parse(printed({"recover", file("a.h5"), "-o", file("b.h5"), "--json"}));
-  EXPECT_GT(told["frames"], 150);
-  EXPECT_FALSE(told["missing"].empty());
+  const json report = json::parse(printed({"recover", file("a.h5"), "-o", file("b.h5"), "--json"}));
+  EXPECT_GT(report["frames"], 150);
+  EXPECT_FALSE(report["missing"].empty());
   EXPECT_EQ(fs::file_size(file("a.h5")), left);
   expect_published(opened(file("b.h5")));
 }

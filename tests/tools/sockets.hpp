@@ -23,7 +23,7 @@ inline UniqueFd bound_at(const std::string& path, int type, int flags = 0) {
   return fd;
 }
 
-// What lies there of datagrams, each followed by a line's end.
+// The pending datagrams, each followed by a newline.
 inline std::string datagrams(const UniqueFd& fd) {
   std::array<char, 65536> buffer;
   std::string text;

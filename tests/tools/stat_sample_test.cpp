@@ -10,10 +10,10 @@ namespace bolo::tools::stat_sample_test {
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 
-StatLook first_look() {
-  StatLook look;
-  look.at_ns = 100 * kSecondNs;
-  bolo_shm_header& h = look.header;
+StatSnapshot first_snapshot() {
+  StatSnapshot snapshot;
+  snapshot.at_ns = 100 * kSecondNs;
+  bolo_shm_header& h = snapshot.header;
   h.state = BOLO_SHM_RUNNING;
   h.width = 640;
   h.height = 120;
@@ -28,15 +28,15 @@ StatLook first_look() {
   h.latency[rt::LatencyHistogram::bucket(90'000'000)] = 990;  // old frames were slow
   std::strcpy(h.camera_model, "Model");
   std::strcpy(h.solver, "admm");
-  return look;
+  return snapshot;
 }
 
 // Two seconds later: 400 frames in, 390 out (40 of them warm-up), one slow among them.
-StatLook second_look() {
-  StatLook look = first_look();
-  look.at_ns += 2 * kSecondNs;
-  bolo_shm_header& h = look.header;
-  h.heartbeat_ns = static_cast<std::uint64_t>(look.at_ns - kSecondNs / 2);
+StatSnapshot second_snapshot() {
+  StatSnapshot snapshot = first_snapshot();
+  snapshot.at_ns += 2 * kSecondNs;
+  bolo_shm_header& h = snapshot.header;
+  h.heartbeat_ns = static_cast<std::uint64_t>(snapshot.at_ns - kSecondNs / 2);
   h.received += 400;
   h.published += 390;
   h.warm_up += 40;
@@ -44,27 +44,29 @@ StatLook second_look() {
   h.lost[static_cast<std::size_t>(LossCause::kMissing)] += 10;
   h.latency[rt::LatencyHistogram::bucket(1'000'000)] += 389;
   h.latency[rt::LatencyHistogram::bucket(50'000'000)] += 1;
-  return look;
+  return snapshot;
 }
 
-std::string table_of(const StatLook& look) { return stat_table("cam", look, compare(first_look(), look)); }
-auto json_of(const StatLook& look) { return stat_json("cam", look, compare(first_look(), look)); }
+std::string table_of(const StatSnapshot& snapshot) {
+  return stat_table("cam", snapshot, compare(first_snapshot(), snapshot));
+}
+auto json_of(const StatSnapshot& snapshot) { return stat_json("cam", snapshot, compare(first_snapshot(), snapshot)); }
 
 TEST(StatTable, TellsHowTheHostsClockIsKept) {
-  StatLook look = second_look();
-  expect_parts(table_of(look), {"\nutc      host's clock runs by itself, error not known\n"});
-  look.header.clock_synchronised = 1;
-  look.header.clock_error_ns = 1'250'000;
-  look.header.clock_steps = 2;
-  expect_parts(table_of(look), {"\nutc      host's clock synchronised, to 1.25 ms; set 2 times\n"});
-  const auto json = json_of(look);
+  StatSnapshot snapshot = second_snapshot();
+  expect_parts(table_of(snapshot), {"\nutc      host's clock runs by itself, error not known\n"});
+  snapshot.header.clock_synchronised = 1;
+  snapshot.header.clock_error_ns = 1'250'000;
+  snapshot.header.clock_steps = 2;
+  expect_parts(table_of(snapshot), {"\nutc      host's clock synchronised, to 1.25 ms; set 2 times\n"});
+  const auto json = json_of(snapshot);
   EXPECT_EQ(json["clock"]["synchronised"], true);
   EXPECT_DOUBLE_EQ(json["clock"]["error_s"].get<double>(), 0.00125);
   EXPECT_EQ(json["clock"]["steps"], 2);
 }
 
 TEST(StatSample, RatesAndLatencyAreThoseOfTheInterval) {
-  const StatSample s = compare(first_look(), second_look());
+  const StatSample s = compare(first_snapshot(), second_snapshot());
   EXPECT_DOUBLE_EQ(s.interval_s, 2.0);
   EXPECT_DOUBLE_EQ(s.received_hz, 200.0);
   EXPECT_DOUBLE_EQ(s.published_hz, 195.0);
@@ -80,21 +82,21 @@ TEST(StatSample, RatesAndLatencyAreThoseOfTheInterval) {
 }
 
 TEST(StatSample, StateTellsAnOrderlyEndFromADeath) {
-  StatLook look = first_look();
-  const StatSample nothing_happened = compare(look, look);
+  StatSnapshot snapshot = first_snapshot();
+  const StatSample nothing_happened = compare(snapshot, snapshot);
   EXPECT_STREQ(nothing_happened.state, "running");
   EXPECT_EQ(nothing_happened.received_hz, 0.0);
   EXPECT_EQ(nothing_happened.deblur_ms, 0.0);
   EXPECT_EQ(nothing_happened.latency_max_ms, 0.0);
-  look.closed = true;
-  EXPECT_STREQ(compare(look, look).state, "stopped");
-  look.header.state = BOLO_SHM_CLOSED;
-  EXPECT_STREQ(compare(look, look).state, "closed");
+  snapshot.closed = true;
+  EXPECT_STREQ(compare(snapshot, snapshot).state, "stopped");
+  snapshot.header.state = BOLO_SHM_CLOSED;
+  EXPECT_STREQ(compare(snapshot, snapshot).state, "closed");
 }
 
 TEST(StatSample, JsonHasEveryCauseByNameAndTheTableThoseThatTookFrames) {
-  StatLook look = second_look();
-  const auto json = json_of(look);
+  StatSnapshot snapshot = second_snapshot();
+  const auto json = json_of(snapshot);
   EXPECT_EQ(json["name"], "cam");
   EXPECT_EQ(json["state"], "running");
   EXPECT_EQ(json["lost"]["missing"], 15);
@@ -102,52 +104,52 @@ TEST(StatSample, JsonHasEveryCauseByNameAndTheTableThoseThatTookFrames) {
   EXPECT_EQ(json["lost"].size(), kLossCauses);
   EXPECT_EQ(json["published"], 1380);
   EXPECT_EQ(json["camera_model"], "Model");
-  expect_parts(table_of(look), {"lost     15 in all\n  missing "});
-  EXPECT_EQ(table_of(look).find("out_of_order"), std::string::npos);
-  look.header.lost[static_cast<std::size_t>(LossCause::kMissing)] = 0;
-  EXPECT_TRUE(stat_table("cam", look, compare(look, look)).ends_with("lost     0 in all\n"));
+  expect_parts(table_of(snapshot), {"lost     15 in all\n  missing "});
+  EXPECT_EQ(table_of(snapshot).find("out_of_order"), std::string::npos);
+  snapshot.header.lost[static_cast<std::size_t>(LossCause::kMissing)] = 0;
+  EXPECT_TRUE(stat_table("cam", snapshot, compare(snapshot, snapshot)).ends_with("lost     0 in all\n"));
 }
 
 TEST(StatSample, TellsHowTheCameraDoes) {
-  StatLook look = second_look();
-  EXPECT_FALSE(json_of(look).contains("camera"));
-  bolo_shm_camera& camera = look.camera.emplace();
+  StatSnapshot snapshot = second_snapshot();
+  EXPECT_FALSE(json_of(snapshot).contains("camera"));
+  bolo_shm_camera& camera = snapshot.camera.emplace();
   camera.state = BOLO_CAMERA_LOST;
-  camera.since_ns = look.at_ns - 3 * kSecondNs;
+  camera.since_ns = snapshot.at_ns - 3 * kSecondNs;
   camera.lost[static_cast<std::size_t>(pipeline::LostCause::kNoAnswer)] = 2;
   camera.outage_frames = 84;
-  const auto json = json_of(look)["camera"];
+  const auto json = json_of(snapshot)["camera"];
   EXPECT_EQ(json["state"], "lost");
   EXPECT_EQ(json["state_age_s"], 3.0);
   EXPECT_EQ(json["lost"]["no_answer"], 2);
   EXPECT_TRUE(json["clock_drift_ppm"].is_null()) << "not known yet";
   EXPECT_TRUE(json["ptp"].is_null() && json["ptp_offset_s"].is_null());
-  expect_parts(table_of(look), {"lost for 3.0 s; lost 2 (2 no answer), stalled 0; 84 frames missed"});
-  EXPECT_EQ(table_of(look).find("\nclock "), std::string::npos);
-  EXPECT_EQ(table_of(look).find("\nptp "), std::string::npos);
+  expect_parts(table_of(snapshot), {"lost for 3.0 s; lost 2 (2 no answer), stalled 0; 84 frames missed"});
+  EXPECT_EQ(table_of(snapshot).find("\nclock "), std::string::npos);
+  EXPECT_EQ(table_of(snapshot).find("\nptp "), std::string::npos);
   camera.clock_offset_ns = -5;
   camera.clock_drift_ppm = -20.5;
   camera.ptp = static_cast<std::uint64_t>(pipeline::PtpStatus::kSlave);
   camera.ptp_offset_ns = -37;
-  EXPECT_EQ(json_of(look)["camera"]["ptp"], "slave");
-  EXPECT_DOUBLE_EQ(json_of(look)["camera"]["ptp_offset_s"], -37e-9);
-  expect_parts(table_of(look), {"drift -20.5 ppm", "ptp      slave, -37 ns from its master\n"});
+  EXPECT_EQ(json_of(snapshot)["camera"]["ptp"], "slave");
+  EXPECT_DOUBLE_EQ(json_of(snapshot)["camera"]["ptp_offset_s"], -37e-9);
+  expect_parts(table_of(snapshot), {"drift -20.5 ppm", "ptp      slave, -37 ns from its master\n"});
   camera.ptp = 1234;
-  EXPECT_EQ(json_of(look)["camera"]["ptp"], "unknown");
+  EXPECT_EQ(json_of(snapshot)["camera"]["ptp"], "unknown");
 }
 
 TEST(StatSample, TellsHowThePictureMoves) {
-  StatLook look = second_look();
-  EXPECT_TRUE(json_of(look)["motion"].is_null());
-  EXPECT_EQ(table_of(look).find("motion"), std::string::npos);
-  look.header.motion_offset = 64;
-  expect_parts(table_of(look), {"motion   not known"});
-  look.motion = {-3.0, 4.0, 0.875};
-  const auto json = json_of(look)["motion"];
+  StatSnapshot snapshot = second_snapshot();
+  EXPECT_TRUE(json_of(snapshot)["motion"].is_null());
+  EXPECT_EQ(table_of(snapshot).find("motion"), std::string::npos);
+  snapshot.header.motion_offset = 64;
+  expect_parts(table_of(snapshot), {"motion   not known"});
+  snapshot.motion = {-3.0, 4.0, 0.875};
+  const auto json = json_of(snapshot)["motion"];
   EXPECT_EQ(json["x_px"], -3.0);
   EXPECT_EQ(json["y_px"], 4.0);
   EXPECT_EQ(json["sure_blocks"], 0.875);
-  expect_parts(table_of(look), {"motion   5.00 px a frame (x -3.00, y +4.00), 88 % of the blocks sure\n"});
+  expect_parts(table_of(snapshot), {"motion   5.00 px a frame (x -3.00, y +4.00), 88 % of the blocks sure\n"});
 }
 
 TEST(StatSample, MotionIsTheNewestFrames) {
@@ -164,22 +166,22 @@ TEST(StatSample, MotionIsTheNewestFrames) {
   }
 }
 
-// What a camera calls itself is no order to the terminal.
+// A camera's model name cannot control the terminal.
 TEST(StatSample, TableShowsWhatIsNotPrintableAsQuestionMarks) {
-  StatLook look = second_look();
-  std::strcpy(look.header.camera_model, "A655\x1b[2J\xff\r\n\xc2\x9b");
-  std::strcpy(look.header.solver, "\xcf\x84 = 11 ms");
-  const std::string table = stat_table("a\x1b]0;b\a", look, compare(first_look(), look));
+  StatSnapshot snapshot = second_snapshot();
+  std::strcpy(snapshot.header.camera_model, "A655\x1b[2J\xff\r\n\xc2\x9b");
+  std::strcpy(snapshot.header.solver, "\xcf\x84 = 11 ms");
+  const std::string table = stat_table("a\x1b]0;b\a", snapshot, compare(first_snapshot(), snapshot));
   expect_parts(table, {"A655?[2J????? ", "\xcf\x84 = 11 ms"});  // what is text stays
   EXPECT_EQ(table.find_first_of("\x1b\r\a\x7f"), std::string::npos);
 }
 
 // Who cuts them knows how wide it is: pipes get all.
 TEST(StatSample, TableHasWholeLines) {
-  StatLook look = second_look();
-  std::memset(look.header.solver, 's', sizeof(look.header.solver) - 1);
-  for (const auto& stage : pipeline::kStages) look.told["stages"][std::string(stage.name)]["p50_ms"] = 123.456;
-  expect_parts(table_of(look), {std::string(look.header.solver) + "\n", "publish 123.456 ms (p50 of all)\n"});
+  StatSnapshot snapshot = second_snapshot();
+  std::memset(snapshot.header.solver, 's', sizeof(snapshot.header.solver) - 1);
+  for (const auto& stage : pipeline::kStages) snapshot.status["stages"][std::string(stage.name)]["p50_ms"] = 123.456;
+  expect_parts(table_of(snapshot), {std::string(snapshot.header.solver) + "\n", "publish 123.456 ms (p50 of all)\n"});
 }
 
 StatSample sample(double p50_ms, double p99_ms, double lost_hz = 0.0) {

@@ -38,7 +38,7 @@ class Terminal:
 
 
 def bars(lines, row):
-    """What stands behind `row`: the bars' last line."""
+    """Text behind `row`: the bars' last line."""
     return next((line[9:] for line in lines if line.startswith(f"  {row} ")), "")
 
 

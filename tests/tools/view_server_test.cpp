@@ -1,4 +1,4 @@
-// What the view's server refuses, what it lets through, and that its bounds hold.
+// Requests that the view's server refuses and accepts, and its limits.
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -197,11 +197,11 @@ TEST_F(ViewServer, ANucNeedsThePagesOwnOrigin) {
   EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\n"), 409) << "one at a time";
   expect_parts(ask("GET /api/status"), {"\"nuc_asking\":true"});
   hold_nuc_ = false;
-  std::string told;
+  std::string answer;
   do {
-    told = ask("GET /api/status");
-  } while (told.find("\"nuc_asking\":true") != std::string::npos);
-  expect_parts(told, {"the camera does not answer"});
+    answer = ask("GET /api/status");
+  } while (answer.find("\"nuc_asking\":true") != std::string::npos);
+  expect_parts(answer, {"the camera does not answer"});
   EXPECT_EQ(nucs_, 1);
 }
 

@@ -1,4 +1,4 @@
-// What the view holds of a stream: the newest frame, traces of pixels, and what becomes of them when writers change.
+// The view's memory of a stream: the newest frame, traces of pixels, and both across writers.
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/view/live_stream.hpp"

@@ -46,7 +46,7 @@ class View(Programs):
         self.url, self.token = re.fullmatch(r"(.*/)\?token=([0-9a-f]{32})", self.entry).groups()
 
     def view(self, what, *words):
-        """What another view tells of itself."""
+        """The status of another view."""
         self.start(what, self.bolo, "view", *words, "--port", "0", "--json")
         return json.loads(wait_for(lambda: re.search(r'{"url".*}', self.log(what)), "the view").group())
 
@@ -222,7 +222,7 @@ def check_restart(page, programs):
 def check_motion(page, programs, folder):
     """Arrows on a key: none of a solver that does not estimate motion, and those of one that does."""
 
-    def look():
+    def pictures():
         """The picture without arrows, with them, and without, of a frame that stays; and the page's words."""
         page.click("#pause")  # a space would press the button that has the focus
         hashes = [picture_hash(page)]
@@ -236,8 +236,8 @@ def check_motion(page, programs, folder):
         return *hashes, words
 
     def drawn():
-        """Whether there are arrows, and the page's words; the window may have been laid out anew in between."""
-        before, shown, _, words = wait_for(lambda: (seen := look())[0] == seen[2] and seen, "it without arrows")
+        """True if there are arrows, and the page's text; the window may have been laid out anew in between."""
+        before, shown, _, words = wait_for(lambda: (seen := pictures())[0] == seen[2] and seen, "it without arrows")
         return shown != before, words
 
     any_drawn, words = drawn()
@@ -332,7 +332,7 @@ def check_several(page, programs, folder):
 
 
 def check_usage(programs):
-    """What `bolo view` does not begin with: exit code 2 and one line that says what to do."""
+    """Refusals of `bolo view` at its start: exit code 2 and one line with the remedy."""
     port = str(urllib.parse.urlsplit(programs.url).port)
     for words, told in ((["--listen", "0.0.0.0"], "--token"), (["--port", port], "another program"),
                         (["--token", "short"], "16 to 128"), (["--token-file", "/nowhere"], "/nowhere"),
@@ -360,7 +360,7 @@ def take_pictures(page, folder):
 
 
 def check_requests(page):
-    """Where the page's requests went, and what its files weigh."""
+    """Targets of the page's requests, and its files' sizes."""
     weight, kinds = 0, {}
     for entry in page.log("performance"):
         event = json.loads(entry["message"])["message"]

@@ -1,4 +1,4 @@
-"""What writing verbs do to files that are there: a table of verbs x (input, existing file, full disk, kill).
+"""Effects of writing verbs on existing files: a table of verbs x (input, existing file, full disk, kill).
 
 usage: writers_test.py BOLO [CASE...]. Every cell is a run of the program whose files are compared byte by byte
 afterwards; "kept" means that nothing was lost. The full disk is a file system in memory of a mount namespace; where the

@@ -23,12 +23,12 @@ Error unreachable(const std::string& path) {
                                     "; is the daemon running, and may this user use it (control.mode)?"};
 }
 
-// A daemon that ended left its socket's name, and perhaps its folder's, to whoever takes it next.
+// Anybody may take the name of an ended daemon's socket, and perhaps of its folder.
 Status check_daemon(int fd, const std::string& path) {
   ucred peer{};
   socklen_t size = sizeof peer;
-  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && shm::is_believed(peer.uid)) return {};
-  return bad_input("control socket " + path + ": " + shm::user_words(peer.uid) +
+  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && shm::is_trusted(peer.uid)) return {};
+  return bad_input("control socket " + path + ": " + shm::describe_user(peer.uid) +
                    " listens there, not bolo, root or this user; if it is your daemon's, set BOLO_USER to that user's "
                    "name or number");
 }
@@ -78,11 +78,11 @@ Result<std::string> ask_daemon_named(const std::string& name, std::string_view r
 }
 
 Status judge_answer(const std::string& answer) {
-  const auto told = nlohmann::json::parse(answer, nullptr, false);
-  const bool done = told.is_object() && told.contains("ok") && told["ok"] == true;
+  const auto reply = nlohmann::json::parse(answer, nullptr, false);
+  const bool done = reply.is_object() && reply.contains("ok") && reply["ok"] == true;
   if (done) return {};
-  const bool says_why = told.is_object() && told.contains("error") && told["error"].is_string();
-  return failed(says_why ? told["error"].get<std::string>() : answer);
+  const bool has_error = reply.is_object() && reply.contains("error") && reply["error"].is_string();
+  return failed(has_error ? reply["error"].get<std::string>() : answer);
 }
 
 }  // namespace bolo::tools

@@ -20,7 +20,7 @@ struct ConvertRequest {
   std::optional<std::size_t> frame;  // this one only
   Target out;
   std::string topic;
-  Told told;
+  StatedFormat stated;
   std::optional<RawLayout> raw;
 };
 
@@ -97,7 +97,7 @@ Status read_scale(const cxxopts::ParseResult& parsed, ConvertRequest& request) {
   if (!std::isfinite(scale.scale) || scale.scale == 0.0 || !std::isfinite(scale.offset)) {
     return bad_input("--scale must be a number other than 0, --offset a number");
   }
-  request.told.scale = scale;
+  request.stated.scale = scale;
   request.out.picture_scale = scale;
   return {};
 }
@@ -126,8 +126,8 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   request.out.name = parsed["name"].as<std::string>();
   RETURN_IF_ERROR(check_name(request.out.name));
   if (parsed.count("topic") != 0) request.topic = parsed["topic"].as<std::string>();
-  request.told.rate_hz = parsed["rate"].as<double>();
-  if (!(request.told.rate_hz > 0.0 && request.told.rate_hz <= 1e6))
+  request.stated.rate_hz = parsed["rate"].as<double>();
+  if (!(request.stated.rate_hz > 0.0 && request.stated.rate_hz <= 1e6))
     return bad_input("--rate must be above 0 frames a second");
   RETURN_IF_ERROR(read_scale(parsed, request));
   if (parsed.count("raw") != 0) {
@@ -135,7 +135,7 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
     layout.skip_bytes = parsed["skip"].as<std::uint64_t>();
     request.raw = layout;
   }
-  // The files of a series of pictures are looked at when their number is known.
+  // Outputs of a series of pictures are checked when their number is known.
   if (request.out.file.path.extension() == ".png") return request;
   RETURN_IF_ERROR(check_outputs({request.out.file.path}, request.in, request.out.file.replace));
   return request;
@@ -147,12 +147,12 @@ bool is_capture(const std::filesystem::path& file) {
 }
 
 Result<std::unique_ptr<Footage>> open_footage(const ConvertRequest& request) {
-  if (request.raw) return open_raw(request.in, *request.raw, request.told);
+  if (request.raw) return open_raw(request.in, *request.raw, request.stated);
   const auto kind = request.in.front().extension();
   const bool film = kind == ".cptv";
   const bool recording = kind == ".mcap";
   const bool capture = !film && !recording;
-  if (capture && !is_capture(request.in.front())) return open_pictures(request.in, request.told);
+  if (capture && !is_capture(request.in.front())) return open_pictures(request.in, request.stated);
   if (capture && request.out.file.path.extension() == ".mcap") return open_captures(request.in);
   if (request.in.size() > 1)
     return bad_input("one " +
@@ -160,8 +160,8 @@ Result<std::unique_ptr<Footage>> open_footage(const ConvertRequest& request) {
                                  : recording ? "recording"
                                              : "capture") +
                      " at a time; " + std::to_string(request.in.size()) + " files were given");
-  if (film) return open_cptv(request.in.front(), request.told);
-  return recording ? open_mcap(request.in.front(), request.topic, request.told) : open_capture(request.in.front());
+  if (film) return open_cptv(request.in.front(), request.stated);
+  return recording ? open_mcap(request.in.front(), request.topic, request.stated) : open_capture(request.in.front());
 }
 
 // One frame of other footage.

@@ -145,7 +145,7 @@ class Demonstration {
     std::fflush(stdout);
     if (!folder_.stays()) return {};
     plot::Sheet sheet = sheet_of(results);
-    sheet.how = "bolo demo: " + solvers + ". " + machine_words() + ".";
+    sheet.how = "bolo demo: " + solvers + ". " + describe_machine() + ".";
     RETURN_IF_ERROR(save(sheet, {picture(), replace_}));
     std::printf("before and after     %s\n", printable(picture().string()).c_str());
     return {};

@@ -75,7 +75,7 @@ Status check(const Files& files, const std::vector<std::filesystem::path>& input
 }
 
 // A line on stderr for each step; on a terminal one line that is written over. Elsewhere none before all captures are
-// read: of what cannot be read one line tells.
+// read: an unreadable one prints a single line.
 class Steps {
  public:
   Steps() : terminal_(isatty(STDERR_FILENO) == 1) {}

@@ -22,7 +22,7 @@ using fakecam::FakeCamera;
 using fakecam::FakeCameraOptions;
 using fakecam::FakeCameraStats;
 
-constexpr double kShortestTell_s = 0.05;
+constexpr double kShortestReport_s = 0.05;
 
 struct FakeCameraRequest {
   std::string capture;
@@ -78,7 +78,7 @@ Result<FakeCameraRequest> fakecam_request(const cxxopts::ParseResult& parsed) {
   }
   if (parsed.count("tell-every") != 0) {
     request.tell_every_s = parsed["tell-every"].as<double>();
-    if (!(request.tell_every_s >= kShortestTell_s)) return bad_input("--tell-every must be at least 0.05 s");
+    if (!(request.tell_every_s >= kShortestReport_s)) return bad_input("--tell-every must be at least 0.05 s");
   }
   const bool loops = parsed.count("loop") != 0;
   if (parsed.count("repeat") != 0) {
@@ -168,11 +168,11 @@ void print_summary(const FakeCameraRequest& request, const FakeCameraStats& stat
 
 void wait_for_end(const FakeCameraRequest& request, const FakeCamera& camera) {
   const auto period_ns = static_cast<std::int64_t>(request.tell_every_s * kNsPerSecond);
-  std::int64_t next_tell_ns = monotonic_ns() + period_ns;
+  std::int64_t next_report_ns = monotonic_ns() + period_ns;
   while (!interrupted().load(std::memory_order_relaxed)) {
-    if (period_ns > 0 && monotonic_ns() >= next_tell_ns) {
+    if (period_ns > 0 && monotonic_ns() >= next_report_ns) {
       print_summary(request, camera.stats(), camera.injected());
-      next_tell_ns += period_ns;
+      next_report_ns += period_ns;
     }
     if (request.once && camera.stats().streams_finished > 0) return;
     std::this_thread::sleep_for(std::chrono::milliseconds(20));

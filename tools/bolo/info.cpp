@@ -167,8 +167,7 @@ Result<json> describe(const CaptureReader& reader) {
   const StreamFormat& format = info.format;
   ASSIGN_OR_RETURN(json values, values_of(reader));
   ASSIGN_OR_RETURN(json attributes, attributes_of(reader));
-  const capture::Stimulus stimulus =
-      reader.stimulus().value_or(capture::NoStimulus{});  // warnings() says what is wrong
+  const capture::Stimulus stimulus = reader.stimulus().value_or(capture::NoStimulus{});  // warnings() has the error
   ASSIGN_OR_RETURN(const std::vector<capture::Point> points, reader.points());
   return json{{"kind", "capture"},
               {"format", reader.file_format() == capture::FileFormat::kMatlab ? "matlab-v7.3" : "bolo-capture"},

@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kRecordVerb = "record";
-constexpr auto kLook = std::chrono::milliseconds(50);
+constexpr auto kPoll = std::chrono::milliseconds(50);
 
 struct Recorder {
   std::string name;
@@ -58,7 +58,7 @@ Result<fs::path> folder_of(const cxxopts::ParseResult& parsed) {
 }
 
 // The options that every recording gets.
-std::vector<std::string> common_words(const cxxopts::ParseResult& parsed) {
+std::vector<std::string> common_options(const cxxopts::ParseResult& parsed) {
   std::vector<std::string> words;
   for (const cxxopts::KeyValue& option : parsed.arguments()) {
     if (option.key() == "name" || option.key() == "output") continue;
@@ -90,10 +90,10 @@ void show_errors(Recorder& recorder) {
 
 // Until all have ended. An interrupt is passed on, and each ends its file in good order.
 int wait_for(std::vector<Recorder>& recorders) {
-  bool told = false;
+  bool signalled = false;
   for (bool running = true; running;) {
-    std::this_thread::sleep_for(kLook);
-    if (interrupted() && !std::exchange(told, true)) {
+    std::this_thread::sleep_for(kPoll);
+    if (interrupted() && !std::exchange(signalled, true)) {
       for (const Recorder& recorder : recorders) recorder.process.signal(SIGTERM);
     }
     running = false;
@@ -105,8 +105,8 @@ int wait_for(std::vector<Recorder>& recorders) {
   int worst = kExitDone;
   for (Recorder& recorder : recorders) {
     show_errors(recorder);
-    std::ifstream said(recorder.process.log().string() + ".out");
-    for (std::string line; std::getline(said, line);) std::printf("%s\n", line.c_str());
+    std::ifstream output(recorder.process.log().string() + ".out");
+    for (std::string line; std::getline(output, line);) std::printf("%s\n", line.c_str());
     worst = std::max(worst, *recorder.process.ended());
   }
   return worst > kExitUsage ? kExitFailed : worst;
@@ -119,7 +119,7 @@ Result<int> record_several(const cxxopts::ParseResult& parsed) {
   RETURN_IF_ERROR(check_names(names));
   ASSIGN_OR_RETURN(const fs::path folder, folder_of(parsed));
   ASSIGN_OR_RETURN(const auto logs, ScratchFolder::make());
-  ASSIGN_OR_RETURN(auto recorders, start(names, common_words(parsed), folder, logs.path()));
+  ASSIGN_OR_RETURN(auto recorders, start(names, common_options(parsed), folder, logs.path()));
   return wait_for(recorders);
 }
 
@@ -191,7 +191,7 @@ Result<RecordRequest> record_request(const cxxopts::ParseResult& parsed) {
   if (plane != "raw" && plane != "deblurred") return bad_input("--planes '" + plane + "' is neither raw nor deblurred");
   request.plane = plane == "raw" ? RecordedPlane::kRaw : RecordedPlane::kDeblurred;
   request.replace = replace_of(parsed);
-  request.tell = [](const std::string& line) { std::fprintf(stderr, "bolo record: %s\n", printable(line).c_str()); };
+  request.log = [](const std::string& line) { std::fprintf(stderr, "bolo record: %s\n", printable(line).c_str()); };
   RETURN_IF_ERROR(check_output_of(request));
   return request;
 }
@@ -238,7 +238,7 @@ void print(const RecordResult& result) {
 }
 
 Result<int> run_record(const cxxopts::ParseResult& given) {
-  std::signal(SIGPIPE, SIG_IGN);  // who read its words may have ended: no reason to end a recording
+  std::signal(SIGPIPE, SIG_IGN);  // the reader of its output may have ended: no reason to end a recording
   if (given.count("name") > 1) return record_several(given);
   ASSIGN_OR_RETURN(const auto request, record_request(given));
   auto recorded = [&] {

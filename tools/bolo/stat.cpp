@@ -37,30 +37,30 @@ struct StatOptions {
   bool once = false;
 };
 
-// Shared memory has what every reader needs; the rest only the daemon tells.
-nlohmann::ordered_json ask_state(const shm::ShmReader& reader, const std::string& name) {
+// Shared memory has what every reader needs; the rest only the daemon itself reports.
+nlohmann::ordered_json query_state(const shm::ShmReader& reader, const std::string& name) {
   const auto path = control_socket_of(reader, name);
   if (!path) return {};
   const auto answer = ask_daemon(*path, "state", kStatePatience);
   return answer ? nlohmann::ordered_json::parse(*answer, nullptr, false) : nlohmann::ordered_json();
 }
 
-StatLook look_at(const shm::ShmReader& reader, const StatOptions& options) {
+StatSnapshot take_snapshot(const shm::ShmReader& reader, const StatOptions& options) {
   const bool closed = reader.closed();
-  StatLook look{reader.header(), monotonic_ns(), closed, reader.camera(), newest_motion(reader)};
-  if (!closed) look.told = ask_state(reader, options.name);
-  return look;
+  StatSnapshot snapshot{reader.header(), monotonic_ns(), closed, reader.camera(), newest_motion(reader)};
+  if (!closed) snapshot.status = query_state(reader, options.name);
+  return snapshot;
 }
 
-// Calls `look` meanwhile, several times a second. False when interrupted, or when what was shown could not be written.
-template <typename Look>
-bool pause_for(double seconds, const Look& look) {
+// Calls `poll` meanwhile, several times a second. False when interrupted, or when output could not be written.
+template <typename Poll>
+bool pause_for(double seconds, const Poll& snapshot) {
   if (std::ferror(stdout) != 0) return false;
   const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * kNsPerSecond);
   for (std::int64_t left_ns = end_ns - monotonic_ns(); left_ns > 0; left_ns = end_ns - monotonic_ns()) {
     if (interrupted()) return false;
     std::this_thread::sleep_for(std::chrono::nanoseconds(std::min<std::int64_t>(left_ns, 50'000'000)));
-    look();
+    snapshot();
   }
   return !interrupted();
 }
@@ -72,14 +72,14 @@ class Display {
     if (!options.json && !options.once && StatScreen::is_there()) screen_.emplace();
   }
 
-  void show(const StatLook& look, const StatSample& sample) {
+  void show(const StatSnapshot& snapshot, const StatSample& sample) {
     history_.add(sample);
     if (options_.json) {
-      std::puts(stat_json(options_.name, look, sample).dump(-1, ' ', true, kReplace).c_str());
+      std::puts(stat_json(options_.name, snapshot, sample).dump(-1, ' ', true, kReplace).c_str());
     } else if (screen_) {
-      screen_->show(stat_table(options_.name, look, sample), history_);
+      screen_->show(stat_table(options_.name, snapshot, sample), history_);
     } else {
-      std::printf("%s%s", shown_ ? "\n" : "", stat_table(options_.name, look, sample).c_str());
+      std::printf("%s%s", shown_ ? "\n" : "", stat_table(options_.name, snapshot, sample).c_str());
     }
     std::fflush(stdout);
     shown_ = true;
@@ -102,19 +102,19 @@ class Display {
 // Shows a sample an interval, of whichever daemon has the name.
 void follow(const StatOptions& options, shm::FollowedStream stream) {
   Display display(options);
-  StatLook before = look_at(stream.reader(), options);
+  StatSnapshot before = take_snapshot(stream.reader(), options);
   while (display.pause()) {
-    const StatLook now = look_at(stream.reader(), options);
+    const StatSnapshot now = take_snapshot(stream.reader(), options);
     display.show(now, compare(before, now));
     if (options.once) break;
-    before = stream.follow() ? look_at(stream.reader(), options) : now;
+    before = stream.follow() ? take_snapshot(stream.reader(), options) : now;
   }
 }
 
 // One of several cameras, followed across restarts.
 struct Followed {
   shm::FollowedStream stream;
-  StatLook before;
+  StatSnapshot before;
 };
 
 // Takes up daemons that have come since the last call.
@@ -123,13 +123,13 @@ void find_cameras(std::map<std::string, Followed>& cameras) {
     if (cameras.contains(name)) continue;
     auto stream = shm::FollowedStream::open(name, 0);
     if (!stream || stream->reader().closed()) continue;
-    StatLook look = look_at(stream->reader(), {.name = name});
-    cameras.emplace(name, Followed{std::move(*stream), std::move(look)});
+    StatSnapshot snapshot = take_snapshot(stream->reader(), {.name = name});
+    cameras.emplace(name, Followed{std::move(*stream), std::move(snapshot)});
   }
 }
 
-std::string row_of(const std::string& name, const StatLook& look, const StatSample& s) {
-  const bolo_shm_header& h = look.header;
+std::string row_of(const std::string& name, const StatSnapshot& snapshot, const StatSample& s) {
+  const bolo_shm_header& h = snapshot.header;
   return fmt::format("{:<16} {:<9} {:>9} {:>7.1f} {:>7.1f} {:>8.2f} {:>8.2f} {:>9}  {}\n", name.substr(0, 16), s.state,
                      fmt::format("{}x{}", h.width, h.height), s.received_hz, s.published_hz, s.latency_p50_ms,
                      s.latency_p99_ms, s.lost_total, printable(h.solver));
@@ -147,11 +147,11 @@ class Overview {
       for (auto& [name, camera] : cameras) {
         StatOptions one = options_;
         one.name = name;
-        StatLook now = look_at(camera.stream.reader(), one);
+        StatSnapshot now = take_snapshot(camera.stream.reader(), one);
         const StatSample sample = compare(camera.before, now);
         if (options_.json) std::puts(stat_json(name, now, sample).dump(-1, ' ', true, kReplace).c_str());
         text += row_of(name, now, sample);
-        camera.before = camera.stream.follow() ? look_at(camera.stream.reader(), one) : std::move(now);
+        camera.before = camera.stream.follow() ? take_snapshot(camera.stream.reader(), one) : std::move(now);
       }
       if (!options_.json) show(text);
       std::fflush(stdout);

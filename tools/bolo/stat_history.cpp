@@ -70,7 +70,7 @@ std::string loss_marks(std::span<const StatColumn> shown) {
   return out;
 }
 
-std::string scale_words(std::size_t columns, double interval_s, double top_ms) {
+std::string describe_scale(std::size_t columns, double interval_s, double top_ms) {
   return fmt::format("{}{:.4g} s until now, bars from 0 to {:g} ms, gap: no frame", label("history"),
                      static_cast<double>(columns) * interval_s, top_ms);
 }
@@ -123,7 +123,7 @@ std::vector<std::string> history_lines(const StatHistory& history, TextSpace spa
   }
   const double top = round_top(most);
   std::vector<std::string> lines{
-      scale_words(shown.size(), history.interval_s(), top).substr(0, static_cast<std::size_t>(space.columns))};
+      describe_scale(shown.size(), history.interval_s(), top).substr(0, static_cast<std::size_t>(space.columns))};
   const auto add = [&](const char* name, const std::vector<double>& values, const char* hue) {
     const std::vector<std::string> bars = character_bars(values, top, bar_rows);
     for (std::size_t i = 0; i < bars.size(); ++i) {

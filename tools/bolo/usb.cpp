@@ -1,4 +1,4 @@
-// `bolo usb`: which USB cameras are there, what they say of themselves, and when they come and go.
+// `bolo usb`: lists and describes USB cameras, and watches them come and go.
 #include <charconv>
 #include <chrono>
 #include <cstdio>
@@ -98,13 +98,13 @@ Status print_report(const usb::DeviceFilter& filter, bool as_json) {
 
 Status watch(const usb::DeviceFilter& filter, bool as_json) {
   catch_interrupts();
-  const auto say = [as_json](usb::Hotplug::Change change, const UsbDevice& device) {
+  const auto print = [as_json](usb::Hotplug::Change change, const UsbDevice& device) {
     const bool arrived = change == usb::Hotplug::Change::kArrived;
     const Json event{{"event", arrived ? "arrived" : "left"}, {"device", to_json(device)}};
     std::puts(as_json ? json_text(event).c_str() : ((arrived ? "arrived  " : "left     ") + line_of(device)).c_str());
     std::fflush(stdout);
   };
-  ASSIGN_OR_RETURN(const auto hotplug, usb::Hotplug::start(filter, say));
+  ASSIGN_OR_RETURN(const auto hotplug, usb::Hotplug::start(filter, print));
   while (!interrupted() && std::ferror(stdout) == 0) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   return {};
 }

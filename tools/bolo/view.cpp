@@ -87,7 +87,7 @@ std::string url_of(const ViewOptions& options, const view::Access& access) {
   return "http://" + host + ":" + std::to_string(access.port) + "/?token=" + (given ? "TOKEN" : access.token);
 }
 
-void say_where(const ViewOptions& options, const std::string& name, const std::string& url) {
+void print_addresses(const ViewOptions& options, const std::string& name, const std::string& url) {
   if (options.json) {
     std::puts(nlohmann::ordered_json{{"url", url}, {"name", name}}.dump().c_str());
   } else {
@@ -116,7 +116,7 @@ Status view_daemon(const ViewOptions& options) {
     return answer ? judge_answer(*answer) : tl::unexpected<Error>(answer.error());
   };
   view::Site site(access, lent, ask_for_nuc, options.page);
-  say_where(options, fmt::format("{}", fmt::join(names, ", ")), url_of(options, access));
+  print_addresses(options, fmt::format("{}", fmt::join(names, ", ")), url_of(options, access));
   server->run([&site](const view::Request& request) { return site.answer(request); }, interrupted());
   return {};
 }

@@ -69,7 +69,7 @@ struct Overrides {
   std::optional<genicam::PixelOrder> pixel_order;
   std::optional<int> metadata_rows;
   std::optional<double> tau_s;
-  bool scene_nuc = false;  // as the profile says, else
+  bool scene_nuc = false;  // by the profile, else
   bool watch_gap = false;
   std::vector<int> rows;
   double scale_k = 0.0;
@@ -302,7 +302,7 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
   return keys;
 }
 
-// Tells another content of a file from this one.
+// Contents of a file, to detect changes.
 std::string content(const std::filesystem::path& file) { return read_input(file).value_or(""); }
 
 // Maps are large, and replaced as a whole.

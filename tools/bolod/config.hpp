@@ -66,7 +66,7 @@ struct DaemonConfig {
   DaemonConfig();  // the defaults for an A655sc at 200 Hz
 
   std::filesystem::path file;                             // that it was read from
-  std::map<std::string, std::string, std::less<>> texts;  // what that says for each key; of the profile's files, too
+  std::map<std::string, std::string, std::less<>> texts;  // its value for each key; of the profile's files, too
 
   std::string name = "camera";         // of the shared memory and in the log
   std::filesystem::path profile_file;  // empty: `profile` as built in
@@ -89,7 +89,7 @@ struct DaemonConfig {
   pipeline::SinkContext sink_context() const;
 };
 
-// Reads a configuration and the profile that it names, and checks what the keys say together. Anything wrong is bad
+// Reads a configuration and the profile that it names, and checks its keys against each other. Anything wrong is bad
 // input: file, line and item. Thread: setup.
 Result<DaemonConfig> read_config(const std::filesystem::path& file);
 

@@ -26,13 +26,13 @@ namespace {
 
 constexpr RequestServer::Limits kLimits{.clients = 16, .patience_ms = 1000, .longest_request = 256};
 
-// Whoever may write to the folder could put a socket of his own there. In a folder such as /tmp, whose files only their
-// owners can take away, he can't.
+// With write permission to the folder another user could put a socket of his own there. In a folder such as /tmp, whose
+// files only their owners can take away, he can't.
 Status check_folder(const std::string& folder) {
   struct stat status {};
-  if (stat(folder.c_str(), &status) != 0) return {};  // bind() says why
+  if (stat(folder.c_str(), &status) != 0) return {};  // bind() reports why
   if (status.st_uid != 0 && status.st_uid != geteuid()) {
-    return bad_input(folder + " belongs to " + shm::user_words(status.st_uid) +
+    return bad_input(folder + " belongs to " + shm::describe_user(status.st_uid) +
                      ", who could put a control socket of his own there; remove it, or set control.socket");
   }
   if ((status.st_mode & S_IWOTH) == 0 || (status.st_mode & S_ISVTX) != 0) return {};
@@ -41,10 +41,10 @@ Status check_folder(const std::string& folder) {
                    folder + ", or set control.socket");
 }
 
-// A missing folder is made without write permission for others, whatever the umask is.
+// A missing folder is made without write permission for others, regardless of the umask.
 void make_folder(const std::filesystem::path& folder) {
   using std::filesystem::perms;
-  std::error_code ignored;  // bind() says why
+  std::error_code ignored;  // bind() reports why
   if (folder.empty() || !std::filesystem::create_directories(folder, ignored)) return;
   std::filesystem::permissions(folder, perms::group_write | perms::others_write, std::filesystem::perm_options::remove,
                                ignored);
@@ -138,7 +138,7 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
     return std::unique_ptr<ControlServer>(new ControlServer(path, std::move(listener), std::move(answer)));
   } catch (const std::system_error& e) {
     unlink(path.c_str());
-    return failed("control socket " + path + ": " + words_of(e));
+    return failed("control socket " + path + ": " + describe_exception(e));
   }
 }
 

@@ -83,8 +83,8 @@ void keep_memory_small() {
   mallopt(M_ARENA_MAX, 1);
 }
 
-// The program and its libraries whole, before other threads have stacks, which would be locked whole too. Where it is
-// refused, lock_memory() says so.
+// Locks the program and its libraries whole, before other threads have stacks, which would be locked whole too. If it
+// is refused, lock_memory() reports that.
 void lock_program() { mlockall(MCL_CURRENT); }
 
 rlim_t memory_limit() {
@@ -189,8 +189,8 @@ struct Daemon::Impl {
   std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others
   std::unique_ptr<MetricsServer> metrics;
   std::int64_t next_metrics_try_ns = 0;
-  std::int64_t next_control_look_ns = 0;
-  bool control_missed = false;  // which was said
+  std::int64_t next_control_check_ns = 0;
+  bool control_missed = false;  // and logged
 
   Status compose();
   Result<std::unique_ptr<ControlServer>> make_control();
@@ -253,10 +253,10 @@ Status Daemon::Impl::listen() {
   return {};
 }
 
-// What cleans up temporary files takes sockets, too, and with them every command.
+// Cleaners of temporary files remove sockets, too, and with them every command.
 void Daemon::Impl::keep_listening() {
-  if (control == nullptr || monotonic_ns() < next_control_look_ns) return;
-  next_control_look_ns = monotonic_ns() + kRetryNs;
+  if (control == nullptr || monotonic_ns() < next_control_check_ns) return;
+  next_control_check_ns = monotonic_ns() + kRetryNs;
   if (control->is_there()) return;
   auto made = make_control();
   if (made) {
@@ -284,7 +284,7 @@ void Daemon::Impl::serve_metrics() {
 
 // On the control server's thread.
 std::string Daemon::Impl::answer(std::string_view request) const {
-  // The camera's own words may be in it, which need be no UTF-8.
+  // May contain text of the camera, which need be no UTF-8.
   const auto refused = [](const std::string& why) {
     return nlohmann::json{{"ok", false}, {"error", printable(why)}}.dump();
   };
@@ -398,7 +398,7 @@ Status Daemon::run(OnHangup on_hangup) {
     try {
       self.result = self.pipeline->run(self.stop_requested);
     } catch (const std::exception& e) {  // for want of memory or threads
-      self.result = failed("cannot go on: " + words_of(e));
+      self.result = failed("cannot go on: " + describe_exception(e));
     }
     self.ended.store(true, std::memory_order_release);  // partner: the load in watch()
   });

@@ -41,8 +41,8 @@ std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipel
 // before any thread exists. Thread: setup.
 void block_signals();
 
-// Those that mean nothing to a daemon would end it: from a timer, a pipe whose reader went, a hand that slipped. A
-// limit on files (SIGXFSZ) is a full disk: an error of the write, which is told. Thread: setup.
+// Those without a meaning to a daemon would end it: from a timer, a pipe whose reader went, a slip. A limit on files
+// (SIGXFSZ) becomes a full disk: a write error, which is reported. Thread: setup.
 void ignore_signals();
 
 // Effect of SIGHUP: a service reads its file again, a program in a terminal ends with it.
@@ -57,9 +57,9 @@ class Daemon {
   Daemon(const Daemon&) = delete;
   Daemon& operator=(const Daemon&) = delete;
 
-  // Runs the pipeline on a thread of its own until SIGTERM, SIGINT or the source's end; meanwhile logs changes of state
-  // and tells the service manager (sd_notify) from the calling thread, and does on SIGHUP what is asked for; kEnd
-  // leaves alone one that is ignored (nohup). Called once, after block_signals(). Thread: setup.
+  // Runs the pipeline on a thread of its own until SIGTERM, SIGINT or the source's end; meanwhile logs changes of
+  // state, notifies the service manager (sd_notify) from the calling thread, and reacts to SIGHUP by `on_hangup`; kEnd
+  // leaves an ignored one alone (nohup). Called once, after block_signals(). Thread: setup.
   Status run(OnHangup on_hangup);
 
  private:

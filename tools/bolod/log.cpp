@@ -170,8 +170,8 @@ class QueuedSink final : public spdlog::sinks::sink {
   }
 
  private:
-  // With the first message, not before: what is locked in memory by then has no stack of this thread. While the system
-  // gives none, who logs writes.
+  // With the first message, not before: mlockall() has locked the memory by then without this thread's stack. While the
+  // system gives no thread, the caller writes.
   void start() {
     try {
       std::thread([queue = queue_] { write_all(*queue); }).detach();
@@ -199,7 +199,7 @@ spdlog::level::level_enum spdlog_level(LogLevel level) {
   return spdlog::level::err;
 }
 
-// A message as it may be shown: cameras and files have a say in it.
+// A message made printable: cameras and files contribute text.
 class PrintableText final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& to) override {

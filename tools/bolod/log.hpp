@@ -18,7 +18,7 @@
 
 namespace bolo::daemon {
 
-// A logger that writes one line or one entry of the journal a message, on a thread of its own: who logs never waits.
+// A logger that writes one line or one entry of the journal a message, on a thread of its own: callers never wait.
 // `name`: of the daemon, a field in the journal. Thread: setup; the logger: any, but never the hot path.
 std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::string& name);
 
@@ -37,7 +37,7 @@ bool stderr_is_journal();
 bool journal_listens();
 
 // Writes MESSAGE, PRIORITY, SYSLOG_IDENTIFIER=bolod, BOLO_NAME and, of a notice, BOLO_EVENT and its counts in capitals
-// (BOLO_LOST_MISSING=3). What the journal does not take goes to standard error as "<6>message". Thread: any.
+// (BOLO_LOST_MISSING=3). Messages refused by the journal go to standard error as "<6>message". Thread: any.
 std::shared_ptr<spdlog::sinks::sink> make_journal_sink(std::string name, SendFields send);
 
 // sd_journal_sendv(3). Thread: any.

@@ -43,7 +43,7 @@ int report_start(const bolo::Error& error) {
   return std::getenv("NOTIFY_SOCKET") == nullptr ? exit_code : kExitFailed;
 }
 
-// What it printed may be meant for a file: on a full disk that is a failure.
+// Standard output may be a file: on a full disk that is a failure.
 int printed() {
   std::cout.flush();
   if (std::cout.good() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return kExitDone;
@@ -95,6 +95,6 @@ int main(int argc, char** argv) {
   } catch (const cxxopts::exceptions::exception& e) {
     return usage(e.what());
   } catch (const std::exception& e) {  // for want of memory or threads
-    return report({bolo::ErrorKind::kFailed, "cannot go on: " + bolo::words_of(e)});
+    return report({bolo::ErrorKind::kFailed, "cannot go on: " + bolo::describe_exception(e)});
   }
 }

@@ -36,7 +36,7 @@ constexpr double kZeroCelsius = 273.15;
 // Families in the order in which they are begun.
 class Families {
  public:
-  // Goes on with the family when it was begun before. What ends in _total is a counter.
+  // Goes on with the family when it was begun before. Names in _total are counters.
   void begin(std::string_view name, std::string_view help, MetricType others = MetricType::Gauge) {
     const auto found =
         std::find_if(families_.begin(), families_.end(), [name](const auto& f) { return f.name == name; });
@@ -106,7 +106,7 @@ double metric_value(const pipeline::CounterRow<Source>& row, std::uint64_t word)
   return static_cast<double>(word) * row.metric_scale;
 }
 
-// Read from the last row to the first: what comes of other frames is then never more than they.
+// Read from the last row to the first: counters derived from other frames' are then never larger than these.
 template <typename Source, std::size_t N>
 void add_rows(const std::array<pipeline::CounterRow<Source>, N>& rows, const Source& source, Families& to) {
   std::array<std::vector<std::uint64_t>, N> words;
@@ -285,7 +285,7 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const MetricsOptions
   try {
     return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(listener), std::move(collect)));
   } catch (const std::system_error& e) {
-    return failed("metrics: " + words_of(e));
+    return failed("metrics: " + describe_exception(e));
   }
 }
 

@@ -20,7 +20,7 @@ namespace bolo::daemon {
 struct MetricsView {
   const std::string& name;
   const pipeline::Pipeline& pipeline;
-  const rt::Gauge<bool>& flows;  // as the watchdog is told
+  const rt::Gauge<bool>& flows;  // as given to the watchdog
 };
 
 // Reads counters that are kept anyway: nothing is spent on it between scrapes. Thread: any.

@@ -21,7 +21,7 @@ namespace {
 
 constexpr int kNsPerMs = 1'000'000;
 constexpr int kNoRoomPause_ms = 100;  // where the process has no descriptor left for a client
-constexpr int kLook_ms = 100;         // for the end, where it had none for the event that tells of it
+constexpr int kPoll_ms = 100;         // for the end, where no event could be made to signal it
 
 struct Client {
   UniqueFd socket;
@@ -71,7 +71,7 @@ struct RequestServer::Impl {
   // Until the first client's time is over, or there may be descriptors again.
   int wait_ms() const {
     std::int64_t until_ns = monotonic_ns() < no_room_until_ns ? no_room_until_ns : INT64_MAX;
-    if (!stop) until_ns = std::min(until_ns, monotonic_ns() + std::int64_t{kLook_ms} * kNsPerMs);
+    if (!stop) until_ns = std::min(until_ns, monotonic_ns() + std::int64_t{kPoll_ms} * kNsPerMs);
     for (const Client& client : clients) until_ns = std::min(until_ns, client.deadline_ns);
     if (until_ns == INT64_MAX) return -1;
     return static_cast<int>(std::max<std::int64_t>(0, until_ns - monotonic_ns()) / kNsPerMs + 1);
@@ -121,7 +121,7 @@ struct RequestServer::Impl {
   std::atomic<bool> ending{false};
   Limits limits;
   Answer answer;
-  std::vector<Client> clients{};  // who came first, first
+  std::vector<Client> clients{};  // the oldest first
   std::int64_t no_room_until_ns = 0;
   std::thread thread{};
 };

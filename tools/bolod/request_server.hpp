@@ -12,8 +12,8 @@
 
 namespace bolo::daemon {
 
-// Serves its clients side by side on a thread of its own, which touches nothing that frames pass. A client that
-// sends nothing, or does not read, is closed in time; where all places are taken, the oldest is closed.
+// Serves its clients side by side on a thread of its own, apart from the frames' way. A client that sends nothing, or
+// does not read, is closed in time; where all places are taken, the oldest is closed.
 class RequestServer {
  public:
   static constexpr int kBacklog = 64;  // of the listener

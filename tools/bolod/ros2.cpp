@@ -17,9 +17,9 @@ namespace bolo::daemon {
 namespace {
 
 constexpr std::int64_t kPauseNs = 2'000'000'000;    // from one start to the next
-constexpr std::int64_t kStableNs = 60'000'000'000;  // after which an end is news again
-constexpr timespec kLook{0, 10'000'000};
-constexpr int kLooks = 100;  // within which it ends by itself
+constexpr std::int64_t kStableNs = 60'000'000'000;  // after which an end is logged again
+constexpr timespec kPoll{0, 10'000'000};
+constexpr int kPolls = 100;  // within which it ends by itself
 constexpr double kMostDomain = 232.0;
 
 // Beside this program (as built) or where the package has it; empty: neither.
@@ -64,9 +64,9 @@ Ros2Process::Ros2Process(const Ros2Options& options, const std::string& name) {
 Ros2Process::~Ros2Process() {
   if (pid_ <= 0) return;
   kill(pid_, SIGTERM);
-  for (int i = 0; i < kLooks; ++i) {
+  for (int i = 0; i < kPolls; ++i) {
     if (waitpid(pid_, nullptr, WNOHANG) != 0) return;
-    nanosleep(&kLook, nullptr);
+    nanosleep(&kPoll, nullptr);
   }
   kill(pid_, SIGKILL);
   waitpid(pid_, nullptr, 0);

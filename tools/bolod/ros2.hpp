@@ -1,5 +1,5 @@
-// [ros2]: the program bolo-ros2, which hands the daemon's frames to ROS 2. It runs beside the daemon, not in it:
-// whatever the network sends to DDS, frames flow on.
+// [ros2]: the program bolo-ros2, which hands the daemon's frames to ROS 2. It runs beside the daemon, not in it: no
+// network traffic to DDS stops frames.
 #pragma once
 
 #include <sys/types.h>

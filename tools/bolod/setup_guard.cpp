@@ -9,10 +9,10 @@
 namespace bolo::daemon {
 namespace {
 
-constexpr std::chrono::milliseconds kSetupLook{100};
+constexpr std::chrono::milliseconds kSetupPollPeriod{100};
 
 // The signal stays pending, for Daemon::run().
-bool end_is_asked_for() {
+bool end_requested() {
   sigset_t pending;
   return sigpending(&pending) == 0 && (sigismember(&pending, SIGTERM) == 1 || sigismember(&pending, SIGINT) == 1);
 }
@@ -23,7 +23,7 @@ SetupGuard::SetupGuard(std::chrono::milliseconds grace) {
   try {
     thread_ = std::thread([this, grace] { watch(grace); });
   } catch (const std::system_error&) {
-    return;  // what needs threads says so
+    return;  // whatever needs threads reports it
   }
 }
 
@@ -40,8 +40,8 @@ SetupGuard::~SetupGuard() {
 void SetupGuard::watch(std::chrono::milliseconds grace) {
   std::unique_lock lock(mutex_);
   std::chrono::milliseconds waited{0};
-  while (!ended_.wait_for(lock, kSetupLook, [this] { return over_; })) {
-    waited = end_is_asked_for() ? waited + kSetupLook : std::chrono::milliseconds(0);
+  while (!ended_.wait_for(lock, kSetupPollPeriod, [this] { return over_; })) {
+    waited = end_requested() ? waited + kSetupPollPeriod : std::chrono::milliseconds(0);
     if (waited < grace) continue;
     std::fputs("bolod: ended by a signal while it was set up\n", stderr);
     _exit(1);

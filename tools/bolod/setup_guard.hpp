@@ -1,4 +1,4 @@
-// Lets the daemon be ended while it is set up, whatever a camera does.
+// Lets the daemon be ended during set-up, even if a camera blocks it.
 #pragma once
 
 #include <chrono>

@@ -162,7 +162,7 @@ std::string describe_camera(const pipeline::SourceStatus* source) {
   return "camera " + std::string(name(state)) + "; ";
 }
 
-// Said while it lasts.
+// Logged while it lasts.
 std::string describe_quality(pipeline::QualityLevel effort) {
   return effort == pipeline::QualityLevel::kFull ? "" : "overloaded, deblurring is " + std::string(name(effort)) + "; ";
 }

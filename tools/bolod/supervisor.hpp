@@ -90,7 +90,7 @@ class FlowWatch {
   // before the first is published.
   FlowWatch(double frame_period_s, int lookahead, std::int64_t stall_ns, std::int64_t start_ns);
 
-  // Empty when all is well, else the fault in words. At several calls a second.
+  // The fault, empty when all is well. At several calls a second.
   std::string check(const Signs& signs);
 
  private:
@@ -162,7 +162,7 @@ class Supervisor {
   StatusLine line_;
   service::Watchdog watchdog_;
   std::int64_t next_line_ns_ = 0;
-  bool ready_ = false;   // the service manager was told
+  bool ready_ = false;   // the service manager was notified
   std::string trouble_;  // reason for which the watchdog was not fed at the last poll
   rt::Gauge<bool> flows_{true};
 };

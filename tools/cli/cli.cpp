@@ -29,7 +29,7 @@ static_assert(std::atomic<bool>::is_always_lock_free, "the signal handler stores
 
 std::string g_program = "bolo";
 
-// cxxopts says which value it cannot read, not of which option: "--frames: ", of the one before it.
+// cxxopts names the value that it cannot read, not the option: "--frames: ", of the one before it.
 std::string option_of(const std::string& message, int argc, char** argv) {
   const std::string before = "Argument " + cxxopts::LQUOTE;
   const std::string after = cxxopts::RQUOTE + " failed to parse";
@@ -78,13 +78,12 @@ int printed(const std::string& who, int code) {
   return code == kExitDone ? kExitFailed : code;
 }
 
-// What a library throws beyond its edge, for want of memory or threads, is a failure that is told, not the end of the
-// process without a word.
+// An exception of a library, for want of memory or threads, becomes an error message and exit code instead of an abort.
 int guarded(const std::string& program, const Verb& verb, int argc, char** argv) {
   try {
     return verb.run(argc, argv);
   } catch (const std::exception& e) {
-    const std::string words = printable(words_of(e));
+    const std::string words = printable(describe_exception(e));
     std::fprintf(stderr, "%s %s: %s\n", program.c_str(), std::string(verb.name).c_str(), words.c_str());
     return kExitFailed;
   }
@@ -243,7 +242,7 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
   }
   for (const Verb& verb : verbs) {
     if (verb.name != word) continue;
-    std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: an error of the write, which is told
+    std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: a write error, which is reported
     return printed(name + " " + std::string(verb.name), guarded(name, verb, argc - 1, argv + 1));
   }
   std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), printable(argv[1]).c_str(),
@@ -266,7 +265,7 @@ Result<OutputFile> plot_file_of(const cxxopts::ParseResult& given) {
   return file;
 }
 
-std::string machine_words() {
+std::string describe_machine() {
   std::string name = "unknown processor";
   std::ifstream info("/proc/cpuinfo");
   for (std::string line; std::getline(info, line);) {

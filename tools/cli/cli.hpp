@@ -56,17 +56,18 @@ int exit_code_of(const std::string& verb, const Status& done);
 int exit_code_of(const std::string& verb, const Result<int>& done);
 
 // Set by SIGINT, SIGTERM and SIGHUP (the terminal is closed; not under nohup) once catch_interrupts() was called; long
-// work looks at it and ends in good order.
+// work polls it and ends in good order.
 const std::atomic<bool>& interrupted();
 void catch_interrupts();
 
-// Parses, does `work(given)`, a Status or a Result of the exit code, and reports what went wrong. Returns the exit
-// code. `looks`: the work looks at interrupted(), and ends in good order. Thread: setup.
+// Parses, does `work(given)`, a Status or a Result of the exit code, and reports errors. Returns the exit code.
+// `interruptible`: the work polls interrupted(), and ends in good order. Thread: setup.
 template <typename Work>
-int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, Work&& work, bool looks = true) {
+int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, Work&& work,
+             bool interruptible = true) {
   cxxopts::ParseResult given;
   if (const auto code = parse(options, argc, argv, given)) return *code;
-  if (looks) catch_interrupts();
+  if (interruptible) catch_interrupts();
   try {
     return exit_code_of(verb, work(given));
   } catch (const std::bad_alloc&) {
@@ -158,6 +159,6 @@ void add_plot_option(cxxopts::Options& options, const std::string& what);
 Result<OutputFile> plot_file_of(const cxxopts::ParseResult& given);
 
 // Processor and its number of threads, for what depends on the machine. Thread: any.
-std::string machine_words();
+std::string describe_machine();
 
 }  // namespace bolo::tools

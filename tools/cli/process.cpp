@@ -173,15 +173,15 @@ Result<Process> start_foreign(Command command, const std::string& package) {
 }
 
 std::string last_line_of(const Process& process) {
-  std::string said = contents(process.log().string() + ".err");
-  while (!said.empty() && (said.back() == '\n' || said.back() == '\r')) said.pop_back();
-  return said.substr(said.find_last_of('\n') + 1);
+  std::string text = contents(process.log().string() + ".err");
+  while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text.pop_back();
+  return text.substr(text.find_last_of('\n') + 1);
 }
 
 Status ended_well(Process& process, const std::string& name) {
   if (process.wait(std::numeric_limits<double>::infinity()) == 0) return {};
-  const std::string said = last_line_of(process);
-  return failed(name + " failed" + (said.empty() ? "" : ": " + said));
+  const std::string text = last_line_of(process);
+  return failed(name + " failed" + (text.empty() ? "" : ": " + text));
 }
 
 Result<ForeignOutput> output_of(const std::vector<std::string>& words, const std::string& package) {

@@ -48,7 +48,7 @@ class Process {
   std::optional<int> code_;
 };
 
-// The lines that a program has written since the last look. Thread: one at a time.
+// The lines that a program has written since the last call. Thread: one at a time.
 class LineTail {
  public:
   explicit LineTail(std::filesystem::path file) : file_(std::move(file)) {}
@@ -98,7 +98,7 @@ std::string last_line_of(const Process& process);
 // Waits for its end, however long. kFailed where that is not a good one, with its last line of error. Thread: any.
 Status ended_well(Process& process, const std::string& name);
 
-// What it writes to its standard output, in a file that goes with this. Errors: those of both. Thread: any.
+// Its standard output, in a file that goes with this. Errors: those of both. Thread: any.
 struct ForeignOutput {
   ScratchFolder folder;
   std::filesystem::path file;

@@ -22,12 +22,12 @@ constexpr std::size_t kMostPixelsOfAFrame = std::size_t{1} << 24;
 constexpr unsigned kMostBits = 32;
 constexpr std::size_t kMostFramesOfAFilm = 10'000'000;  // twelve days
 constexpr std::uint32_t kCorrecting_ms = 2000;          // a correction is over by then
-constexpr double kUsualRate_hz = 9.0;                   // a Lepton's, where neither header nor times tell
+constexpr double kUsualRate_hz = 9.0;                   // a Lepton's, where neither header nor times state one
 
 struct Header {
   Geometry geometry;
-  std::int64_t recorded_us = 0;  // UTC since 1970; 0: not said
-  double rate_hz = 0.0;          // 0: not said
+  std::int64_t recorded_us = 0;  // UTC since 1970; 0: unknown
+  double rate_hz = 0.0;          // 0: unknown
   std::string device;
   std::string model;
   std::string serial;
@@ -190,7 +190,7 @@ class CptvFootage final : public Footage {
  public:
   explicit CptvFootage(const std::filesystem::path& file) : path_(file), file_(std::make_unique<CptvFile>(file)) {}
 
-  Status open(const Told& told) {
+  Status open(const StatedFormat& stated) {
     CptvFile scanned(path_);
     ASSIGN_OR_RETURN(header_, scanned.read_header());
     plane_.resize(header_.geometry.pixels());
@@ -204,7 +204,7 @@ class CptvFootage final : public Footage {
         return scanned.wrong(fmt::format("it has more than {} frames", kMostFramesOfAFilm));
     }
     if (heads_.empty()) return scanned.wrong("it has no frame");
-    describe(told);
+    describe(stated);
     const auto again = file_->read_header();
     return again ? Status{} : tl::unexpected<Error>(again.error());
   }
@@ -238,7 +238,7 @@ class CptvFootage final : public Footage {
   static constexpr std::int64_t kLastUtc_us = 4'000'000'000'000'000;  // the year 2096
 
   // The camera's times where they rise, else those of its rate.
-  void describe(const Told& told) {
+  void describe(const StatedFormat& stated) {
     std::vector<double> steps_s;
     for (std::size_t i = 1; i < heads_.size(); ++i) {
       steps_s.push_back(1e-3 * (static_cast<double>(heads_[i].time_ms) - static_cast<double>(heads_[i - 1].time_ms)));
@@ -252,7 +252,7 @@ class CptvFootage final : public Footage {
     }
     info_.format.geometry = header_.geometry;
     info_.format.type = PixelType::kUint16;
-    info_.format.scale = told.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
+    info_.format.scale = stated.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
     info_.format.frame_period_s = period_s;
     info_.camera_model = header_.model;
     info_.camera_serial = header_.serial;
@@ -284,10 +284,10 @@ class CptvFootage final : public Footage {
 
 }  // namespace
 
-Result<std::unique_ptr<Footage>> open_cptv(const std::filesystem::path& file, const Told& told) {
+Result<std::unique_ptr<Footage>> open_cptv(const std::filesystem::path& file, const StatedFormat& stated) {
   RETURN_IF_ERROR(open_input(file));
   auto footage = std::make_unique<CptvFootage>(file);
-  RETURN_IF_ERROR(footage->open(told));
+  RETURN_IF_ERROR(footage->open(stated));
   return footage;
 }
 

@@ -107,7 +107,7 @@ Result<Picture> read_raw(const std::filesystem::path& file, const std::string& t
   }
   if (type != "PNG") return read_tiff_page(image.file, 0);
   Result<Picture> picture = read_png_picture(image.file);
-  if (picture && looks_swapped(picture->geometry, picture->u16)) {
+  if (picture && is_byte_swapped(picture->geometry, picture->u16)) {
     for (std::uint16_t& value : picture->u16) value = swap_bytes(value);
   }
   return picture;
@@ -131,7 +131,7 @@ double flir_raw(double kelvin, const FlirConstants& constants) {
   return path.factor * radiation(kelvin, constants) + path.offset;
 }
 
-bool looks_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
+bool is_byte_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
   double as_is = 0.0;
   double other = 0.0;
   const auto width = static_cast<std::size_t>(geometry.width);
@@ -146,7 +146,7 @@ bool looks_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
 Result<FlirStill> read_flir_still(const std::filesystem::path& file) {
   std::error_code ignored;  // of a name that no file can have
   if (!std::filesystem::is_regular_file(file, ignored)) return bad_input("is not there");
-  // exiftool would look through terabytes for a picture, and takes a file for whatever is in it.
+  // exiftool would search terabytes for a picture, and accepts files of any content.
   if (std::filesystem::file_size(file, ignored) > kLargestStill) return bad_input("is larger than a still can be");
   std::array<char, 2> begin{};
   std::ifstream(file, std::ios::binary).read(begin.data(), begin.size());

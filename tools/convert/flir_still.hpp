@@ -55,6 +55,6 @@ Picture to_kelvin(const FlirStill& still);
 
 // Cameras store the 16-bit PNG with its bytes swapped, some don't: neighbours differ less in the right order. Thread:
 // any.
-bool looks_swapped(Geometry geometry, std::span<const std::uint16_t> values);
+bool is_byte_swapped(Geometry geometry, std::span<const std::uint16_t> values);
 
 }  // namespace bolo::tools

@@ -24,9 +24,9 @@ namespace {
 using capture::CaptureReader;
 
 // Values in floating point are kelvin.
-LinearScale scale_of(PixelType type, const Told& told) {
+LinearScale scale_of(PixelType type, const StatedFormat& stated) {
   if (type == PixelType::kFloat32) return {Unit::kKelvin, 1.0, 0.0};
-  return told.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
+  return stated.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
 }
 
 class CaptureFootage final : public Footage {
@@ -50,7 +50,7 @@ class CaptureFootage final : public Footage {
 
   Result<Extras> extras() const override {
     ASSIGN_OR_RETURN(auto attributes, reader_.attributes());
-    // A stimulus that is wrong is left out; opening the file has said so.
+    // A stimulus that is wrong is left out; opening the file has reported it.
     return Extras{reader_.events(), std::move(attributes), reader_.stimulus().value_or(capture::NoStimulus{})};
   }
 
@@ -112,14 +112,14 @@ std::string size_text(Geometry g) { return fmt::format("{}x{}", g.width, g.heigh
 class PictureFootage final : public Footage {
  public:
   // The first picture decides what all of them must be.
-  static Result<std::unique_ptr<Footage>> open(std::vector<Place> places, const Told& told) {
+  static Result<std::unique_ptr<Footage>> open(std::vector<Place> places, const StatedFormat& stated) {
     auto footage = std::unique_ptr<PictureFootage>(new PictureFootage(std::move(places)));
     ASSIGN_OR_RETURN(Picture first, footage->read_picture(0));
     StreamFormat& format = footage->info_.format;
     format.geometry = first.geometry;
     format.type = first.type;
-    format.frame_period_s = 1.0 / told.rate_hz;
-    format.scale = scale_of(format.type, told);
+    format.frame_period_s = 1.0 / stated.rate_hz;
+    format.scale = scale_of(format.type, stated);
     footage->info_.frames = footage->places_.size();
     return footage;
   }
@@ -181,13 +181,13 @@ struct Dump {
 
 class RawFootage final : public Footage {
  public:
-  RawFootage(std::vector<Dump> dumps, std::size_t frames, const RawLayout& layout, const Told& told)
+  RawFootage(std::vector<Dump> dumps, std::size_t frames, const RawLayout& layout, const StatedFormat& stated)
       : dumps_(std::move(dumps)), layout_(layout) {
     StreamFormat& format = info_.format;
     format.geometry = layout.geometry;
     format.type = layout.type == RawLayout::Type::kF32 ? PixelType::kFloat32 : PixelType::kUint16;
-    format.frame_period_s = 1.0 / told.rate_hz;
-    format.scale = scale_of(format.type, told);
+    format.frame_period_s = 1.0 / stated.rate_hz;
+    format.scale = scale_of(format.type, stated);
     info_.frames = frames;
   }
 
@@ -238,7 +238,7 @@ Result<std::unique_ptr<Footage>> open_captures(const Files& files) {
   return std::make_unique<MergedFootage>(std::move(footages));
 }
 
-Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& told) {
+Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const StatedFormat& stated) {
   std::vector<Place> places;
   for (const std::filesystem::path& file : files) {
     std::size_t pages = 1;
@@ -252,10 +252,10 @@ Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& t
     }
     for (std::size_t page = 0; page < pages; ++page) places.push_back({file, page});
   }
-  return PictureFootage::open(std::move(places), told);
+  return PictureFootage::open(std::move(places), stated);
 }
 
-Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& layout, const Told& told) {
+Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& layout, const StatedFormat& stated) {
   const PixelType type = layout.type == RawLayout::Type::kF32 ? PixelType::kFloat32 : PixelType::kUint16;
   const std::uint64_t frame_bytes = plane_bytes(layout.geometry, type);
   std::vector<Dump> dumps;
@@ -272,7 +272,7 @@ Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& l
     dumps.push_back({file, frames});
     frames += data / frame_bytes;
   }
-  return std::make_unique<RawFootage>(std::move(dumps), frames, layout, told);
+  return std::make_unique<RawFootage>(std::move(dumps), frames, layout, stated);
 }
 
 }  // namespace bolo::tools

@@ -51,7 +51,7 @@ class Footage {
 };
 
 // Properties that the user states for files without them.
-struct Told {
+struct StatedFormat {
   double rate_hz = 30.0;
   std::optional<LinearScale> scale;  // of whole numbers; nothing: counts
 };
@@ -71,20 +71,20 @@ Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file)
 Result<std::unique_ptr<Footage>> open_captures(const Files& files);
 // The images of one topic of a recording of ROS 2; empty: of the only one that has images.
 Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, const std::string& topic,
-                                           const Told& told);
+                                           const StatedFormat& stated);
 // PNG (16-bit grey), TIFF (uint16 or float32, any number of pages) and radiometric JPEG, by their extensions; all of
 // one size and type.
-Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& told);
-Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& layout, const Told& told);
+Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const StatedFormat& stated);
+Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& layout, const StatedFormat& stated);
 
 // --- CPTV version 2: films of Lepton cameras as The Cacophony Project records them. The whole file is gzip's; each
 // frame is the difference from the one before, and of that the differences along a snake through the rows, in as few
 // bits as they need (github.com/TheCacophonyProject/go-cptv, SPECv2.md; the compression is scheme 1 of its reader).
 
-// Values are counts unless `told` has a scale: the file does not say. Background frames, which a device computes, are
-// passed over. Reads the file once for its structure, and again for the frames. Errors (kBadInput) name the file.
-// Thread: any one at a time.
-Result<std::unique_ptr<Footage>> open_cptv(const std::filesystem::path& file, const Told& told);
+// Values are counts unless `stated` has a scale: the file has none. Background frames, which a device computes, are
+// skipped. Reads the file once for its structure, and again for the frames. Errors (kBadInput) name the file. Thread:
+// any one at a time.
+Result<std::unique_ptr<Footage>> open_cptv(const std::filesystem::path& file, const StatedFormat& stated);
 
 // --- Outputs of `bolo convert`: a capture, pictures, or a film.
 
@@ -92,7 +92,7 @@ Result<std::unique_ptr<Footage>> open_cptv(const std::filesystem::path& file, co
 using EyeRange = std::optional<std::pair<double, double>>;
 
 struct Target {
-  OutputFile file;       // its extension says what is written: .h5, .mcap, .png, .tif, .tiff, .mp4
+  OutputFile file;       // its extension is the format: .h5, .mcap, .png, .tif, .tiff, .mp4
   Files inputs;          // that it must not be
   bool preview = false;  // PNG: 8 bit for the eye instead of 16 linear ones
   EyeRange range{};      // of these, and of films
@@ -105,7 +105,7 @@ class FootageSink {
   virtual ~FootageSink() = default;
   virtual Status write(const Frame& frame) = 0;
   virtual Status finish() = 0;
-  // Meaning of the files' values, in words; empty when they state it themselves.
+  // Description of the files' values; empty when they state it themselves.
   virtual std::string meaning() const { return {}; }
   // The files written, where they are not the one named; empty: they are.
   virtual std::string files() const { return {}; }

@@ -28,7 +28,7 @@ std::string scale_text(const LinearScale& scale) {
   return fmt::format("kelvin = {:.9g} * value + {:.9g}", scale.scale, scale.offset);
 }
 
-// Meaning of 8-bit values, in words.
+// Description of 8-bit values.
 std::string eye_meaning(const StreamFormat& format, const EyeRange& range, const char* without) {
   if (!range) return fmt::format("8 bit for the eye: {}", without);
   return fmt::format("8 bit for the eye: black at {:g}, white at {:g} {}", range->first, range->second,
@@ -264,7 +264,7 @@ class FilmSink final : public FootageSink {
     for (std::span<const std::uint8_t> left = preview_.levels(frame); !left.empty();) {
       const ssize_t done = ::write(input_.get(), left.data(), left.size());
       if (done < 0 && errno == EINTR) continue;
-      if (done < 0) {  // it has ended: its own words say why
+      if (done < 0) {  // it has ended: its messages have the reason
         RETURN_IF_ERROR(ended_well(ffmpeg_, "ffmpeg"));
         return failed("ffmpeg ended before its input did");
       }
@@ -290,7 +290,7 @@ class FilmSink final : public FootageSink {
         meaning_(eye_meaning(format, range, "the scale follows the scene")) {}
 
   FileBeside file_;
-  ScratchFolder folder_;  // for its words
+  ScratchFolder folder_;  // for its messages
   UniqueFd input_;
   Process ffmpeg_;  // ends before the file goes
   Preview preview_;

@@ -130,7 +130,7 @@ std::string text_in(const mcap::Texts& texts, const char* key) {
 
 class McapFootage final : public Footage {
  public:
-  McapFootage(mcap::Reader reader, Found found, const std::string& topic, const Told& told)
+  McapFootage(mcap::Reader reader, Found found, const std::string& topic, const StatedFormat& stated)
       : reader_(std::move(reader)), series_(std::move(found.images[topic])), events_(std::move(found.events)) {
     const auto [begin, end] = reader_.metadata().equal_range(mcap::kCapture);
     const auto own =
@@ -141,9 +141,9 @@ class McapFootage final : public Footage {
     StreamFormat& format = info_.format;
     format.geometry = series_.size;
     format.type = series_.type;
-    format.frame_period_s = number_in(texts_, "frame_period_s", usual_period(series_, 1.0 / told.rate_hz));
+    format.frame_period_s = number_in(texts_, "frame_period_s", usual_period(series_, 1.0 / stated.rate_hz));
     format.row_step = static_cast<int>(std::clamp(number_in(texts_, "row_step", 1.0), 1.0, 1024.0));
-    format.scale = told.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
+    format.scale = stated.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
     if (series_.type == PixelType::kFloat32) format.scale = {Unit::kKelvin, 1.0, 0.0};
     if (own != end) {
       const Unit unit = text_in(texts_, "unit") == "kelvin" ? Unit::kKelvin : Unit::kCount;
@@ -192,7 +192,7 @@ class McapFootage final : public Footage {
 }  // namespace
 
 Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, const std::string& topic,
-                                           const Told& told) {
+                                           const StatedFormat& stated) {
   const auto named = [&](const Error& error) { return at(file.string(), error); };
   Result<mcap::Reader> reader = mcap::Reader::open(file);
   if (!reader) return named(reader.error());
@@ -206,7 +206,7 @@ Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, co
   Series& series = found.images[*chosen];
   number_pictures(found, series);
   if (Status good = check_times(series); !good) return at(file.string() + ": " + *chosen, good.error());
-  return std::make_unique<McapFootage>(std::move(*reader), std::move(found), *chosen, told);
+  return std::make_unique<McapFootage>(std::move(*reader), std::move(found), *chosen, stated);
 }
 
 }  // namespace bolo::tools

@@ -79,8 +79,8 @@ Status Reader::walk(const Visit& visit) {
     if (head.bytes > kMostRecord) return damaged(at, "a record of " + std::to_string(head.bytes) + " bytes");
     ASSIGN_OR_RETURN(const auto fields, take(head.bytes, record_));
     if (head.op == Op::kDataEnd) {
-      const auto said = FieldReader(fields).number<std::uint32_t>();
-      return said == 0 || said == crc ? Status{} : bad_input("damaged: its checksum does not hold");
+      const auto stated = FieldReader(fields).number<std::uint32_t>();
+      return stated == 0 || stated == crc ? Status{} : bad_input("damaged: its checksum does not hold");
     }
     if (Status good = see(head.op, fields, at, visit); !good) return good;
   }
@@ -171,9 +171,9 @@ Result<std::string_view> Reader::unpack(std::string_view chunk) {
   if (compression.empty()) {
     unpacked_ = packed;
   } else if (compression == "zstd") {
-    // A frame that says another size is refused before memory is taken for it.
-    const unsigned long long said = ZSTD_getFrameContentSize(packed.data(), packed.size());
-    if (said == ZSTD_CONTENTSIZE_ERROR || (said != ZSTD_CONTENTSIZE_UNKNOWN && said > size)) {
+    // A frame that states another size is refused before memory is taken for it.
+    const unsigned long long stated = ZSTD_getFrameContentSize(packed.data(), packed.size());
+    if (stated == ZSTD_CONTENTSIZE_ERROR || (stated != ZSTD_CONTENTSIZE_UNKNOWN && stated > size)) {
       return bad_input("a chunk does not unpack");
     }
     unpacked_.resize(static_cast<std::size_t>(size));

@@ -1,5 +1,5 @@
-// Reads an MCAP file from its first record to its last, whatever its index says. The file is anybody's: lengths, counts
-// and checksums are checked, and nothing is unpacked beyond what a chunk may hold.
+// Reads an MCAP file from its first record to its last, without its index. The file is untrusted: lengths, counts and
+// checksums are checked, and nothing is unpacked beyond what a chunk may hold.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +27,7 @@
 
 namespace bolo::tools::mcap {
 
-// --- The words of MCAP: records of an operation code, a length and fields, all little-endian.
+// --- Elements of MCAP: records of an operation code, a length and fields, all little-endian.
 // Source: https://mcap.dev/spec (version 0).
 
 static_assert(std::endian::native == std::endian::little, "fields are written as the machine has them");
@@ -134,7 +134,7 @@ class FieldReader {
 
 // --- How a capture is spelled in MCAP, for its writer and its reader. docs/formats.md has the table.
 
-// A metadata record of this name for each topic of images: `topic`, and what a capture's root says.
+// A metadata record of this name for each topic of images: `topic`, and a capture's root attributes.
 inline constexpr const char* kCapture = "bolo-capture";
 inline constexpr std::string_view kText = "text.";      // attributes beyond the format's own
 inline constexpr std::string_view kNumber = "number.";  // likewise
@@ -165,7 +165,7 @@ struct Message {
   std::uint64_t bytes = 0;
 };
 
-// Errors (kBadInput) say what is wrong and where, without the file's name. Thread: any one at a time.
+// Errors (kBadInput) have the fault and its place, without the file's name. Thread: any one at a time.
 class Reader {
  public:
   using Visit = std::function<Status(const Topic&, const Message&, std::string_view data)>;

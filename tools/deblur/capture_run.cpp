@@ -74,12 +74,12 @@ Error interruption(DeblurSink& sink, const pipeline::Pipeline& pipeline, const D
 }  // namespace
 
 DeblurSink::DeblurSink(std::filesystem::path input_file, capture::CaptureReader input, PixelChoice choice,
-                       OutputFile output, Heard heard)
+                       OutputFile output, FrameCallback on_frame)
     : input_file_(std::move(input_file)),
       input_(std::move(input)),
       choice_(std::move(choice)),
       output_(std::move(output)),
-      heard_(std::move(heard)) {}
+      on_frame_(std::move(on_frame)) {}
 
 DeblurSink::~DeblurSink() {
   if (!writer_ || kept_) return;
@@ -120,7 +120,7 @@ void DeblurSink::publish(const pipeline::PublishedFrame& frame, const pipeline::
   ++frames_in_;
   if (status_) status_ = take(frame);
   if (!status_) stop_requested_.store(true, std::memory_order_relaxed);
-  heard_(frames_in_, status_ && sharp_);
+  on_frame_(frames_in_, status_ && sharp_);
 }
 
 Status DeblurSink::refuse_nan(const pipeline::PublishedFrame& frame) const {
@@ -182,7 +182,7 @@ std::optional<Rmse> DeblurSink::rmse() const {
 }
 
 Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
-  // A stimulus that is wrong is left out; opening the input has said so.
+  // A stimulus that is wrong is left out; opening the input has reported it.
   const capture::Stimulus stimulus = seen_through(input_.stimulus().value_or(capture::NoStimulus{}), choice_);
   Status status;
   const auto then = [&status](auto&& step) {
@@ -207,7 +207,7 @@ Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
   }
   text("solver", deblur::name(settings.method));
   text("isa", isa);
-  if (choice_.points().empty()) text("roi", in_words(choice_.region()));
+  if (choice_.points().empty()) text("roi", describe_region(choice_.region()));
   for (const auto& [name, value] : files) text(name.c_str(), value);
   number("tau_s", settings.tau_s);
   number("kappa", settings.kappa);
@@ -223,7 +223,7 @@ Status DeblurSink::finish(std::string_view isa, const Files& files, const std::s
   Status status = write_settings(isa, files);
   if (status && !made_from.empty()) status = writer_->write_attribute(kMadeFrom, made_from);
   if (status) status = writer_->close();
-  // Where another program made the output meanwhile, the part is what the message leads to.
+  // If another program made the output meanwhile, the message refers to the part.
   std::error_code ignored;
   kept_ = status || (output_.replace == Replace::kNothing && std::filesystem::exists(output_.path, ignored));
   return status;
@@ -255,10 +255,10 @@ Result<CaptureRun> CaptureRun::open(const DeblurRequest& request, const std::fil
 }
 
 Result<RunFacts> CaptureRun::run(const OutputFile& output, const std::string& made_from,
-                                 const DeblurSink::Heard& heard) {
+                                 const DeblurSink::FrameCallback& on_frame) {
   ASSIGN_OR_RETURN(auto own_reader, capture::CaptureReader::open(file_));
   PixelChoice choice(info().format.geometry, options_.region, options_.points);
-  DeblurSink sink(file_, std::move(own_reader), std::move(choice), output, heard);
+  DeblurSink sink(file_, std::move(own_reader), std::move(choice), output, on_frame);
   auto source = std::make_unique<replay::ReplaySource>(reader_, replay::Pace::kAsFastAsPossible);
   const replay::ReplaySource& replayed = *source;
   ASSIGN_OR_RETURN(const auto pipeline, pipeline::Pipeline::create(std::move(source), {&sink}, options_));

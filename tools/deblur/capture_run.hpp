@@ -33,13 +33,13 @@ struct Rmse {
 
 class DeblurSink final : public pipeline::FrameSink {
  public:
-  // Told of each frame that came: how many there were, and whether this one was solved.
-  using Heard = std::function<void(std::uint64_t, bool)>;
+  // Called for each received frame: the number so far, and true if this one was solved.
+  using FrameCallback = std::function<void(std::uint64_t, bool)>;
 
   // `input` (from `input_file`) is read here for /t, /frame_id and /truth: a reader of its own, not the one that
   // replays.
   DeblurSink(std::filesystem::path input_file, capture::CaptureReader input, PixelChoice choice, OutputFile output,
-             Heard heard);
+             FrameCallback on_frame);
   ~DeblurSink() override;
 
   Status open(const pipeline::SinkFormat& format) override;
@@ -72,7 +72,7 @@ class DeblurSink final : public pipeline::FrameSink {
   capture::CaptureReader input_;
   PixelChoice choice_;
   OutputFile output_;
-  Heard heard_;
+  FrameCallback on_frame_;
   pipeline::SinkFormat format_;
   capture::CaptureInfo written_;  // frame size, type and scale of what is written
   std::optional<capture::CaptureWriter> writer_;
@@ -115,10 +115,11 @@ class CaptureRun {
   const capture::CaptureReader& reader() const { return *reader_; }
   const pipeline::PipelineOptions& options() const { return options_; }
 
-  // Deblurs all of it into a capture `output`; `made_from` becomes an attribute of it unless it is empty. Where the
-  // options' give_up ends it, what was solved is kept as the output's ".part", which `bolo recover` finishes: an output
+  // Deblurs all of it into a capture `output`; `made_from` becomes an attribute of it unless it is empty. If the
+  // options' give_up ends it, solved frames are kept as the output's ".part", which `bolo recover` finishes: an output
   // under its own name is always whole.
-  Result<RunFacts> run(const OutputFile& output, const std::string& made_from, const DeblurSink::Heard& heard);
+  Result<RunFacts> run(const OutputFile& output, const std::string& made_from,
+                       const DeblurSink::FrameCallback& on_frame);
 
  private:
   CaptureRun(const DeblurRequest& request, std::filesystem::path file,

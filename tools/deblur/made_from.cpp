@@ -68,7 +68,7 @@ json settings_of(const DeblurRequest& request) {
                 {"type", request.options.output == PixelType::kUint16 ? "uint16" : "float32"}};
   if (request.isa_given) settings["isa"] = deblur::best_isa();
   if (request.options.undo.scene_nuc) settings["scene_nuc"] = true;
-  if (request.options.region) settings["roi"] = in_words(*request.options.region);
+  if (request.options.region) settings["roi"] = describe_region(*request.options.region);
   return settings;
 }
 
@@ -111,7 +111,7 @@ bool is_made(const fs::path& output, const fs::path& input, const std::string& m
          });
 }
 
-// Recordings say from the first commit on when they were begun; what this verb writes doesn't.
+// Recordings have their begin from the first commit on; this verb's outputs don't.
 bool is_unfinished_recording(const fs::path& output) {
   const auto reader = capture::CaptureReader::open(output.string() + ".part");
   if (!reader) return false;

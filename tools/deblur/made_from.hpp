@@ -1,4 +1,4 @@
-// Record of an output's inputs and settings, to tell later whether it is up to date.
+// Record of an output's inputs and settings, to detect later whether it is up to date.
 #pragma once
 
 #include <filesystem>

@@ -68,6 +68,6 @@ void PixelChoice::take_deblurred(const void* plane, std::size_t value_bytes, voi
   std::memcpy(out, plane, points_.size() * value_bytes);
 }
 
-std::string in_words(const Region& r) { return fmt::format("{},{},{},{}", r.x, r.y, r.width, r.height); }
+std::string describe_region(const Region& r) { return fmt::format("{},{},{},{}", r.x, r.y, r.width, r.height); }
 
 }  // namespace bolo::tools

@@ -44,6 +44,6 @@ class PixelChoice {
 };
 
 // "x,y,width,height"
-std::string in_words(const Region& region);
+std::string describe_region(const Region& region);
 
 }  // namespace bolo::tools

@@ -60,7 +60,7 @@ Json common_json(const DeblurRequest& request, const std::vector<CaptureSummary>
                       {"threads", request.options.workers},
                       {"isa", all.isa}};
   json["roi"] = nullptr;
-  if (request.options.region) json["roi"] = in_words(*request.options.region);
+  if (request.options.region) json["roi"] = describe_region(*request.options.region);
   json["points"] = captures.empty() ? 0 : captures.front().points;
   json["maps"] = request.maps_file.filename().string();
   for (std::size_t i = 0; request.gyro != nullptr && i < kGyroUses; ++i)

@@ -220,7 +220,7 @@ Status read_files(const cxxopts::ParseResult& args, DeblurRequest& request) {
 
 const char* variable(const char* name) { return std::getenv(name); }
 
-// In a folder what is there already is looked at when its turn comes.
+// Existing files in a folder are checked when their turn comes.
 Status check_files(const DeblurRequest& request) {
   if (request.into_folder) RETURN_IF_ERROR(make_folder(request.output));
   std::vector<fs::path> outputs;

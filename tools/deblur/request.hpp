@@ -25,7 +25,7 @@ namespace bolo::tools {
 struct Share {
   std::size_t index = 0;
   std::size_t count = 1;
-  std::string from;  // who says so: the option or the variables; empty for all
+  std::string from;  // the option or the variables that set it; empty for all
 
   bool has(std::size_t capture) const { return capture % count == index; }
 };
@@ -89,8 +89,7 @@ struct DeblurRequest {
 
 cxxopts::Options deblur_command_line();
 
-// Settings and files as the words say; of captures only that they are there is looked at. Errors name the option.
-// Thread: setup.
+// Settings and files from the command line; captures are only checked to exist. Errors name the option. Thread: setup.
 Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args);
 
 // Checks a capture before any work. Thread: setup.

@@ -69,24 +69,24 @@ struct Facts {
   std::optional<bool> answers;       // the address that was asked for
 
   std::optional<ClockState> clock;
-  std::vector<std::string> time_services;  // what they say of it: chrony, linuxptp
+  std::vector<std::string> time_services;  // their reports: chrony, linuxptp
 };
 
 // The camera to look for on the network.
-struct Question {
+struct CameraQuery {
   std::string address;      // empty: whoever answers
   bool ask_network = true;  // false: nothing is sent
 };
 
 // Reads the host below `root` ("/"; another one for tests, which then sees files only) and asks the network. Takes up
 // to some seconds. Thread: setup.
-Facts gather(const Question& question, const std::filesystem::path& root = "/");
+Facts gather(const CameraQuery& query, const std::filesystem::path& root = "/");
 
 enum class Verdict {
   kGood,
   kAdvice,   // works, but less well than it could
   kProblem,  // frames will be lost, or nothing will work
-  kUnknown,  // could not be looked at: `found` says why
+  kUnknown,  // could not be checked: `found` has the reason
 };
 std::string_view word(Verdict verdict);  // "good", "advice", "problem", "unknown"
 
@@ -109,13 +109,12 @@ struct Needs {
   bool video = false;              // a video device is wanted
 };
 
-// Output of `chronyc -c tracking` and `pmc 'GET TIME_STATUS_NP'` in words; empty: it cannot be read. Thread:
+// Descriptions of the output of `chronyc -c tracking` and `pmc 'GET TIME_STATUS_NP'`; empty: it cannot be read. Thread:
 // any.
-std::string chrony_words(const std::string& tracking);
-std::string ptp_words(const std::string& time_status);
+std::string describe_chrony(const std::string& tracking);
+std::string describe_ptp(const std::string& time_status);
 
-// Pure: says of each fact what it means. Order: the network, the processor, memory, devices, libraries, the camera.
-// Thread: any.
+// Pure: judges each fact. Order: the network, the processor, memory, devices, libraries, the camera. Thread: any.
 std::vector<Check> judge(const Facts& facts, const Needs& needs);
 
 }  // namespace bolo::tools::doctor

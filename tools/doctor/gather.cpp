@@ -74,7 +74,7 @@ std::vector<int> processors_of(const std::string& text) {
   return list;
 }
 
-void look_at_processors(const fs::path& root, Facts& facts) {
+void gather_processors(const fs::path& root, Facts& facts) {
   facts.processors = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   const fs::path cpus = root / "sys/devices/system/cpu";
   for (const fs::path& cpu : entries_of(cpus)) {
@@ -84,7 +84,7 @@ void look_at_processors(const fs::path& root, Facts& facts) {
   facts.isolated = processors_of(line_of(cpus / "isolated"));
 }
 
-void look_at_kernel(const fs::path& root, Facts& facts) {
+void gather_kernel(const fs::path& root, Facts& facts) {
   const fs::path net = root / "proc/sys/net";
   facts.receive_buffer_max = number_of(net / "core/rmem_max");
   facts.backlog = number_of(net / "core/netdev_max_backlog");
@@ -94,8 +94,8 @@ void look_at_kernel(const fs::path& root, Facts& facts) {
   while (std::getline(modules, line)) facts.loopback_module |= line.starts_with("v4l2loopback ");
 }
 
-// Firewalls that can be told from files; those of the kernel are asked for as root only.
-void look_at_firewalls(const fs::path& root, Facts& facts) {
+// Firewalls that show in files; those of the kernel are queried as root only.
+void gather_firewalls(const fs::path& root, Facts& facts) {
   std::ifstream ufw(root / "etc/ufw/ufw.conf");
   std::string line;
   while (std::getline(ufw, line)) {
@@ -126,7 +126,7 @@ void ask_for_rules(Facts& facts) {
   }
 }
 
-void look_at_usb(const fs::path& root, Facts& facts) {
+void gather_usb(const fs::path& root, Facts& facts) {
   for (const fs::path& device : entries_of(root / "sys/bus/usb/devices")) {
     if (line_of(device / "idVendor") != kFlir) continue;
     const std::string node = fmt::format("/dev/bus/usb/{:03}/{:03}", number_of(device / "busnum").value_or(0),
@@ -137,7 +137,7 @@ void look_at_usb(const fs::path& root, Facts& facts) {
   }
 }
 
-void look_at_videos(const fs::path& root, Facts& facts) {
+void gather_videos(const fs::path& root, Facts& facts) {
   for (const fs::path& entry : entries_of(root / "sys/class/video4linux")) {
     const std::string name = entry.filename();
     VideoDevice device{"/dev/" + name, ""};
@@ -150,7 +150,7 @@ void look_at_videos(const fs::path& root, Facts& facts) {
   }
 }
 
-void look_at_shared_memory(const fs::path& root, Facts& facts) {
+void gather_shared_memory(const fs::path& root, Facts& facts) {
   struct statvfs info {};
   if (statvfs((root / "dev/shm").c_str(), &info) != 0) return;
   facts.shared_free = std::uint64_t{info.f_bavail} * info.f_frsize;
@@ -162,7 +162,7 @@ std::string dotted(const sockaddr* address) {
   return text.data();
 }
 
-void look_at_interfaces(Facts& facts) {
+void gather_interfaces(Facts& facts) {
   ifaddrs* list = nullptr;
   if (getifaddrs(&list) != 0) return;
   const std::unique_ptr<ifaddrs, decltype(&freeifaddrs)> owner(list, &freeifaddrs);
@@ -181,7 +181,7 @@ void look_at_interfaces(Facts& facts) {
   }
 }
 
-// Tried on a thread of its own: limits and capabilities say less than the kernel's answer.
+// Tried on a thread of its own: limits and capabilities are less reliable than the kernel's answer.
 void try_limits(Facts& facts) {
   rlimit limit{};
   if (getrlimit(RLIMIT_RTPRIO, &limit) == 0) {
@@ -204,20 +204,20 @@ void ask_clock(Facts& facts) {
   timex state{};
   if (adjtimex(&state) >= 0) facts.clock = read_clock_state();
   std::error_code error;
-  std::vector<std::string> words{chrony_words(output_of("timeout 2 chronyc -c tracking 2>/dev/null"))};
+  std::vector<std::string> words{describe_chrony(output_of("timeout 2 chronyc -c tracking 2>/dev/null"))};
   if (fs::exists("/run/ptp4l", error)) {
-    words.push_back(ptp_words(output_of("timeout 2 pmc -u -b 0 'GET TIME_STATUS_NP' 2>/dev/null")));
+    words.push_back(describe_ptp(output_of("timeout 2 pmc -u -b 0 'GET TIME_STATUS_NP' 2>/dev/null")));
   }
   for (std::string& service : words) {
     if (!service.empty()) facts.time_services.push_back(std::move(service));
   }
 }
 
-void ask_cameras(const Question& question, Facts& facts) {
+void query_cameras(const CameraQuery& query, Facts& facts) {
   for (const genicam::FoundCamera& found : genicam::find_cameras()) {
     facts.cameras.push_back({found.id, found.model, found.serial, found.address});
   }
-  std::string address = question.address;
+  std::string address = query.address;
   if (genicam::is_ipv4(address)) facts.answers = genicam::answers_gvcp(address);
   if (address.empty() && facts.cameras.size() == 1) address = facts.cameras.front().address;
   if (!genicam::is_ipv4(address)) {
@@ -242,21 +242,21 @@ void find_versions(Facts& facts) {
 
 }  // namespace
 
-Facts gather(const Question& question, const fs::path& root) {
+Facts gather(const CameraQuery& query, const fs::path& root) {
   Facts facts;
-  look_at_processors(root, facts);
-  look_at_kernel(root, facts);
-  look_at_firewalls(root, facts);
-  look_at_usb(root, facts);
-  look_at_videos(root, facts);
-  look_at_shared_memory(root, facts);
+  gather_processors(root, facts);
+  gather_kernel(root, facts);
+  gather_firewalls(root, facts);
+  gather_usb(root, facts);
+  gather_videos(root, facts);
+  gather_shared_memory(root, facts);
   find_versions(facts);
   if (root != "/") return facts;
-  look_at_interfaces(facts);
+  gather_interfaces(facts);
   try_limits(facts);
   ask_for_rules(facts);
   ask_clock(facts);
-  if (question.ask_network) ask_cameras(question, facts);
+  if (query.ask_network) query_cameras(query, facts);
   return facts;
 }
 

@@ -321,7 +321,7 @@ std::string_view word(Verdict verdict) {
 }
 
 // Comma-separated: ..., name, stratum, time, offset of the system's clock (s), ...
-std::string chrony_words(const std::string& tracking) {
+std::string describe_chrony(const std::string& tracking) {
   std::istringstream line(tracking);
   std::vector<std::string> fields;
   for (std::string field; std::getline(line, field, ',');) fields.push_back(field);
@@ -335,7 +335,7 @@ std::string chrony_words(const std::string& tracking) {
 }
 
 // Lines of a name and a value, among them "master_offset 12" (ns) and "gmPresent true".
-std::string ptp_words(const std::string& time_status) {
+std::string describe_ptp(const std::string& time_status) {
   std::istringstream words(time_status);
   std::string offset_ns;
   bool present = false;

@@ -72,7 +72,7 @@ Result<std::unique_ptr<StreamDeblur>> StreamDeblur::create(const deblur::Setting
     return std::unique_ptr<StreamDeblur>(new StreamDeblur(settings, format, workers, std::move(solver)));
   } catch (const std::exception& e) {  // for want of memory or threads
     return failed("frames of " + std::to_string(format.geometry.width) + "x" + std::to_string(format.geometry.height) +
-                  " cannot be deblurred: " + words_of(e));
+                  " cannot be deblurred: " + describe_exception(e));
   }
 }
 
@@ -262,7 +262,7 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* in, GstCaps* /*out*/) {
   }
   deblur::Settings settings = options.settings;
   settings.period_s = period_s;
-  if (const std::string little = deblur::little_to_undo(settings); !little.empty()) {
+  if (const std::string little = deblur::weak_inertia_warning(settings); !little.empty()) {
     GST_ELEMENT_WARNING(transform, STREAM, FORMAT, ("%s", little.c_str()), (nullptr));
   }
   state.stream = std::move(*stream);

@@ -17,8 +17,8 @@ gboolean register_deblur(GstPlugin* plugin);
 constexpr GParamFlags kProperty = static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS);
 constexpr GParamFlags kReadable = static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS);
 
-// A mapped frame of one plane, for the life of this: false where the buffer, as it is laid out, ends before the last
-// row. A buffer that says of its layout that it is larger than the caps has these in its corner.
+// A mapped frame of one plane, for the life of this: false where the buffer, by its layout, ends before the last row. A
+// buffer whose layout is larger than the caps has these in its corner.
 class MappedFrame {
  public:
   MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlags flags)

@@ -1,4 +1,4 @@
-// What the laboratory's verbs share: tables, random draws, work on several threads.
+// Parts that the laboratory's verbs share: tables, random draws, work on several threads.
 #pragma once
 
 #include <algorithm>

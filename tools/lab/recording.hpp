@@ -26,7 +26,7 @@ struct StreetPass {
   std::uint64_t street = 5;  // which one
   double speed_px_s = 60.0;
   std::size_t frames = 260;
-  std::size_t more_frames = 32;  // effects that lose frames, or jitter, look further
+  std::size_t more_frames = 32;  // effects that lose frames, or jitter, need later ones
 };
 
 // Thread: any.

@@ -55,7 +55,7 @@ class Examination:
         self.cache = cache_folder()
 
     def findings(self, files):
-        """What clang-tidy says of them; nothing where they are clean."""
+        """clang-tidy's output for them; nothing where they are clean."""
         options = dict.fromkeys(option for file in files for option in options_of(self.entries[file]))
         words = ["clang++", *(word for option in options for word in option)]
         file = files[0]

@@ -87,7 +87,7 @@ Result<std::unique_ptr<FileWriter>> FileWriter::start(FileWriterOptions options)
   try {
     writer->thread_ = std::thread([self = writer.get()] { self->run(); });
   } catch (const std::system_error& e) {
-    return failed("nothing can be recorded: " + words_of(e));
+    return failed("nothing can be recorded: " + describe_exception(e));
   }
   return writer;
 }
@@ -115,8 +115,8 @@ Status FileWriter::open_next() {
   if (!created) return tl::unexpected<Error>(created.error());
   current_ = file_of_part(options_, part);
   if (part != next_part_) {
-    options_.tell(file_of_part(options_, next_part_).string() + " is there already, and stays: going on with " +
-                  current_.filename().string());
+    options_.log(file_of_part(options_, next_part_).string() + " is there already, and stays: going on with " +
+                 current_.filename().string());
   }
   capture_.emplace(std::move(*created));
   next_part_ = part + 1;
@@ -144,7 +144,7 @@ Status FileWriter::close_current() {
     const auto close = [capture = std::make_shared<capture::CaptureWriter>(std::move(*capture_))] {
       return capture->close();
     };
-    // Where the system has no thread to give, this one closes it, in take_closed().
+    // If the system has no thread to give, this one closes it, in take_closed().
     closing_.push_back({current_, std::async(close)});
   }
   capture_.reset();
@@ -235,7 +235,7 @@ void FileWriter::commit_if_idle() {
   if (Status good = capture_->commit(); !good) fail(std::move(good));
 }
 
-// The first failure is the one that is told; what was appended before stays and is closed orderly.
+// The first failure is reported; what was appended before stays and is closed orderly.
 void FileWriter::fail(Status status) {
   if (result_.status) result_.status = std::move(status);
   broken_.store(true, std::memory_order_relaxed);

@@ -25,12 +25,12 @@ struct FileWriterOptions {
   std::filesystem::path file;
   capture::CaptureInfo info;
   std::vector<capture::Attribute> attributes;
-  bool motion = false;   // frames may tell the scene's motion
+  bool motion = false;   // frames may carry the scene's motion
   double split_s = 0.0;  // a new file each time the frames' times have advanced by this much; 0: one file
   std::size_t buffer_bytes = std::size_t{256} << 20;
   Replace replace = Replace::kNothing;
   // A line for the user while it goes on. Thread: the writer's.
-  std::function<void(const std::string&)> tell = [](const std::string&) {};
+  std::function<void(const std::string&)> log = [](const std::string&) {};
 };
 
 // Marks of events before a frame, as bits.
@@ -62,8 +62,8 @@ Status check_first_file(const FileWriterOptions& options);
 
 class FileWriter {
  public:
-  // Creates the first file and takes all memory. Later ones pass over the numbers of files that are there: frames are
-  // not lost for a name. Thread: setup.
+  // Creates the first file and takes all memory. Later ones skip the numbers of existing files: frames are not lost for
+  // a name. Thread: setup.
   static Result<std::unique_ptr<FileWriter>> start(FileWriterOptions options);
   ~FileWriter();
   FileWriter(const FileWriter&) = delete;
@@ -71,14 +71,14 @@ class FileWriter {
 
   // A free slot, or nullptr: the disk is behind by the whole buffer. put() hands it over. Thread: the taker.
   rt::FrameSlot* take() noexcept { return pool_.take(); }
-  // Room for a slot's motion, of motion_blocks() of the frame; null without options.motion. What is filled in counts
-  // where put() is told so. Thread: the taker.
+  // Room for a slot's motion, of motion_blocks() of the frame; null without options.motion. Valid where put() is given
+  // its mark. Thread: the taker.
   BlockMotion* motion_of(const rt::FrameSlot& slot) noexcept {
     return options_.motion ? motion_.data() + slot.index * blocks_ : nullptr;
   }
   void put(rt::FrameSlot& slot, std::uint32_t marks) noexcept;
 
-  // Writing has failed; finish() says why. Thread: any.
+  // Writing has failed; finish() has the error. Thread: any.
   bool broken() const noexcept { return broken_.load(std::memory_order_relaxed); }
   std::uint64_t written() const noexcept { return written_.load(std::memory_order_relaxed); }
   std::size_t slots() const noexcept { return pool_.size(); }

@@ -13,7 +13,7 @@
 namespace bolo::tools {
 namespace {
 
-constexpr auto kLookAgainAfter = std::chrono::milliseconds(50);
+constexpr auto kRetry = std::chrono::milliseconds(50);
 
 using shm::FollowedStream;
 
@@ -36,7 +36,7 @@ FileWriterOptions writer_options(const RecordRequest& request, const bolo_shm_he
   options.buffer_bytes = request.buffer_bytes;
   options.replace = request.replace;
   options.motion = header.motion_offset != 0;
-  options.tell = request.tell;
+  options.log = request.log;
   if (request.plane == RecordedPlane::kDeblurred) {
     options.attributes = {{"plane", std::string("deblurred")}, {"solver", std::string(header.solver)}};
   }
@@ -58,7 +58,7 @@ class Recording {
   }
 
   RecordResult run(const std::function<void(std::uint64_t)>& progress) {
-    while (!done() && look()) progress(writer_->written());
+    while (!done() && poll()) progress(writer_->written());
     result_.written = writer_->finish();
     if (!result_.written.status) result_.status = result_.written.status;
     const bool enough = reached_ || (request_.frames == 0 && request_.seconds <= 0.0);
@@ -77,7 +77,7 @@ class Recording {
   }
 
   // Takes the next frame, if one comes. False: there is no more to come.
-  bool look() {
+  bool poll() {
     shm::BorrowedFrame frame;
     std::uint64_t missed = 0;
     const FollowedStream::Outcome outcome = stream_.next(frame, missed, kReadTimeout_ms);
@@ -204,9 +204,9 @@ Result<FollowedStream> open_daemon(const RecordRequest& request, const std::atom
   Result<FollowedStream> stream = FollowedStream::open(request.name, 0);
   const std::int64_t until_ns = monotonic_ns() + static_cast<std::int64_t>(request.wait_s * kNsPerSecond);
   const bool waits = !stream && request.wait_at_start;
-  if (waits) request.tell("waiting for the daemon '" + request.name + "': " + stream.error().message);
+  if (waits) request.log("waiting for the daemon '" + request.name + "': " + stream.error().message);
   while (waits && !stream && !stop.load(std::memory_order_relaxed) && monotonic_ns() < until_ns) {
-    std::this_thread::sleep_for(kLookAgainAfter);
+    std::this_thread::sleep_for(kRetry);
     stream = FollowedStream::open(request.name, 0);
   }
   return stream;

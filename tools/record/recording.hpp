@@ -16,8 +16,8 @@
 namespace bolo::tools {
 
 // Frame numbers and times that rise across the restarts of a daemon or a camera. A restarted daemon goes on with the
-// camera's own counter and clock where the camera ran on; a restarted camera begins anew. What begins anew is shifted
-// to where the host's clock says that it belongs. Thread: one at a time.
+// camera's own counter and clock if the camera ran on; a restarted camera begins anew, and is shifted to its time on
+// the host's clock. Thread: one at a time.
 class RisingStream {
  public:
   explicit RisingStream(double frame_period_s) : frame_period_s_(frame_period_s) {}
@@ -51,7 +51,7 @@ struct RecordRequest {
   double split_s = 0.0;
   std::size_t buffer_bytes = std::size_t{256} << 20;
   Replace replace = Replace::kNothing;
-  std::function<void(const std::string&)> tell = [](const std::string&) {};  // as of FileWriterOptions
+  std::function<void(const std::string&)> log = [](const std::string&) {};  // as of FileWriterOptions
 };
 
 struct RecordResult {

@@ -58,13 +58,13 @@ tl::unexpected<Error> dds_failed(const std::string& what, dds_return_t code) {
 }
 
 // Logs DDS's first messages: it writes one for every packet that is not DDS, and strangers send any number.
-void log_dds(void* /*unused*/, const dds_log_data_t* said) {
+void log_dds(void* /*unused*/, const dds_log_data_t* entry) {
   static std::atomic<int> lines{0};
   constexpr int kLines = 20;
   constexpr int kLetters = 200;
   const int line = lines.fetch_add(1, std::memory_order_relaxed);
   if (line > kLines) return;
-  const std::string_view text(said->message, std::min<std::size_t>(said->size, kLetters));
+  const std::string_view text(entry->message, std::min<std::size_t>(entry->size, kLetters));
   const std::string shown = line < kLines ? printable(text.substr(0, text.find('\n'))) : "more is not shown";
   std::fprintf(stderr, "bolo-ros2: DDS: %s\n", shown.c_str());
 }

@@ -41,7 +41,7 @@ Result<Address> parse_address(const std::string& text, std::uint16_t port) {
   return bad_input("address '" + text + "' is not a numeric IP address such as 192.168.1.10 or ::1");
 }
 
-std::string why_not(const std::string& address, std::uint16_t port) {
+std::string describe_bind_error(const std::string& address, std::uint16_t port) {
   const std::string where = "cannot listen on " + address + " port " + std::to_string(port) + ": ";
   if (errno == EADDRINUSE) return where + "another program does; choose another --port";
   if (errno == EACCES) return where + "ports below 1024 are for root; choose another --port";
@@ -59,7 +59,7 @@ Result<UniqueFd> listening_socket(const std::string& text, std::uint16_t port, b
   if (!fd || bind(fd.get(), reinterpret_cast<const sockaddr*>(&address.place), address.bytes) != 0 ||
       ::listen(fd.get(), kBacklog) != 0) {
     absent = errno == EADDRNOTAVAIL || errno == EAFNOSUPPORT;
-    return bad_input(why_not(text, port));
+    return bad_input(describe_bind_error(text, port));
   }
   return fd;
 }
@@ -72,7 +72,7 @@ std::uint16_t port_of(int fd) {
                                      : ntohs(reinterpret_cast<sockaddr_in*>(&place)->sin_port);
 }
 
-// The library's own words about clients that misbehave.
+// The library's messages about clients that misbehave.
 void ignore(void*, const char*, va_list) {}
 
 void release_body(void* body) { delete static_cast<std::shared_ptr<const std::string>*>(body); }
@@ -189,8 +189,7 @@ MHD_Result HttpServer::answer_or_wait(MHD_Connection* connection, Exchange& exch
   return MHD_YES;
 }
 
-// Whoever may connect may take all places, and a byte now and then keeps each: the library's limit would leave them to
-// him.
+// Any client may take all places, and keep each by a byte now and then: the library's limit would leave them to him.
 void HttpServer::on_connection(void* self, MHD_Connection* connection, void** /*unused*/,
                                MHD_ConnectionNotificationCode code) {
   auto& server = *static_cast<HttpServer*>(self);
@@ -204,7 +203,7 @@ void HttpServer::on_connection(void* self, MHD_Connection* connection, void** /*
   if (server.connections_ > server.limits_.connections) server.make_room();
 }
 
-// The library closes it when it looks at its sockets next.
+// The library closes it at its next poll of its sockets.
 void HttpServer::make_room() {
   shutdown(MHD_get_connection_info(silent_.front(), MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd, SHUT_RDWR);
   silent_.erase(silent_.begin());

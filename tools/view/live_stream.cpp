@@ -10,11 +10,11 @@
 namespace bolo::view {
 namespace {
 
-constexpr int kPatience_ms = 100;                      // for a frame or a daemon, before the end is looked at
-constexpr std::int64_t kLookEvery_ns = 1'000'000'000;  // a sample of the rates is a second long
-constexpr std::int64_t kForgotten_ns = 5'000'000'000;  // a trace that nobody asked for
-constexpr std::int64_t kSilent_ns = 1'000'000'000;     // without a frame
-constexpr int kAttempts = 3;                           // to copy a frame of a ring that is overwritten meanwhile
+constexpr int kPatience_ms = 100;                          // for a frame or a daemon, before the end is polled
+constexpr std::int64_t kSnapshotEvery_ns = 1'000'000'000;  // a sample of the rates is a second long
+constexpr std::int64_t kForgotten_ns = 5'000'000'000;      // a trace that nobody asked for
+constexpr std::int64_t kSilent_ns = 1'000'000'000;         // without a frame
+constexpr int kAttempts = 3;                               // to copy a frame of a ring that is overwritten meanwhile
 
 void append(std::string& text, const void* from, std::size_t bytes) {
   text.append(static_cast<const char*>(from), bytes);
@@ -27,8 +27,8 @@ std::size_t trace_frames(const bolo_shm_header& format) {
 
 }  // namespace
 
-LiveStream::LiveStream(std::string name, std::function<void()> news)
-    : name_(std::move(name)), news_(std::move(news)), follower_([this] { follow(); }) {}
+LiveStream::LiveStream(std::string name, std::function<void()> on_frame)
+    : name_(std::move(name)), on_frame_(std::move(on_frame)), follower_([this] { follow(); }) {}
 
 LiveStream::~LiveStream() {
   ending_.store(true, std::memory_order_relaxed);
@@ -56,9 +56,9 @@ void LiveStream::follow() {
       if (outcome == shm::FollowedStream::Outcome::kRestarted) attach(*stream);
       if (outcome == shm::FollowedStream::Outcome::kFrame) last_frame_ns_ = monotonic_ns();
       add_samples();
-      take_look();
+      take_snapshot();
     }
-    if (outcome == shm::FollowedStream::Outcome::kFrame) news_();
+    if (outcome == shm::FollowedStream::Outcome::kFrame) on_frame_();
   }
 }
 
@@ -89,11 +89,11 @@ void LiveStream::add_samples(Trace& trace, std::uint64_t published) {
   while (trace.samples.size() > trace_frames(format_)) trace.samples.pop_front();
 }
 
-void LiveStream::take_look() {
+void LiveStream::take_snapshot() {
   const std::int64_t now_ns = monotonic_ns();
-  if (now_ && now_ns - now_->at_ns < kLookEvery_ns) return;
-  before_ = std::exchange(now_, tools::StatLook{reader_->header(), now_ns, reader_->closed(), reader_->camera(),
-                                                tools::newest_motion(*reader_)});
+  if (now_ && now_ns - now_->at_ns < kSnapshotEvery_ns) return;
+  before_ = std::exchange(now_, tools::StatSnapshot{reader_->header(), now_ns, reader_->closed(), reader_->camera(),
+                                                    tools::newest_motion(*reader_)});
 }
 
 std::shared_ptr<const std::string> LiveStream::newest_frame(const Place& seen) {

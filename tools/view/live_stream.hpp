@@ -20,7 +20,7 @@
 
 namespace bolo::view {
 
-// A place in the stream. Frames of another writer are of another epoch, whatever their numbers.
+// A place in the stream. Frames of another writer are of another epoch, even with the same numbers.
 struct Place {
   std::uint64_t epoch = 0;   // rises with each writer that is followed; 0: none yet
   std::uint64_t number = 0;  // publication order
@@ -51,9 +51,9 @@ static_assert(sizeof(FrameHead) == 96);
 
 class LiveStream {
  public:
-  // Follows the daemon of this name on a thread of its own, waiting for it where it is not there. `news` is called on
-  // that thread after each new frame. Thread: setup.
-  LiveStream(std::string name, std::function<void()> news);
+  // Follows the daemon of this name on a thread of its own, waiting for it where it is not there. `on_frame` is called
+  // on that thread after each new frame. Thread: setup.
+  LiveStream(std::string name, std::function<void()> on_frame);
   ~LiveStream();
   LiveStream(const LiveStream&) = delete;
   LiveStream& operator=(const LiveStream&) = delete;
@@ -94,10 +94,10 @@ class LiveStream {
   void attach(const shm::FollowedStream& stream);
   void add_samples();
   void add_samples(Trace& trace, std::uint64_t published);
-  void take_look();
+  void take_snapshot();
 
   const std::string name_;
-  const std::function<void()> news_;
+  const std::function<void()> on_frame_;
   std::atomic<bool> ending_{false};
 
   std::mutex mutex_;  // of all that follows
@@ -107,8 +107,8 @@ class LiveStream {
   std::int64_t last_frame_ns_ = 0;
   std::string obstacle_;
   std::vector<Trace> traces_;
-  std::optional<tools::StatLook> before_;
-  std::optional<tools::StatLook> now_;
+  std::optional<tools::StatSnapshot> before_;
+  std::optional<tools::StatSnapshot> now_;
 
   Place copied_;  // of frame_; these two belong to the caller of newest_frame()
   std::shared_ptr<const std::string> frame_;

@@ -46,7 +46,7 @@ bool has_token(const Access& access, const Request& request) {
          same(request.argument("token").value_or(""), access.token);
 }
 
-// Browsers of our time say where a request comes from; others are held off by what they cannot read.
+// Current browsers send where a request comes from; others are stopped by not being able to read the answer.
 bool from_another_site(const Request& request) {
   const std::string site = request.header("Sec-Fetch-Site").value_or("none");
   return site == "cross-site" || site == "same-site";
@@ -106,14 +106,14 @@ Answer trace(LiveStream& stream, const Request& request) {
   return json_answer(*trace);
 }
 
-Answer status(LiveStream& stream, const NucAsker& nuc) {
+Answer status(LiveStream& stream, const NucTrigger& nuc) {
   nlohmann::ordered_json json = stream.status();
-  json["view"]["nuc_asking"] = nuc.asking();
+  json["view"]["nuc_asking"] = nuc.pending();
   json["view"]["nuc_trouble"] = nuc.trouble();
   return json_answer(json);
 }
 
-Answer nuc(NucAsker& asker) {
+Answer nuc(NucTrigger& asker) {
   return asker.start() ? line(202, "the camera is asked") : line(409, "a NUC is being asked for already");
 }
 
@@ -189,7 +189,7 @@ Site::Site(Access access, const std::vector<LiveStream*>& streams, const Ask& as
     : access_(std::move(access)), page_folder_(std::move(page_folder)) {
   for (LiveStream* stream : streams) {
     const auto ask = [ask_for_nuc, name = stream->name()] { return ask_for_nuc(name); };
-    cameras_.push_back({*stream, std::make_unique<NucAsker>(ask)});
+    cameras_.push_back({*stream, std::make_unique<NucTrigger>(ask)});
   }
 }
 

@@ -29,9 +29,9 @@
 
 namespace bolo::view {
 
-// --- Who may ask the view for what. A browser sends requests to loopback on behalf of any page that it shows, and any
-// user of this computer can connect, whatever he may read of shared memory and control socket: what is local is not
-// trusted for being local.
+// --- Access control. A browser sends requests to loopback on behalf of any page that it shows, and any user of this
+// computer can connect, whatever he may read of shared memory and control socket: local clients are not trusted for
+// being local.
 
 struct Access {
   std::string token;             // that every request has to bring; an empty one lets nobody in
@@ -63,35 +63,35 @@ bool is_numeric(const std::string& address);
 // True for a numeric address of the loopback interface. Thread: any.
 bool is_loopback(const std::string& address);
 
-// --- Asks for a NUC without holding up who wants it: one at a time.
+// --- Requests a NUC without blocking the caller: one at a time.
 
-class NucAsker {
+class NucTrigger {
  public:
   // Asks and waits for the answer; called on a thread of the asker's.
   using Ask = std::function<Status()>;
 
-  explicit NucAsker(Ask ask) : ask_(std::move(ask)) {}
+  explicit NucTrigger(Ask ask) : ask_(std::move(ask)) {}
   // Waits for an answer that is still to come.
-  ~NucAsker() {
+  ~NucTrigger() {
     if (thread_.joinable()) thread_.join();
   }
-  NucAsker(const NucAsker&) = delete;
-  NucAsker& operator=(const NucAsker&) = delete;
+  NucTrigger(const NucTrigger&) = delete;
+  NucTrigger& operator=(const NucTrigger&) = delete;
 
   // False while the one before is not answered. Thread: one at a time.
   bool start() {
-    if (asking_.exchange(true)) return false;
+    if (pending_.exchange(true)) return false;
     if (thread_.joinable()) thread_.join();
     try {
       thread_ = std::thread([this] { note(ask_()); });
     } catch (const std::system_error& e) {
-      note(failed("the camera was not asked: " + words_of(e)));
+      note(failed("the camera was not asked: " + describe_exception(e)));
     }
     return true;
   }
 
   // Thread: any.
-  bool asking() const noexcept { return asking_.load(); }
+  bool pending() const noexcept { return pending_.load(); }
   // Why the last one was not made; empty: it was, or none was asked for. Thread: any.
   std::string trouble() const {
     const std::lock_guard lock(mutex_);
@@ -104,12 +104,12 @@ class NucAsker {
       const std::lock_guard lock(mutex_);
       trouble_ = done ? "" : done.error().message;
     }
-    asking_.store(false);
+    pending_.store(false);
   }
 
   const Ask ask_;
   std::thread thread_;
-  std::atomic<bool> asking_{false};
+  std::atomic<bool> pending_{false};
   mutable std::mutex mutex_;
   std::string trouble_;
 };
@@ -131,7 +131,7 @@ class Site {
  private:
   struct Camera {
     LiveStream& stream;
-    std::unique_ptr<NucAsker> nuc;
+    std::unique_ptr<NucTrigger> nuc;
   };
 
   std::optional<Answer> route(const Request& request);

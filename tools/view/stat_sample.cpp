@@ -20,13 +20,13 @@ using Latency = std::array<std::uint64_t, BOLO_SHM_LATENCY_BUCKETS>;
 
 double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
 
-// Counters only rise; a difference below zero would be a half-written look, and counts as nothing.
+// Counters only rise; a difference below zero would be a half-written snapshot, and counts as nothing.
 std::uint64_t rise(std::uint64_t before, std::uint64_t after) { return after > before ? after - before : 0; }
 
-const char* state_word(const StatLook& look) {
-  if (look.header.state == BOLO_SHM_CLOSED) return "closed";
-  if (look.closed) return "stopped";
-  return look.header.state == BOLO_SHM_RUNNING ? "running" : "starting";
+const char* state_word(const StatSnapshot& snapshot) {
+  if (snapshot.header.state == BOLO_SHM_CLOSED) return "closed";
+  if (snapshot.closed) return "stopped";
+  return snapshot.header.state == BOLO_SHM_RUNNING ? "running" : "starting";
 }
 
 Latency latency_between(const bolo_shm_header& before, const bolo_shm_header& after) {
@@ -46,7 +46,7 @@ std::string duration(double s) {
   return fmt::format("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60);
 }
 
-std::string lost_words(const bolo_shm_camera& camera) {
+std::string describe_losses(const bolo_shm_camera& camera) {
   std::string words;
   for (std::size_t i = 0; i < pipeline::kLostCauses; ++i) {
     if (camera.lost[i] == 0) continue;
@@ -64,14 +64,14 @@ std::uint64_t shared_count(const Shared& block, const Row& row) {
 }
 
 // A count from shared memory, or else from the daemon's answer.
-std::uint64_t frame_count(const StatLook& look, const pipeline::FrameRow& row) {
-  if (row.shared != 0) return shared_count(look.header, row);
-  return look.told.is_object() ? look.told.value(std::string(row.key), std::uint64_t{0}) : 0;
+std::uint64_t frame_count(const StatSnapshot& snapshot, const pipeline::FrameRow& row) {
+  if (row.shared != 0) return shared_count(snapshot.header, row);
+  return snapshot.status.is_object() ? snapshot.status.value(std::string(row.key), std::uint64_t{0}) : 0;
 }
 
 // "16 warm-up, 3 with gaps".
 template <typename Rows, typename CountOf>
-std::string count_words(const Rows& rows, const CountOf& count_of) {
+std::string describe_counts(const Rows& rows, const CountOf& count_of) {
   std::string text;
   for (const auto& row : rows) {
     if (row.words.empty()) continue;
@@ -81,7 +81,7 @@ std::string count_words(const Rows& rows, const CountOf& count_of) {
 }
 
 // The host's clock, as its kernel knows it.
-std::string clock_words(const bolo_shm_header& h) {
+std::string describe_clock(const bolo_shm_header& h) {
   std::string words = "host's clock runs by itself, error not known";
   if (h.clock_synchronised != 0) {
     words = fmt::format("host's clock synchronised, to {:.3g} ms", static_cast<double>(h.clock_error_ns) * 1e-6);
@@ -89,11 +89,11 @@ std::string clock_words(const bolo_shm_header& h) {
   return h.clock_steps == 0 ? words : words + fmt::format("; set {} times", h.clock_steps);
 }
 
-// The gap watch's ratio in words.
-std::string gap_words(const nlohmann::ordered_json& told) {
-  const auto times = [&told](const char* key) {
-    const auto found = told.find(key);
-    return found != told.end() && found->is_number() ? fmt::format("{:.2f}", found->get<double>()) : "?";
+// Describes the gap watch's ratio.
+std::string describe_gap(const nlohmann::ordered_json& status) {
+  const auto times = [&status](const char* key) {
+    const auto found = status.find(key);
+    return found != status.end() && found->is_number() ? fmt::format("{:.2f}", found->get<double>()) : "?";
   };
   return fmt::format("foretells frames to {} x noise; time constant {} x, noise {} x the profile's", times("gap_ratio"),
                      times("gap_tau_ratio"), times("gap_noise_ratio"));
@@ -104,10 +104,10 @@ std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   std::uint64_t lost = 0;
   for (const std::uint64_t count : camera.lost) lost += count;
   std::string out = line("link     {} for {}; lost {}{}, stalled {}; {} frames missed", shm::camera_state_word(camera),
-                         duration(shm::seconds_since(camera.since_ns, now_ns)), lost, lost_words(camera), camera.stalls,
-                         camera.outage_frames);
+                         duration(shm::seconds_since(camera.since_ns, now_ns)), lost, describe_losses(camera),
+                         camera.stalls, camera.outage_frames);
   const auto packets = [&camera](const auto& row) { return shared_count(camera, row); };
-  out += line("packets  {}", count_words(pipeline::kCameraCounters, packets));
+  out += line("packets  {}", describe_counts(pipeline::kCameraCounters, packets));
   if (camera.clock_offset_ns != 0) {
     out += line("clock    drift {:+.1f} ppm, jitter {:.3f} ms, {} jumps", camera.clock_drift_ppm,
                 camera.clock_jitter_ns * 1e-6, camera.clock_jumps);
@@ -135,7 +135,7 @@ std::optional<StatMotion> newest_motion(const shm::ShmReader& reader) {
   return frame->still_there() ? std::optional(motion) : std::nullopt;
 }
 
-StatSample compare(const StatLook& before, const StatLook& after) {
+StatSample compare(const StatSnapshot& before, const StatSnapshot& after) {
   const bolo_shm_header& a = before.header;
   const bolo_shm_header& b = after.header;
   StatSample s;
@@ -162,20 +162,21 @@ StatSample compare(const StatLook& before, const StatLook& after) {
   return s;
 }
 
-std::string stat_table(const std::string& name, const StatLook& look, const StatSample& s) {
-  const bolo_shm_header& h = look.header;
+std::string stat_table(const std::string& name, const StatSnapshot& snapshot, const StatSample& s) {
+  const bolo_shm_header& h = snapshot.header;
   std::string out = line("{}  {}, process {}, up {}, heartbeat {:.1f} s ago", name, s.state, h.writer_pid,
                          duration(s.uptime_s), s.heartbeat_age_s);
   out += line("camera   {} {}, {}x{} at {:.4g} Hz, tau {:.4g} ms", h.camera_model, h.camera_serial, h.width, h.height,
               h.frame_period_s > 0.0 ? 1.0 / h.frame_period_s : 0.0, h.tau_s * 1e3);
-  if (look.camera && look.camera->state != BOLO_CAMERA_IDLE) out += camera_lines(*look.camera, look.at_ns);
-  out += line("utc      {}", clock_words(h));
+  if (snapshot.camera && snapshot.camera->state != BOLO_CAMERA_IDLE)
+    out += camera_lines(*snapshot.camera, snapshot.at_ns);
+  out += line("utc      {}", describe_clock(h));
   out += line("solver   {}", h.solver);
   out += line("window   {} frames, look-ahead {}; ring of {} slots", h.window, h.lookahead, h.slot_count);
-  if (look.motion) {
+  if (snapshot.motion) {
     out += line("motion   {:.2f} px a frame (x {:+.2f}, y {:+.2f}), {:.0f} % of the blocks sure",
-                std::hypot(look.motion->x_px, look.motion->y_px), look.motion->x_px, look.motion->y_px,
-                100.0 * look.motion->sure);
+                std::hypot(snapshot.motion->x_px, snapshot.motion->y_px), snapshot.motion->x_px, snapshot.motion->y_px,
+                100.0 * snapshot.motion->sure);
   } else if (h.motion_offset != 0) {
     out += line("motion   not known for the newest frame");
   }
@@ -183,23 +184,23 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
               h.published);
   out += line("latency  p50 {:.3f}, p99 {:.3f}, max {:.3f} ms    deblur {:.3f} ms a frame", s.latency_p50_ms,
               s.latency_p99_ms, s.latency_max_ms, s.deblur_ms);
-  if (look.told.contains("stages")) {
+  if (snapshot.status.contains("stages")) {
     std::string stages;
     for (const auto& stage : pipeline::kStages) {
       stages += fmt::format("{}{} {:.3f}", stages.empty() ? "" : ", ", stage.name,
-                            look.told["stages"][std::string(stage.name)].value("p50_ms", 0.0));
+                            snapshot.status["stages"][std::string(stage.name)].value("p50_ms", 0.0));
     }
     out += line("stages   {} ms (p50 of all)", stages);
   }
-  if (look.told.contains("effort")) {
-    const auto frames = [&](const char* effort) { return look.told["effort"]["frames"].value(effort, 0ULL); };
-    out += line("effort   {}; {} frames reduced, {} inverse, {} raw", look.told["effort"].value("now", "unknown"),
+  if (snapshot.status.contains("effort")) {
+    const auto frames = [&](const char* effort) { return snapshot.status["effort"]["frames"].value(effort, 0ULL); };
+    out += line("effort   {}; {} frames reduced, {} inverse, {} raw", snapshot.status["effort"].value("now", "unknown"),
                 frames("reduced"), frames("inverse"), frames("raw"));
   }
-  if (look.told.is_object() && look.told.value("gap_bursts", 0ULL) > 0)
-    out += line("profile  {}", gap_words(look.told));
-  const auto frames = [&look](const auto& row) { return frame_count(look, row); };
-  out += line("windows  {}", count_words(pipeline::kFrameCounters, frames));
+  if (snapshot.status.is_object() && snapshot.status.value("gap_bursts", 0ULL) > 0)
+    out += line("profile  {}", describe_gap(snapshot.status));
+  const auto frames = [&snapshot](const auto& row) { return frame_count(snapshot, row); };
+  out += line("windows  {}", describe_counts(pipeline::kFrameCounters, frames));
   out += line("lost     {} in all", s.lost_total);
   for (std::size_t i = 0; i < kLossCauses; ++i) {
     if (s.lost[i] == 0) continue;
@@ -208,8 +209,8 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
   return out;
 }
 
-nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, const StatSample& s) {
-  const bolo_shm_header& h = look.header;
+nlohmann::ordered_json stat_json(const std::string& name, const StatSnapshot& snapshot, const StatSample& s) {
+  const bolo_shm_header& h = snapshot.header;
   nlohmann::ordered_json json{{"name", name},
                               {"state", s.state},
                               {"pid", h.writer_pid},
@@ -236,7 +237,7 @@ nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, 
                               {"latency_frames", s.latency_frames},
                               {"deblur_ms_per_frame", s.deblur_ms}};
   for (const auto& row : pipeline::kFrameCounters) {
-    if (!row.words.empty()) json[std::string(row.key)] = frame_count(look, row);
+    if (!row.words.empty()) json[std::string(row.key)] = frame_count(snapshot, row);
   }
   json["clock"] = {
       {"synchronised", h.clock_synchronised != 0}, {"error_s", seconds(h.clock_error_ns)}, {"steps", h.clock_steps}};
@@ -247,13 +248,14 @@ nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, 
     json["lost_hz"][cause] = s.lost_hz[i];
   }
   json["motion"] = nullptr;
-  if (look.motion) {
-    json["motion"] = {{"x_px", look.motion->x_px}, {"y_px", look.motion->y_px}, {"sure_blocks", look.motion->sure}};
+  if (snapshot.motion) {
+    json["motion"] = {
+        {"x_px", snapshot.motion->x_px}, {"y_px", snapshot.motion->y_px}, {"sure_blocks", snapshot.motion->sure}};
   }
-  if (look.camera) json["camera"] = shm::camera_json(*look.camera, look.at_ns);
+  if (snapshot.camera) json["camera"] = shm::camera_json(*snapshot.camera, snapshot.at_ns);
   for (const char* key : {"effort", "stages", "video"}) json[key] = nullptr;
-  if (!look.told.is_object()) return json;
-  for (const auto& [key, value] : look.told.items()) {
+  if (!snapshot.status.is_object()) return json;
+  for (const auto& [key, value] : snapshot.status.items()) {
     if (key != "ok" && (!json.contains(key) || json[key].is_null())) json[key] = value;
   }
   return json;

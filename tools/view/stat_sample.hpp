@@ -1,4 +1,4 @@
-// Contents of `bolo stat`: the difference of two samples of a daemon's shared memory, in numbers, words and JSON.
+// Contents of `bolo stat`: the difference of two snapshots of a daemon's shared memory, as numbers, text and JSON.
 #pragma once
 
 #include <array>
@@ -23,15 +23,15 @@ struct StatMotion {
 // Nothing where that frame carries none. Thread: any.
 std::optional<StatMotion> newest_motion(const shm::ShmReader& reader);
 
-// One look. Thread: any.
-struct StatLook {
+// Thread: any.
+struct StatSnapshot {
   bolo_shm_header header{};
   std::int64_t at_ns = 0;                   // CLOCK_MONOTONIC
   bool closed = false;                      // ended, or its heartbeat stopped
-  std::optional<bolo_shm_camera> camera{};  // none: the writer does not tell
+  std::optional<bolo_shm_camera> camera{};  // none: the writer does not publish it
   std::optional<StatMotion> motion{};       // none: not known
   // The daemon's answer to `state` on its control socket; null when it has none, or does not answer.
-  nlohmann::ordered_json told{};
+  nlohmann::ordered_json status{};
 };
 
 struct StatSample {
@@ -51,13 +51,13 @@ struct StatSample {
   const char* state = "";  // starting, running, closed (ended in good order), stopped (killed or frozen)
 };
 
-// Both looks at the same object, `before` first. Thread: any.
-StatSample compare(const StatLook& before, const StatLook& after);
+// Both snapshots of the same object, `before` first. Thread: any.
+StatSample compare(const StatSnapshot& before, const StatSnapshot& after);
 
 // A table of lines of at most 79 characters, each ended. Thread: any.
-std::string stat_table(const std::string& name, const StatLook& look, const StatSample& sample);
+std::string stat_table(const std::string& name, const StatSnapshot& snapshot, const StatSample& sample);
 
 // Keys in snake_case, unit in the name. Thread: any.
-nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, const StatSample& sample);
+nlohmann::ordered_json stat_json(const std::string& name, const StatSnapshot& snapshot, const StatSample& sample);
 
 }  // namespace bolo::tools

@@ -47,7 +47,7 @@ int guarded(ErrorText& error, Call call) noexcept {
   } catch (const std::bad_alloc&) {
     error.set("not enough memory");
   } catch (const std::exception& thrown) {
-    error.set(words_of(thrown));
+    error.set(describe_exception(thrown));
   }
   return BOLO_CLIENT_FAILED;
 }

@@ -261,9 +261,9 @@ class _Ring:
         return np.frombuffer(memoryview(words).toreadonly(), np.dtype(kind)).reshape(shape)
 
 
-def _told(name: str, words: str, made: Callable = int, unknown: Optional[int] = None) -> property:
-    """What the library says of a frame; None for the value `unknown`."""
-    return property(lambda frame: None if (told := getattr(frame._lent, name)) == unknown else made(told), doc=words)
+def _field(name: str, text: str, made: Callable = int, unknown: Optional[int] = None) -> property:
+    """A field of a frame; None for the value `unknown`."""
+    return property(lambda frame: None if (value := getattr(frame._lent, name)) == unknown else made(value), doc=text)
 
 
 class Frame:
@@ -321,17 +321,17 @@ class Frame:
         other._own = self.valid()
         return other if other._own else None
 
-    number = _told("number", "Publication order of its daemon, from 0.")
-    missed = _told("missed", "Frames published between this and the one given before it that were not given.")
-    frame_id = _told("frame_id", "The camera's counter.")
-    flags = _told("flags", "What is special about it.", Flag)
-    camera_time = _told("camera_ns", "When it was taken, s of the camera's clock.", _seconds)
-    host_time = _told("host_ns", "When it was taken; None: not known.", _seconds, 0)
-    receive_time = _told("receive_ns", "When its first byte came in.", _seconds)
-    publish_time = _told("publish_ns", "When it was put into the ring.", _seconds)
-    utc_ns = _told("utc_ns", "When it was taken, ns since 1970 by host_time, or else receive_time; None: not known.", int, 0)
-    utc = _told("utc_ns", "The same in seconds, as time.time() has them; a float holds them to 0.2 us.", _seconds, 0)
-    utc_uncertainty = _told("utc_uncertainty_us", "How wrong utc is at most, s; 16 and more: no bound.", lambda us: us * 1e-6)
+    number = _field("number", "Publication order of its daemon, from 0.")
+    missed = _field("missed", "Frames published between this and the one given before it that were not given.")
+    frame_id = _field("frame_id", "The camera's counter.")
+    flags = _field("flags", "What is special about it.", Flag)
+    camera_time = _field("camera_ns", "When it was taken, s of the camera's clock.", _seconds)
+    host_time = _field("host_ns", "When it was taken; None: not known.", _seconds, 0)
+    receive_time = _field("receive_ns", "When its first byte came in.", _seconds)
+    publish_time = _field("publish_ns", "When it was put into the ring.", _seconds)
+    utc_ns = _field("utc_ns", "When it was taken, ns since 1970 by host_time, or else receive_time; None: not known.", int, 0)
+    utc = _field("utc_ns", "The same in seconds, as time.time() has them; a float holds them to 0.2 us.", _seconds, 0)
+    utc_uncertainty = _field("utc_uncertainty_us", "How wrong utc is at most, s; 16 and more: no bound.", lambda us: us * 1e-6)
 
 
 class Camera(AbstractContextManager):
@@ -347,15 +347,15 @@ class Camera(AbstractContextManager):
         self._users = 0  # of the handle: one, and a signal's handler that came in between
         self._closed = self._restarted = False
         end = _end(timeout)
-        told = os.fsencode(name).replace(b"\0", b"/")  # neither is in a name, and C's would end at the first
-        while (result := _client.open(told, _slice_ms(end), ctypes.byref(self._handle))) != _OK:
+        encoded = os.fsencode(name).replace(b"\0", b"/")  # neither is in a name, and C's would end at the first
+        while (result := _client.open(encoded, _slice_ms(end), ctypes.byref(self._handle))) != _OK:
             if result not in (-1, -2, -3) or time.monotonic() >= end:
                 raise _error(result)
         self._close = weakref.finalize(self, _client.close, self._handle)
         self._close.atexit = False  # the process's end frees it all; another thread may still wait
-        self._look()
+        self._refresh()
 
-    def _look(self) -> None:
+    def _refresh(self) -> None:
         self.info = Info._of(_client.get_info(self._handle).contents)
         self._ring = _Ring(self._handle)
 
@@ -364,7 +364,7 @@ class Camera(AbstractContextManager):
 
     def close(self) -> None:
         """Frames and arrays that were given stay good. Any thread."""
-        self._closed = True  # before the lock: a wait lets go of it between slices, and looks
+        self._closed = True  # before the lock: a wait releases it between slices, and checks
         with self._lock:
             if self._users == 0:
                 self._close()
@@ -405,7 +405,7 @@ class Camera(AbstractContextManager):
                 if result < 0:
                     raise _error(result, handle)
                 if result == _RESTARTED:
-                    self._look()
+                    self._refresh()
                     self.restarts += 1
                     self._restarted = True
             if result == _OK:

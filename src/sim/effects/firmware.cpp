@@ -1,4 +1,4 @@
-// What the firmware does to whole frames: filters, offset corrections, number format.
+// The firmware's processing of whole frames: filters, offset corrections, number format.
 #include <algorithm>
 #include <cmath>
 

@@ -113,7 +113,7 @@ class OneOverF final : public Effect {
   }
 
  private:
-  // What is fresh may be uniform: sums over many frames are normal all the same.
+  // Fresh samples may be uniform: sums over many frames are normal all the same.
   static constexpr double kUniform = 3.4641016151377544;  // sqrt(12)
   struct Part {
     double keep = 0.0;

@@ -9,7 +9,7 @@
 namespace bolo::sim {
 namespace {
 
-// What is seen sends out less than a black body, and reflects its surroundings.
+// The scene emits less than a black body, and reflects its surroundings.
 auto grey_body(const EffectSetup& setup) {
   const double e = setup.number("emissivity");
   const double reflected = radiance_of(setup.number("surroundings_k"));
@@ -26,7 +26,7 @@ class RadiometricNonlinearity final : public Effect {
  public:
   explicit RadiometricNonlinearity(const EffectSetup&) {}
   void configure(CameraModel& model) override { model.radiance = true; }
-  std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const override {
+  std::unique_ptr<View> filter_view(std::unique_ptr<View> inner, const CameraModel&) const override {
     return point_view(std::move(inner), [](float kelvin, double, int) {
       return static_cast<float>(radiance_of(static_cast<double>(kelvin)));
     });
@@ -91,7 +91,7 @@ Kernel gaussian(double sigma) {
   return kernel;
 }
 
-// How much of the line at x the disc covers within the row y - 0.5 to y + 0.5.
+// Length of the line at x that the disc covers within the row y - 0.5 to y + 0.5.
 double chord(double radius, double x, double y) {
   if (std::abs(x) >= radius) return 0.0;
   const double half = std::sqrt(radius * radius - x * x);
@@ -176,7 +176,7 @@ class OpticalPsf final : public Effect {
   explicit OpticalPsf(const EffectSetup& setup)
       : blur_{setup.number("sigma_px"), setup.form("disc")},
         kernel_(blur_.disc ? disc(2.0 * blur_.sigma_px) : gaussian(blur_.sigma_px)) {}
-  std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const override {
+  std::unique_ptr<View> filter_view(std::unique_ptr<View> inner, const CameraModel&) const override {
     if (std::unique_ptr<View> exact = inner->blurred(blur_)) return exact;
     return std::make_unique<BlurredView>(std::move(inner), kernel_);
   }
@@ -186,7 +186,7 @@ class OpticalPsf final : public Effect {
   Kernel kernel_;
 };
 
-// The lens gives less to the corners. What it takes away comes from the camera itself, at its own temperature.
+// The lens transmits less to the corners, and emits the difference at its own temperature.
 auto darken_corners(const EffectSetup& setup) {
   const double x0 = (setup.geometry().width - 1) / 2.0;
   const double y0 = (setup.geometry().height - 1) / 2.0;

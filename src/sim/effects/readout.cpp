@@ -95,7 +95,7 @@ auto hum(const EffectSetup& setup) {
   };
 }
 
-// Nothing above a level, or below one, is told apart.
+// Values above a level, or below one, are clipped.
 template <bool kAbove>
 auto cut(const EffectSetup& setup) {
   const auto [low_k, high_k] = setup.extremes();

@@ -15,7 +15,7 @@ auto skew_clock(const EffectSetup& setup) {
 constexpr double kRare = 0.03;  // of the frames, for the form of few large ones
 constexpr double kMost = 0.45;  // of the frame period: frames stay in order
 
-// Frames are not taken when their time says.
+// Frames are taken off their nominal times.
 class Jitter final : public Effect {
  public:
   explicit Jitter(const EffectSetup& setup)
@@ -40,7 +40,7 @@ class Jitter final : public Effect {
   std::uint64_t seed_;
 };
 
-// Frames are lost, or sent twice, and neither the counter nor the time says so.
+// Frames are lost, or sent twice, without a trace in counter or time.
 auto lose_frames(const EffectSetup& setup) {
   return [chance = setup.number("per_thousand") / 1000.0, seed = setup.noise_seed(), only_lost = setup.form("lost"),
           only_repeated = setup.form("repeated")](std::uint64_t sent) {

@@ -1,4 +1,4 @@
-// What faults do to packets, to frames and to the camera.
+// Effects of faults on packets, on frames and on the camera.
 #include "drivers/fakecam/faults.hpp"
 #include "drivers/fakecam/fault_script.hpp"
 #include "drivers/fakecam/frames.hpp"

@@ -6,7 +6,7 @@ namespace bolo::fakecam::frames_test {
 
 constexpr LinearScale kKelvin{Unit::kKelvin, 1.0, 0.0};
 
-// What a row of stored values is sent as.
+// A row of stored values as it is sent.
 template <typename Value>
 std::vector<std::uint16_t> sent(const std::vector<Value>& row, LinearScale scale, IrFormat ir_format) {
   const int width = static_cast<int>(row.size());

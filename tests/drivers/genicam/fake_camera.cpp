@@ -145,10 +145,10 @@ const std::vector<Received>& Collector::finish() {
 void Collector::run() {
   const std::size_t pixels = inlet_.format().geometry.pixels();
   for (;;) {
-    const bool last_look = end_.load();
+    const bool last_poll = end_.load();
     const auto arrival = inlet_.next(20'000'000);
     if (arrival.slot == nullptr) {
-      if (last_look) return;
+      if (last_poll) return;
       continue;
     }
     const std::uint16_t* data = arrival.slot->u16();

@@ -1,4 +1,4 @@
-// What a FLIR is told and asked beyond its stream: corrections, range, object, calibration; and where it has gone.
+// FLIR's features beyond the stream: corrections, range, object, calibration; and finding a camera that has moved.
 #include "drivers/genicam/radiometry.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 
@@ -71,7 +71,7 @@ class GenicamFlirTest : public CameraTest {
     return fake;
   }
 
-  bool told(const std::string& part) {
+  bool noticed(const std::string& part) {
     for (pipeline::Notice& notice : source_->take_notices()) notices_.push_back(std::move(notice.text));
     return std::any_of(notices_.begin(), notices_.end(),
                        [&](const std::string& text) { return text.find(part) != std::string::npos; });
@@ -93,7 +93,7 @@ TEST_F(GenicamFlirTest, CorrectsOnDemandAndKeepsThoseFramesApart) {
   ASSERT_TRUE(wait_for_more(20));
   EXPECT_EQ(source_->status()->corrections.value(), 1U);
   EXPECT_NE(source_->status()->correction_ns.value(), 0);
-  EXPECT_TRUE(told("NUC (asked for)"));
+  EXPECT_TRUE(noticed("NUC (asked for)"));
   EXPECT_EQ(source_->status()->stalls.value(), 0U);
   source_->stop();
 
@@ -125,7 +125,7 @@ TEST_F(GenicamFlirTest, CorrectsWhenNothingMoves) {
   fake_->stand_still();
   EXPECT_TRUE(eventually([&] { return source_->status()->corrections.value() >= 2; }));
   EXPECT_EQ(fake_->read_register(kNucActionAt), 1U);
-  EXPECT_TRUE(told("NUC (nothing moves)"));
+  EXPECT_TRUE(noticed("NUC (nothing moves)"));
   source_->stop();
 }
 
@@ -140,7 +140,7 @@ TEST_F(GenicamFlirTest, LeavesCorrectionsToTheCamera) {
 TEST_F(GenicamFlirTest, ChoosesTheNarrowestRangeThatHoldsWhatIsAskedFor) {
   start(with({.range_low_k = 320.0, .range_high_k = 560.0}));
   EXPECT_EQ(fake_->read_register(kCurrentCaseAt), 1U) << "300 to 600 K, not 400 to 800 K";
-  EXPECT_TRUE(told("the camera measures 300 to 600 K; it offers: 200 to 400 K, 300 to 600 K, 400 to 800 K"));
+  EXPECT_TRUE(noticed("the camera measures 300 to 600 K; it offers: 200 to 400 K, 300 to 600 K, 400 to 800 K"));
   source_->stop();
   expect_not_opened(with({.range_low_k = 320.0, .range_high_k = 900.0}), {"it offers: 200 to 400 K"});
 }
@@ -157,7 +157,7 @@ TEST_F(GenicamFlirTest, RadiometricCountsArriveAsKelvin) {
   start_and_take(3, with({.ir_format = IrFormat::kRadiometric}));
   EXPECT_EQ(fake_->read_register(kIrFormatAt), 0U);
   EXPECT_EQ(info_.format.scale, (LinearScale{Unit::kKelvin, 0.01, 0.0}));
-  EXPECT_TRUE(told("R = 17000, B = 1428, F = 1, J0 = 4000, J1 = 60"));
+  EXPECT_TRUE(noticed("R = 17000, B = 1428, F = 1, J0 = 4000, J1 = 60"));
   source_->stop();
   const Planck planck{17000.0, 1428.0, 1.0, 4000.0, 60.0};
   for (const Received& frame : collector_->finish()) {
@@ -169,7 +169,7 @@ TEST_F(GenicamFlirTest, RadiometricCountsArriveAsKelvin) {
 TEST_F(GenicamFlirTest, TellsAPictureThatIsNoTemperature) {
   // Any value of the fake's pictures: 3,277 K at their middle.
   start(with({.ir_format = IrFormat::kTemperatureLinear100mK}));
-  EXPECT_TRUE(eventually([&] { return told("no temperature of a scene"); }));
+  EXPECT_TRUE(eventually([&] { return noticed("no temperature of a scene"); }));
   source_->stop();
 }
 
@@ -187,7 +187,7 @@ TEST_F(GenicamFlirTest, MapsTheCamerasTimeToTheHosts) {
 TEST_F(GenicamFlirTest, TellsARateThatTheCamerasClockDoesNotKeep) {
   start(with({.true_rate_hz = 185.0}));
   EXPECT_NEAR(info_.format.frame_period_s, 1.0 / 185.0, 1e-9);
-  EXPECT_TRUE(eventually([&] { return told("200 frames come a second, not 185"); }));
+  EXPECT_TRUE(eventually([&] { return noticed("200 frames come a second, not 185"); }));
   EXPECT_NEAR(source_->status()->measured_period_s.value(), 0.005, 1e-6);
   source_->stop();
 }
@@ -204,7 +204,7 @@ TEST_F(GenicamFlirTest, FindsALostCameraUnderAnotherAddress) {
     fake_ = make_fake("127.0.0.2", "WANDERER");
     ASSERT_TRUE(eventually([&] { return source_->reconnects() >= 1; }));
     EXPECT_TRUE(wait_for_more(10));
-    EXPECT_TRUE(told("found again at 127.0.0.2, before at 127.0.0.1"));
+    EXPECT_TRUE(noticed("found again at 127.0.0.2, before at 127.0.0.1"));
     EXPECT_EQ(taken ? stranger->sent() : 0U, 0U);
     source_->stop();
     notices_.clear();
@@ -218,7 +218,7 @@ TEST_F(GenicamFlirTest, DoesNotTakeAnotherCameraForTheLostOne) {
   fake_->write_register(kNucModeAt, 1);
   fake_->write_register(kIrFormatAt, 0);
   fake_->write_register(kEmissivityAt, std::bit_cast<std::uint32_t>(0.75F));
-  ASSERT_TRUE(eventually([&] { return told("has the serial number 'STRANGER', not 'GV01'"); }));
+  ASSERT_TRUE(eventually([&] { return noticed("has the serial number 'STRANGER', not 'GV01'"); }));
   EXPECT_EQ(source_->reconnects(), 0U);
   source_->stop();
   EXPECT_EQ(fake_->read_register(kNucModeAt), 1U) << "it was not configured";

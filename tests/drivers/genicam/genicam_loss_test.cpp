@@ -11,7 +11,7 @@ class GenicamLossTest : public CameraTest {
   std::uint64_t lost_by(LostCause cause) const {
     return source_->status()->lost[static_cast<std::size_t>(cause)].value();
   }
-  // The beginnings of what was told; "!" marks warnings. What the host grants less of is left out.
+  // The beginnings of the notices; "!" marks warnings. Those about the host's limits are left out.
   std::vector<std::string> changes() {
     std::vector<std::string> texts;
     for (const pipeline::Notice& notice : source_->take_notices()) {

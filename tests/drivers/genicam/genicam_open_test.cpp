@@ -109,8 +109,8 @@ TEST_F(GenicamOpenTest, OutlivesWantOfFileDescriptors) {
     setrlimit(RLIMIT_NOFILE, &limit);
     const bool found = !find_cameras().empty();
     const auto opened = GenicamSource(options_for()).open();
-    const bool said = !opened && opened.error().message.find("no file descriptors are left") != std::string::npos;
-    _exit(!found && said ? 7 : 1);
+    const bool reported = !opened && opened.error().message.find("no file descriptors are left") != std::string::npos;
+    _exit(!found && reported ? 7 : 1);
   };
   for (const int left : {0, 1, 2, 4, 8}) {
     EXPECT_EXIT(without_descriptors(left), testing::ExitedWithCode(7), "") << left;

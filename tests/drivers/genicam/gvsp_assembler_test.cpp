@@ -12,7 +12,7 @@ constexpr int kWidth = 540;  // an image row is two packets
 constexpr int kHeight = 2;
 constexpr std::size_t kBytes = std::size_t{kWidth} * kHeight * 2;
 
-// What came out, in words: "7" whole, "-7" incomplete, "7:2-3" asked for again.
+// Output as text: "7" whole, "-7" incomplete, "7:2-3" requested again.
 class Recorder final : public FrameOutput {
  public:
   void take_frame(const CameraFrame& frame) noexcept override {

@@ -97,7 +97,7 @@ TEST(GateTest, IsShutUntilOpened) {
   EXPECT_FALSE(gate.enter());
 }
 
-// What the gate guards is destroyed right after shut(); the sanitizers see any use of it that is left.
+// The guarded object is destroyed right after shut(); the sanitizers see any later use of it.
 TEST(GateTest, NobodyIsInsideAfterShut) {
   for (int round = 0; round < 100; ++round) {
     Gate gate;
@@ -233,38 +233,38 @@ class Ptp : public testing::Test {
     const auto info = must(source.open());
     pipeline::FrameInlet inlet(info->format, 4, 64);
     EXPECT_TRUE(source.start(inlet));
-    std::string said;
+    std::string notices;
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(15);
-    while (said.find(wanted) == std::string::npos && std::chrono::steady_clock::now() < end) {
+    while (notices.find(wanted) == std::string::npos && std::chrono::steady_clock::now() < end) {
       const auto arrival = inlet.next(20'000'000);
       if (arrival.slot != nullptr) inlet.give_back(*arrival.slot);
-      for (const auto& notice : source.take_notices()) said += notice.text + "\n";
+      for (const auto& notice : source.take_notices()) notices += notice.text + "\n";
       if (wanted.empty() && inlet.received() > 5) break;
     }
-    told_ = source.status()->ptp.value();
+    ptp_ = source.status()->ptp.value();
     offset_ns_ = source.status()->ptp_offset_ns.value();
     source.stop();
-    return said;
+    return notices;
   }
 
   std::unique_ptr<fakecam::FakeCamera> camera_;
-  pipeline::PtpStatus told_ = pipeline::PtpStatus::kOff;
+  pipeline::PtpStatus ptp_ = pipeline::PtpStatus::kOff;
   std::int64_t offset_ns_ = 0;
 };
 
 TEST_F(Ptp, StateAndOffsetAreToldAndTheClockIsNotReset) {
-  const std::string told = "PTP keeps the camera's clock, -37 ns from its master";
-  const std::string said = run(true, told);
-  EXPECT_NE(said.find(told), std::string::npos) << said;
+  const std::string expected = "PTP keeps the camera's clock, -37 ns from its master";
+  const std::string notices = run(true, expected);
+  EXPECT_NE(notices.find(expected), std::string::npos) << notices;
   EXPECT_EQ(camera_->stats().clock_resets, 0U);
-  EXPECT_EQ(told_, pipeline::PtpStatus::kSlave);
+  EXPECT_EQ(ptp_, pipeline::PtpStatus::kSlave);
   EXPECT_EQ(offset_ns_, -37);
 }
 
 TEST_F(Ptp, WithoutItTheClockBeginsWithTheStream) {
   EXPECT_EQ(run(false, "").find("PTP"), std::string::npos);
   EXPECT_EQ(camera_->stats().clock_resets, 1U);
-  EXPECT_EQ(told_, pipeline::PtpStatus::kOff);
+  EXPECT_EQ(ptp_, pipeline::PtpStatus::kOff);
 }
 
 }  // namespace bolo::genicam::parts_test

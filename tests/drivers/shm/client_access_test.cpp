@@ -72,41 +72,41 @@ TEST_F(ClientAccess, AMemberGetsNoWriteAccess) {
   EXPECT_EQ(result, 0) << "the number of the first thing that should have been refused";
 }
 
-// Anybody may make shared memory of any name: a reader looks whose it is.
+// Anybody may make shared memory of any name: a reader checks its owner.
 TEST_F(ClientAccess, AStrangersObjectIsNotBelieved) {
   ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), kStranger, group_), 0);
   ASSERT_EQ(chmod(("/dev/shm" + path_).c_str(), 0644), 0);
-  const auto look = [&](const char* believed) {
-    setenv("BOLO_USER", believed, 1);
+  const auto open_as = [&](const char* trusted) {
+    setenv("BOLO_USER", trusted, 1);
     bolo_client* client = nullptr;
     const int result = bolo_client_open(name_.c_str(), 0, &client);
     bolo_client_close(client);
     return result;
   };
   const int as_nobody = unprivileged({}, [&] {
-    if (look("") != BOLO_CLIENT_DENIED || look("65534") != BOLO_CLIENT_DENIED) return 1;
+    if (open_as("") != BOLO_CLIENT_DENIED || open_as("65534") != BOLO_CLIENT_DENIED) return 1;
     const std::string text = bolo_client_error(nullptr);
     if (text.find("belongs to user 4321, not to bolo") == std::string::npos) return 2;
-    if (look("no such user") != BOLO_CLIENT_DENIED || look("4321x") != BOLO_CLIENT_DENIED) return 3;
-    return look("4321") == BOLO_CLIENT_OK ? 0 : 4;
+    if (open_as("no such user") != BOLO_CLIENT_DENIED || open_as("4321x") != BOLO_CLIENT_DENIED) return 3;
+    return open_as("4321") == BOLO_CLIENT_OK ? 0 : 4;
   });
   EXPECT_EQ(as_nobody, 0) << "the number of the first thing that was wrong";
   EXPECT_EQ(unprivileged(
-                {}, [&] { return look(""); }, kStranger),
+                {}, [&] { return open_as(""); }, kStranger),
             BOLO_CLIENT_OK)
       << "his own";
-  EXPECT_EQ(look(""), BOLO_CLIENT_DENIED) << "by root";
+  EXPECT_EQ(open_as(""), BOLO_CLIENT_DENIED) << "by root";
   ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), kNobody, group_), 0);
   EXPECT_EQ(unprivileged(
-                {}, [&] { return look("nobody"); }, kStranger),
+                {}, [&] { return open_as("nobody"); }, kStranger),
             BOLO_CLIENT_OK)
       << "named";
   ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), 0, group_), 0);
-  EXPECT_EQ(unprivileged({}, [&] { return look(""); }), BOLO_CLIENT_OK) << "root's";
+  EXPECT_EQ(unprivileged({}, [&] { return open_as(""); }), BOLO_CLIENT_OK) << "root's";
   unsetenv("BOLO_USER");
 }
 
-// What the library maps is read-only even for those who may write: the owner itself, and root.
+// The library's mapping is read-only even for those who may write: the owner itself, and root.
 TEST_F(ClientAccess, TheLibraryMapsReadOnly) {
   const std::vector<std::uint16_t> plane(33 * 7, 1234);
   sink_.publish({FrameMeta{}, 0, plane.data(), plane.data()}, format_.stats);

@@ -45,7 +45,7 @@ TEST(ClientHostile, RandomLiesAreAnsweredNotBelieved) {
   const std::string good = good_bytes();
   ASSERT_GT(good.size(), sizeof(bolo_shm_header));
   const ForeignObject object(unique_name("client-hostile"));
-  constexpr std::size_t kTold =
+  constexpr std::size_t kHeadBytes =
       sizeof(bolo_shm_header) + sizeof(bolo_shm_settings) + sizeof(bolo_shm_camera) + sizeof(bolo_shm_slot);
   std::mt19937_64 random(11);  // NOLINT: the same damage each time
   int accepted = 0;
@@ -53,7 +53,7 @@ TEST(ClientHostile, RandomLiesAreAnsweredNotBelieved) {
     std::string bytes = good;
     for (std::uint64_t lies = 1 + random() % 3; lies > 0; --lies) {
       // Every second one in what decides on sizes and places, the others anywhere before the planes.
-      const std::size_t at = round % 2 == 0 ? 8 + random() % 104 : 8 + random() % (kTold - 16);
+      const std::size_t at = round % 2 == 0 ? 8 + random() % 104 : 8 + random() % (kHeadBytes - 16);
       const std::uint64_t word = random() >> random() % 64;
       std::memcpy(bytes.data() + at, &word, 1 + random() % 8);
     }

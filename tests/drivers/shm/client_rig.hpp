@@ -1,4 +1,4 @@
-// What the tests of libbolo-client share: a handle that closes itself.
+// Shared by the tests of libbolo-client: a handle that closes itself.
 #pragma once
 
 #include "bolo/client.h"

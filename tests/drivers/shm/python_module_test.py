@@ -31,7 +31,7 @@ HANG_S = 60
 
 
 def mapped_ranges(name):
-    """Where this process has the stream mapped."""
+    """Address ranges at which this process maps the stream."""
     ranges = []
     with open("/proc/self/maps") as maps:
         for line in maps:
@@ -139,7 +139,7 @@ class WithDaemon(unittest.TestCase):
                 if frame.valid():
                     np.testing.assert_array_equal(frame.motion, copy.motion)
                     np.testing.assert_array_equal(frame.affine, copy.affine)
-                # What the camera sees moves to the right, 300 px/s.
+                # The scene moves to the right, 300 px/s.
                 speed = np.median(copy.motion[..., 0])
                 self.assertAlmostEqual(speed, 1.5, delta=0.3)
                 self.assertAlmostEqual(copy.affine[0, 0], speed, delta=0.3)

@@ -8,8 +8,8 @@ namespace bolo::shm::shared_words_test {
 constexpr std::uint64_t kSlots = 4;
 constexpr std::size_t kPixels = 20009;  // odd: the plane ends within a word
 
-// What plane p of frame n holds everywhere; no two frames of a test share a value. Flat planes are quick to make, so
-// that most of the writer's time is spent in the slot.
+// Value of plane p of frame n, everywhere; no two frames of a test share one. Flat planes are quick to make, so that
+// most of the writer's time is spent in the slot.
 std::uint16_t pattern(std::uint64_t n, std::uint64_t p) { return static_cast<std::uint16_t>(n * 2 + p); }
 
 struct Slots {

@@ -28,18 +28,18 @@ class Writer {
     ASSERT_TRUE(object_);
     resize(sizeof header + kCapacity * sizeof(bolo_gyro_sample));
     header = {BOLO_GYRO_MAGIC, BOLO_GYRO_VERSION, kCapacity, 0, {}};
-    tell();
+    put_header();
   }
   void resize(std::size_t bytes) const { ASSERT_EQ(ftruncate(object_.get(), static_cast<off_t>(bytes)), 0); }
   void put(const void* data, std::size_t bytes, std::size_t at) const {
     ASSERT_EQ(pwrite(object_.get(), data, bytes, static_cast<off_t>(at)), static_cast<ssize_t>(bytes));
   }
-  void tell() const { put(&header, sizeof header, 0); }
+  void put_header() const { put(&header, sizeof header, 0); }
   void write(std::int64_t time_ns, double x, double y = 0.0, double z = 0.0) {
     const bolo_gyro_sample sample{time_ns, {x, y, z}};
     put(&sample, sizeof sample, sizeof header + header.written % kCapacity * sizeof sample);
     ++header.written;
-    tell();
+    put_header();
   }
   int fd() const { return object_.get(); }
   const std::string& path() const { return path_; }
@@ -59,7 +59,7 @@ std::unique_ptr<Gyro> gyro_of(const std::string& name) {
   return std::move(*made);
 }
 
-void wait_for_another_look() { std::this_thread::sleep_for(std::chrono::milliseconds(550)); }
+void wait_for_reopening() { std::this_thread::sleep_for(std::chrono::milliseconds(550)); }
 
 TEST(ShmGyro, SamplesComeOnceAndInOrder) {
   Writer writer(unique_name("order"));
@@ -97,12 +97,12 @@ TEST(ShmGyro, AWriterMayComeLateDieAndComeAgain) {
   EXPECT_TRUE(gyro->samples().empty());
   Writer writer(name);
   writer.write(kStep, 1.0);
-  wait_for_another_look();
+  wait_for_reopening();
   gyro->samples();
   EXPECT_EQ(gyro->samples().size(), 1U);
   writer.make();
   writer.write(5 * kStep, 2.0);
-  wait_for_another_look();
+  wait_for_reopening();
   gyro->samples();
   ASSERT_EQ(gyro->samples().size(), 1U);
   EXPECT_EQ(gyro->samples()[0].time_ns, 5 * kStep);
@@ -137,7 +137,7 @@ TEST(ShmGyro, AnObjectThatIsNoneOrCutShortGivesNothing) {
     writer.header = good;
     writer.header.written = 40;
     change(writer.header);
-    writer.tell();
+    writer.put_header();
     return gyro->samples().empty();
   };
   EXPECT_TRUE(nothing_with([](auto& h) { h.magic += 1; }));
@@ -180,7 +180,7 @@ TEST(ShmGyro, RandomBytesDoNoHarm) {
     for (auto& w : words) w = random() >> (random() % 64);
     writer.put(words.data(), sizeof words, sizeof(bolo_gyro_header));
     writer.header.written = random() % 3 == 0 ? random() : writer.header.written + random() % 200;
-    writer.tell();
+    writer.put_header();
     test::arm_allocation_count();
     const auto samples = gyro->samples();
     test::disarm_allocation_count();

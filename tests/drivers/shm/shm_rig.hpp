@@ -1,4 +1,4 @@
-// What the tests of shared memory share: a writer fed by hand, and frames whose content proves where they come from.
+// Shared by the tests of shared memory: a writer fed by hand, and frames whose content identifies them.
 #pragma once
 
 #include <unistd.h>
@@ -115,7 +115,7 @@ struct Stream {
   Result<ShmReader> reader = failed("");
 };
 
-// Whether every value of the frame is that of frame `number`.
+// True if every value of the frame is that of frame `number`.
 inline bool intact(const ReadFrame& frame, std::uint64_t number) {
   if (frame.number != number || frame.meta.frame_id != 2 * number) return false;
   for (std::size_t i = 0; i < frame.raw.size(); ++i) {

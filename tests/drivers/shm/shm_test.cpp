@@ -13,7 +13,7 @@ namespace bolo::shm::shm_test {
 
 using Outcome = ShmReader::Outcome;
 
-// What libbolo-client tells of it, its tests look at.
+// Fields that libbolo-client reads are in its own tests.
 TEST(ShmRoundTrip, HeaderSaysWhatTheWriterWasGiven) {
   Stream stream("header", {33, 7}, [](Writer& writer) {
     writer.format.deblur.window = 17;

@@ -101,10 +101,10 @@ TEST(ShmWriters, AReadersLockKeepsNoWriterOut) {
   EXPECT_NE(stat(("/dev/shm/bolo-lock." + name).c_str(), &lock), 0) << "and it goes with him";
 }
 
-// Only root can take away what others made in /dev/shm; a daemon is told who they are, and may try again.
+// Only root can remove others' files in /dev/shm; the message names their owner, and the daemon may try again.
 TEST(ShmWriters, WhatOthersMadeIsInTheWayAndSaysWhose) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to become another user";
-  const auto told_of = [](const std::string& file) {
+  const auto exit_code_for = [](const std::string& file) {
     const std::string name = unique_name("squatted");
     const std::string path = "/" + file + name;
     const int fd = shm_open(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0666);
@@ -121,8 +121,8 @@ TEST(ShmWriters, WhatOthersMadeIsInTheWayAndSaysWhose) {
     shm_unlink(path.c_str());
     return result;
   };
-  EXPECT_EQ(told_of("bolo."), 0);
-  EXPECT_EQ(told_of("bolo-lock."), 0);
+  EXPECT_EQ(exit_code_for("bolo."), 0);
+  EXPECT_EQ(exit_code_for("bolo-lock."), 0);
 }
 
 TEST(ShmWriters, NamesThatAreNoneAreNotListed) {
@@ -151,8 +151,8 @@ TEST(ShmWriters, AStoppedWritersNameIsTakenOver) {
   EXPECT_EQ(reader->header().width, 16U);
 }
 
-// What cleans up /dev/shm (logind does when a user logs out, people do by hand) takes the object, its lock, or both, or
-// cuts the object off.
+// Cleaners of /dev/shm (logind when a user logs out, people by hand) remove the object, its lock, or both, or cut the
+// object off.
 TEST(ShmWriters, ANameThatIsTakenAwayComesBack) {
   const std::string name = unique_name("cleaned");
   const std::string object = "/bolo." + name;

@@ -10,7 +10,7 @@ using namespace std::chrono_literals;
 
 constexpr Geometry kGeometry{64, 24};
 
-// What a device does, and what it was given; shared by the test and the port, which the sink owns.
+// Behaviour of a device, and its input; shared by the test and the port, which the sink owns.
 struct FakeDevice {
   std::mutex mutex;
   std::condition_variable changed;

@@ -9,7 +9,7 @@
 
 namespace bolo::v4l2_source::test {
 
-// What a device has and does. A test changes it under FakeVideo::change().
+// Properties of a device. A test changes them under FakeVideo::change().
 struct FakeCamera {
   std::string serial = "A1";
   std::string card = "Boson";
@@ -148,10 +148,10 @@ class FakeVideo final : public VideoSystem {
         if (camera->busy != 0) return fail(camera->busy);
         const std::uint32_t asked = static_cast<v4l2_format*>(argument)->fmt.pix.pixelformat;
         for (const std::uint32_t code : camera->formats) camera->code = code == asked ? code : camera->code;
-        return tell_format(*camera, argument);
+        return fill_format(*camera, argument);
       }
       case VIDIOC_G_FMT:
-        return tell_format(*camera, argument);
+        return fill_format(*camera, argument);
       case VIDIOC_G_PARM:
         static_cast<v4l2_streamparm*>(argument)->parm.capture.timeperframe = camera->period;
         return camera->period.denominator != 0 ? 0 : fail(ENOTTY);
@@ -202,7 +202,7 @@ class FakeVideo final : public VideoSystem {
     camera.queued.clear();
     camera.done.clear();
   }
-  static int tell_format(const FakeCamera& camera, void* argument) noexcept {
+  static int fill_format(const FakeCamera& camera, void* argument) noexcept {
     v4l2_pix_format& pixels = static_cast<v4l2_format*>(argument)->fmt.pix;
     pixels.pixelformat = camera.code;
     pixels.width = camera.width;

@@ -58,9 +58,9 @@ class V4l2SourceTest : public testing::Test {
     return false;
   }
   std::uint64_t lost(LossCause cause) const { return inlet_->losses().value(cause); }
-  bool said(const std::string& part) {
-    for (pipeline::Notice& notice : source_->take_notices()) said_ += notice.text + "\n";
-    return said_.find(part) != std::string::npos;
+  bool noticed(const std::string& part) {
+    for (pipeline::Notice& notice : source_->take_notices()) notices_ += notice.text + "\n";
+    return notices_.find(part) != std::string::npos;
   }
   // Sends a frame that begins with this count, and takes it.
   bool passes(std::uint16_t first, const Sent& how = {}) { return video_.send(kPath, first, how) && next(); }
@@ -74,7 +74,7 @@ class V4l2SourceTest : public testing::Test {
   FrameMeta meta_;
   bool restart_ = false;
   std::vector<std::uint16_t> values_;
-  std::string said_;
+  std::string notices_;
 };
 
 TEST_F(V4l2SourceTest, PixelsAreTheDevicesWithoutItsPadding) {
@@ -174,13 +174,13 @@ TEST_F(V4l2SourceTest, DamagedAndShortBuffersAreLostByTheirCause) {
 TEST_F(V4l2SourceTest, AStallIsSaidAndTheCameraOpenedAgain) {
   start();
   ASSERT_TRUE(passes(1));
-  EXPECT_TRUE(eventually([&] { return said("camera stalled: no frame for"); }));
+  EXPECT_TRUE(eventually([&] { return noticed("camera stalled: no frame for"); }));
   EXPECT_TRUE(eventually([&] { return source_->status()->reopened.value() == 1; }));
-  EXPECT_TRUE(said("camera lost (stalled)"));
+  EXPECT_TRUE(noticed("camera lost (stalled)"));
   ASSERT_TRUE(streams(kPath));
   ASSERT_TRUE(passes(2));
   EXPECT_TRUE(restart_) << "a new window";
-  EXPECT_TRUE(eventually([&] { return said("camera opened again after"); }));
+  EXPECT_TRUE(eventually([&] { return noticed("camera opened again after"); }));
   EXPECT_GT(source_->status()->outage_frames.value(), 10U) << "0.4 s at 60 Hz";
 }
 
@@ -189,8 +189,8 @@ TEST_F(V4l2SourceTest, AnUnpluggedCameraIsFoundAgainAtAnotherNodeByItsSerial) {
   ASSERT_TRUE(passes(1));
   const std::uint64_t last = meta_.frame_id;
   video_.change([](auto& cameras) { cameras.at(kPath).there = false; });
-  EXPECT_TRUE(eventually([&] { return said("camera lost (no answer)"); }));
-  EXPECT_TRUE(eventually([&] { return said("no video device has the serial number 'A1'"); }));
+  EXPECT_TRUE(eventually([&] { return noticed("camera lost (no answer)"); }));
+  EXPECT_TRUE(eventually([&] { return noticed("no video device has the serial number 'A1'"); }));
   video_.change([](auto& cameras) {
     cameras.at(kPath) = FakeCamera{.serial = "B2"};  // another camera takes the node
     cameras["/dev/video6"].serial = "A1";
@@ -210,9 +210,9 @@ TEST_F(V4l2SourceTest, AnotherCameraOrFormatIsNotTakenForTheOldOne) {
   start();
   ASSERT_TRUE(passes(1));
   video_.change([](auto& cameras) { cameras.at(kPath) = FakeCamera{.serial = "", .card = "Lepton"}; });
-  EXPECT_TRUE(eventually([&] { return said("another camera is at /dev/video4: Lepton"); }));
+  EXPECT_TRUE(eventually([&] { return noticed("another camera is at /dev/video4: Lepton"); }));
   video_.change([](auto& cameras) { cameras.at(kPath) = FakeCamera{.serial = "", .width = 16}; });
-  EXPECT_TRUE(eventually([&] { return said("the camera came back with another size or rate"); }));
+  EXPECT_TRUE(eventually([&] { return noticed("the camera came back with another size or rate"); }));
   video_.change([](auto& cameras) { cameras.at(kPath) = FakeCamera{.serial = ""}; });
   ASSERT_TRUE(streams(kPath));
   ASSERT_TRUE(passes(3));
@@ -224,7 +224,7 @@ TEST_F(V4l2SourceTest, AFormatThatChangedBehindUsIsNoFrame) {
   ASSERT_TRUE(passes(1));
   for (int i = 0; i < 5; ++i) ASSERT_TRUE(video_.send(kPath, 2, {.bytes = 64}));
   EXPECT_TRUE(eventually([&] { return lost(LossCause::kBadFrame) == 5; }));
-  EXPECT_TRUE(eventually([&] { return said("camera stalled"); }));
+  EXPECT_TRUE(eventually([&] { return noticed("camera stalled"); }));
 }
 
 TEST_F(V4l2SourceTest, AJumpOfItsClockBeginsANewWindow) {
@@ -267,9 +267,9 @@ TEST_F(V4l2SourceTest, TheRateIsMeasured) {
     EXPECT_NEAR(source_->status()->measured_period_s.value(), 1e-9 * static_cast<double>(period_ns), 1e-5);
   };
   send(40, 114'942'000);
-  EXPECT_TRUE(eventually([&] { return said("8.7 frames come a second, not 9,"); })) << said_;
+  EXPECT_TRUE(eventually([&] { return noticed("8.7 frames come a second, not 9,"); })) << notices_;
   send(70, 50'000'000);
-  EXPECT_TRUE(eventually([&] { return said("20 frames come a second, not 8.7,"); })) << said_;
+  EXPECT_TRUE(eventually([&] { return noticed("20 frames come a second, not 8.7,"); })) << notices_;
 }
 
 TEST_F(V4l2SourceTest, ACameraIsNamedByItsSerialToo) {

@@ -1,4 +1,4 @@
-"""What the steps share: programs, waiting, systemd's units, what is reported."""
+"""Shared by the steps: programs, waiting, systemd's units, reports."""
 
 import json
 import pathlib
@@ -78,7 +78,7 @@ def journal(*matches: str, since: float = 0.0) -> list[dict]:
 
 
 def stat(name: str) -> dict:
-    """What `bolo stat` says of a running daemon."""
+    """`bolo stat` of a running daemon."""
     return json.loads(run("bolo", "stat", name, "--once", "--json", "--interval", "0.5"))
 
 
@@ -88,7 +88,7 @@ def packages(folder: str = "packages") -> list[str]:
 
 
 def all_files() -> set[str]:
-    """What there is in the folders that packages and daemons write to, but for what changes by itself."""
+    """Files in the folders that packages and daemons write to, but for those that change by themselves."""
     folders = ("/dev/shm", "/etc", "/opt", "/run", "/srv", "/tmp", "/usr", "/var")
     changing = r"/run/\(udev\|log\|systemd\)/.*\|/var/\(cache\|log\|tmp\|lib/systemd\|lib/dpkg\)/.*"
     changing += r"\|/tmp/systemd-private.*\|/run/agetty.reload"

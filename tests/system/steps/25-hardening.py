@@ -1,4 +1,4 @@
-"""What systemd says of the units themselves."""
+"""systemd's rating of the units."""
 
 import re
 

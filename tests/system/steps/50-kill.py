@@ -10,7 +10,7 @@ from frames import open_ring, published
 from guest import check, is_active, main_pid, restarts, run, saw, show, wait_until
 
 UNIT = "bolod@test"
-# What is promised of a computer; QEMU's emulation runs programs 12 to 30 times slower, of which starting one is the most.
+# Promises for a real computer; QEMU's emulation runs programs 12 to 30 times slower, of which starting one is the most.
 PROMISED_S = 2.0
 LIMIT_S = PROMISED_S * (1 if run("systemd-detect-virt", expect=None).strip() == "kvm" else 5)
 

@@ -10,7 +10,7 @@ FILE = CONFIG / "test.toml"
 
 
 def reload(text: str) -> list[str]:
-    """What the daemon says of its file with this text."""
+    """The daemon's messages about a configuration with this text."""
     FILE.write_text(text)
     since = time.time()
     before = published("test")

@@ -99,7 +99,7 @@ TEST_F(BolodRun, AControlSocketThatWasTakenAwayIsMadeAgain) {
   EXPECT_TRUE(eventually([&] { return std::filesystem::exists(socket); })) << daemon->err();
   EXPECT_TRUE(logged(*daemon, "was taken away; it is there again"));
   expect_parts(run({"nuc", name_}).err, {"no camera"});
-  // What somebody else put there is his.
+  // Files of others are left alone.
   ASSERT_TRUE(std::filesystem::remove(socket));
   std::ofstream(socket) << "mine";
   EXPECT_TRUE(logged(*daemon, "it is tried again all the time"));
@@ -213,11 +213,12 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   EXPECT_TRUE(good_frames(50)) << daemon->err();
   ASSERT_TRUE(logged(*daemon, "camera opened again"));
   EXPECT_GT(reader->header().restarts, 0U);
-  const auto told = nlohmann::json::parse(printed({"stat", name_, "--once", "--json", "--interval", "0.1"}))["camera"];
-  EXPECT_EQ(told["state"], "streaming") << told;
-  EXPECT_EQ(told["lost"]["no_answer"], 1) << told;
-  EXPECT_EQ(told["reopened"], 1) << told;
-  EXPECT_GT(told["received_packets"], 100) << told;
+  const auto status =
+      nlohmann::json::parse(printed({"stat", name_, "--once", "--json", "--interval", "0.1"}))["camera"];
+  EXPECT_EQ(status["state"], "streaming") << status;
+  EXPECT_EQ(status["lost"]["no_answer"], 1) << status;
+  EXPECT_EQ(status["reopened"], 1) << status;
+  EXPECT_GT(status["received_packets"], 100) << status;
   done({"nuc", name_});
   EXPECT_TRUE(logged(*daemon, "NUC (asked for)")) << daemon->err();
   EXPECT_TRUE(eventually([&] { return reader->camera()->corrections == 1; }));
@@ -305,8 +306,8 @@ TEST_F(Bolod, WrongUsageIsOneLine) {
   refused({"--config", "/nonexistent.toml"}, "/nonexistent.toml: no such file");
 }
 
-// systemd restarts after 1 and leaves 2 alone (bolod@.service). What a start refuses for the file's sake, the check
-// refuses, in the same words.
+// systemd restarts after 1 and leaves 2 alone (bolod@.service). The check refuses the same files as a start, with the
+// same messages.
 TEST_F(Bolod, AsAServiceItAsksToBeTriedAgainForAnAbsentCameraOnly) {
   ASSERT_EQ(setenv("NOTIFY_SOCKET", "@bolo-test-nobody", 1), 0);
   const Outcome absent = run({"--config", config("[source]\naddress = '192.0.2.1'\n")});

@@ -1,4 +1,4 @@
-// What is told of the flow of frames, and when the watchdog is fed.
+// Notices of the flow of frames, and the feeding of the watchdog.
 #include "tests/test.hpp"
 #include "tools/bolod/supervisor.hpp"
 
@@ -71,15 +71,15 @@ TEST(Health, OverloadIsToldNowAndThenAndItsEndOnce) {
     clock.now.by_effort[3] += raw;
     return clock.after(ms);
   };
-  const std::string told = "!deblurring can't keep up; frames on which less was spent since the last notice: ";
+  const std::string overload = "!deblurring can't keep up; frames on which less was spent since the last notice: ";
   EXPECT_EQ(poll(0, 0, 100), Texts{"frames arrive"});
-  EXPECT_EQ(poll(7, 0, 100), Texts{told + "7 reduced"});
+  EXPECT_EQ(poll(7, 0, 100), Texts{overload + "7 reduced"});
   EXPECT_EQ(poll(5, 2, 900), Texts{}) << "not within ten seconds";
   Texts texts;
   for (int i = 0; i < 40; ++i) {
     for (std::string& text : poll(0, 0, 950)) texts.push_back(std::move(text));
   }
-  EXPECT_EQ(texts, (Texts{told + "5 reduced, 2 raw", "deblurring keeps up again"}));
+  EXPECT_EQ(texts, (Texts{overload + "5 reduced, 2 raw", "deblurring keeps up again"}));
 }
 
 TEST(Health, LeavesTheFlowOfAWatchedCameraToIt) {
@@ -95,12 +95,12 @@ TEST(Health, LeavesTheFlowOfAWatchedCameraToIt) {
 // --- the watchdog
 
 constexpr std::int64_t kSecond = 1000 * kMs;
-constexpr std::int64_t kLook = 100 * kMs;
+constexpr std::int64_t kPoll = 100 * kMs;
 constexpr double kPeriodS = 0.005;
 constexpr int kLookahead = 1;
 constexpr std::int64_t kStallNs = 200 * kMs;
 
-// A daemon that is looked at ten times a second. What hangs is left behind by its clock or its count.
+// A daemon that is checked ten times a second. A hung part is left behind by its clock or its count.
 class FlowWatchTest : public testing::Test {
  protected:
   FlowWatchTest() { signs_.now_ns = kSecond; }
@@ -108,9 +108,9 @@ class FlowWatchTest : public testing::Test {
   // The first trouble within this time; empty: none.
   std::string run(std::int64_t time_ns) {
     for (const std::int64_t end_ns = signs_.now_ns + time_ns; signs_.now_ns < end_ns;) {
-      signs_.now_ns += kLook;
+      signs_.now_ns += kPoll;
       if (pipeline_runs_) signs_.polled_ns = signs_.now_ns;
-      if (source_looks_) signs_.watched_ns = signs_.now_ns;
+      if (source_polls_) signs_.watched_ns = signs_.now_ns;
       if (frames_come_) signs_.received += 20;
       if (frames_come_ && published_) signs_.handled = signs_.received - kLookahead;
       if (std::string trouble = watch_.check(signs_); !trouble.empty()) return trouble;
@@ -119,7 +119,7 @@ class FlowWatchTest : public testing::Test {
   }
 
   bool pipeline_runs_ = true;
-  bool source_looks_ = true;
+  bool source_polls_ = true;
   bool frames_come_ = true;
   bool published_ = true;
   Signs signs_{.watched = true, .streams = true};
@@ -152,7 +152,7 @@ TEST_F(FlowWatchTest, IsContentWhileALostCameraIsLookedAfter) {
   EXPECT_EQ(run(3600 * kSecond), "");
   frames_come_ = signs_.streams = true;
   EXPECT_EQ(run(5 * kSecond), "") << "frames after an hour are not late";
-  frames_come_ = signs_.streams = source_looks_ = false;
+  frames_come_ = signs_.streams = source_polls_ = false;
   EXPECT_NE(run(60 * kSecond).find("was not looked after"), std::string::npos);
 }
 

@@ -83,11 +83,11 @@ TEST_F(Metrics, TellOfTheCamera) {
   write_capture(folder_ / "in.h5", 90);
   const auto camera = start_camera(address_);
   const auto daemon = start_with(configure(source_at(address_, "reconnect_after_ms = 500\nptp = true\n"), section()));
-  const auto told = [&](const std::string& series, double wanted) {
+  const auto has_value = [&](const std::string& series, double wanted) {
     return eventually([&] { return value(scrape(address_), series) == wanted; });
   };
-  EXPECT_TRUE(told("bolo_camera_state{state=\"streaming\"}", 1.0)) << daemon->err();
-  EXPECT_TRUE(told("bolo_camera_ptp_state{state=\"slave\"}", 1.0));
+  EXPECT_TRUE(has_value("bolo_camera_state{state=\"streaming\"}", 1.0)) << daemon->err();
+  EXPECT_TRUE(has_value("bolo_camera_ptp_state{state=\"slave\"}", 1.0));
   const std::string text = scrape(address_);
   EXPECT_EQ(value(text, "bolo_camera_ptp_offset_seconds"), -37e-9);
   EXPECT_EQ(value(text, "bolo_camera_state{state=\"lost\"}"), 0.0) << text;

@@ -31,7 +31,7 @@ import bolo  # noqa: E402
 
 QUEUE_FRAMES = 64  # the default
 MOST_LOST = 0.05
-# Where 40 programs compete, a thread has 5 ms / 41 = 0.12 ms for a frame: about what it takes to pass one on as it came, on
+# Among 40 competing programs a thread has 5 ms / 41 = 0.12 ms for a frame: about what it takes to pass one on as it came, on
 # some machines less. There more may be lost, as long as most of the others are passed on so.
 HOPELESS = 40
 COMPETITORS = (0, 1, 3, 8, 20, HOPELESS, 0)
@@ -59,7 +59,7 @@ def follow(name, seen, stop):
                 seen[EFFORTS.get(frame.flags & ANY_EFFORT, "full")] += 1
 
 
-def look(name):
+def stat(name):
     done = subprocess.run([BOLO, "stat", name, "--once", "--json", "--interval", "0.1"], capture_output=True, check=True)
     return json.loads(done.stdout)
 
@@ -114,9 +114,9 @@ def main():
                           for _ in range(competitors)]
                 for rival in rivals:
                     rival.start()
-                before, begin = look(name), time.monotonic()
+                before, begin = stat(name), time.monotonic()
                 time.sleep(SECONDS)
-                after, took = look(name), time.monotonic() - begin
+                after, took = stat(name), time.monotonic() - begin
                 for rival in rivals:
                     rival.join()
                 rise = {e: after["effort"]["frames"][e] - before["effort"]["frames"][e] for e in after["effort"]["frames"]}
@@ -125,12 +125,12 @@ def main():
                       f"{(after['published'] - before['published']) / took:7.1f} {after['lost_total'] - before['lost_total']:6} "
                       f"{rise['full']:6} {rise['reduced']:8} {rise['inverse']:8} {rise['raw']:6}", flush=True)
             limit = time.monotonic() + 60  # a machine that others use may need its time
-            while look(name)["effort"]["now"] != "full":
+            while stat(name)["effort"]["now"] != "full":
                 assert time.monotonic() < limit, "all is not spent again"
-            while_read = look(name)["effort"]["frames"]
+            while_read = stat(name)["effort"]["frames"]
             stop.set()
             reader.join()
-            last = look(name)
+            last = stat(name)
         finally:
             daemon.terminate()
             daemon.wait()

@@ -51,13 +51,13 @@ def started(folder, name, size=(160, 48), keys="", number=0, **how):
 
 
 class Others:
-    """How much of the processors' time other programs take, from now on."""
+    """Share of the processors' time that other programs take, from now on."""
 
     def __init__(self, pids):
         self._pids = pids
-        self._before = self._look()
+        self._before = self._sample()
 
-    def _look(self):
+    def _sample(self):
         tick = os.sysconf("SC_CLK_TCK")
         fields = [int(word) for word in pathlib.Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
         busy = sum(fields) - fields[3] - fields[4]  # all but idle and iowait
@@ -66,7 +66,7 @@ class Others:
 
     def share(self):
         """And what of it the computer took that this machine is a guest of: in slices that are longer than a period."""
-        then, now = self._before, self._look()
+        then, now = self._before, self._sample()
         whole_s = (now[0] - then[0]) * os.cpu_count()
         return max(0.0, now[1] - then[1] - (now[2] - then[2])) / whole_s, (now[3] - then[3]) / whole_s
 
@@ -161,7 +161,7 @@ def growth_kib(readings):
 
 
 def use(programs, port, second):
-    """What other programs ask of a daemon in its life, besides frames."""
+    """Requests of other programs to a daemon in its life, besides frames."""
     urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=HANG_GUARD_S).read()
     if second % 2 == 0:
         subprocess.run([BOLO, "stat", programs.name, "--once", "--json", "--interval", "0.1"], check=True,

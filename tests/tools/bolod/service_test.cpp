@@ -1,4 +1,4 @@
-// What a service manager hears of a daemon: a real one, told of a socket of ours.
+// Messages of a daemon to its service manager: a real daemon, with a socket of ours.
 #include <sched.h>
 #include <sys/mount.h>
 #include <sys/ptrace.h>
@@ -33,7 +33,7 @@ class NotifySocket {
     return static_cast<std::size_t>(
         std::ranges::count_if(lines(), [&](const std::string& line) { return line.starts_with(words); }));
   }
-  bool heard(const std::string& words, std::size_t times = 1) {
+  bool received(const std::string& words, std::size_t times = 1) {
     return eventually([&] { return count(words) >= times; });
   }
 
@@ -90,9 +90,9 @@ class Service : public BolodRun {
 TEST_F(Service, HearsThatItIsReadyThatItLivesAndThatItEnds) {
   expect_feeding(false);
   const auto daemon = start(20'000);
-  ASSERT_TRUE(manager_.heard("READY=1")) << daemon->err();
+  ASSERT_TRUE(manager_.received("READY=1")) << daemon->err();
   EXPECT_TRUE(attach()) << "frames can be read once it is ready";
-  EXPECT_TRUE(manager_.heard("WATCHDOG=1", 5)) << daemon->err();
+  EXPECT_TRUE(manager_.received("WATCHDOG=1", 5)) << daemon->err();
   EXPECT_TRUE(eventually([&] {
     return std::ranges::any_of(manager_.lines(), [](const std::string& line) {
       return line.starts_with("STATUS=") && line.find("frames/s, latency p50 ") != std::string::npos;
@@ -107,7 +107,7 @@ TEST_F(Service, HearsThatItIsReadyThatItLivesAndThatItEnds) {
 TEST_F(Service, HearsNoSignOfLifeWhileAThreadOfThePipelineHangs) {
   expect_feeding(false);
   const auto daemon = start(20'000);
-  ASSERT_TRUE(manager_.heard("WATCHDOG=1", 3)) << daemon->err();
+  ASSERT_TRUE(manager_.received("WATCHDOG=1", 3)) << daemon->err();
   const pid_t worker = thread_of(daemon->pid(), "bolo-deblur-1");
   ASSERT_NE(worker, 0);
   HeldThread hang(worker);
@@ -119,7 +119,7 @@ TEST_F(Service, HearsNoSignOfLifeWhileAThreadOfThePipelineHangs) {
   ASSERT_TRUE(eventually([&] { return manager_.lines().size() >= lines + 2; })) << "the main thread still runs";
   EXPECT_EQ(manager_.count("WATCHDOG=1"), fed);
   hang.release();
-  EXPECT_TRUE(manager_.heard("WATCHDOG=1", fed + 3)) << "the pipeline goes on";
+  EXPECT_TRUE(manager_.received("WATCHDOG=1", fed + 3)) << "the pipeline goes on";
   expect_good_end(*daemon);
 }
 
@@ -129,12 +129,12 @@ TEST_F(Service, HearsSignsOfLifeWhileALostCameraIsLookedFor) {
   const std::string address = own_address();
   const auto camera = start_camera(address);
   const auto daemon = start_with(configure(source_at(address, "reconnect_after_ms = 500\n")));
-  ASSERT_TRUE(manager_.heard("WATCHDOG=1", 3)) << daemon->err();
+  ASSERT_TRUE(manager_.received("WATCHDOG=1", 3)) << daemon->err();
   camera->signal(SIGKILL);
-  ASSERT_TRUE(manager_.heard("STATUS=camera lost; 0.0 frames/s")) << daemon->err();
+  ASSERT_TRUE(manager_.received("STATUS=camera lost; 0.0 frames/s")) << daemon->err();
   const std::int64_t lost_ns = monotonic_ns();
   const std::size_t fed = manager_.count("WATCHDOG=1");
-  EXPECT_TRUE(manager_.heard("WATCHDOG=1", fed + 30)) << daemon->err();  // longer than any patience with a hang
+  EXPECT_TRUE(manager_.received("WATCHDOG=1", fed + 30)) << daemon->err();  // longer than any patience with a hang
   EXPECT_GT(monotonic_ns() - lost_ns, 2'500'000'000) << "signs of life came faster than they are due";
   EXPECT_EQ(daemon->err().find("no signs of life"), std::string::npos) << daemon->err();
   expect_good_end(*daemon);
@@ -143,18 +143,18 @@ TEST_F(Service, HearsSignsOfLifeWhileALostCameraIsLookedFor) {
 TEST_F(Service, HearsOfAReload) {
   expect_feeding(true);
   const auto daemon = start(20'000, "[log]\nlevel = 'info'\n");
-  ASSERT_TRUE(manager_.heard("READY=1")) << daemon->err();
+  ASSERT_TRUE(manager_.received("READY=1")) << daemon->err();
   auto reader = attach();
   ASSERT_TRUE(reader);
   const auto reload = [&](const std::string& more) {
     configure(kReplay, more);
     const std::size_t ready = manager_.count("READY=1");
     daemon->signal(SIGHUP);
-    EXPECT_TRUE(manager_.heard("READY=1", ready + 1)) << more;
+    EXPECT_TRUE(manager_.received("READY=1", ready + 1)) << more;
   };
   reload("[log]\nlevel = 'info'\nlevle = 'debug'\n");
-  EXPECT_TRUE(manager_.heard("RELOADING=1"));
-  EXPECT_TRUE(manager_.heard("MONOTONIC_USEC="));
+  EXPECT_TRUE(manager_.received("RELOADING=1"));
+  EXPECT_TRUE(manager_.received("MONOTONIC_USEC="));
   EXPECT_TRUE(logged(*daemon, "unknown key 'log.levle'")) << daemon->err();
 
   reload("queue_frames = 32\n[nuc]\ninterval_s = 60\n[log]\nlevel = 'info'\n");
@@ -232,23 +232,23 @@ TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
   unsetenv("NOTIFY_SOCKET");
   unsetenv("WATCHDOG_USEC");
   if (daemon == nullptr) GTEST_SKIP() << "no /run of our own can be had here: " << problem_;
-  std::string told;
+  std::string messages;
   const auto hears = [&](const std::string& word) {
     return eventually([&] {
-      told += datagrams(manager);
-      return told.find(word) != std::string::npos;
+      messages += datagrams(manager);
+      return messages.find(word) != std::string::npos;
     });
   };
   ASSERT_TRUE(hears("WATCHDOG=1")) << daemon->err();
   int held = 0;
   std::ifstream("/proc/sys/net/unix/max_dgram_qlen") >> held;
   for (int i = 0; i < held + 10; ++i) {
-    told.clear();
+    messages.clear();
     daemon->signal(SIGHUP);
     ASSERT_TRUE(hears("RELOADING=1")) << "at message " << i;
   }
   for (int i = 0; i < 3; ++i) {
-    told.clear();
+    messages.clear();
     ASSERT_TRUE(hears("WATCHDOG=1"));
   }
   expect_good_end(*daemon);

@@ -1,4 +1,4 @@
-// What `bolo-lab bench` measures, as it prints it with --json.
+// Measurements of `bolo-lab bench`, as printed with --json.
 #pragma once
 
 #include "tools/lab/common.hpp"

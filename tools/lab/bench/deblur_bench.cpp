@@ -55,8 +55,8 @@ Result<Input> make_input(const deblur::Settings& settings) {
   return input;
 }
 
-// A camera's whole profile that changes no value, so that errors can be told: the work is the same for every number.
-// Dead pixels, one of 200, lie outside the rows that are compared.
+// A camera's whole profile that changes no value, so that errors can be measured: the work is the same for every
+// number. Dead pixels, one of 200, lie outside the rows that are compared.
 model::PixelMaps neutral_maps(const deblur::Settings& settings) {
   model::PixelMaps maps;
   maps.tau_s.assign(kFrame.pixels(), static_cast<float>(settings.tau_s));
@@ -70,7 +70,7 @@ model::PixelMaps neutral_maps(const deblur::Settings& settings) {
   return maps;
 }
 
-// What a profile adds to each frame: the newest one is brought to float and corrected.
+// A profile's work on each frame: the newest one is brought to float and corrected.
 class Corrected {
  public:
   Corrected(const Input& input, corrections::PixelCorrection correction)
@@ -144,9 +144,9 @@ class Runner {
     times_.push_back(ms * kFrame.height / rows_);
   }
 
-  // Times are of a whole frame, the fastest repeat's; errors against the optimum of the first pixels. Beside `scaling`,
-  // the time of one thread over this time, `throughput_of_plain` tells frames a second against those without profile or
-  // losses: 1 where no such variant was measured.
+  // Times are of a whole frame, the fastest repeat's; errors against the optimum of the first pixels. `scaling` is the
+  // time of one thread over this time, `throughput_of_plain` frames a second over those without profile or losses: 1
+  // where no such variant was measured.
   Json result(const std::vector<float>& exact) {
     std::ranges::sort(times_);
     const auto pixels = static_cast<std::size_t>(rows_ * kFrame.width);

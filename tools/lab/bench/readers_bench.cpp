@@ -1,4 +1,4 @@
-// What readers of shared memory cost the writer: its rate and latency with 0, 1, 4 and 16 of them, each a process that
+// Cost of readers of shared memory to the writer: its rate and latency with 0, 1, 4 and 16 of them, each a process that
 // reads through libbolo-client.
 #include <sched.h>
 #include <sys/mman.h>
@@ -43,14 +43,14 @@ Manner manner_of(int reader, int readers) {
   return std::array{Manner::kFrozen, Manner::kKilled, Manner::kSlow}[static_cast<std::size_t>(reader)];
 }
 
-// What a reader tells the writer's process; in memory that both share.
-struct Told {
+// A reader's reports to the writer's process, in memory that both share.
+struct ReaderState {
   rt::Gauge<bool> ready;
   rt::Counter frames;
 };
 
 // A child: copies every frame until the writer ends.
-int read_all(const std::string& name, Manner manner, Told& told) {
+int read_all(const std::string& name, Manner manner, ReaderState& state) {
   const sched_param ordinary{};
   sched_setscheduler(0, SCHED_OTHER, &ordinary);
   bolo_client* client = nullptr;
@@ -58,9 +58,9 @@ int read_all(const std::string& name, Manner manner, Told& told) {
   std::vector<std::uint16_t> raw(kStreamed.pixels());
   std::vector<std::uint16_t> deblurred(kStreamed.pixels());
   bolo_client_frame frame{};
-  told.ready.set(true);
+  state.ready.set(true);
   while (bolo_client_next(client, kFrameTimeout_ms, &frame) == BOLO_CLIENT_OK) {
-    if (bolo_client_copy(&frame, raw.data(), deblurred.data()) == BOLO_CLIENT_OK) told.frames.add();
+    if (bolo_client_copy(&frame, raw.data(), deblurred.data()) == BOLO_CLIENT_OK) state.frames.add();
     if (manner == Manner::kSlow) nanosleep(&kSlowReadersPause, nullptr);
   }
   bolo_client_close(client);
@@ -73,17 +73,17 @@ class Readers {
   Readers(const std::string& name, int count) : count_(static_cast<std::size_t>(count)) {
     void* memory = mmap(nullptr, kBytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (memory == MAP_FAILED) return;
-    told_ = new (memory) std::array<Told, kMost>();
+    states_ = new (memory) std::array<ReaderState, kMost>();
     for (std::size_t i = 0; i < count_; ++i) {
       const pid_t child = fork();
-      if (child == 0) _exit(read_all(name, manner(i), (*told_)[i]));
+      if (child == 0) _exit(read_all(name, manner(i), (*states_)[i]));
       if (child > 0) processes_.push_back(child);
     }
   }
   ~Readers() {
     for (const pid_t process : processes_) kill(process, SIGKILL);
     for (const pid_t process : processes_) waitpid(process, nullptr, 0);
-    if (told_ != nullptr) munmap(told_, kBytes);
+    if (states_ != nullptr) munmap(states_, kBytes);
   }
   Readers(const Readers&) = delete;
   Readers& operator=(const Readers&) = delete;
@@ -92,7 +92,7 @@ class Readers {
     const std::int64_t deadline_ns = monotonic_ns() + std::int64_t{kOpenTimeout_ms} * 1'000'000;
     if (processes_.size() != count_) return failed("cannot start " + std::to_string(count_) + " reader processes");
     for (std::size_t i = 0; i < count_; ++i) {
-      while (!(*told_)[i].ready.value()) {
+      while (!(*states_)[i].ready.value()) {
         if (monotonic_ns() > deadline_ns) return failed("a reader process did not open the shared memory in time");
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
       }
@@ -112,7 +112,7 @@ class Readers {
     double readers = 0.0;
     for (std::size_t i = 0; i < count_; ++i) {
       if (manner(i) != Manner::kPlain) continue;
-      sum += static_cast<double>((*told_)[i].frames.value());
+      sum += static_cast<double>((*states_)[i].frames.value());
       readers += 1.0;
     }
     return readers > 0.0 ? sum / readers : 0.0;
@@ -120,12 +120,12 @@ class Readers {
 
  private:
   static constexpr std::size_t kMost = 16;
-  static constexpr std::size_t kBytes = sizeof(std::array<Told, kMost>);
+  static constexpr std::size_t kBytes = sizeof(std::array<ReaderState, kMost>);
 
   Manner manner(std::size_t reader) const { return manner_of(static_cast<int>(reader), static_cast<int>(count_)); }
 
   std::size_t count_;
-  std::array<Told, kMost>* told_ = nullptr;
+  std::array<ReaderState, kMost>* states_ = nullptr;
   std::vector<pid_t> processes_;
 };
 

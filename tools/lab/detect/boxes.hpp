@@ -1,4 +1,4 @@
-// Boxes in a picture, what is said of them, the label files that people draw them in, and average precision.
+// Boxes in a picture, detections, the label files that people draw boxes in, and average precision.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +24,7 @@ struct Box {
   constexpr bool operator==(const Box&) const = default;
 };
 
-// What a detector says. `label`: an index of the classes that are judged.
+// A detector's result. `label`: an index of the classes that are judged.
 struct Detection {
   int label = 0;
   double score = 0.0;
@@ -72,12 +72,12 @@ std::vector<std::string> split_names(const std::string& text);
 
 // --- Boxes that people drew over a still, as a moving camera sees them at one instant.
 
-// An object of which less is to be seen at the border of the view is ignored.
+// An object of which less lies in the view is ignored.
 inline constexpr double kLeastVisible = 0.5;
 
-// The labels of a still of size `still`, seen by a view of size `view` whose pixel (0, 0) looks at the still's pixel
-// `at`: moved, cut to the view, those outside left out. What the view shows beyond the still is a mirrored part of it
-// that nobody labelled: a crowd of every class, 0 .. classes - 1. Thread: any.
+// The labels of a still of size `still`, in a view of size `view` whose pixel (0, 0) is at the still's pixel `at`:
+// moved, cut to the view, those outside left out. The view beyond the still is a mirrored part of it that nobody
+// labelled: a crowd of every class, 0 .. classes - 1. Thread: any.
 std::vector<Truth> truth_in_view(const std::vector<Truth>& labels, int classes, Geometry still, Geometry view,
                                  sim::Position at);
 
@@ -90,7 +90,7 @@ std::vector<Truth> truth_in_view(const std::vector<Truth>& labels, int classes, 
 //     spaced recalls;
 //  4. AP is the mean over recalls and the IoU thresholds 0.5, 0.55 ... 0.95, and over the classes that have objects.
 
-// What is true of one image, and what was detected there.
+// Truth and detections of one image.
 struct ImageBoxes {
   std::vector<Truth> truth;
   std::vector<Detection> detections;
@@ -130,10 +130,10 @@ class Evaluator {
   std::vector<Class> classes_;
 };
 
-// --- How far a figure would scatter if other scenes had been taken: the percentile bootstrap (Efron, "Bootstrap
-// methods: another look at the jackknife", 1979). Scenes are drawn anew, with replacement, each with all its images.
+// --- Scatter of a figure over other choices of scenes: the percentile bootstrap (Efron, "Bootstrap methods: another
+// look at the jackknife", 1979). Scenes are drawn anew, with replacement, each with all its images.
 
-// How often each of `scenes` scenes is drawn in the draw number `draw`; they sum to `scenes`. Thread: any.
+// The number of times that each of `scenes` scenes is drawn in draw `draw`; they sum to `scenes`. Thread: any.
 std::vector<int> drawn_scenes(std::size_t scenes, std::uint64_t seed, std::uint64_t draw);
 
 struct Interval {

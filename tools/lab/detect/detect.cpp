@@ -1,4 +1,4 @@
-// `bolo-lab eval detect`: what deblurring is worth to object detectors.
+// `bolo-lab eval detect`: the benefit of deblurring to object detectors.
 #include <algorithm>
 #include <cstdio>
 #include <system_error>
@@ -46,7 +46,7 @@ Result<Paths> files_in(const std::filesystem::path& folder, const std::vector<st
   return files;
 }
 
-// What an option names, or else the files in a folder of --data.
+// The files that an option names, or else those in a folder of --data.
 Result<Paths> listed(const cxxopts::ParseResult& given, const std::string& option, const char* folder,
                      const std::vector<std::string>& extensions) {
   if (given.count(option) != 0) {

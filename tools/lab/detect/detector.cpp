@@ -138,7 +138,7 @@ void channel_keys(model::KeyTable& keys, const std::string& colour, Channel& cha
   keys.number("scale_" + colour, channel.scale, {1e-6, 100.0, ""}, "What is left is multiplied by this");
 }
 
-// As texts: KeyTable::file would look for them beside the description, where the networks need not be.
+// As texts: KeyTable::file would resolve them beside the description, where the networks need not be.
 struct FileNames {
   std::string graph;
   std::string weights;

@@ -1,4 +1,4 @@
-// A detector in words (a small TOML file, config/detectors), the network that it is, and from what the network gives to
+// A detector's description (a small TOML file, config/detectors), its network, and the way from the network's output to
 // boxes.
 #pragma once
 
@@ -38,7 +38,7 @@ using Network = std::function<Result<std::vector<Tensor>>(const Tensor& input)>;
 // kBadInput in a build without OpenCV, and when a file is missing, damaged or not understood. Thread: setup.
 Result<Network> open_network(const NetworkFiles& files);
 
-// --- What is said of a detector.
+// --- A detector's description.
 
 enum class OutputKind : std::uint8_t {
   kYolo,        // Darknet's [yolo] layers as OpenCV gives them: rows of cx, cy, w, h, objectness, score of each class
@@ -53,7 +53,7 @@ struct Channel {
 
 struct DetectorDescription {
   std::string name;
-  NetworkFiles files;  // as written: relative to whatever folder the networks are in
+  NetworkFiles files;  // as written: relative to the folder of the networks
   Geometry input{416, 416};
   ChannelOrder order = ChannelOrder::kRgb;
   Channel red;
@@ -76,7 +76,7 @@ Result<DetectorDescription> read_description(const std::filesystem::path& file);
 // there. Thread: setup.
 Result<DetectorDescription> with_files_in(DetectorDescription description, const std::filesystem::path& folder);
 
-// --- From what networks give to boxes.
+// --- From networks' outputs to boxes.
 
 // Detections here have the network's own numbers of classes as labels, and boxes in pixels of its input. Errors are
 // kBadInput: what does not fit the description, without the file.
@@ -101,7 +101,7 @@ Result<std::vector<Detection>> decode_nanodet(std::span<const Tensor> outputs, G
 // `nms_iou` goes. Thread: any.
 std::vector<Detection> suppressed(std::vector<Detection> detections, double nms_iou);
 
-// --- From kelvin to what a network takes.
+// --- From kelvin to a network's input.
 
 // Row-major grey levels, whole numbers from 0 to 255.
 using Levels = std::vector<float>;
@@ -109,11 +109,11 @@ using Levels = std::vector<float>;
 // Black at cold_k and white at hot_k, rounded and clamped: what a video of 8 bits would show. Thread: any.
 Levels levels_of(std::span<const float> kelvin, double cold_k, double hot_k);
 
-// The input {1, 3, height, width} that a description asks for: the picture fills it, whatever its shape; bilinear
-// between the centres of pixels (as OpenCV's INTER_LINEAR). Thread: any.
+// The input {1, 3, height, width} of a description: the picture fills it, regardless of its shape; bilinear between the
+// centres of pixels (as OpenCV's INTER_LINEAR). Thread: any.
 Tensor input_of(const Levels& levels, Geometry picture, const DetectorDescription& description);
 
-// --- A detector that can be asked: description, network, and the classes that are judged.
+// --- A detector ready for use: description, network, and the classes that are judged.
 
 class Detector {
  public:

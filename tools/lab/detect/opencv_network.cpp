@@ -41,7 +41,7 @@ Result<std::string> contents_of(const std::filesystem::path& file) {
   return text;
 }
 
-// [yolo] layers give 0 for scores below their `thresh`, 0.2 where the file does not say.
+// [yolo] layers give 0 for scores below their `thresh`, 0.2 by default.
 std::string with_threshold(std::string graph, double least_score) {
   const std::string heading = "[yolo]";
   for (std::size_t at = graph.find(heading); at != std::string::npos; at = graph.find(heading, at + heading.size())) {

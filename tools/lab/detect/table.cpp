@@ -24,10 +24,10 @@ class Runner {
 
   Result<Found> run() {
     RETURN_IF_ERROR(prepare());
-    Progress progress("detect", found_.looks.size());
+    Progress progress("detect", found_.observations.size());
     std::uint64_t done = 0;
     Jobs jobs;
-    for (std::size_t i = 0; i < found_.looks.size(); ++i) {
+    for (std::size_t i = 0; i < found_.observations.size(); ++i) {
       jobs.add([this, i]() -> Status {
         Networks networks = [this] {
           const std::lock_guard lock(mutex_);
@@ -35,7 +35,7 @@ class Runner {
           free_.pop_back();
           return free;
         }();
-        Status outcome = look(i, networks);
+        Status outcome = observe(i, networks);
         const std::lock_guard lock(mutex_);
         free_.push_back(std::move(networks));
         return outcome;
@@ -61,7 +61,7 @@ class Runner {
     }
     ASSIGN_OR_RETURN(const auto views, plan_views(found_.stills, options_.trajectories,
                                                   {options_.picture, options_.repeats, options_.seed}));
-    for (const View& view : views) found_.looks.emplace_back().view = view;
+    for (const View& view : views) found_.observations.emplace_back().view = view;
     return {};
   }
 
@@ -74,27 +74,27 @@ class Runner {
     }
   }
 
-  // What does not fit is told before minutes of simulation.
+  // Errors of description and network show here, before minutes of simulation.
   Status try_out(Networks& networks) const {
     const Levels grey(options_.picture.pixels(), 128.0F);
     for (Detector& detector : networks) RETURN_IF_ERROR(detector.detect(grey, options_.picture));
     return {};
   }
 
-  Status look(std::size_t index, Networks& networks) {
-    Look& look = found_.looks[index];
-    const Still& still = found_.stills[look.view.still];
-    ASSIGN_OR_RETURN(const auto clean,
-                     simulate(still, options_.trajectories[look.view.motion], look.view, options_.picture));
-    look.speed_px_s = std::hypot(clean.content_v.front().x_px, clean.content_v.front().y_px);
+  Status observe(std::size_t index, Networks& networks) {
+    Observation& observation = found_.observations[index];
+    const Still& still = found_.stills[observation.view.still];
+    ASSIGN_OR_RETURN(const auto clean, simulate(still, options_.trajectories[observation.view.motion], observation.view,
+                                                options_.picture));
+    observation.speed_px_s = std::hypot(clean.content_v.front().x_px, clean.content_v.front().y_px);
     if (still.labelled) {
-      look.labels = truth_in_view(still.labels, static_cast<int>(options_.classes.size()), still.size, options_.picture,
-                                  look.view.looks_at);
+      observation.labels = truth_in_view(still.labels, static_cast<int>(options_.classes.size()), still.size,
+                                         options_.picture, observation.view.origin);
     }
     ASSIGN_OR_RETURN(const auto shown,
                      shown_columns(fidelity::read_out(clean, options_.noise_k, options_.seed + index)));
     for (Detector& detector : networks) {
-      auto& found = look.found.emplace_back();
+      auto& found = observation.found.emplace_back();
       for (const Levels& one : shown) {
         ASSIGN_OR_RETURN(auto boxes, detector.detect(one, options_.picture));
         found.push_back(std::move(boxes));
@@ -118,11 +118,11 @@ struct Scores {
   std::vector<std::vector<double>> draws;  // [column][draw]
 };
 
-// The looks of one motion over stills with or without labels.
+// The observations in one motion of stills with or without labels.
 struct Group {
   std::size_t motion = 0;
   bool labelled = false;
-  std::vector<const Look*> looks;
+  std::vector<const Observation*> observations;
   std::vector<std::size_t> stills;  // those that can be drawn
 };
 
@@ -155,17 +155,17 @@ Json cell_of(const Scores& s, std::size_t column) {
   return cell;
 }
 
-// What a detector had to find in a look: people's labels of classes that it knows, or, where there are none, its own
-// boxes on the sharp frame from `truth_score` on.
-std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detector, double truth_score,
+// Boxes that a detector should find: people's labels of classes that it knows, or, where there are none, its own boxes
+// on the sharp frame from `truth_score` on.
+std::vector<Truth> truth_of(const Observation& observation, bool labelled, std::size_t detector, double truth_score,
                             const std::vector<bool>& knows) {
   std::vector<Truth> truth;
   if (labelled) {
-    std::ranges::copy_if(look.labels, std::back_inserter(truth),
+    std::ranges::copy_if(observation.labels, std::back_inserter(truth),
                          [&](const Truth& one) { return knows[static_cast<std::size_t>(one.label)]; });
     return truth;
   }
-  for (const Detection& one : look.found[detector][kSharpColumn]) {
+  for (const Detection& one : observation.found[detector][kSharpColumn]) {
     if (one.score >= truth_score) truth.push_back({one.label, one.box});
   }
   return truth;
@@ -197,7 +197,7 @@ class Judge {
     return {{"truth", group.labelled ? "labels" : "own_boxes"},
             {"detector", detector},
             {"motion", options_.trajectories[group.motion].stem().string()},
-            {"looks", group.looks.size()},
+            {"looks", group.observations.size()},
             {"stills", group.stills.size()},
             {"objects", scores.objects},
             {"columns", cells}};
@@ -207,9 +207,10 @@ class Judge {
   Evaluator evaluator_of(const Group& group, std::size_t detector, std::size_t column,
                          const std::vector<bool>& knows) const {
     std::vector<ImageBoxes> images;
-    for (const Look* look : group.looks) {
-      images.push_back({truth_of(*look, group.labelled, detector, options_.detectors[detector].truth_score, knows),
-                        look->found[detector][column]});
+    for (const Observation* observation : group.observations) {
+      images.push_back(
+          {truth_of(*observation, group.labelled, detector, options_.detectors[detector].truth_score, knows),
+           observation->found[detector][column]});
     }
     return {images, static_cast<int>(options_.classes.size())};
   }
@@ -218,8 +219,8 @@ class Judge {
   std::vector<int> weights(const Group& group, std::uint64_t draw) const {
     const std::vector<int> times = drawn_scenes(group.stills.size(), options_.seed, draw);
     std::vector<int> weights;
-    for (const Look* look : group.looks) {
-      const auto at = std::ranges::find(group.stills, look->view.still) - group.stills.begin();
+    for (const Observation* observation : group.observations) {
+      const auto at = std::ranges::find(group.stills, observation->view.still) - group.stills.begin();
       weights.push_back(times[static_cast<std::size_t>(at)]);
     }
     return weights;
@@ -247,18 +248,19 @@ Scores mean_of(std::vector<Scores> several) {
 
 Group group_of(const Found& found, std::size_t motion, bool labelled) {
   Group group{motion, labelled, {}, {}};
-  for (const Look& look : found.looks) {
-    if (look.view.motion != motion || found.stills[look.view.still].labelled != labelled) continue;
-    group.looks.push_back(&look);
-    if (std::ranges::find(group.stills, look.view.still) == group.stills.end()) group.stills.push_back(look.view.still);
+  for (const Observation& observation : found.observations) {
+    if (observation.view.motion != motion || found.stills[observation.view.still].labelled != labelled) continue;
+    group.observations.push_back(&observation);
+    if (std::ranges::find(group.stills, observation.view.still) == group.stills.end())
+      group.stills.push_back(observation.view.still);
   }
   return group;
 }
 
 std::vector<double> speeds_of(const Found& found, std::size_t motion) {
   std::vector<double> speeds;
-  for (const Look& look : found.looks) {
-    if (look.view.motion == motion) speeds.push_back(look.speed_px_s);
+  for (const Observation& observation : found.observations) {
+    if (observation.view.motion == motion) speeds.push_back(observation.speed_px_s);
   }
   return speeds;
 }
@@ -282,7 +284,7 @@ Json table_of(const Found& found, const Options& options) {
   for (const bool labelled : {true, false}) {
     for (const auto& [speed, motion] : order) {
       const Group group = group_of(found, motion, labelled);
-      if (group.looks.empty()) continue;
+      if (group.observations.empty()) continue;
       std::vector<Scores> all;
       for (std::size_t d = 0; d < options.detectors.size(); ++d) {
         all.push_back(judge.score(group, d, found.knows[d]));

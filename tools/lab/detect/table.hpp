@@ -1,5 +1,5 @@
-// `bolo-lab eval detect`: every detector on every column of every look. The pictures that detectors are given are
-// stills, each seen several times by a camera in somebody's hands.
+// `bolo-lab eval detect`: every detector on every column of every observation. The detectors are given stills, each
+// seen several times by a camera in somebody's hands.
 #pragma once
 
 #include "tools/lab/detect/detector.hpp"
@@ -17,17 +17,17 @@ struct Still {
 // kBadInput when the picture or its labels cannot be read. Thread: setup.
 Result<Still> read_still(const std::filesystem::path& file, const std::vector<JudgedClass>& classes);
 
-// One look at a still, at one instant of a motion.
+// One view of a still, at one instant of a motion.
 struct View {
   std::size_t still = 0;
   std::size_t motion = 0;
-  double start_s = 0.0;    // in the trajectory's file
-  sim::Position looks_at;  // the still's pixel that the picture's (0, 0) shows at the judged instant
+  double start_s = 0.0;  // in the trajectory's file
+  sim::Position origin;  // the still's pixel that the picture's (0, 0) shows at the judged instant
 };
 
 struct ViewPlan {
   Geometry picture{640, 480};
-  int repeats = 2;  // looks at each still in each motion
+  int repeats = 2;  // views of each still in each motion
   std::uint64_t seed = 1;
 };
 
@@ -37,12 +37,12 @@ inline constexpr Geometry kJitter{48, 24};
 Result<std::vector<View>> plan_views(const std::vector<Still>& stills,
                                      const std::vector<std::filesystem::path>& trajectories, const ViewPlan& plan);
 
-// The frames that a camera sends until a look, and the frame after it, with one target: tau 11 ms, 200 frames/s, 10 mK
-// a step. kBadInput when the still cannot be read. Thread: any.
+// A camera's frames up to a view's instant, and the next one, with one target: tau 11 ms, 200 frames/s, 10 mK a step.
+// kBadInput when the still cannot be read. Thread: any.
 Result<fidelity::CleanSequence> simulate(const Still& still, const std::filesystem::path& trajectory, const View& view,
                                          Geometry picture);
 
-// --- The columns of the table: what the detectors are shown of each look.
+// --- The columns of the table: the pictures of each observation that the detectors are given.
 
 struct Column {
   std::string name;   // in JSON
@@ -54,13 +54,13 @@ inline constexpr std::size_t kSharpColumn = 0;
 inline constexpr std::size_t kBlurredColumn = 1;
 const std::vector<Column>& columns();
 
-// What columns() show of the sequence's only target. Black and white are those of the still. kBadInput or kFailed
-// from the solvers. Thread: any, several at once.
+// The sequence's only target as in columns(). Black and white are those of the still. kBadInput or kFailed from the
+// solvers. Thread: any, several at once.
 Result<std::vector<Levels>> shown_columns(const fidelity::Sequence& sequence);
 
-// --- What is found.
+// --- Detections.
 
-// What `bolo-lab eval detect` is asked for.
+// Options of `bolo-lab eval detect`.
 struct Options {
   std::vector<std::filesystem::path> scenes;
   std::vector<std::filesystem::path> trajectories;
@@ -75,25 +75,25 @@ struct Options {
   int threads = 2;
 };
 
-// What was found in one look.
-struct Look {
+// Detections in one view.
+struct Observation {
   View view;
-  double speed_px_s = 0.0;    // of the picture over the pixels, at the judged instant
-  std::vector<Truth> labels;  // people's boxes as the look shows them; empty when the still has none
+  double speed_px_s = 0.0;                                 // of the picture over the pixels, at the judged instant
+  std::vector<Truth> labels;                               // people's boxes in this view; empty when the still has none
   std::vector<std::vector<std::vector<Detection>>> found;  // [detector][column]
 };
 
 struct Found {
   std::vector<Still> stills;
   std::vector<std::vector<bool>> knows;  // [detector][class]
-  std::vector<Look> looks;
+  std::vector<Observation> observations;
 };
 
 // Opens stills and networks, simulates, restores, detects. kBadInput names what cannot be opened or run, kFailed an
 // interrupt. Thread: setup.
 Result<Found> run(const Options& options);
 
-// --- What deblurring is worth to detectors: AP of every column, against the blurred one, with intervals.
+// --- The benefit of deblurring: AP of every column, against the blurred one, with intervals.
 
 // As the verb prints it with --json: the schema is in its --help. Rows that people labelled come first; motions from
 // slow to fast, detectors as given, then their mean. Thread: any.

@@ -7,7 +7,7 @@
 namespace bolo::tools::detect {
 namespace {
 
-// What a look needs of a trajectory before and after its first frame: the pixels' memory, and the frames.
+// Time of a trajectory that a view needs before and after its first frame: the pixels' memory, and the frames.
 constexpr double kBefore_s = 0.2;
 constexpr double kAfter_s = (fidelity::kLeadIn + 4) * fidelity::kPeriodS;
 
@@ -69,8 +69,8 @@ Result<std::vector<View>> plan_views(const std::vector<Still>& stills,
                                 static_cast<std::uint64_t>(repeat) * stills.size() + still));
         const Geometry size = stills[still].size;
         View view{still, motion, draw.between(first_s, last_s), {}};
-        view.looks_at.x_px = (size.width - plan.picture.width) / 2.0 + draw.between(-kJitter.width, kJitter.width);
-        view.looks_at.y_px = (size.height - plan.picture.height) / 2.0 + draw.between(-kJitter.height, kJitter.height);
+        view.origin.x_px = (size.width - plan.picture.width) / 2.0 + draw.between(-kJitter.width, kJitter.width);
+        view.origin.y_px = (size.height - plan.picture.height) / 2.0 + draw.between(-kJitter.height, kJitter.height);
         views.push_back(view);
       }
     }
@@ -88,7 +88,7 @@ Result<fidelity::CleanSequence> simulate(const Still& still, const std::filesyst
   task.stride = 1;
   task.lookahead = 1;
   task.threads = 1;
-  task.looks_at = view.looks_at;
+  task.origin = view.origin;
   return fidelity::simulate(task);
 }
 

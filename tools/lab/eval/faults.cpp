@@ -16,9 +16,9 @@ constexpr int kTries = 3;
 
 constexpr std::uint64_t kMostLostOfFour = 1;  // of the frames that are hit, with working resends on a busy machine
 
-// What strikes from 0.3 to 0.5 s.
+// Faults from 0.3 to 0.5 s.
 constexpr Disturbance kWhile{.from_s = 0.3, .to_s = 0.5};
-// What strikes at 0.3 s and is over at once.
+// Faults at 0.3 s that are over at once.
 constexpr Disturbance kOnce{.from_s = 0.3, .to_s = 0.3};
 
 Result<fakecam::FaultScript> script_of(const std::string& texts) {
@@ -55,7 +55,7 @@ Result<Json> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
     ASSIGN_OR_RETURN(const auto outcome, at(scenario.name, play(scenario, stage, i + 1)));
     equal = equal && outcome.losses_match();
     recovery_ms.push_back(outcome.verdict.recovery_ms);
-    if (wrong.empty()) wrong = what_is_wrong(scenario, outcome);
+    if (wrong.empty()) wrong = unmet_demands(scenario, outcome);
     row.update({{"injected", injected_text(outcome.run.injected)},
                 {"lost", text_of(outcome.run.lost)},
                 {"equal", equal},
@@ -170,7 +170,7 @@ Result<Outcome> play(const Scenario& scenario, const Stage& stage, int seed) {
   return outcome;
 }
 
-std::string what_is_wrong(const Scenario& scenario, const Outcome& outcome) {
+std::string unmet_demands(const Scenario& scenario, const Outcome& outcome) {
   const Verdict& v = outcome.verdict;
   std::vector<std::string> all;
   const auto require = [&all](bool holds, const std::string& text) {

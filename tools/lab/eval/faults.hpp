@@ -1,5 +1,5 @@
-// Runs of the daemon's own way, from a camera that fails, through real packets on the loopback, to a sink; what came
-// out of them, against what should have; the faults that are tried, and what each must lead to.
+// Runs of the daemon's own way, from a failing camera, through real packets on the loopback, to a sink; judgement of
+// their results; the scenarios of faults, and the expected result of each.
 #pragma once
 
 #include <array>
@@ -59,14 +59,14 @@ std::string fresh_address();
 // Errors: those of camera, source and pipeline; the camera that never began to stream. Thread: setup.
 Result<RunResult> run(const RunTask& task);
 
-// What the pipeline makes of the scene when nothing goes wrong: the deblurred plane of each frame, by its number. Empty
-// for frames without a full window. Thread: setup.
+// The pipeline's result without faults: the deblurred plane of each frame, by its number. Empty for frames without a
+// full window. Thread: setup.
 Result<std::vector<Counts>> undisturbed(const Recording& scene, const pipeline::PipelineOptions& options);
 
-// --- What came out of a run, against what should have.
+// --- Results of a run, judged.
 
-// What the faults do to frames that come nevertheless, and when they strike: s after the first stream's start; before
-// it when they strike no single moment.
+// Effects of the faults on frames that still arrive, and their times: s after the first stream's start; before it when
+// there is no single moment.
 struct Disturbance {
   double from_s = -1.0;
   double to_s = -1.0;          // when the last of it is over; from_s for what is over at once
@@ -91,22 +91,21 @@ struct Verdict {
 Verdict judge(const RunResult& result, const Recording& scene, const std::vector<Counts>& reference, int window,
               const Disturbance& disturbance);
 
-// The losses that the camera's own account of its faults leads to. `resends`: lost packets are had again.
-// Thread: any.
+// The losses expected from the camera's own record of its faults. `resends`: lost packets are sent again. Thread: any.
 Losses expected_losses(const fakecam::FaultScript& script, const std::vector<fakecam::InjectedFault>& injected,
                        bool resends);
 
 // --- The faults that are tried, one at a time.
 
-// What a scenario leads to, and what it needs beside its faults.
+// Expected results of a scenario, and its needs beside its faults.
 struct Demands {
   bool resends = false;  // the daemon asks for lost packets and gets them: most frames are saved
   int least_reconnects = 0;
   int most_reconnects = 0;
-  // False: what is lost depends on more than the fault: on how fast packets are asked for and sent again, on when a
-  // camera is opened again. Then each frame that never came must be counted, and no more is asked.
+  // False: losses depend on more than the fault: on how fast packets are requested and sent again, on when a camera is
+  // reopened. Then each missing frame must be counted, and no more is demanded.
   bool exact = true;
-  std::function<void(RunTask&)> prepare = nullptr;  // what else differs
+  std::function<void(RunTask&)> prepare = nullptr;  // further settings
 };
 
 struct Scenario {
@@ -120,7 +119,7 @@ struct Scenario {
 // All of them, of a small scene at 200 Hz. Thread: any.
 const std::vector<Scenario>& scenarios();
 
-// What all scenarios look at: 64x24 pixels of a street that passes by, and what an undisturbed run makes of it.
+// Input of all scenarios: 64x24 pixels of a street that passes by, and an undisturbed run's result on it.
 struct Stage {
   Recording scene;
   pipeline::PipelineOptions pipeline;
@@ -140,8 +139,8 @@ struct Outcome {
 // `seed`: another one chooses other packets. Thread: any.
 Result<Outcome> play(const Scenario& scenario, const Stage& stage, int seed = 1);
 
-// What must hold and does not, in words; empty when all does. Thread: any.
-std::string what_is_wrong(const Scenario& scenario, const Outcome& outcome);
+// Describes unmet demands; empty when all are met. Thread: any.
+std::string unmet_demands(const Scenario& scenario, const Outcome& outcome);
 
 // "incomplete 12, missing 3", or "none". Thread: any.
 std::string text_of(const Losses& losses);
@@ -155,7 +154,7 @@ struct LossTask {
   double seconds = 4.0;
 };
 
-// The street that all trials look at, 640x120 at 200 Hz. Thread: setup.
+// Input of all trials: a street, 640x120 at 200 Hz. Thread: setup.
 Result<Recording> loss_scene(double seconds);
 
 // `scene`: of loss_scene(), long enough. Frames sent, those of them that lost a packet at first (frames_hit), and those

@@ -76,9 +76,9 @@ std::uint64_t host_dropped() {
       names = line;
       continue;
     }
-    std::istringstream name_words(names);
-    std::istringstream value_words(line);
-    for (std::string name, value; name_words >> name && value_words >> value;) {
+    std::istringstream name_fields(names);
+    std::istringstream value_fields(line);
+    for (std::string name, value; name_fields >> name && value_fields >> value;) {
       if (name == "RcvbufErrors") return std::stoull(value);
     }
   }
@@ -104,7 +104,7 @@ struct Seen {
   int offset = 0;          // of its pixels, counts
 };
 
-// Whether both planes are the same but for an offset. Rounding moves deblurred values by one count when it is there.
+// True if both planes are the same but for an offset. Rounding moves deblurred values by one count when it is there.
 bool same(const Counts& shown, const std::uint16_t* expected, int offset, int tolerance) {
   for (std::size_t p = 0; p < shown.size(); ++p) {
     if (std::abs(static_cast<int>(shown[p]) - static_cast<int>(expected[p]) - offset) > tolerance) return false;

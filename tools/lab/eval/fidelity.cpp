@@ -1,4 +1,4 @@
-// `bolo-lab eval fidelity`: which estimator is good where.
+// `bolo-lab eval fidelity`: compares the estimators.
 
 #include <algorithm>
 #include <map>
@@ -65,7 +65,7 @@ Result<std::vector<Motion>> motions_of(const cxxopts::ParseResult& given) {
   return motions;
 }
 
-// What `bolo-lab eval fidelity` is asked for.
+// Options of `bolo-lab eval fidelity`.
 struct Options {
   std::vector<std::string> scenes;
   std::vector<Motion> motions;  // pans, then trajectories

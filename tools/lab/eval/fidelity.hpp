@@ -1,5 +1,5 @@
-// The table of `bolo-lab eval fidelity`: every estimator, and a filter that is told the motion, on the same targets of
-// one sequence; and how it is drawn. Figures are JSON as the verb prints it: the schema is in its --help.
+// The table of `bolo-lab eval fidelity`: every estimator, and a filter that knows the motion, on the same targets of
+// one sequence; and its drawing. Figures are JSON as the verb prints it: the schema is in its --help.
 #pragma once
 
 #include <array>
@@ -24,7 +24,7 @@ inline constexpr double kQuantisationK = 0.01;
 using Plane = std::vector<float>;  // row-major, K
 using Planes = std::vector<Plane>;
 
-// Where a pixel stands in a plane. Thread: any.
+// Index of a pixel in a plane. Thread: any.
 inline std::size_t at(Geometry g, int x, int y) {
   return static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x);
 }
@@ -47,17 +47,17 @@ struct SequenceTask {
   int lookahead = 2;       // frames that follow the last target
   std::uint64_t seed = 1;  // of the street
   int threads = 2;         // the result does not depend on them
-  // What the judged pixel (0, 0) looks at in the scene at the first target; empty: the middle of all that the path sees
-  // is the middle of the scene.
-  std::optional<sim::Position> looks_at{};
+  // The scene's position at the judged pixel (0, 0) at the first target; empty: the middle of the path's whole view is
+  // the middle of the scene.
+  std::optional<sim::Position> origin{};
 };
 
 // Pixels around the judged ones that estimators may use, so that spatial filters do not suffer from a border.
 inline constexpr int kMargin = 32;
-// Frames before the first target: a window, and as many again for what is measured over time.
+// Frames before the first target: a window, and as many again for measurements over time.
 inline constexpr int kLeadIn = 32;
 
-// What the pixels show before noise, and what is true.
+// Noiseless input and ground truth of a sequence.
 struct CleanSequence {
   SequenceTask task;
   Geometry geometry;  // of the whole frames
@@ -92,7 +92,7 @@ Plane cut(const Plane& whole, Geometry geometry, const Region& part);
 // The truth of the targets alone. Thread: any.
 Planes target_truth(const CleanSequence& clean);
 
-// --- How far an estimate is from the truth. Both have the same planes.
+// --- Errors of an estimate. Both have the same planes.
 
 // Root mean square difference over all planes, K. Thread: any.
 double rmse(const Planes& estimate, const Planes& truth);
@@ -102,12 +102,12 @@ double rmse(const Planes& estimate, const Planes& truth);
 // such edge or crossing. Thread: any.
 double edge_width(const Planes& estimate, const Planes& truth, Geometry geometry);
 
-// RMSE where each plane may be shifted against the truth by what makes its error least, at most 24 px along x and 8
-// along y and to fractions of a pixel: what is left is not lag. Over the pixels that both see. Thread: any.
+// RMSE after each plane is shifted against the truth to its least error, at most 24 px along x and 8 along y and to
+// fractions of a pixel: without lag. Over the pixels of both. Thread: any.
 double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry geometry);
 
 // Root mean square of the error about its mean in each of the 10 % flattest tiles of 16x16 pixels of the truth: noise,
-// whatever the lag. NaN when the picture is smaller than a tile. Thread: any.
+// regardless of lag. NaN when the picture is smaller than a tile. Thread: any.
 double flat_noise(const Planes& estimate, const Planes& truth, Geometry geometry);
 
 // All of them as JSON. Thread: any.
@@ -146,8 +146,8 @@ deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda
 // kBadInput when Solver::create refuses the settings. Thread: any, several at once.
 Result<Planes> estimate(const Sequence& sequence, const deblur::Settings& settings);
 
-// Columns of those that know only the frame itself: they are the same at every look-ahead, and made once. Thread: any,
-// several at once.
+// Columns of the estimators that use only the frame itself: they are the same at every look-ahead, and made once.
+// Thread: any, several at once.
 Json spatial_columns(const Sequence& sequence);
 
 // The cell at one look-ahead, without the spatial columns. Thread: any, several at once.
@@ -169,8 +169,8 @@ struct Tap {
 // the picture linear between pixels. Thread: any.
 std::vector<Tap> motion_kernel(sim::Position content_px_s, double tau_s);
 
-// The same for the way that the camera really went before `t_s`; `factor` stretches the trail: 1.1 for a speed that is
-// thought 10 % too high. The path must go back 6 tau_s before. Thread: any.
+// The same for the camera's actual path before `t_s`; `factor` stretches the trail: 1.1 for a speed 10 % too high. The
+// path must go back 6 tau_s before. Thread: any.
 std::vector<Tap> path_kernel(const sim::Path& path, double t_s, double tau_s, double factor = 1.0);
 
 // Spatial Wiener filter with the known blur H: conj(H) / (|H|^2 + noise_to_signal * (f^2 + f0^2) / f0^2), for pictures
@@ -192,8 +192,7 @@ class SpatialWiener {
   Spectrum kernel_;
 };
 
-// Keeps the best of several tries by their RMSE; the truth picks: the best that they can do, which nobody knows outside
-// a simulator.
+// Keeps the best of several tries by their RMSE against the truth: a bound, unknown outside a simulator.
 class Oracle {
  public:
   explicit Oracle(const Planes& truth) : truth_(truth) {}
@@ -208,10 +207,9 @@ class Oracle {
   double error_ = 0.0;
 };
 
-// Offers the targets, each restored with the kernel that is told of it, at every strength. Thread: any, several at
-// once.
+// Offers the targets, each restored with its kernel, at every strength. Thread: any, several at once.
 void try_wiener(const Sequence& sequence, const std::vector<std::vector<Tap>>& kernels, Oracle& oracle);
 
-inline constexpr double kWrongSpeed = 1.1;  // what the spatial filter is told where it is told wrongly
+inline constexpr double kWrongSpeed = 1.1;  // speed of the spatial filter with a wrong motion
 
 }  // namespace bolo::tools::fidelity

@@ -74,12 +74,12 @@ Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings) {
 
 Json spatial_columns(const Sequence& s) {
   const Planes truth = target_truth(*s.clean);
-  const auto told = [&](double factor) {
+  const auto wiener = [&](double factor) {
     Oracle oracle(truth);
     try_wiener(s, motion_kernels(*s.clean, factor), oracle);
     return picked_figures(oracle, truth, s);
   };
-  return {{"spatial_wiener", told(1.0)}, {"spatial_wiener_10", told(kWrongSpeed)}};
+  return {{"spatial_wiener", wiener(1.0)}, {"spatial_wiener_10", wiener(kWrongSpeed)}};
 }
 
 Result<Json> evaluate(const Sequence& s, int lookahead) {

@@ -35,9 +35,9 @@ sim::Position content_velocity(const sim::Path& path, double t_s) {
 // The scene position of the whole frame's pixel (0, 0) at motion (0, 0).
 sim::Position origin_of(const SequenceTask& task, const CleanSequence& made, const sim::Scene& scene,
                         const sim::Path& path, double from_s, double to_s) {
-  if (!task.looks_at) return sim::centred_origin(scene, path, made.geometry, from_s, to_s);
+  if (!task.origin) return sim::centred_origin(scene, path, made.geometry, from_s, to_s);
   const sim::Position moved = path.at(kLeadIn * kPeriodS);
-  return {task.looks_at->x_px - made.judged.x - moved.x_px, task.looks_at->y_px - made.judged.y - moved.y_px};
+  return {task.origin->x_px - made.judged.x - moved.x_px, task.origin->y_px - made.judged.y - moved.y_px};
 }
 
 sim::CameraSettings camera_of(Geometry geometry, int threads) {

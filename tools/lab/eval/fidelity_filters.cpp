@@ -30,14 +30,14 @@ int padded_length(int wanted) {
   return wanted;
 }
 
-// How much of the far border a padding element takes: 0 inside, then a ramp over the padding.
+// The far border's share in a padding element: 0 inside, then a ramp over the padding.
 double ramp(int i, int length, int padded) {
   return i < length ? 0.0 : static_cast<double>(i - length + 1) / (padded - length + 1);
 }
 
 int steps_along(double length_px) { return std::max(1, static_cast<int>(std::ceil(length_px / kStepPx))); }
 
-// The integral of exp(-age / tau) over what the pixels looked at: `shown_at(age_s)` is how far from the pixel, now.
+// The integral of exp(-age / tau) over the pixel's trail: `shown_at(age_s)` is its distance from the pixel, now.
 template <typename ShownAt>
 std::vector<Tap> trail_kernel(int steps, double tau_s, ShownAt&& shown_at) {
   std::map<std::pair<int, int>, double> sum;

@@ -76,8 +76,7 @@ double rise_of(const std::vector<double>& profile) {
   return best < 0 ? kNan : crossing(best, 1, 0.9) - crossing(best + 1, -1, 0.1);
 }
 
-// What a shift of the truth by d (x, y) leaves of an estimate, and the step that Gauss and Newton would take from
-// there.
+// Error of an estimate against the truth shifted by d (x, y), and the Gauss-Newton step from there.
 struct ShiftedError {
   double mean_square = std::numeric_limits<double>::infinity();
   Eigen::Vector2d step = Eigen::Vector2d::Zero();

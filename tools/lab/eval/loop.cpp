@@ -42,7 +42,7 @@ bool has_map(std::string_view name) {
   return std::ranges::find(kMaps, name) != kMaps.end();
 }
 
-// Frames of a camera without noise that looks at `field`, K.
+// Frames of a camera without noise that films `field`, K.
 Result<std::vector<std::vector<float>>> measure(const blind::Session& session, std::unique_ptr<const sim::Field> field,
                                                 std::size_t frames) {
   std::vector<sim::EffectSpec> effects;
@@ -124,8 +124,8 @@ class ErrorSink final : public pipeline::FrameSink {
   SquareSum squares_;
 };
 
-// The camera of the session, with its effects or without, looks at a street that passes by, after the session: the same
-// noise either way. What happens at one moment does so in the middle.
+// The session's camera, with its effects or without, films a street that passes by, after the session: the same noise
+// either way. Momentary effects happen in the middle.
 Result<Recording> record_scene(const blind::Session& session, bool with_effects) {
   std::vector<sim::EffectSpec> effects;
   if (with_effects) effects = session.effects;
@@ -137,7 +137,7 @@ Result<Recording> record_scene(const blind::Session& session, bool with_effects)
   return record_street(camera, {kStreet, kSceneSpeedPxS, kSceneFrames});
 }
 
-// What is hidden in the session, in the terms of the pipeline: constants as they were drawn; maps as a bench without
+// The session's hidden effects, as the pipeline's corrections: constants as they were drawn; maps as a bench without
 // noise or error would measure them at the scene's time.
 Result<diagnose::Learned> true_profile(const blind::Session& session) {
   diagnose::Learned known;

@@ -91,7 +91,7 @@ Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial) {
       (*all)[k * pixels + p] = static_cast<float>(format.scale.to_physical(static_cast<double>(plane[p])));
     }
   }
-  if (trial.part_of_field) {  // the left third looks at a wall: its first frame, with its own noise
+  if (trial.part_of_field) {  // the left third films a wall: its first frame, with its own noise
     std::mt19937_64 random(trial.seed + 1000);
     std::normal_distribution<float> noise(0.0F, static_cast<float>(std::max(trial.noise_k, 1e-6)));
     for (std::size_t i = 0; i < all->size(); ++i) {

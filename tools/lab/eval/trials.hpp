@@ -1,6 +1,6 @@
-// What `bolo-lab eval pulses` and `eval pixel` try: a simulated chopper before a simulated camera, in memory; and one
-// pixel whose input jumps four times within a window, and what least squares and the paper's quadratic programme make
-// of its samples (the paper's Fig. 4).
+// Trials of `bolo-lab eval pulses` and `eval pixel`: a simulated chopper before a simulated camera, in memory; and one
+// pixel whose input jumps four times within a window, estimated by least squares and by the paper's quadratic programme
+// (the paper's Fig. 4).
 #pragma once
 
 #include <atomic>
@@ -37,8 +37,7 @@ Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial);
 // The trials that `bolo-lab eval pulses` goes through. Thread: any.
 std::vector<PulseTrial> pulse_trials();
 
-// What seeds 1 .. `seeds` of one trial came to; fewer when `stop` is set. Errors are relative; sums are means.
-// Thread: setup.
+// Scores seeds 1 .. `seeds` of one trial; fewer when `stop` is set. Errors are relative; sums are means. Thread: setup.
 Result<Json> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<bool>& stop);
 
 // --- One pixel.
@@ -69,8 +68,8 @@ std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vect
 
 double rmse(const std::vector<double>& a, const std::vector<double>& b);
 
-// What `draws` draws of white noise come to: errors and, mean over the draws, how far the largest and least bins lie
-// beyond the input's range. No noise: one draw.
+// Scores `draws` draws of white noise: errors and, mean over the draws, how far the largest and least bins lie beyond
+// the input's range. No noise: one draw.
 Json score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed);
 
 }  // namespace bolo::tools

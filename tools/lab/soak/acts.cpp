@@ -32,8 +32,8 @@ const Signals* signals_of(Kind kind) {
   return found == kAll.end() ? nullptr : found;
 }
 
-// The first plane that is wrong, in words; empty: none.
-std::string what_is_wrong(const std::filesystem::path& file, const Truth& truth) {
+// Describes the first wrong plane; empty: none.
+std::string find_wrong_plane(const std::filesystem::path& file, const Truth& truth) {
   const auto reader = capture::CaptureReader::open(file);
   if (!reader) return reader.error().message;
   if (reader->info().frames == 0) return file.filename().string() + ": no frame in it";
@@ -47,7 +47,7 @@ std::string what_is_wrong(const std::filesystem::path& file, const Truth& truth)
   return {};
 }
 
-// Ends it as the job says; what its exit code should be.
+// Ends it as the job demands; returns the expected exit code.
 int end_recording(Process& recorder, Kind end) {
   if (end == Kind::kDiskFull) return 1;
   const int number = end == Kind::kRecorderKilled ? SIGKILL : SIGINT;
@@ -72,7 +72,7 @@ bool recovered(const std::filesystem::path& bolo, const std::filesystem::path& f
 constexpr double kFullAfter_s = 0.8;             // of frames, on the disk that gets full
 constexpr std::uint64_t kLeastDisk = 2U << 20U;  // bytes: what a capture takes before its first frame, and more
 
-// Records, ends it as the disturbance says, saves what a killed one left, and looks at every plane. `most_bytes`: of
+// Records, ends it as the disturbance demands, recovers a killed one's file, and checks every plane. `most_bytes`: of
 // the disk that gets full. Blocks.
 void record_and_judge(const Rig& rig, const Disturbance& d, const std::filesystem::path& file, std::uint64_t most_bytes,
                       Findings& findings) {
@@ -83,18 +83,18 @@ void record_and_judge(const Rig& rig, const Disturbance& d, const std::filesyste
   std::this_thread::sleep_for(std::chrono::duration<double>(d.for_s));
   const int expected = end_recording(*recorder, d.kind);
   const auto code = recorder->wait(kEndLimit_s);
-  const std::string said = contents(log.string() + ".err");
+  const std::string errors = contents(log.string() + ".err");
   const std::string ending = code ? "exit code " + std::to_string(*code) : std::string("no end");
   if (!findings.require(Invariant::kRecordings, code == expected,
-                        "bolo record: " + ending + " instead of " + std::to_string(expected) + ": " + said)) {
+                        "bolo record: " + ending + " instead of " + std::to_string(expected) + ": " + errors)) {
     return;
   }
   if (d.kind == Kind::kDiskFull) {
-    findings.require(Invariant::kRecordings, said.find("no room to write") != std::string::npos,
-                     "a full disk was called: " + said);
+    findings.require(Invariant::kRecordings, errors.find("no room to write") != std::string::npos,
+                     "a full disk was called: " + errors);
   }
   if (d.kind == Kind::kRecorderKilled && !recovered(bolo, file, findings)) return;
-  const std::string wrong = what_is_wrong(file, rig.truth());
+  const std::string wrong = find_wrong_plane(file, rig.truth());
   findings.require(Invariant::kRecordings, wrong.empty(), wrong);
   std::error_code ignored;
   std::filesystem::remove(file, ignored);
@@ -156,7 +156,7 @@ void Acts::take(Kind kind) {
   helper_.emplace(std::move(*started));
 }
 
-// How long it takes to end must not hold up the schedule.
+// On a thread, since its end may take longer than the schedule allows.
 void Acts::give_back() {
   if (!helper_) return;
   run_beside([helper = std::make_shared<Process>(std::move(*helper_))] {

@@ -55,9 +55,9 @@ void Findings::now(double at_s, const std::string& during) {
   during_ = during;
 }
 
-void Findings::looked(Invariant invariant, std::uint64_t times) {
+void Findings::count_check(Invariant invariant, std::uint64_t times) {
   const std::lock_guard lock(mutex_);
-  tallies_[static_cast<std::size_t>(invariant)].looks += times;
+  tallies_[static_cast<std::size_t>(invariant)].checks += times;
 }
 
 void Findings::broken(Invariant invariant, std::string what) {
@@ -67,7 +67,7 @@ void Findings::broken(Invariant invariant, std::string what) {
 }
 
 bool Findings::require(Invariant invariant, bool holds, const std::string& what) {
-  looked(invariant);
+  count_check(invariant);
   if (!holds) broken(invariant, what);
   return holds;
 }
@@ -131,7 +131,7 @@ Balance balance_of(const Mark& from, const Mark& to) {
   b.passed = to.passed + to.skipped_ids - from.passed - from.skipped_ids;
   b.published = to.published - from.published;
   b.lost = to.lost_total - from.lost_total;
-  b.unheard = static_cast<std::int64_t>(b.passed - b.published - b.lost);
+  b.unaccounted = static_cast<std::int64_t>(b.passed - b.published - b.lost);
   if (b.one_life) b.numbered = to.frame_id - from.frame_id;
   return b;
 }
@@ -142,12 +142,12 @@ void check_balance(const Balance& b, double silence_s, double period_s, Findings
         Invariant::kAccount, b.numbered == b.published + b.lost,
         n(b.numbered) + " frames by the daemon's numbers, " + n(b.published) + " published and " + n(b.lost) + " lost");
   }
-  const auto most = b.one_stream ? 0 : kUnheardMargin + static_cast<std::int64_t>(std::ceil(silence_s / period_s));
-  const auto least = b.one_stream ? 0 : -kUnheardMargin;
+  const auto most = b.one_stream ? 0 : kUnaccountedMargin + static_cast<std::int64_t>(std::ceil(silence_s / period_s));
+  const auto least = b.one_stream ? 0 : -kUnaccountedMargin;
   findings.require(
-      Invariant::kCamera, b.unheard >= least && b.unheard <= most,
+      Invariant::kCamera, b.unaccounted >= least && b.unaccounted <= most,
       n(b.passed) + " frames passed by the camera, " + n(b.published) + " published and " + n(b.lost) +
-          " lost: " + std::to_string(b.unheard) + " unaccounted for, where " +
+          " lost: " + std::to_string(b.unaccounted) + " unaccounted for, where " +
           (b.one_stream ? "none may be" : std::to_string(most) + " may have fallen into the silence of the break"));
 }
 

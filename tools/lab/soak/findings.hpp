@@ -1,4 +1,4 @@
-// What must hold, what stands in the daemon's log, and the books of camera and daemon: whether they agree.
+// Invariants and their breaches, the daemon's log, and the comparison of the camera's and the daemon's counts.
 #pragma once
 
 #include <mutex>
@@ -11,13 +11,13 @@ enum class LogLine {
   kFine,           // informs, or warns of trouble with the camera or of frames lost
   kRefusedReload,  // an error: a file that is wrong was not taken up
   kNoLife,         // an error: no signs of life to the service manager's watchdog
-  kWrong,          // another error, what it said as it ended before it ran, or no line of bolod's
+  kWrong,          // another error, a message at an end before it ran, or no line of bolod's
 };
 
 // A line of text: time, level, message (log.format = "text"). Thread: any.
 LogLine classify(std::string_view line);
 
-// --- What must hold all the time, how often it was looked at, and when it did not hold.
+// --- Invariants, with counts of their checks and breaches.
 
 enum class Invariant {
   kAccount,
@@ -57,20 +57,20 @@ struct Breach {
 class Findings {
  public:
   struct Tally {
-    std::uint64_t looks = 0;
+    std::uint64_t checks = 0;
     std::uint64_t broken = 0;
-    std::string figure;  // what was measured, in words; of the last look that had one
+    std::string figure;  // last measurement, in words
   };
-  static constexpr std::size_t kKept = 20;  // breaches of one invariant that are kept in words
+  static constexpr std::size_t kKept = 20;  // breaches of one invariant that are described
 
-  // Where the time comes from, and what is happening.
+  // Sets the time of what follows, and the present disturbance.
   void now(double at_s, const std::string& during);
 
-  void looked(Invariant invariant, std::uint64_t times = 1);
+  void count_check(Invariant invariant, std::uint64_t times = 1);
   void broken(Invariant invariant, std::string what);
-  // Both in one: it holds, or `what` says why not.
+  // Counts a check, and a breach `what` unless it holds.
   bool require(Invariant invariant, bool holds, const std::string& what);
-  // What should have been done; broken() says why it was not.
+  // Counts a check of a step, and its error as a breach.
   bool done(Invariant invariant, const Status& status);
   void figure(Invariant invariant, std::string text);
 
@@ -91,7 +91,7 @@ class Findings {
 // Of all causes. Thread: any.
 std::uint64_t total(const faults::Losses& lost);
 
-// What a fake camera says of itself (bolo fakecam --json --tell-every).
+// A fake camera's own counts (bolo fakecam --json --tell-every).
 struct CameraAccount {
   std::int64_t time_ns = 0;
   std::int64_t first_stream_ns = 0;  // 0: nobody has opened it yet
@@ -123,20 +123,20 @@ struct Mark {
   double silence_s = 0.0;  // in which nothing was published
 };
 
-// Whether what happened from one mark to the next adds up.
+// Sums from one mark to the next.
 struct Balance {
   std::uint64_t passed = 0;  // by the camera, numbers that it skipped included
   std::uint64_t published = 0;
-  std::uint64_t lost = 0;      // by cause, all of them
-  std::uint64_t numbered = 0;  // ids that the daemon gave out; of one life only
-  std::int64_t unheard = 0;    // passed, neither published nor lost: sent to nobody
-  bool one_life = true;        // of the daemon
-  bool one_stream = true;      // of the camera, too
+  std::uint64_t lost = 0;        // by cause, all of them
+  std::uint64_t numbered = 0;    // ids that the daemon gave out; of one life only
+  std::int64_t unaccounted = 0;  // passed, neither published nor lost: sent to nobody
+  bool one_life = true;          // of the daemon
+  bool one_stream = true;        // of the camera, too
 };
 // Thread: any.
 Balance balance_of(const Mark& from, const Mark& to);
 
-inline constexpr std::int64_t kUnheardMargin = 40;  // frames in flight when a stream breaks
+inline constexpr std::int64_t kUnaccountedMargin = 40;  // frames in flight when a stream breaks
 
 // Judges a balance. `period_s`: of the frames. Thread: any.
 void check_balance(const Balance& balance, double silence_s, double period_s, Findings& findings);

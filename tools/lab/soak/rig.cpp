@@ -25,8 +25,8 @@ constexpr std::size_t kLap = 240;            // frames of the scene
 constexpr int kRingFrames = 256;
 
 constexpr int kOpen_ms = 10'000;
-constexpr int kReaderLook_ms = 100;
-constexpr std::int64_t kTellNs = 500'000'000;
+constexpr int kReaderPoll_ms = 100;
+constexpr std::int64_t kReportNs = 500'000'000;
 constexpr std::streamoff kEnd = 1024;  // bytes: several lines
 
 struct Close {
@@ -188,8 +188,8 @@ Json last_account(const std::string& file) {
   in.seekg(std::max<std::streamoff>(0, size - kEnd));
   Json account{{"frames", 0}, {"missed", 0}, {"restarts", 0}, {"disorder", 0}};
   for (std::string line; std::getline(in, line);) {
-    const Json told = Json::parse(line, nullptr, false);
-    if (told.is_object()) account.update(told);
+    const Json status = Json::parse(line, nullptr, false);
+    if (status.is_object()) account.update(status);
   }
   return account;
 }
@@ -205,20 +205,20 @@ Status read_along(const std::string& name, const std::atomic<bool>& stop) {
   std::uint64_t missed = 0;
   std::uint64_t restarts = 0;
   std::uint64_t disorder = 0;
-  const auto tell = [&] {
+  const auto report = [&] {
     const Json account{{"frames", frames}, {"missed", missed}, {"restarts", restarts}, {"disorder", disorder}};
     std::puts(account.dump().c_str());
     std::fflush(stdout);
   };
   bolo_client_frame frame{};
   std::int64_t last_publish_ns = 0;
-  std::int64_t next_tell_ns = monotonic_ns();
+  std::int64_t next_report_ns = monotonic_ns();
   while (!stop.load(std::memory_order_relaxed)) {
-    if (monotonic_ns() >= next_tell_ns) {
-      tell();
-      next_tell_ns = monotonic_ns() + kTellNs;
+    if (monotonic_ns() >= next_report_ns) {
+      report();
+      next_report_ns = monotonic_ns() + kReportNs;
     }
-    const int got = bolo_client_next(client.get(), kReaderLook_ms, &frame);
+    const int got = bolo_client_next(client.get(), kReaderPoll_ms, &frame);
     if (got == BOLO_CLIENT_RESTARTED) ++restarts;
     if (got < 0) return failed(bolo_client_error(client.get()));
     if (got != BOLO_CLIENT_OK) continue;
@@ -231,7 +231,7 @@ Status read_along(const std::string& name, const std::atomic<bool>& stop) {
     if (frame.publish_ns <= last_publish_ns) ++disorder;
     last_publish_ns = frame.publish_ns;
   }
-  tell();
+  report();
   return {};
 }
 

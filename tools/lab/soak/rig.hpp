@@ -1,4 +1,4 @@
-// The processes of a soak: camera, daemon, readers; what is known of them, and what each kind of trouble does to them.
+// The processes of a soak: camera, daemon, readers; their state, and the acts of each kind of trouble.
 #pragma once
 
 #include <future>
@@ -69,7 +69,7 @@ class Rig {
 
   // A camera with this script, at the rig's address.
   Status start_camera(const Round& round);
-  // Waits until it serves; false when it does not, and camera_error() says why.
+  // Waits until it serves; false when it does not: camera_error().
   bool wait_for_camera();
   std::string camera_error() const { return contents(camera_->log().string() + ".err"); }
   std::string daemon_error() const { return contents(daemon_log()); }
@@ -78,7 +78,7 @@ class Rig {
   Status start_daemon();
   Status start_readers();
   Status replace_reader();
-  // Takes up what the camera has told.
+  // Reads the camera's reports so far.
   void read_camera();
 
   Process& camera() { return *camera_; }
@@ -110,8 +110,8 @@ class Rig {
 
 // --- A reader process: reads every frame as any program does, with libbolo-client.
 
-// Until `stop`; prints a line of JSON twice a second and at the end: frames, missed, restarts, and disorder, frames
-// that came in another order than their numbers and times say. Thread: setup.
+// Until `stop`; prints a line of JSON twice a second and at the end: frames, missed, restarts, and disorder, frames out
+// of the order of their numbers and times. Thread: setup.
 Status read_along(const std::string& name, const std::atomic<bool>& stop);
 
 // The last whole line of such; zeros of none. Thread: any.
@@ -119,8 +119,8 @@ Json last_account(const std::string& file);
 
 // --- What a soak does beside its own thread.
 
-// What each kind of trouble does to the processes. Thread: one at a time. What the camera does by its script needs no
-// act.
+// Acts of each kind of trouble on the processes; the camera's own faults, by its script, need none. Thread: one at a
+// time.
 class Acts {
  public:
   Acts(Rig& rig, Findings& findings) : rig_(rig), findings_(findings) {}

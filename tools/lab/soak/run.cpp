@@ -8,13 +8,12 @@ namespace bolo::tools::soak {
 namespace {
 
 constexpr auto kTick = std::chrono::milliseconds(20);
-constexpr double kFirstFrame_s = 40.0;  // a camera's first stream comes within this
-constexpr double kRestart_s = 0.3;      // from the end of a daemon to the next one's start, as a service manager's
-constexpr double kStillness_s = 5.0;    // from what makes a daemon stand still to its telling so, at most
-constexpr double kLastMark_s = 5.0;     // to wait for it
-constexpr double kTell_s = 5.0;         // from one line of progress to the next
-constexpr double kBeforeAndAfter_s =
-    1.5;  // what a camera shows may come so much earlier or later than its schedule says
+constexpr double kFirstFrame_s = 40.0;     // a camera's first stream comes within this
+constexpr double kRestart_s = 0.3;         // from the end of a daemon to the next one's start, as a service manager's
+constexpr double kStillness_s = 5.0;       // from what makes a daemon stand still to its telling so, at most
+constexpr double kLastMark_s = 5.0;        // to wait for it
+constexpr double kReport_s = 5.0;          // from one line of progress to the next
+constexpr double kBeforeAndAfter_s = 1.5;  // the camera's lead or lag against its schedule, at most
 constexpr double kCountsPerKelvin = 100.0;
 constexpr double kCalm_s = 0.3;       // after a recovery, before a time counts as quiet
 constexpr double kPatience_s = 30.0;  // with what does not recover on a machine that others use
@@ -57,7 +56,7 @@ class Run {
 
   void wind_up() {
     acts_->finish();
-    look_at_recoveries();
+    check_recoveries();
     close_books();
     for (Process& reader : rig_->readers()) {
       reader.signal(SIGTERM);
@@ -71,7 +70,7 @@ class Run {
     findings_.require(Invariant::kProcesses, code == 0,
                       code ? "bolod ended with exit code " + std::to_string(*code) : "bolod does not end on SIGTERM");
     findings_.done(Invariant::kProcesses, rig_->end_camera());
-    look_at_log();
+    check_log();
     const auto require_all = [this](int answered, Kind kind, const char* what) {
       const auto struck = std::ranges::count_if(
           result_.struck, [kind](const Struck& s) { return s.disturbance.kind == kind && s.begin_s >= 0.0; });
@@ -111,7 +110,7 @@ class Run {
     return findings_.require(Invariant::kProcesses, serves, "the fake camera does not start: " + rig_->camera_error());
   }
 
-  // What drops the connection does it when the camera is set up, before its first stream.
+  // Faults that drop the connection strike when the camera is set up, before its first stream.
   bool wait_for_stream() {
     for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
       if (result_.struck[i].disturbance.kind == Kind::kWindowingDrop) begin(result_.struck[i]);
@@ -165,16 +164,16 @@ class Run {
     findings_.now(now_s(), what_happens());
     rig_->read_camera();
     watcher_->allow(allowed());
-    look_at_processes();
-    look_at_log();
-    look_at_recoveries();
-    books_->look(rig_->book(), *watcher_, now_s());
+    check_processes();
+    check_log();
+    check_recoveries();
+    books_->update(rig_->book(), *watcher_, now_s());
     if (now_s() >= next_sample_s_) {
       next_sample_s_ += kSample_s;
       sampler_->sample(now_s(), is_quiet());
-      if (sampler_->timeline().size() % 2 == 0) look_at_readers();
+      if (sampler_->timeline().size() % 2 == 0) check_readers();
     }
-    if (now_s() >= next_tell_s_) tell();
+    if (now_s() >= next_report_s_) report_progress();
   }
 
   // --- what happens now ---
@@ -189,12 +188,12 @@ class Run {
     return false;
   }
 
-  // How far the camera is behind its schedule, as far as it has told: on a machine at its limit its frames come late.
+  // The camera's lag behind its schedule by its last report: on a machine at its limit its frames come late.
   double camera_lag_s() const {
-    const auto& told = rig_->book().present();
-    if (!told || told->first_stream_ns == 0) return 0.0;
-    const double played_s = static_cast<double>(told->passed) / kRateHz;
-    return std::max(0.0, now_s() - at_s(told->first_stream_ns) - played_s);
+    const auto& account = rig_->book().present();
+    if (!account || account->first_stream_ns == 0) return 0.0;
+    const double played_s = static_cast<double>(account->passed) / kRateHz;
+    return std::max(0.0, now_s() - at_s(account->first_stream_ns) - played_s);
   }
 
   // The offset that frames may show now: a shutter's stays until its camera is replaced, whose last frames may still be
@@ -225,9 +224,9 @@ class Run {
     return !open && now_s() > calm_since_s_ + kCalm_s;
   }
 
-  // --- what is looked at, all the time ---
+  // --- checks, all the time ---
 
-  void look_at_recoveries() {
+  void check_recoveries() {
     const GoodRun run = watcher_->good_run();
     const std::uint64_t window = watcher_->first_header().window + watcher_->first_header().lookahead;
     for (Struck& struck : result_.struck) {
@@ -247,7 +246,7 @@ class Run {
     }
   }
 
-  void look_at_processes() {
+  void check_processes() {
     if (const auto code = rig_->has_camera() ? rig_->camera().ended() : std::nullopt) {
       findings_.broken(Invariant::kProcesses, "the fake camera ended with exit code " + std::to_string(*code));
     }
@@ -263,9 +262,9 @@ class Run {
     }
   }
 
-  void look_at_log() {
+  void check_log() {
     for (const std::string& line : log_->take()) {
-      findings_.looked(Invariant::kLog);
+      findings_.count_check(Invariant::kLog);
       if (line.find("reload: took up") != std::string::npos) ++taken_reloads_;
       switch (classify(line)) {
         case LogLine::kFine:
@@ -286,7 +285,7 @@ class Run {
   }
 
   // Readers go on while frames flow.
-  void look_at_readers() {
+  void check_readers() {
     for (Process& reader : rig_->readers()) {
       const Json account = last_account(reader.log().string() + ".out");
       const auto before = read_.find(reader.pid());
@@ -298,10 +297,10 @@ class Run {
     }
   }
 
-  void tell() {
-    next_tell_s_ += kTell_s;
+  void report_progress() {
+    next_report_s_ += kReport_s;
     const std::vector<Second>& timeline = sampler_->timeline();
-    const std::size_t seconds = std::min<std::size_t>(timeline.size(), static_cast<std::size_t>(kTell_s));
+    const std::size_t seconds = std::min<std::size_t>(timeline.size(), static_cast<std::size_t>(kReport_s));
     std::uint64_t frames = 0;
     double p99_ms = 0.0;
     for (std::size_t i = timeline.size() - seconds; i < timeline.size(); ++i) {
@@ -320,8 +319,8 @@ class Run {
     while (now_s() < after_s + kLastMark_s && books_->last_mark_s() < after_s) {
       std::this_thread::sleep_for(kTick);
       rig_->read_camera();
-      look_at_recoveries();
-      books_->look(rig_->book(), *watcher_, now_s());
+      check_recoveries();
+      books_->update(rig_->book(), *watcher_, now_s());
     }
     books_->close(watcher_->counters().lost, result_);
   }
@@ -349,9 +348,9 @@ class Run {
   int refused_reloads_ = 0;
   int taken_reloads_ = 0;
   double next_sample_s_ = kSample_s;
-  double next_tell_s_ = kTell_s;
+  double next_report_s_ = kReport_s;
   double calm_since_s_ = 0.0;
-  std::map<pid_t, std::uint64_t> read_;  // frames of each reader, at the last look
+  std::map<pid_t, std::uint64_t> read_;  // frames of each reader, at the last check
 };
 
 }  // namespace

@@ -8,9 +8,9 @@
 namespace bolo::tools::soak {
 namespace {
 
-// Times to recover are limits, for a machine that others use as well. What takes long: a camera that is silent is asked
-// after 0.2 s and opened again, with its start-up; a killed daemon is started again after 0.3 s, and
-// promised to be back 2 s after the kill (PROMISES.md).
+// Times to recover are limits, for a machine that others use as well. The slow ones: a silent camera is asked after 0.2
+// s and reopened, with its start-up; a killed daemon is restarted after 0.3 s, and promised to be back 2 s after the
+// kill (PROMISES.md).
 // AT, FOR: of the disturbance; LONGER: requests for lost packets come after them.
 constexpr std::array<KindInfo, 27> kKinds{{
     {Kind::kLoss, "loss", 0.3, 0.8, 3.0, 2.2, "at=AT,for=FOR,rate=RATE,seed=SEED"},
@@ -49,7 +49,7 @@ constexpr double kUsualRound_s = 150.0;
 constexpr std::size_t kRoundsPerKill = 3;
 constexpr double kLongStall_s = 2.4;  // longer than bolod waits before it opens a stalled camera again (2 s)
 
-// What a round begins with, in no place of the order.
+// Kinds that begin a round, outside the order.
 bool opens_round(Kind kind) { return kind == Kind::kWindowingDrop || kind == Kind::kCameraReplaced; }
 
 // By how much the camera's clock jumps, s: never whole frames, else two of them carry the same time, by which the books

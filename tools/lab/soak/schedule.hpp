@@ -1,4 +1,4 @@
-// The kinds of trouble that a soak makes.
+// Kinds of disturbances in a soak, and their schedule.
 #pragma once
 
 #include <cstdint>
@@ -61,7 +61,7 @@ std::span<const KindInfo> kinds();
 const KindInfo& info_of(Kind kind);
 std::optional<Kind> kind_named(std::string_view name);
 
-// --- When a soak makes which trouble. Everything follows from the seed.
+// --- The schedule of disturbances. Everything follows from the seed.
 
 struct Disturbance {
   Kind kind = Kind::kLoss;

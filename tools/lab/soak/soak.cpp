@@ -1,5 +1,4 @@
-// `bolo-lab soak`: everything that goes wrong on a vehicle, for as long as one likes; and what it found, in words and
-// as JSON.
+// `bolo-lab soak`: everything that goes wrong on a vehicle, for as long as one likes; its findings as text and as JSON.
 #include <algorithm>
 #include <cstdio>
 
@@ -19,7 +18,7 @@ using plot::format;
 
 Json json_of(const Invariant invariant, const Findings::Tally& tally) {
   return {{"name", info_of(invariant).name}, {"about", info_of(invariant).about},
-          {"holds", tally.broken == 0},      {"looks", tally.looks},
+          {"holds", tally.broken == 0},      {"looks", tally.checks},
           {"broken", tally.broken},          {"figure", tally.figure}};
 }
 
@@ -57,7 +56,7 @@ Json report_json(const SoakRequest& request, const std::string& command, const S
           {"measured",
            {{"command", command},
             {"version", bolo_client_version()},
-            {"machine", machine_words()},
+            {"machine", describe_machine()},
             {"solver", result.solver},
             {"others_share_in_quiet", result.others_in_quiet}}},
           {"no_room_for", list_of(request.schedule.no_room, [](Kind kind) { return info_of(kind).name; })},
@@ -82,8 +81,8 @@ std::string schedule_text(const Schedule& schedule) {
   return out;
 }
 
-// What held, then the report without its long list.
-std::string words_of(Json report) {
+// The verdict, then the report without its long list.
+std::string describe_report(Json report) {
   std::vector<std::string> unjudged;
   for (const Json& invariant : report["invariants"]) {
     if (invariant["looks"] == 0) unjudged.push_back(invariant["name"]);
@@ -181,10 +180,10 @@ Status soak_and_report(Request& request, const std::string& command) {
   RETURN_IF_ERROR(prepare_report(request));
   request.soak.rig.folder = folder.path();
   Findings findings;
-  const auto tell = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
-  ASSIGN_OR_RETURN(const auto result, run_soak(request.soak, programs, interrupted(), tell, findings));
+  const auto print = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
+  ASSIGN_OR_RETURN(const auto result, run_soak(request.soak, programs, interrupted(), print, findings));
   const Json json = report_json(request.soak, command, result, findings);
-  const std::string text = words_of(json);
+  const std::string text = describe_report(json);
   RETURN_IF_ERROR(write_report(request, json, text));
   std::fputs(text.c_str(), stdout);
   return findings.all_hold() ? Status{} : failed("something did not hold");

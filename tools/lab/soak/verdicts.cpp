@@ -58,9 +58,8 @@ double theil_sen(const std::vector<Reading>& readings) {
   return quantile(slopes, 0.5);
 }
 
-constexpr double kSettle_s = 60.0;  // of a daemon, before its memory is looked at
-// What libraries open once and keep: a camera that is looked for everywhere starts libusb, with four files and a
-// thread.
+constexpr double kSettle_s = 60.0;  // of a daemon, before its memory is judged
+// Opened once and kept by libraries: the search for a camera everywhere starts libusb, with four files and a thread.
 constexpr double kMostDescriptors = 6.0;
 constexpr double kMostThreads = 2.0;
 
@@ -164,16 +163,16 @@ void Sampler::take_flow(Second& second) {
   counted_ = counters;
 }
 
-// What no process of the soak's worked, others did.
+// CPU time of other processes: the total less that of the soak's own.
 void Sampler::take_usage(Second& second) {
-  const auto look = [this](Process& process) {
+  const auto measure = [this](Process& process) {
     const std::optional<Usage> usage = process.ended() ? std::nullopt : usage_of(process.pid());
     if (usage) cpu_of_[process.pid()] = usage->cpu_s;
     return usage;
   };
-  second.daemon = look(rig_.daemon());
-  if (rig_.has_camera()) look(rig_.camera());
-  for (Process& reader : rig_.readers()) look(reader);
+  second.daemon = measure(rig_.daemon());
+  if (rig_.has_camera()) measure(rig_.camera());
+  for (Process& reader : rig_.readers()) measure(reader);
   double ours_s = static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
   for (const auto& [pid, cpu_s] : cpu_of_) ours_s += cpu_s;
   const double busy = busy_s();
@@ -267,7 +266,7 @@ void judge_growth(SoakResult& result, Findings& findings) {
   }
 }
 
-void Books::look(const CameraBook& camera, const Watcher& watcher, double now_s) {
+void Books::update(const CameraBook& camera, const Watcher& watcher, double now_s) {
   const auto& present = camera.present();
   if (present && camera.quiet() && (waiting_.empty() || waiting_.back().account.time_ns != present->time_ns)) {
     waiting_.push_back({*present, camera.mark()});
@@ -293,7 +292,7 @@ void Books::compare(const Mark& mark) {
   if (last_) {
     const Balance balance = balance_of(*last_, mark);
     check_balance(balance, mark.silence_s - last_->silence_s, period_s_, findings_);
-    unheard_ += balance.unheard;
+    unaccounted_ += balance.unaccounted;
     ++balances_;
   } else {
     first_ = mark;
@@ -305,7 +304,7 @@ void Books::close(const faults::Losses& lost, SoakResult& result) const {
   findings_.require(Invariant::kAccount, balances_ > 0, "the books were never compared: no quiet moment");
   const Balance all = first_ ? balance_of(*first_, *last_) : Balance{};
   result.frames = {
-      {"passed", all.passed}, {"published", all.published}, {"sent_to_nobody", unheard_}, {"balances", balances_}};
+      {"passed", all.passed}, {"published", all.published}, {"sent_to_nobody", unaccounted_}, {"balances", balances_}};
   for (std::size_t cause = 0; cause < kLossCauses; ++cause) {
     result.frames["lost"][std::string(name(static_cast<LossCause>(cause)))] = first_ ? lost[cause] : 0;
   }
@@ -314,7 +313,7 @@ void Books::close(const faults::Losses& lost, SoakResult& result) const {
       Invariant::kCamera,
       plot::format("%llu passed = %llu published + %llu lost + %lld sent to nobody; compared %llu times",
                    static_cast<unsigned long long>(all.passed), static_cast<unsigned long long>(all.published),
-                   static_cast<unsigned long long>(all.lost), static_cast<long long>(unheard_),
+                   static_cast<unsigned long long>(all.lost), static_cast<long long>(unaccounted_),
                    static_cast<unsigned long long>(balances_)));
 }
 

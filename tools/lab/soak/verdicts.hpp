@@ -1,5 +1,5 @@
-// A soak, camera, daemon and readers as processes of their own, disturbed as the schedule says and watched all the
-// time; and what it saw.
+// A soak, camera, daemon and readers as processes of their own, disturbed as scheduled and watched all the time; and
+// its results.
 #pragma once
 
 #include <limits>
@@ -9,7 +9,7 @@
 
 namespace bolo::tools::soak {
 
-// --- What a process uses, from /proc.
+// --- Resource usage of a process, from /proc.
 
 struct Usage {
   double rss_mib = 0.0;
@@ -22,10 +22,10 @@ struct Usage {
 // Nothing of a process that is gone. Thread: any.
 std::optional<Usage> usage_of(pid_t pid);
 
-// What all processors have worked since the computer's start, but for niced programs, which give way; s. Thread: any.
+// CPU time of all processors since the computer's start, but for niced programs, which give way; s. Thread: any.
 double busy_s();
 
-// --- Whether something grows: memory, open files, threads.
+// --- Growth of memory, open files and threads.
 
 struct Reading {
   double at_s = 0.0;
@@ -45,11 +45,11 @@ struct Growth {
 // Thread: any.
 Growth growth_of(const std::vector<Reading>& readings, double settle_s);
 
-// Whether it grew by `limit` or more, by both measures: the medians, and the slope over the time that they span.
+// True if it grew by `limit` or more, by both measures: the medians, and the slope over the time that they span.
 // Thread: any.
 bool grows(const Growth& growth, double span_s, double limit);
 
-inline constexpr double kSample_s = 1.0;  // from one look at the processes to the next
+inline constexpr double kSample_s = 1.0;  // from one sample of the processes to the next
 
 // A disturbance as it came to pass. Times: s since the soak's beginning.
 struct Struck {
@@ -100,7 +100,7 @@ struct SoakRequest {
 Result<SoakResult> run_soak(const SoakRequest& request, const Programs& programs, const std::atomic<bool>& stop,
                             const std::function<void(const std::string&)>& progress, Findings& findings);
 
-// --- Looks at the processes once a second, and keeps what it saw.
+// --- Samples the processes once a second.
 
 // Thread: one at a time.
 class Sampler {
@@ -131,9 +131,9 @@ class Sampler {
   std::map<pid_t, double> cpu_of_;
 };
 
-// --- What the seconds of a soak, taken together, say.
+// --- Verdicts on the seconds of a soak taken together.
 
-// Of the processors' time: where other programs took more, times are their doing, and are told but not judged.
+// Share of the processors' time: if other programs take more, times are theirs, and are reported but not judged.
 inline constexpr double kMostOthers = 0.15;
 
 // Thread: any.
@@ -158,8 +158,8 @@ class Books {
  public:
   Books(double period_s, Findings& findings) : period_s_(period_s), findings_(findings) {}
 
-  // Takes up what the camera told, and makes a mark of it as soon as its frame has settled.
-  void look(const CameraBook& camera, const Watcher& watcher, double now_s);
+  // Takes the camera's report, and makes a mark of it as soon as its frame has settled.
+  void update(const CameraBook& camera, const Watcher& watcher, double now_s);
 
   double last_mark_s() const { return last_ ? last_->at_s : -std::numeric_limits<double>::infinity(); }
   // The sums from the first mark to the last.
@@ -177,7 +177,7 @@ class Books {
   std::deque<Waiting> waiting_;
   std::optional<Mark> first_;
   std::optional<Mark> last_;
-  std::int64_t unheard_ = 0;
+  std::int64_t unaccounted_ = 0;
   std::uint64_t balances_ = 0;
 };
 

@@ -54,7 +54,7 @@ std::string of(const Shown& frame) {
 }
 
 constexpr int kOpenLimit_ms = 30'000;
-constexpr int kLook_ms = 20;
+constexpr int kPoll_ms = 20;
 constexpr std::size_t kKept = 1200;              // frames
 constexpr std::size_t kBefore = 20;              // frames; more than the daemon's ledger holds open for late ones
 constexpr std::int64_t kAfterNs = 400'000'000;   // more than its queue holds
@@ -116,7 +116,7 @@ void FrameJudge::begin_life() noexcept {
 Grade FrameJudge::judge(const Shown& frame) {
   check_order(frame);
   const std::optional<Recognised> seen = truth_.recognise(frame.raw, scratch_);
-  findings_.looked(Invariant::kRaw);
+  findings_.count_check(Invariant::kRaw);
   Grade grade = Grade::kWrong;
   if (!seen) {
     findings_.broken(Invariant::kRaw, of(frame) + ": its raw plane is none of the capture's");
@@ -132,12 +132,12 @@ Grade FrameJudge::judge(const Shown& frame) {
     if (frame.flags != 0) {
       grade = (frame.flags & ~kSparingFlags) == 0 ? Grade::kSparing : Grade::kFlagged;
     } else if (right) {
-      findings_.looked(Invariant::kDeblurred);
+      findings_.count_check(Invariant::kDeblurred);
       grade = Grade::kClean;
     } else if (settled_ < window_) {
       grade = Grade::kSettling;
     } else {
-      findings_.looked(Invariant::kDeblurred);
+      findings_.count_check(Invariant::kDeblurred);
       findings_.broken(Invariant::kDeblurred, of(frame) + ": its sharp plane is not that of the capture's frame " +
                                                   std::to_string(seen->index) + " undisturbed, and no flag says so");
     }
@@ -149,7 +149,7 @@ Grade FrameJudge::judge(const Shown& frame) {
 }
 
 void FrameJudge::check_order(const Shown& frame) {
-  findings_.looked(Invariant::kOrder);
+  findings_.count_check(Invariant::kOrder);
   if (!last_) return;
   const auto broken = [&](const std::string& what) { findings_.broken(Invariant::kOrder, of(frame) + ": " + what); };
   if (frame.number != last_->number + frame.missed + 1) {
@@ -164,8 +164,8 @@ void FrameJudge::check_order(const Shown& frame) {
   }
 }
 
-// Lost frames must be flagged; what is excused is what cannot be told from the frames that came: other pixels, and a
-// counter that jumps while the scene and the clock go on.
+// Lost frames must be flagged, except where the received frames show no loss: other pixels, and a counter that jumps
+// while the scene and the clock go on.
 void FrameJudge::follow(const Shown& frame, const Recognised& seen) noexcept {
   const bool alike = before_ && before_->offset == seen.offset;
   const bool next = before_ && (before_->index + 1) % truth_.frames() == seen.index;
@@ -187,7 +187,7 @@ Result<std::unique_ptr<Watcher>> Watcher::start(const std::string& name, const T
   ASSIGN_OR_RETURN(auto stream, shm::FollowedStream::open(name, kOpenLimit_ms));
   std::unique_ptr<Watcher> watcher(new Watcher(std::move(stream), truth, findings));
   watcher->thread_ = std::thread([self = watcher.get()] {
-    while (!self->stop_.load(std::memory_order_relaxed)) self->look();
+    while (!self->stop_.load(std::memory_order_relaxed)) self->poll();
   });
   return watcher;
 }
@@ -205,10 +205,10 @@ Watcher::~Watcher() {
   if (thread_.joinable()) thread_.join();
 }
 
-void Watcher::look() {
+void Watcher::poll() {
   shm::BorrowedFrame frame;
   std::uint64_t missed = 0;
-  switch (stream_.next(frame, missed, kLook_ms)) {
+  switch (stream_.next(frame, missed, kPoll_ms)) {
     case shm::FollowedStream::Outcome::kFrame:
       take(frame, missed);
       return;
@@ -259,7 +259,7 @@ void Watcher::note_good(Grade grade, std::int64_t publish_ns) {
   good_.last_ns = publish_ns;
 }
 
-// What the old daemon had counted stays to be read in the object that it left.
+// The old daemon's counters stay readable in the object that it left.
 void Watcher::begin_life() {
   const std::lock_guard lock(mutex_);
   count(*present_);

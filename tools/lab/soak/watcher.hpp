@@ -1,5 +1,5 @@
-// What the soak's camera looks at and what must become of it; and each published frame judged: its order, its pixels,
-// its flags.
+// The scene of the soak's camera and its expected planes; and each published frame judged: its order, its pixels, its
+// flags.
 #pragma once
 
 #include <deque>
@@ -33,8 +33,8 @@ class Truth {
   // `scratch`: memory to work in, the caller's. Thread: any.
   std::optional<Recognised> recognise(const std::uint16_t* raw, std::vector<std::uint16_t>& scratch) const;
 
-  // Whether this is what an undisturbed run makes of the capture's frame; with an offset, within its rounding.
-  // Thread: any.
+  // True if this is an undisturbed run's plane of the capture's frame; with an offset, within its rounding. Thread:
+  // any.
   bool right(const std::uint16_t* deblurred, std::size_t index, int offset) const;
 
   std::size_t frames() const noexcept { return raw_.size(); }
@@ -45,7 +45,7 @@ class Truth {
   Planes deblurred_;
 };
 
-// A street that passes by, written as a capture for the fake camera, and what `pipeline` makes of it in an endless
+// A street that passes by, written as a capture for the fake camera, and the result of `pipeline` on it in an endless
 // loop. Thread: setup.
 Result<Truth> make_scene(Geometry geometry, double rate_hz, std::size_t frames,
                          const pipeline::PipelineOptions& pipeline, const std::filesystem::path& capture);
@@ -66,7 +66,7 @@ struct Shown {
 
 enum class Grade {
   kClean,     // no flag, and both planes right
-  kSparing,   // less was spent on it, for want of time, and its flag says so; the raw plane is right
+  kSparing,   // solved with less effort, and flagged so; the raw plane is right
   kFlagged,   // another flag; the raw plane is right
   kSettling,  // no flag, another plane: less than a window after a fault that no one can see in the frames' numbers
   kWrong,     // no flag, another plane, and no excuse; or a raw plane that is none of the camera's
@@ -101,9 +101,9 @@ class FrameJudge {
   int settled_ = 0;  // frames since a fault that leaves no mark on the frames after it
 };
 
-// --- Follows the daemon's shared memory, frame by frame, on a thread of its own, and judges what it sees.
+// --- Follows the daemon's shared memory, frame by frame, on a thread of its own, and judges each frame.
 
-// A frame in the daemon's books.
+// A frame by the daemon's counts.
 struct Position {
   std::int64_t camera_ns = 0;
   std::int64_t receive_ns = 0;
@@ -117,11 +117,11 @@ struct Position {
 };
 inline constexpr double kSilence_s = 0.05;
 
-// The frames between which and which no frame is missing, and that long enough ago that nothing of it is still under
-// way: only there both books can be compared.
+// True if no frame is missing around it, and it is old enough that nothing of it is still under way: only there the
+// counts can be compared.
 bool settled(const std::deque<Position>& seen, std::size_t at);
 
-// What was seen since the last look.
+// Counts since the last call.
 struct Flow {
   std::array<std::uint64_t, kGrades> grades{};  // frames, by Grade
   std::uint64_t undone = 0;                     // frames published as they came, for too many were waiting
@@ -129,15 +129,15 @@ struct Flow {
   std::uint64_t missed = 0;
 };
 
-// Where the present run of frames began that are as they should be, as far as there was time for each. A frame with
-// another flag ends it, a wrong one, and a silence.
+// The present run of good frames, as far as there was time for each. A frame with another flag ends it, a wrong one,
+// and a silence.
 struct GoodRun {
   std::int64_t since_ns = 0;
   std::int64_t last_ns = 0;
   std::uint64_t frames = 0;
 };
 
-// What the daemon counts.
+// The daemon's counters.
 struct Counters {
   int life = 0;
   faults::Losses lost{};  // all lives
@@ -176,7 +176,7 @@ class Watcher {
 
  private:
   Watcher(shm::FollowedStream stream, const Truth& truth, Findings& findings);
-  void look();
+  void poll();
   void take(const shm::BorrowedFrame& frame, std::uint64_t missed);
   void begin_life();
   void count(const shm::ShmReader& reader);

@@ -105,7 +105,7 @@ function newSamples(samples, fresh) {
 
 // ---- state ----
 
-// What is wrong, from the outside in; nothing when frames arrive.
+// The first fault, from the outside in; nothing when frames arrive.
 function obstacle() {
   if (trouble) return ["gone", "No answer from bolo view", trouble];
   if (!status) return ["gone", "Connecting", ""];

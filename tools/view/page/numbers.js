@@ -69,7 +69,7 @@ function showLosses(status) {
   }
 }
 
-// What happened last with frames on this page.
+// Statistics of the frames that this page showed last.
 export class Shown {
   constructor() { this.frames = []; }
   add(frame) {

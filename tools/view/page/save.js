@@ -13,7 +13,7 @@ function download(blob, name) {
 const stamp = (date) => date.toISOString().replaceAll(":", "").replace(/\.\d+/, "");
 const fileName = (name, frame, what) => `${name}-${stamp(frame.at)}-${frame.id}-${what}`;
 
-// What is seen, with a line below it that says what it is.
+// The picture as shown, with a caption line below it.
 export function pictureWithCaption({ picture, frame, name, camera, range, unit, colours }) {
   const source = picture.canvas;
   const r = picture.ratio;

@@ -94,7 +94,7 @@ TEST(Bootstrap, TheIntervalIsTheMiddleOfTheNumbers) {
 
 // --- average precision: average_precision_test.py compares it with another implementation on random pictures
 
-// What the bootstrap relies on.
+// The bootstrap relies on it.
 TEST(AveragePrecision, AWeightIsARepetition) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> near(0.0, 12.0);

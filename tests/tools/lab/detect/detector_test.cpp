@@ -105,8 +105,8 @@ TEST(Detector, GivesJudgedClassesInThePicturesPixels) {
   const std::vector<Tensor> outputs{{{3, 8}, {0.5F,  0.5F, 0.5F, 0.5F, 1.0F, 0.9F, 0.0F, 0.8F,  //
                                               0.0F,  0.5F, 0.2F, 0.2F, 1.0F, 0.0F, 0.6F, 0.0F,  //
                                               0.51F, 0.5F, 0.5F, 0.5F, 1.0F, 0.0F, 0.0F, 0.7F}}};
-  const auto told = [&outputs](const Tensor&) { return Result<std::vector<Tensor>>(outputs); };
-  Detector detector(d, told, {"dog", "car", "person"}, {{"person", 1}, {"bicycle", 2}, {"car", 3}});
+  const auto network = [&outputs](const Tensor&) { return Result<std::vector<Tensor>>(outputs); };
+  Detector detector(d, network, {"dog", "car", "person"}, {{"person", 1}, {"bicycle", 2}, {"car", 3}});
   EXPECT_TRUE(detector.knows(0));
   EXPECT_FALSE(detector.knows(1));
   const auto found = must(detector.detect(Levels(400 * 200, 0.0F), {400, 200}));
@@ -168,7 +168,7 @@ TEST_F(Description, RefusesWhatIsWrongInOneLineThatSaysWhere) {
   struct Wrong {
     const char* part;
     const char* instead;
-    const char* says;
+    const char* message;
   };
   for (const Wrong& one : {Wrong{"\"darknet\"", "\"caffe\"", "one.toml:3"},
                            {"width = 320", "width = 8", "one.toml:7"},
@@ -186,7 +186,7 @@ TEST_F(Description, RefusesWhatIsWrongInOneLineThatSaysWhere) {
                            {"[output]\n", "[output\n", "one.toml:11"},
                            {"\"yolo\"", "\"nanodet_gfl\"\nstrides = []", "strides"}}) {
     std::string text = kGood;
-    expect_refused(read(text.replace(text.find(one.part), std::strlen(one.part), one.instead)), {one.says});
+    expect_refused(read(text.replace(text.find(one.part), std::strlen(one.part), one.instead)), {one.message});
   }
   EXPECT_FALSE(read_description(scratch_ / "none.toml"));
 }

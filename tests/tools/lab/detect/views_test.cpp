@@ -55,7 +55,7 @@ TEST_F(Views, TheMovedLabelIsWhereTheObjectIsSeen) {
   EXPECT_NEAR(still->labels[0].box.x, kBright.x, 1e-3);
   for (const View& view : {View{0, 0, 0.5, {21.25, 19.75}}, View{0, 0, 0.9, {34.0, 30.75}}}) {
     const auto clean = must(simulate(*still, trajectory_, view, kPicture));
-    const auto truth = truth_in_view(still->labels, 1, still->size, kPicture, view.looks_at);
+    const auto truth = truth_in_view(still->labels, 1, still->size, kPicture, view.origin);
     ASSERT_EQ(truth.size(), 1U);
     const auto& seen = clean->truth[clean->targets[0]];
     int wrong = 0;
@@ -76,8 +76,8 @@ TEST_F(Views, ArePlannedAllOverTheTrajectoryAndFromTheSeedAlone) {
   const auto views = must(plan_views(stills, {trajectory_}, {kPicture, 40, 3}));
   ASSERT_EQ(views->size(), 80U);
   for (const View& view : *views) {
-    EXPECT_NEAR(view.looks_at.x_px, 32.0, kJitter.width);
-    EXPECT_NEAR(view.looks_at.y_px, 24.0, kJitter.height);
+    EXPECT_NEAR(view.origin.x_px, 32.0, kJitter.width);
+    EXPECT_NEAR(view.origin.y_px, 24.0, kJitter.height);
   }
   EXPECT_LT(std::ranges::min(*views, {}, &View::start_s).start_s, 0.4);
   EXPECT_GT(std::ranges::max(*views, {}, &View::start_s).start_s, 1.5);
@@ -119,15 +119,15 @@ Found found_boxes(const Options& options) {
   found.stills = {{"a.png", {64, 48}, true, {}}, {"b.png", {64, 48}, false, {}}};
   found.knows = {{true, true}, {true, false}};
   for (std::size_t i = 0; i < 4; ++i) {
-    Look& look = found.looks.emplace_back();
-    look.view.still = i % 2;
-    look.speed_px_s = 100.0 * static_cast<double>(i + 1);
-    if (i % 2 == 0) look.labels = {{0, {4, 4, 20, 20}}, {1, {30, 4, 20, 20}}};
+    Observation& observation = found.observations.emplace_back();
+    observation.view.still = i % 2;
+    observation.speed_px_s = 100.0 * static_cast<double>(i + 1);
+    if (i % 2 == 0) observation.labels = {{0, {4, 4, 20, 20}}, {1, {30, 4, 20, 20}}};
     const std::vector<Detection> sure{{0, 0.9, {4, 4, 20, 20}}, {1, 0.8, {30, 4, 20, 20}}};
-    look.found.assign(options.detectors.size(), {columns().size(), sure});
-    look.found[1].assign(columns().size(), {sure.front()});
+    observation.found.assign(options.detectors.size(), {columns().size(), sure});
+    observation.found[1].assign(columns().size(), {sure.front()});
     if (i < 2) {
-      for (auto& of_detector : look.found) of_detector[kBlurredColumn].clear();
+      for (auto& of_detector : observation.found) of_detector[kBlurredColumn].clear();
     }
   }
   return found;

@@ -43,12 +43,12 @@ TEST(FidelityMotionKernel, IsTheExponentialTrail) {
 
 // Over a steady pan both ways of telling the blur are the same; over a bend only the path itself is right.
 TEST(FidelityPathKernel, FollowsTheWay) {
-  const auto told = motion_kernel({-300.0, 0.0}, kTauS);
+  const auto kernel = motion_kernel({-300.0, 0.0}, kTauS);
   const auto gone = path_kernel(sim::steady_pan(-300.0), 0.4, kTauS);
-  ASSERT_EQ(told.size(), gone.size());
-  for (std::size_t i = 0; i < told.size(); ++i) {
-    EXPECT_EQ(told[i].dx, gone[i].dx);
-    EXPECT_NEAR(told[i].weight, gone[i].weight, 1e-5F);
+  ASSERT_EQ(kernel.size(), gone.size());
+  for (std::size_t i = 0; i < kernel.size(); ++i) {
+    EXPECT_EQ(kernel[i].dx, gone[i].dx);
+    EXPECT_NEAR(kernel[i].weight, gone[i].weight, 1e-5F);
   }
   const sim::Path bend({{-1.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.01, 8.0, 0.0}, {0.02, 8.0, 6.0}});
   double along = 0.0;
@@ -113,14 +113,14 @@ TEST(FidelityData, TheToldKernelIsTheSimulatedBlur) {
   const std::size_t target = clean.targets[1];
   EXPECT_NEAR(clean.content_v[1].x_px, 400.0, 1e-6);
   const Geometry judged{clean.judged.width, clean.judged.height};
-  const Plane told = blurred(clean.truth[target], judged, motion_kernel(clean.content_v[1], kTauS));
+  const Plane kernel = blurred(clean.truth[target], judged, motion_kernel(clean.content_v[1], kTauS));
   const Plane shown = cut(clean.shown[target], clean.geometry, clean.judged);
   // The trail reaches to the right: columns whose trail ends inside the judged part.
   const Region inner{0, 0, judged.width - 30, judged.height};
   const Planes truth{cut(clean.truth[target], judged, inner)};
   const Planes seen{cut(shown, judged, inner)};
   EXPECT_GT(rmse(seen, truth), 0.5);
-  EXPECT_LT(rmse({cut(told, judged, inner)}, seen), 0.1 * rmse(seen, truth));
+  EXPECT_LT(rmse({cut(kernel, judged, inner)}, seen), 0.1 * rmse(seen, truth));
 }
 
 TEST(FidelityData, NoiseAndQuantisationAreAsAsked) {

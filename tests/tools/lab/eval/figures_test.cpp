@@ -1,4 +1,4 @@
-// What the verbs draw, of figures made up: well-formed, without numbers that are none, no word on another one.
+// The verbs' drawings of invented figures: well-formed, without numbers that are none, no word on another one.
 #include "tests/report/markup.hpp"
 #include "tools/bolo/pulse_plots.hpp"
 #include "tools/demo/live_check.hpp"

@@ -20,7 +20,7 @@ TEST_P(Faults, AreCountedAndOvercome) {
   ASSERT_TRUE(stage().has_value()) << stage().error().message;
   const auto outcome = play(GetParam(), *stage());
   ASSERT_TRUE(outcome.has_value()) << outcome.error().message;
-  EXPECT_EQ(what_is_wrong(GetParam(), *outcome), "");
+  EXPECT_EQ(unmet_demands(GetParam(), *outcome), "");
   for (const fakecam::InjectedFault& fault : outcome->run.injected) {
     EXPECT_GT(fault.times + fault.frames + fault.packets, 0U) << fault.fault << " never struck";
   }
@@ -40,7 +40,7 @@ TEST(SeveralCameras, FailEachInItsOwnWay) {
     if (one.name != "loss" && one.name != "stall" && one.name != "time jump") continue;
     threads.emplace_back([&one] {
       const auto outcome = play(one, *stage());
-      EXPECT_EQ(outcome ? what_is_wrong(one, *outcome) : outcome.error().message, "") << one.name;
+      EXPECT_EQ(outcome ? unmet_demands(one, *outcome) : outcome.error().message, "") << one.name;
     });
   }
   EXPECT_EQ(threads.size(), 3U);
@@ -52,7 +52,7 @@ TEST(AQuietCamera, LosesNothing) {
   const Scenario quiet{.name = "quiet", .faults = "", .seconds = 0.4};
   const auto outcome = play(quiet, *stage());
   ASSERT_TRUE(outcome.has_value()) << outcome.error().message;
-  EXPECT_EQ(what_is_wrong(quiet, *outcome), "");
+  EXPECT_EQ(unmet_demands(quiet, *outcome), "");
   EXPECT_EQ(outcome->verdict.never_came, 0U);
   EXPECT_EQ(outcome->verdict.gap, 0U);
 }

@@ -27,7 +27,7 @@ Mark first() {
   return mark;
 }
 
-// What is found between first() and `to`.
+// Findings between first() and `to`.
 struct Judged : Findings {
   explicit Judged(const Mark& to) {
     check_balance(balance_of(first(), to), to.silence_s - first().silence_s, kPeriod_s, *this);
@@ -36,8 +36,8 @@ struct Judged : Findings {
 TEST(SoakAccount, AddsUp) {
   const Judged findings(after(first()));
   EXPECT_TRUE(findings.all_hold());
-  EXPECT_EQ(findings.tally(Invariant::kAccount).looks, 1U);
-  EXPECT_EQ(findings.tally(Invariant::kCamera).looks, 1U);
+  EXPECT_EQ(findings.tally(Invariant::kAccount).checks, 1U);
+  EXPECT_EQ(findings.tally(Invariant::kCamera).checks, 1U);
 }
 
 TEST(SoakAccount, FindsALossThatNobodyCountedOrThatWasCountedTwice) {
@@ -62,9 +62,9 @@ TEST(SoakAccount, ABrokenStreamMayLoseWhatFellIntoItsSilence) {
   Mark to = after(first());
   ++to.streams;
   to.silence_s = 1.0;
-  const auto broken = [&to](std::uint64_t unheard) {
+  const auto broken = [&to](std::uint64_t unaccounted) {
     Mark mark = to;
-    mark.passed += unheard;  // to nobody
+    mark.passed += unaccounted;  // to nobody
     const Judged findings(mark);
     EXPECT_EQ(findings.tally(Invariant::kAccount).broken, 0U);
     return findings.tally(Invariant::kCamera).broken;
@@ -80,7 +80,7 @@ TEST(SoakAccount, AnotherDaemonsNumbersAreNotCompared) {
   to.frame_id = 3;
   const Judged findings(to);
   EXPECT_TRUE(findings.all_hold());
-  EXPECT_EQ(findings.tally(Invariant::kAccount).looks, 0U);
+  EXPECT_EQ(findings.tally(Invariant::kAccount).checks, 0U);
 }
 
 TEST(SoakCameraBook, SumsOverCameras) {

@@ -26,7 +26,7 @@ Truth truth() {
   return Truth(raw, deblurred);
 }
 
-// How a frame differs from the one that is due.
+// Differences of a frame from the one that is due.
 struct Change {
   int offset = 0;
   std::uint32_t flags = 0;
@@ -82,7 +82,7 @@ class SoakFrameJudge : public testing::Test {
 TEST_F(SoakFrameJudge, FindsNothingWrongWithRightFramesOfAnyLife) {
   for (std::size_t i = 0; i < 3 * kFrames; ++i) EXPECT_EQ(show(), Grade::kClean);
   EXPECT_TRUE(findings_.all_hold());
-  EXPECT_EQ(findings_.tally(Invariant::kRaw).looks, 3 * kFrames);
+  EXPECT_EQ(findings_.tally(Invariant::kRaw).checks, 3 * kFrames);
   judge_.begin_life();
   number_ = 0;
   id_ = 1;

@@ -12,7 +12,7 @@ class SoakVerb : public ProgramTest {
  protected:
   SoakVerb() : ProgramTest({BOLO_LAB_PROGRAM, "soak"}) {}
 
-  // What `line` makes of a small camera; its report is in the folder report.
+  // Command line of a soak of a small camera; its report is in the folder report.
   std::vector<std::string> small(const std::string& line) const {
     return words("--shortened --report @report " + line);
   }
@@ -21,12 +21,12 @@ class SoakVerb : public ProgramTest {
 
 TEST_F(SoakVerb, HoldsThroughAKilledDaemonAndAFailingCamera) {
   const std::string text = printed(small("--minutes 0.3 --only daemon_killed --only loss --only stall"));
-  const json told = report();
-  EXPECT_TRUE(told.at("holds").get<bool>());
-  EXPECT_EQ(told.at("disturbances").size(), 3U);
-  EXPECT_TRUE(told.at("breaches").empty());
-  EXPECT_GT(told.at("frames").at("balances").get<int>(), 0);
-  EXPECT_GT(told.at("frames").at("lost").at("missing").get<int>(), 10);
+  const json result = report();
+  EXPECT_TRUE(result.at("holds").get<bool>());
+  EXPECT_EQ(result.at("disturbances").size(), 3U);
+  EXPECT_TRUE(result.at("breaches").empty());
+  EXPECT_GT(result.at("frames").at("balances").get<int>(), 0);
+  EXPECT_GT(result.at("frames").at("lost").at("missing").get<int>(), 10);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "report/bolod.log"));
   EXPECT_TRUE(contents(folder_ / "report/report.txt").starts_with(text));
   EXPECT_TRUE(text.starts_with("What was judged held; not judged: ")) << text;
@@ -46,11 +46,11 @@ TEST_F(SoakVerb, NamesADaemonThatDies) {
   })) << soak.err();
   kill(static_cast<pid_t>(reader->header().writer_pid), SIGKILL);
   EXPECT_EQ(soak.wait(), 1) << soak.err();
-  const json told = report();
-  EXPECT_FALSE(told.at("holds").get<bool>());
-  ASSERT_FALSE(told.at("breaches").empty());
-  EXPECT_EQ(told.at("breaches")[0].at("invariant"), "processes");
-  EXPECT_EQ(told.at("breaches")[0].at("what"), "bolod ended by itself with exit code 137");
+  const json result = report();
+  EXPECT_FALSE(result.at("holds").get<bool>());
+  ASSERT_FALSE(result.at("breaches").empty());
+  EXPECT_EQ(result.at("breaches")[0].at("invariant"), "processes");
+  EXPECT_EQ(result.at("breaches")[0].at("what"), "bolod ended by itself with exit code 137");
 }
 
 TEST_F(SoakVerb, PrintsTheSameScheduleForASeed) {

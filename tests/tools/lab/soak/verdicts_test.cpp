@@ -1,4 +1,4 @@
-// What is made of the seconds of a soak: growth, latency, overload.
+// Verdicts on the seconds of a soak: growth, latency, overload.
 #include "tools/lab/soak/verdicts.hpp"
 #include "tests/scratch.hpp"
 #include "tools/cli/process.hpp"
@@ -20,7 +20,7 @@ SoakResult ten_minutes() {
   return result;
 }
 
-// How often it is broken by ten minutes in which each second is changed so.
+// Number of breaches in ten minutes in which each second is changed so.
 std::uint64_t broken_by(Invariant invariant, void (*change)(Second&)) {
   SoakResult result = ten_minutes();
   for (Second& second : result.timeline) change(second);
@@ -34,7 +34,7 @@ TEST(SoakVerdicts, NothingGrowsInAQuietDaemon) {
   Findings findings;
   judge_growth(result, findings);
   EXPECT_TRUE(findings.all_hold());
-  EXPECT_EQ(findings.tally(Invariant::kMemory).looks, 2U);
+  EXPECT_EQ(findings.tally(Invariant::kMemory).checks, 2U);
   ASSERT_EQ(result.lives.size(), 1U);
   EXPECT_FALSE(result.lives.front().at("rss_mib").is_null());
 }
@@ -69,12 +69,12 @@ TEST(SoakVerdicts, LatencyIsJudgedWhereNothingElseRuns) {
     judge_latency(quiet_ms, result, findings);
     return findings.tally(Invariant::kLatency);
   };
-  EXPECT_EQ(judged().looks, 1U);
+  EXPECT_EQ(judged().checks, 1U);
   EXPECT_EQ(judged().broken, 0U);
   std::fill_n(quiet_ms.begin(), 20, 150.0);
   EXPECT_EQ(judged().broken, 1U);
   for (Second& second : result.timeline) second.others = 0.5;
-  EXPECT_EQ(judged().looks, 0U);
+  EXPECT_EQ(judged().checks, 0U);
 }
 
 TEST(SoakVerdicts, FramesAreNotLostBeforeLessIsSpentOnThem) {
