@@ -261,6 +261,7 @@ void Daemon::Impl::keep_listening() {
   auto made = make_control();
   if (made) {
     control = std::move(*made);
+    control_missed = false;
     log->warn("control socket {} was taken away; it is there again", config.control.socket);
   } else if (!std::exchange(control_missed, true)) {
     log->warn("{}; it is tried again all the time", made.error().message);
