@@ -277,7 +277,7 @@ void ConnectionManager::report_transport() {
 // Reports that the camera's clock has another period than its settings, or than before.
 void ConnectionManager::check_period() {
   const double measured_s = status_->measured_period_s.value();
-  const double before_s = period_change_.update(measured_s, info_.format.frame_period_s);
+  const double before_s = period_change_.update(measured_s, info_.format.frame_period_s, monotonic_ns());
   if (before_s == 0.0) return;
   report(true,
          fmt::format("by the camera's clock {0:.5g} frames come a second, not {1:.5g}, and they are solved so from "

@@ -250,7 +250,7 @@ void V4l2Source::Impl::reopen() {
 // Reports that frames come at another rate than the driver's, or than before.
 void V4l2Source::Impl::check_period() {
   const double measured_s = status.measured_period_s.value();
-  const double before_s = period_change.update(measured_s, info.format.frame_period_s);
+  const double before_s = period_change.update(measured_s, info.format.frame_period_s, monotonic_ns());
   if (before_s == 0.0) return;
   notices.report(true, fmt::format("{:.5g} frames come a second, not {:.5g}, and they are solved so from now on",
                                    1.0 / measured_s, 1.0 / before_s));

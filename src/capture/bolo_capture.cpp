@@ -200,7 +200,7 @@ Status cut_to_shortest(Contents& contents) {
   if (contents.info.has_times) frames = std::min({frames, contents.t_host.size(), contents.t_utc.size()});
   if (contents.truth) frames = std::min(frames, contents.truth->frames());
   if (contents.motion) frames = std::min(frames, contents.motion->frames());
-  if (frames == 0) return bad_input("the recording was cut off before its first frame was stored");
+  if (frames == 0) return bad_input(kNoFrameStored);
   if (const std::size_t most = std::max(contents.info.frames, contents.t.size()); most > frames) {
     contents.warnings.push_back("the recording was cut off: the last " + std::to_string(most - frames) +
                                 " frames are incomplete and left out");

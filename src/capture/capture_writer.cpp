@@ -172,8 +172,10 @@ Status CaptureWriter::Impl::check_order(double t_s, std::uint64_t id) const {
   return {};
 }
 
-// Everything that the next commit writes must fit, so that the commit cannot fail for want of room.
+// Everything that the next commit writes must fit, so that the commit cannot fail for want of room. A file that was cut
+// off would grow again, with a hole in it.
 Status CaptureWriter::Impl::make_room(std::uint64_t bytes) {
+  RETURN_IF_ERROR(check_file());
   hsize_t size = 0;
   if (H5Fget_filesize(file.get(), &size) < 0) return broken("its size is not known");
   return at(part_name.string(), driven->file->reserve(size + bytes));

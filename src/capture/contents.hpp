@@ -11,6 +11,9 @@
 
 namespace bolo::capture {
 
+inline constexpr const char* kNoFrameStored =
+    "the recording was cut off before its first frame was stored; nothing can be saved: remove it";
+
 struct Contents {
   CaptureInfo info;
   FileFormat file_format = FileFormat::kBoloCapture;

@@ -69,7 +69,7 @@ Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder ord
     return bad_input(path + " has the shape " + h5::text(dims) + "; expected three dimensions " + expected);
   }
   if (expect == h5::Expect::kPart && dims[0] == 0) {
-    return bad_input(path + " is empty: the recording was cut off before its first frame was stored");
+    return bad_input(path + " is empty: " + kNoFrameStored);
   }
   if (std::find(dims.begin(), dims.end(), hsize_t{0}) != dims.end()) {
     return bad_input(path + " is empty: its shape is " + h5::text(dims) + ", in the order " + expected);

@@ -1,5 +1,6 @@
 // HostClock: offset and drift from arrivals that are late by chance, and jumps.
 #include "src/pipeline/host_clock.hpp"
+#include "src/pipeline/source.hpp"
 #include "tests/test.hpp"
 
 namespace bolo::pipeline::host_clock_test {
@@ -93,6 +94,27 @@ TEST(HostClock, SeesAJumpOfTheCamerasClockAndBeginsAnew) {
       EXPECT_NEAR(static_cast<double>(mapped.host_ns - camera.true_host_ns()), 0.0, 3e6);
     }
   }
+}
+
+// Each change of the period is a line of the log, and solvers are made for it.
+TEST(PeriodChange, OfAClockThatErrsAllTheTimeAreFew) {
+  constexpr std::int64_t kMeasurementNs = 100'000'000;
+  constexpr std::int64_t kMinuteNs = 60'000'000'000;
+  PeriodChange change;
+  std::int64_t now_ns = kMinuteNs;
+  EXPECT_EQ(change.update(0.0, kPeriodS, now_ns), 0.0) << "not known yet";
+  EXPECT_EQ(change.update(1.1 * kPeriodS, kPeriodS, now_ns), kPeriodS) << "at once";
+  std::vector<std::int64_t> times_ns;
+  for (const std::int64_t end_ns = now_ns + 10 * kMinuteNs; now_ns < end_ns; now_ns += kMeasurementNs) {
+    const double measured_s = kPeriodS * (1.0 + 0.1 * static_cast<double>(now_ns / kMeasurementNs % 7));
+    if (change.update(measured_s, kPeriodS, now_ns) > 0.0) times_ns.push_back(now_ns);
+  }
+  EXPECT_LE(times_ns.size(), 18U);
+  EXPECT_GE(times_ns.size(), 12U);
+  EXPECT_LE(times_ns.front(), kMinuteNs + 2 * kMinuteNs / 60);
+  now_ns += 3 * kMinuteNs;  // steady
+  EXPECT_GT(change.update(3.0 * kPeriodS, kPeriodS, now_ns), 0.0);
+  EXPECT_GT(change.update(kPeriodS, kPeriodS, now_ns + kMinuteNs / 60), 0.0) << "soon again";
 }
 
 }  // namespace bolo::pipeline::host_clock_test

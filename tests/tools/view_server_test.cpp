@@ -1,4 +1,5 @@
 // Requests that the view's server refuses and accepts, and its limits.
+#include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -284,6 +285,24 @@ TEST_F(ViewServer, WhoIsSilentMakesRoom) {
     send_text(fd, "GET /icon.svg HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + cookie() + "\r\n");
     EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 200"));
   }
+}
+
+// A browser that was let in and takes nothing any more (a laptop that fell asleep) holds its place until then, too.
+TEST_F(ViewServer, WhoTakesNoAnswerMakesRoom) {
+  serve({.connections = 4});
+  const std::string request = "GET /app.js HTTP/1.1\r\nHost: localhost\r\n" + cookie() + "\r\n";
+  std::vector<UniqueFd> asleep;
+  for (int i = 0; i < 4; ++i) {
+    asleep.push_back(connected(server_->port()));
+    pollfd takes{asleep.back().get(), POLLOUT, 0};
+    while (poll(&takes, 1, 200) == 1) {
+      ASSERT_GE(send(takes.fd, request.data(), request.size(), MSG_NOSIGNAL | MSG_DONTWAIT), 0) << i;
+    }
+  }
+  const UniqueFd fd = test::patient_socket(AF_INET, 5);
+  ASSERT_TRUE(test::connect_to(fd, "127.0.0.1", server_->port()));
+  send_text(fd, "GET /icon.svg HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + cookie() + "\r\n");
+  EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 200"));
 }
 
 TEST(ViewListen, SaysWhyAnAddressCannotBeListenedOn) {

@@ -182,8 +182,8 @@ struct Daemon::Impl {
 
   std::atomic<bool> stop_requested{false};
   std::atomic<bool> ended{false};
-  double period_s = 0.0;  // that frames are solved with
-  Status result;          // of the pipeline; written before `ended`, read after the thread is joined
+  pipeline::PeriodChange period_change;
+  Status result;  // of the pipeline; written before `ended`, read after the thread is joined
 
   std::optional<Supervisor> supervisor;    // from create() on
   std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others
@@ -224,7 +224,6 @@ Status Daemon::Impl::compose() {
   options.degrade = options.degrade && options.must_keep_up;
   options.warn = [log = log](const std::string& what) { log->warn(what); };
   ASSIGN_OR_RETURN(pipeline, pipeline::Pipeline::create(std::move(source.source), lent, options));
-  period_s = pipeline->settings().period_s;
   if (camera != nullptr) {
     for (const std::string& warning : camera->warnings()) log->warn(warning);
   }
@@ -261,6 +260,7 @@ void Daemon::Impl::keep_listening() {
   auto made = make_control();
   if (made) {
     control = std::move(*made);
+    control_missed = false;
     log->warn("control socket {} was taken away; it is there again", config.control.socket);
   } else if (!std::exchange(control_missed, true)) {
     log->warn("{}; it is tried again all the time", made.error().message);
@@ -334,8 +334,7 @@ void Daemon::Impl::watch(OnHangup on_hangup) {
 void Daemon::Impl::follow_period() {
   const pipeline::SourceStatus* source = pipeline->stats().source;
   const double measured_s = source != nullptr ? source->measured_period_s.value() : 0.0;
-  if (measured_s <= 0.0 || std::abs(measured_s / period_s - 1.0) < pipeline::kSamePeriod) return;
-  period_s = measured_s;  // one try for each: a period that cannot be used is logged
+  if (period_change.update(measured_s, pipeline->settings().period_s, monotonic_ns()) == 0.0) return;
   const Status taken = pipeline->set_period(measured_s);
   if (!taken) log->warn("the measured period is not used: {}", taken.error().message);
 }

@@ -171,6 +171,7 @@ MHD_Result HttpServer::on_request(void* self, MHD_Connection* connection, const 
 
 MHD_Result HttpServer::begin(MHD_Connection* connection, const char* path, const char* method, void** exchange) {
   std::erase(silent_, connection);
+  asking_.push_back(connection);
   auto made = std::make_unique<Exchange>(Exchange{.request = Request(connection, method, path)});
   const std::string length = made->request.header(MHD_HTTP_HEADER_CONTENT_LENGTH).value_or("0");
   if (length != "0" || made->request.header(MHD_HTTP_HEADER_TRANSFER_ENCODING)) {
@@ -189,13 +190,15 @@ MHD_Result HttpServer::answer_or_wait(MHD_Connection* connection, Exchange& exch
   return MHD_YES;
 }
 
-// Any client may take all places, and keep each by a byte now and then: the library's limit would leave them to him.
+// Any client may take all places, and keep each by a byte now and then: the library's limit would leave them to him. So
+// would places of clients that take no answer any more (a laptop that fell asleep), be they authorised or not.
 void HttpServer::on_connection(void* self, MHD_Connection* connection, void** /*unused*/,
                                MHD_ConnectionNotificationCode code) {
   auto& server = *static_cast<HttpServer*>(self);
   if (code == MHD_CONNECTION_NOTIFY_CLOSED) {
     --server.connections_;
     std::erase(server.silent_, connection);
+    std::erase(server.asking_, connection);
     return;
   }
   ++server.connections_;
@@ -205,13 +208,15 @@ void HttpServer::on_connection(void* self, MHD_Connection* connection, void** /*
 
 // The library closes it at its next poll of its sockets.
 void HttpServer::make_room() {
-  shutdown(MHD_get_connection_info(silent_.front(), MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd, SHUT_RDWR);
-  silent_.erase(silent_.begin());
+  auto& from = silent_.size() > 1 || asking_.empty() ? silent_ : asking_;  // the newest of the silent has just come
+  shutdown(MHD_get_connection_info(from.front(), MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd, SHUT_RDWR);
+  from.erase(from.begin());
 }
 
 void HttpServer::on_completed(void* self, MHD_Connection* connection, void** exchange, MHD_RequestTerminationCode) {
   auto& server = *static_cast<HttpServer*>(self);
   std::erase(server.waiting_, connection);
+  std::erase(server.asking_, connection);
   server.silent_.push_back(connection);
   delete static_cast<Exchange*>(*exchange);
   *exchange = nullptr;

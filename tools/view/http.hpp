@@ -63,9 +63,11 @@ class HttpServer {
   using Handler = std::function<std::optional<Answer>(const Request&)>;
 
   struct Limits {
-    unsigned connections = 48;  // open at once; then the one that has been without a request the longest makes room
-    unsigned waiting = 32;      // requests without an answer yet; others get 503
-    unsigned idle_s = 30;       // a connection without a request for this long is closed
+    // Open at once; then the one that has been without a request the longest makes room, or the one whose answer has
+    // taken the longest.
+    unsigned connections = 48;
+    unsigned waiting = 32;  // requests without an answer yet; others get 503
+    unsigned idle_s = 30;   // a connection without a request for this long is closed
   };
 
   // Listens on numeric addresses, all with one port; port 0: any that is free. An address that this host does not have
@@ -108,6 +110,7 @@ class HttpServer {
   std::vector<MHD_Daemon*> listeners_;
   std::vector<MHD_Connection*> waiting_;
   std::vector<MHD_Connection*> silent_;  // connections without a request, the longest first
+  std::vector<MHD_Connection*> asking_;  // those with one
   std::size_t connections_ = 0;
   const Handler* handler_ = nullptr;
 };

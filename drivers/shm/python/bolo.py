@@ -79,7 +79,6 @@ _UNAVAILABLE = {
     _WARM_UP: "the daemon had no full window for it",
 }
 
-
 _KINDS = {"u32": ctypes.c_uint32, "u64": ctypes.c_uint64, "i64": ctypes.c_int64, "double": ctypes.c_double}
 _KINDS |= {"text": ctypes.c_char_p, "address": ctypes.c_void_p}
 _KINDS |= {"u64x8": ctypes.c_uint64 * 8, "u64x16": ctypes.c_uint64 * 16}
@@ -271,9 +270,8 @@ class Frame:
 
     def __init__(self, lent: _Frame, ring: _Ring, info: Info, restarted: bool):
         self._lent, self._ring = lent, ring
-        self.info = info
+        self.info, self._own = info, False
         self.restarted = restarted  # the first one of another daemon: info may differ
-        self._own = False
 
     @cached_property
     def raw(self) -> np.ndarray:
@@ -362,6 +360,9 @@ class Camera(AbstractContextManager):
     def __exit__(self, *_) -> None:
         self.close()
 
+    def __reduce__(self):
+        raise TypeError(f"the camera '{self.name}' cannot be copied or pickled: open it once more")  # one handle, one close
+
     def close(self) -> None:
         """Frames and arrays that were given stay good. Any thread."""
         self._closed = True  # before the lock: a wait releases it between slices, and checks
@@ -415,9 +416,8 @@ class Camera(AbstractContextManager):
                 return None
 
     def points(self, points: Sequence[Tuple[int, int]], frame: Optional[Frame] = None) -> np.ndarray:
-        """float32: kelvin (counts without kelvin) at each (x, y) of `frame`, or of the newest frame that can be solved,
-        from the raw planes of its window, here: the bits of the deblurred plane. Raises Unavailable when the ring does
-        not hold the window."""
+        """float32: kelvin (else counts) at each (x, y) of `frame`, or of the newest that can be solved, from its window's
+        raw planes, here: the deblurred plane's bits. Raises Unavailable when the ring does not hold the window."""
         number = self.state().published - 1 - self.info.lookahead if frame is None else frame.number
         if number < 0:
             raise Unavailable(_NOT_YET, "no frame is published that could be solved")

@@ -3,10 +3,12 @@
 usage: python_module_test.py BOLO MODULE_FOLDER LIBRARY. Exit code 77: numpy isn't there.
 """
 
+import copy
 import ctypes
 import gc
 import math
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -249,6 +251,13 @@ class WithDaemon(unittest.TestCase):
         del plane, camera
         gc.collect()
         self.assertEqual(mapped_ranges(self.name), [], "and nothing stays when they are gone")
+
+    def test_a_camera_has_no_copies(self):
+        camera = self.open()
+        for made in (copy.copy, copy.deepcopy, pickle.dumps):
+            with self.assertRaisesRegex(TypeError, "cannot be copied or pickled"):
+                made(camera)
+        self.assertIsNotNone(camera.next())
 
     def test_closing_ends_another_threads_wait(self):
         self.end(signal.SIGTERM)
