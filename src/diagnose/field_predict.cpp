@@ -1,12 +1,5 @@
 #include "src/diagnose/field_parts.hpp"
 
-#include <algorithm>
-#include <array>
-#include <span>
-#include <utility>
-
-#include "src/core/statistics.hpp"
-
 namespace bolo::diagnose {
 namespace {
 
@@ -88,7 +81,7 @@ bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const 
     }
   }
   const Residual without = predict_field(frames, stood);
-  const std::vector<char> none(frames.geometry.pixels(), 0);
+  const Mask none(frames.geometry.pixels(), 0);
   const Series moved = squares_of(with, none);
   const Series still = squares_of(without, none);
   std::array<double, 3> count{};  // of all, for and against
@@ -106,7 +99,7 @@ bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const 
   return count[1] > kLeastTell * count[0] && count[1] > kMost * count[2];
 }
 
-Series squares_of(const Residual& r, const std::vector<char>& bad) {
+Series squares_of(const Residual& r, const Mask& bad) {
   const Blocks blocks(r.geometry);
   Series sum = Series::Zero(r.values.rows(), blocks.count());
   ArrayXf count = ArrayXf::Zero(blocks.count());
@@ -124,7 +117,7 @@ Series squares_of(const Residual& r, const std::vector<char>& bad) {
   return sum;
 }
 
-PredictionFloor::PredictionFloor(const Residual& residual, const std::vector<char>& bad) {
+PredictionFloor::PredictionFloor(const Residual& residual, const Mask& bad) {
   const Series square = squares_of(residual, bad);
   std::vector<std::pair<double, double>> all;
   for (Index i = 0; i < square.rows(); ++i) {

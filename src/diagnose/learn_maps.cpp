@@ -1,10 +1,5 @@
 // Maps of the full frame. The diagnosis itself looks at a grid; a pattern of single pixels cannot be read off that, so
 // the captures are read again, some rows at a time.
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-
-#include <Eigen/Dense>
 
 #include "src/diagnose/stages.hpp"
 
@@ -22,9 +17,9 @@ using Wanted = OfMaps<bool>;
 struct Found {
   OfMaps<VectorXd> value;
   OfMaps<double> noise2{};
-  std::vector<std::uint8_t> dead;
-  explicit Found(std::size_t pixels) : dead(pixels, 0) {
-    for (VectorXd& map : value) map.setZero(static_cast<Index>(pixels));
+  Mask dead;
+  explicit Found(Mask bad) : dead(std::move(bad)) {
+    for (VectorXd& map : value) map.setZero(std::ssize(dead));
   }
 };
 
@@ -196,12 +191,7 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
                       task.found("tau_spread") != nullptr,
                       task.found("drift") != nullptr && task.state != nullptr && !task.state->camera.drift.empty() &&
                           !task.state->camera.drift_level.empty()};
-  Found found(maps.geometry.pixels());
-  if (task.found("dead_pixels") != nullptr) {
-    for (const std::vector<int>* list : {&task.bad.stuck, &task.bad.noisy}) {
-      for (const int pixel : *list) found.dead[static_cast<std::size_t>(pixel)] = 1;
-    }
-  }
+  Found found((task.found("dead_pixels") != nullptr ? task.bad : BadPixels{}).dead(session));
   const int rows_at_once = std::max(1, kPixelsAtOnce / session.width);
   OfMaps<double> noise2{};
   Session band = session;
@@ -215,9 +205,7 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
     solve_band(task, band, wanted, threads, found);
     for (std::size_t b = 0; b < wanted.size(); ++b) noise2[b] += found.noise2[b];
   }
-  std::vector<int> alive(found.dead.size());
-  std::iota(alive.begin(), alive.end(), 0);
-  std::erase_if(alive, [&found](int p) { return found.dead[static_cast<std::size_t>(p)] != 0; });
+  const auto alive = places_where<int>(found.dead.size(), [&](std::size_t p) { return found.dead[p] == 0; });
   for (std::size_t b = 0; b < wanted.size() && !alive.empty(); ++b) {
     if (wanted[b])
       centre_and_shrink(found.value[b], alive, noise2[b] / static_cast<double>(alive.size()), kMapKinds[b]);

@@ -1,14 +1,9 @@
 // Fits by likelihood (the spectrum of the pixels' noise, the tails of its distribution), and what the noise's
 // statistics name.
-#include <algorithm>
-#include <cmath>
 #include <complex>
-#include <numbers>
-#include <utility>
 
 #include <unsupported/Eigen/FFT>
 
-#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -204,37 +199,31 @@ double floor_of(const Events& events, const Noise& noise, const model::CameraPro
   return std::max(floor_k, std::sqrt(p.noise_k * p.noise_k + events.step_k * events.step_k / 12.0));
 }
 
-void add_named(Findings& out, const char* effect, double z, std::map<std::string, Estimate> parameters,
-               const char* where) {
-  FoundEffect e = named(effect, confidence_from(z), std::move(parameters));
-  e.of_noise = true;
-  out.effects.push_back({std::move(e), z, where});
+void add_named(Findings& out, const char* effect, double z, Estimates parameters, const char* where) {
+  out.add(effect, z, where, std::move(parameters)).of_noise = true;
 }
 
 // Whole frames, rows and columns.
 void name_components(const NoiseStatistics& n, Findings& out) {
   if (shows(n.flicker)) {
-    add_named(out, "flicker", n.flicker.z, {{"sigma_k", interval(n.flicker.value, n.flicker.error)}},
-              "whole frames differ by an offset");
+    add_named(out, "flicker", n.flicker.z, {{"sigma_k", n.flicker.estimate()}}, "whole frames differ by an offset");
   }
   if (shows(n.rows) || shows(n.columns)) {
-    add_named(
-        out, "stripes", std::max(n.rows.z, n.columns.z),
-        {{"column_k", interval(n.columns.value, n.columns.error)}, {"row_k", interval(n.rows.value, n.rows.error)}},
-        "rows or columns differ by an offset in every frame");
+    add_named(out, "stripes", std::max(n.rows.z, n.columns.z),
+              {{"column_k", n.columns.estimate()}, {"row_k", n.rows.estimate()}},
+              "rows or columns differ by an offset in every frame");
   }
 }
 
 void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::CameraProfile& p, Findings& out) {
   const NoiseStatistics& n = noise.statistics;
   if (n.filter != FrameFilter::kNone) {
-    add_named(out, "iir", n.alpha.z, {{"alpha", interval(n.alpha.value, n.alpha.error)}},
-              "the noise is correlated from frame to frame");
+    add_named(out, "iir", n.alpha.z, {{"alpha", n.alpha.estimate()}}, "the noise is correlated from frame to frame");
   }
   // Coarse steps of what a filter has smoothed hop slowly.
   const bool hops = coarse && n.filter != FrameFilter::kNone;
   if (n.corner_hz.z > kClearCorner && n.corner_hz.value > kLeastCorner && !hops) {
-    add_named(out, "one_over_f", n.corner_hz.z, {{"corner_hz", interval(n.corner_hz.value, n.corner_hz.error)}},
+    add_named(out, "one_over_f", n.corner_hz.z, {{"corner_hz", n.corner_hz.estimate()}},
               "the noise grows towards low frequencies");
   }
   const bool tails = n.excess_kurtosis.z > kClear && n.excess_kurtosis.value > kLeastKurtosis && !coarse;
