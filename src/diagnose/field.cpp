@@ -86,11 +86,8 @@ bool stands_still(const Session& session, const Recording& r) {
   const std::vector<double> ratio = mapped(session.grid.all(), [&](int p) { return wander(course_of(p)); });
   const double quarter = quiet_of(ratio).ratio;
   if (quarter >= kStillRatio) return false;
-  std::vector<double> noise;
-  for (Index p = 0; p < r.values.cols(); ++p) {
-    if (ratio[static_cast<std::size_t>(p)] > quarter) continue;
-    noise.push_back(std::sqrt(step_variance(course_of(p))));
-  }
+  const auto quiet = places_where<Index>(ratio.size(), [&](std::size_t p) { return ratio[p] <= quarter; });
+  const auto noise = mapped(quiet, [&](Index p) { return std::sqrt(step_variance(course_of(p))); });
   const double usual = median(noise);
   return kSigmaOfMad * median(mapped(noise, [usual](double v) { return std::abs(v - usual); })) < kAlike * usual;
 }

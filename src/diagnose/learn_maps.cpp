@@ -99,12 +99,6 @@ void add_solution(const PixelSums& total, const Wanted& wanted, std::size_t pixe
   }
 }
 
-// The fitted camera without the maps of the grid, which are estimated anew.
-State without_maps(State state) {
-  for (const MapKind kind : kMapKinds) map_of(state.camera, kind).resize(0);
-  return state;
-}
-
 // The camera with the maps that a first round has found: the rest is linear and known, only tau has more to tell.
 void apply(Found& found, const Wanted& wanted, Index begin, Index pixels, CameraModel& camera) {
   for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
@@ -119,7 +113,8 @@ void apply(Found& found, const Wanted& wanted, Index begin, Index pixels, Camera
 void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted, int threads, Found& found) {
   const std::size_t begin = first_pixel(band);
   const auto pixels = static_cast<std::size_t>(band.grid.pixels());
-  State state = without_maps(*task.state);
+  State state = *task.state;  // the maps of its grid are estimated anew
+  for (const MapKind kind : kMapKinds) map_of(state.camera, kind).resize(0);
   for (int round = 0; round < (wanted[kTau] ? kTauRounds : 1); ++round) {
     if (round > 0) apply(found, wanted, static_cast<Index>(begin), static_cast<Index>(pixels), state.camera);
     const std::vector<PixelSums> total =

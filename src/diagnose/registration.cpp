@@ -26,7 +26,7 @@ double correlation(const Eigen::Ref<const ArrayXf>& a, const Eigen::Ref<const Ar
 }
 
 struct FrameMatcher {
-  const BarsModel& model;
+  BarsModel model;
   std::span<const int> pixels;
   ArrayXf value = ArrayXf(std::ssize(pixels));
   ArrayXf slope = value;
@@ -67,14 +67,14 @@ std::size_t typical_frame(const Recording& r) {
 }
 
 // Where the bars stand in that frame of a pan, or in the mean of a still.
-Match search(FrameMatcher& matcher, const Recording& r, std::span<const int> pixels) {
+Match search(FrameMatcher& matcher, const Recording& r) {
   constexpr int kSteps = 96;
   const std::size_t at = typical_frame(r);
-  ArrayXf seen = ArrayXf::Zero(static_cast<Index>(pixels.size()));
+  ArrayXf seen = ArrayXf::Zero(matcher.value.size());
   if (r.kind == Kind::kMovingBars) {
-    seen = seen_at(r, static_cast<Index>(at), pixels);
+    seen = seen_at(r, static_cast<Index>(at), matcher.pixels);
   } else {
-    for (Index k = 0; k < r.frames(); ++k) seen += seen_at(r, k, pixels);
+    for (Index k = 0; k < r.frames(); ++k) seen += seen_at(r, k, matcher.pixels);
     seen /= static_cast<float>(r.frames());
   }
   const double period = std::get<capture::BarTarget>(r.stimulus).period_px;
@@ -91,11 +91,10 @@ Match search(FrameMatcher& matcher, const Recording& r, std::span<const int> pix
 double follow_bars(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
   const Recording& recording = session.recordings[index];
   StimulusState& stimulus = state.stimuli[index];
-  const BarsModel model(session, index, state);
-  FrameMatcher matcher{model, pixels};
+  FrameMatcher matcher{BarsModel(session, index, state), pixels};
   const std::size_t middle = typical_frame(recording);
-  const Match start = search(matcher, recording, pixels);
-  const double step = model.mean_speed() * session.period_s;
+  const Match start = search(matcher, recording);
+  const double step = matcher.model.mean_speed() * session.period_s;
   stimulus.shift_px[middle] = start.shift;
   const auto walk = [&](int direction) {
     double shift = start.shift;
@@ -126,9 +125,8 @@ double follow_bars(const Session& session, std::size_t index, State& state, std:
 }
 
 double match_still(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
-  const BarsModel model(session, index, state);
-  FrameMatcher matcher{model, pixels};
-  const Match match = search(matcher, session.recordings[index], pixels);
+  FrameMatcher matcher{BarsModel(session, index, state), pixels};
+  const Match match = search(matcher, session.recordings[index]);
   state.stimuli[index].phase_px = match.shift;
   return match.correlation;
 }
@@ -167,9 +165,8 @@ std::vector<double> mismatches(const Session& session, const State& state, std::
     Recording& r = mended.recordings[i];
     if (!is_bars(r.kind)) continue;
     if (mend) mend(std::get<capture::BarTarget>(r.stimulus));
-    const BarsModel model(mended, i, state);
-    FrameMatcher matcher{model, pixels};
-    all.push_back(1.0 - search(matcher, r, pixels).correlation);
+    FrameMatcher matcher{BarsModel(mended, i, state), pixels};
+    all.push_back(1.0 - search(matcher, r).correlation);
   }
   return all;
 }

@@ -86,92 +86,6 @@ double student_likelihood(const std::vector<double>& x, double degrees, double s
       x, [=](double v) { return constant - (degrees + 1.0) / 2.0 * std::log1p(v * v / (degrees * scale * scale)); });
 }
 
-}  // namespace
-
-std::vector<double> periodogram(const ArrayXd& x) {
-  const auto n = static_cast<double>(x.size());
-  std::vector<double> windowed;
-  double norm = 0.0;
-  for (Index k = 0; k < x.size(); ++k) {
-    const double w = 0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * (static_cast<double>(k) + 0.5) / n);
-    windowed.push_back(w * x[k]);
-    norm += w * w;
-  }
-  Eigen::FFT<double> fft;
-  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
-  std::vector<std::complex<double>> spectrum;
-  fft.fwd(spectrum, windowed);
-  return mapped(spectrum, [norm](const std::complex<double>& s) { return std::norm(s) / norm; });
-}
-
-void judge_spectrum(const Spectrum& s, double rate_hz, NoiseStatistics& n) {
-  constexpr double kGain = 15.0;          // of log-likelihood, that a corner or a filter must bring
-  constexpr double kOtherGain = 3.0;      // that one kind of filter must bring over the other
-  constexpr double kLeastFilter = 0.985;  // a weight nearer to 1 is no filter
-  const SpectrumFit pink = fit_spectrum(s, rate_hz, true, FrameFilter::kNone);
-  SpectrumFit best = pink;
-  for (const FrameFilter tried : {FrameFilter::kRecursive, FrameFilter::kBox}) {
-    const SpectrumFit both = fit_spectrum(s, rate_hz, true, tried);
-    if (both.likelihood > best.likelihood + (best.filter == FrameFilter::kNone ? kGain : kOtherGain) &&
-        both.alpha < kLeastFilter) {
-      best = both;
-    }
-  }
-  const SpectrumFit without_corner = fit_spectrum(s, rate_hz, false, best.filter);
-  const double corner_gain = best.likelihood - without_corner.likelihood;
-  if (corner_gain < kGain) best = without_corner;
-  n.filter = best.filter;
-  n.white_k = std::sqrt(best.level);
-  n.corner_hz = {best.corner, curvature_error(s, best, true), corner_gain < kGain ? 0.0 : std::sqrt(2.0 * corner_gain)};
-  n.alpha = {best.filter == FrameFilter::kNone ? 1.0 : best.alpha, 0.0, 0.0};
-  if (best.filter != FrameFilter::kNone) {
-    n.alpha.error = curvature_error(s, best, false);
-    n.alpha.z = std::sqrt(2.0 * std::max(0.0, best.likelihood - pink.likelihood));
-  }
-  // Does any band stand out?
-  constexpr std::size_t kBands = 12;
-  for (std::size_t b = 0; b < kBands; ++b) {
-    const std::size_t first = b * s.size() / kBands;
-    const auto band = std::span(s).subspan(first, (b + 1) * s.size() / kBands - first);
-    const double sum = sum_of(band, [&](const Bin& bin) { return bin.weight * (bin.power / best.power(bin) - 1.0); });
-    const double weights = sum_of(band, &Bin::weight);
-    if (weights > 0.0) n.spectrum_misfit = std::max(n.spectrum_misfit, std::abs(sum) / std::sqrt(weights));
-  }
-}
-
-void fit_student(const std::vector<double>& x, NoiseStatistics& n) {
-  double best = -1e300;
-  const auto at = [&](double degrees) {
-    // The scale that the variance asks for would trust the tails; the likelihood chooses it too (golden section).
-    double low = 0.4 * n.sigma_tvh;
-    double high = 1.15 * n.sigma_tvh;
-    for (int i = 0; i < 14; ++i) {
-      const double a = high - 0.618 * (high - low);
-      const double b = low + 0.618 * (high - low);
-      if (student_likelihood(x, degrees, a) > student_likelihood(x, degrees, b)) {
-        high = b;
-      } else {
-        low = a;
-      }
-    }
-    return student_likelihood(x, degrees, (low + high) / 2.0);
-  };
-  std::vector<std::pair<double, double>> tried;
-  for (double degrees = 2.2; degrees < 30.0; degrees *= 1.05) {
-    const double value = at(degrees);
-    tried.emplace_back(degrees, value);
-    if (value > best) {
-      best = value;
-      n.degrees = degrees;
-    }
-  }
-  std::erase_if(tried, [best](const auto& one) { return !(one.second > best - 0.5); });
-  if (tried.empty()) return;
-  n.degrees_error = std::max((tried.back().first - tried.front().first) / 2.0, 0.03 * n.degrees);
-}
-
-namespace {
-
 // Sessions without any effect stay below all of these.
 constexpr double kLeastComponent = 0.0015;   // K, of flicker and stripes
 constexpr double kClear = 8.0;               // standard errors
@@ -264,6 +178,88 @@ void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
 }
 
 }  // namespace
+
+std::vector<double> periodogram(const ArrayXd& x) {
+  const auto n = static_cast<double>(x.size());
+  std::vector<double> windowed;
+  double norm = 0.0;
+  for (Index k = 0; k < x.size(); ++k) {
+    const double w = 0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * (static_cast<double>(k) + 0.5) / n);
+    windowed.push_back(w * x[k]);
+    norm += w * w;
+  }
+  Eigen::FFT<double> fft;
+  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
+  std::vector<std::complex<double>> spectrum;
+  fft.fwd(spectrum, windowed);
+  return mapped(spectrum, [norm](const std::complex<double>& s) { return std::norm(s) / norm; });
+}
+
+void judge_spectrum(const Spectrum& s, double rate_hz, NoiseStatistics& n) {
+  constexpr double kGain = 15.0;          // of log-likelihood, that a corner or a filter must bring
+  constexpr double kOtherGain = 3.0;      // that one kind of filter must bring over the other
+  constexpr double kLeastFilter = 0.985;  // a weight nearer to 1 is no filter
+  const SpectrumFit pink = fit_spectrum(s, rate_hz, true, FrameFilter::kNone);
+  SpectrumFit best = pink;
+  for (const FrameFilter tried : {FrameFilter::kRecursive, FrameFilter::kBox}) {
+    const SpectrumFit both = fit_spectrum(s, rate_hz, true, tried);
+    if (both.likelihood > best.likelihood + (best.filter == FrameFilter::kNone ? kGain : kOtherGain) &&
+        both.alpha < kLeastFilter) {
+      best = both;
+    }
+  }
+  const SpectrumFit without_corner = fit_spectrum(s, rate_hz, false, best.filter);
+  const double corner_gain = best.likelihood - without_corner.likelihood;
+  if (corner_gain < kGain) best = without_corner;
+  n.filter = best.filter;
+  n.white_k = std::sqrt(best.level);
+  n.corner_hz = {best.corner, curvature_error(s, best, true), corner_gain < kGain ? 0.0 : std::sqrt(2.0 * corner_gain)};
+  n.alpha = {best.filter == FrameFilter::kNone ? 1.0 : best.alpha, 0.0, 0.0};
+  if (best.filter != FrameFilter::kNone) {
+    n.alpha.error = curvature_error(s, best, false);
+    n.alpha.z = std::sqrt(2.0 * std::max(0.0, best.likelihood - pink.likelihood));
+  }
+  // Does any band stand out?
+  constexpr std::size_t kBands = 12;
+  for (std::size_t b = 0; b < kBands; ++b) {
+    const std::size_t first = b * s.size() / kBands;
+    const auto band = std::span(s).subspan(first, (b + 1) * s.size() / kBands - first);
+    const double sum = sum_of(band, [&](const Bin& bin) { return bin.weight * (bin.power / best.power(bin) - 1.0); });
+    const double weights = sum_of(band, &Bin::weight);
+    if (weights > 0.0) n.spectrum_misfit = std::max(n.spectrum_misfit, std::abs(sum) / std::sqrt(weights));
+  }
+}
+
+void fit_student(const std::vector<double>& x, NoiseStatistics& n) {
+  double best = -1e300;
+  const auto at = [&](double degrees) {
+    // The scale that the variance asks for would trust the tails; the likelihood chooses it too (golden section).
+    double low = 0.4 * n.sigma_tvh;
+    double high = 1.15 * n.sigma_tvh;
+    for (int i = 0; i < 14; ++i) {
+      const double a = high - 0.618 * (high - low);
+      const double b = low + 0.618 * (high - low);
+      if (student_likelihood(x, degrees, a) > student_likelihood(x, degrees, b)) {
+        high = b;
+      } else {
+        low = a;
+      }
+    }
+    return student_likelihood(x, degrees, (low + high) / 2.0);
+  };
+  std::vector<std::pair<double, double>> tried;
+  for (double degrees = 2.2; degrees < 30.0; degrees *= 1.05) {
+    const double value = at(degrees);
+    tried.emplace_back(degrees, value);
+    if (value > best) {
+      best = value;
+      n.degrees = degrees;
+    }
+  }
+  std::erase_if(tried, [best](const auto& one) { return !(one.second > best - 0.5); });
+  if (tried.empty()) return;
+  n.degrees_error = std::max((tried.back().first - tried.front().first) / 2.0, 0.03 * n.degrees);
+}
 
 Noise judge_noise(const Events& events, const Options& options) {
   Noise noise;

@@ -154,14 +154,6 @@ void take_filter_from_edges(const Fit& fit, Report& report) {
   }
 }
 
-// Of recordings without a bench.
-void fill_field(const Field& field, Report& report) {
-  report.gap_before = field.gap_before;
-  report.gap_after = field.gap_after;
-  report.location.captures = field.gaps;
-  report.scene = field.scene;
-}
-
 // By how much the noise's variance, and its parts, differ from what is expected.
 void fill_noise(const Noise& noise, Report& report) {
   const NoiseStatistics& n = noise.statistics;
@@ -231,18 +223,13 @@ bool levels_scatter(const Fit& fit) {
   return level_error(nuisances(fit.session, files), fit.state) > kOff_k;
 }
 
-// What would test the simulator, where nothing does.
-std::string needs_of(const Session& session) {
-  return std::string(
-             "captures of a known stimulus: a closed shutter or a flat black body for noise and offsets, a chopper or "
-             "a pan over bars for the time constant") +
-         (session.recordings.front().kelvin ? "" : "; in kelvin, not in counts");
-}
-
-// Nothing was predicted, so that nothing can be said of how well.
+// Nothing was predicted, so that nothing can be said of how well, but what would test the simulator.
 void mark_not_testable(const Session& session, const Noise& noise, const std::string& why, Report& report) {
   report.verdict = "not_testable";
-  report.needs = needs_of(session) + why;
+  report.needs =
+      "captures of a known stimulus: a closed shutter or a flat black body for noise and offsets, a chopper or a pan "
+      "over bars for the time constant";
+  report.needs += (session.recordings.front().kelvin ? "" : "; in kelvin, not in counts") + why;
   report.gap_before = report.gap_after = report.closed_fraction = kUnknown;
   if (noise.statistics.frames == 0) {
     report.noise_gap_before = report.noise_gap_after = report.noise_floor_k = kUnknown;
@@ -318,7 +305,12 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   take(field.findings);
   if (fit.done) fill_fit(fit, noise, report);
   if (fit.done && events.coarse) take_filter_from_edges(fit, report);
-  if (field.judged) fill_field(field, report);
+  if (field.judged) {
+    report.gap_before = field.gap_before;
+    report.gap_after = field.gap_after;
+    report.location.captures = field.gaps;
+  }
+  report.scene = field.scene;
   append(all, left);
   take(judge_jumps(events, fit.done ? fit.jumps : events.jumps, report));  // of a bench a prediction shows more
   for (const auto* warnings : {&session.warnings, &events.warnings, &noise.findings.warnings, &fit.findings.warnings}) {

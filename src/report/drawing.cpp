@@ -3,14 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstddef>
-#include <span>
-#include <string_view>
-#include <vector>
 
 #include <png.h>
 
-#include "src/report/plot.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::plot {

@@ -1,14 +1,9 @@
 // Whole drawings: plots with titles and captions, one below the other or beside each other.
-#include "src/report/plot.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <utility>
-#include <vector>
 
 #include "page_text.hpp"  // page.css: one column of readable width, light and dark by the reader's preference
-#include "src/report/drawing.hpp"
 #include "src/report/plot_area.hpp"
 #include "src/report/text.hpp"
 

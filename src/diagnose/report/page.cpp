@@ -72,19 +72,23 @@ std::string scale_row(const plot::Scale& axis) {
          "<div class=axisname>gap, noise floors</div><div class=blank></div></div>";
 }
 
-std::string effect_rows(const Report& report, const plot::Scale& axis, bool of_noise) {
-  std::string out;
+// From the floor up to a gap.
+std::string gap_row(const plot::Scale& axis, const std::string& name, const char* look, double gap) {
+  return bar_row(axis, name, look, 1.0, gap, gap_text(gap));
+}
+
+// What the nominal simulator misses, what each effect takes away of it, and what is left.
+std::string waterfall(const Report& report, const plot::Scale& axis, bool of_noise) {
+  std::string out = of_noise ? gap_row(axis, "Nominal noise", "start", report.noise_gap_before)
+                             : gap_row(axis, "Nominal simulator", "start", report.gap_before);
   for (const FoundEffect& effect : report.effects) {
     if (effect.of_noise != of_noise) continue;
     out += bar_row(axis, "with <b>" + escaped(effect_title(effect.name)) + "</b>", of_noise ? "noise" : "",
                    effect.gap_before, effect.gap_after, arrow(effect.gap_before, effect.gap_after));
   }
-  return out;
-}
-
-const char* describe_left(const Report& report) {
-  if (report.effects.empty()) return "Left";
-  return report.effects.size() == 1 ? "Left with it" : "Left with all of them";
+  const std::size_t effects = report.effects.size();
+  const char* const left = effects == 0 ? "Left" : effects == 1 ? "Left with it" : "Left with all of them";
+  return out + gap_row(axis, left, "left", of_noise ? report.noise_gap_after : report.gap_after);
 }
 
 std::string span_text(double low, double high, const char* unit) {
@@ -156,15 +160,8 @@ std::string waterfall_part(const Report& report) {
       "<p class=soft>Root mean square of the residual on data that was held out, in units "
       "of the noise floor, on a logarithmic scale. At the green line the prediction cannot be told from the camera. "
       "Each bar is what one more effect takes away.</p>";
-  out += bar_row(axis, "Nominal simulator", "start", 1.0, report.gap_before, gap_text(report.gap_before));
-  out += effect_rows(report, axis, false);
-  out += bar_row(axis, describe_left(report), "left", 1.0, report.gap_after, gap_text(report.gap_after));
-  if (noise) {
-    out += "<h3 style=\"margin-top:14px\">The noise's own statistics</h3>";
-    out += bar_row(axis, "Nominal noise", "start", 1.0, report.noise_gap_before, gap_text(report.noise_gap_before));
-    out += effect_rows(report, axis, true);
-    out += bar_row(axis, describe_left(report), "left", 1.0, report.noise_gap_after, gap_text(report.noise_gap_after));
-  }
+  out += waterfall(report, axis, false);
+  if (noise) out += "<h3 style=\"margin-top:14px\">The noise's own statistics</h3>" + waterfall(report, axis, true);
   return out + scale_row(axis);
 }
 
@@ -185,9 +182,7 @@ std::string location_part(const Report& report) {
   if (where.captures.empty()) return out;
   const plot::Scale axis = gap_axis(mapped(where.captures, [](const auto& one) { return one.second; }));
   out += "<h3 style=\"margin-top:18px\">Gap of each capture before anything was added</h3>";
-  for (const auto& [file, gap] : where.captures) {
-    out += bar_row(axis, escaped(file), "start", 1.0, gap, gap_text(gap));
-  }
+  for (const auto& [file, gap] : where.captures) out += gap_row(axis, escaped(file), "start", gap);
   return out + scale_row(axis);
 }
 
