@@ -62,3 +62,12 @@ function(bolo_effect_list type template output)
   endforeach()
   configure_file(${template} ${output} @ONLY)
 endfunction()
+
+# bolo_text(SYMBOL STEM.ENDING): `#include "STEM_text.hpp"` gives the layer's sources this file as the string SYMBOL.
+function(bolo_text symbol file)
+  get_filename_component(stem ${file} NAME_WE)
+  file(READ ${file} text)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
+  file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${stem}_text.hpp @ONLY
+       CONTENT "#pragma once\n\ninline constexpr const char* @symbol@ = R\"(\n@text@)\";\n")
+endfunction()

@@ -47,6 +47,16 @@ auto mapped(const Range& values, Of of) {
   return out;
 }
 
+// The places among `count` of which something holds, rising.
+template <typename Place = std::size_t, typename Holds>
+std::vector<Place> places_where(std::size_t count, Holds holds) {
+  std::vector<Place> all;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (holds(i)) all.push_back(static_cast<Place>(i));
+  }
+  return all;
+}
+
 // A straight line through points that come one by one, by least squares.
 class Line {
  public:

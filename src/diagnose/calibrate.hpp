@@ -93,11 +93,6 @@ struct StillFit {
 // kBadInput when the field is not still, or too short. Thread: setup.
 Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress);
 
-struct CalibrationOptions {
-  model::CameraProfile profile;  // what is known so far
-  int threads = 2;
-};
-
 struct Calibration {
   std::vector<std::string> pulses;  // names of the captures by what they were used for
   std::vector<std::string> stills;
@@ -113,8 +108,9 @@ struct Calibration {
 };
 
 // The first capture with pulses gives the time constant; captures that are still give noise, offsets and dead pixels.
-// kBadInput when none has pulses, or when captures are of different cameras. Thread: setup.
-Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures, const CalibrationOptions& options,
+// `known`: the profile so far. kBadInput when none has pulses, or when captures are of different cameras. Thread:
+// setup.
+Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures, const model::CameraProfile& known,
                               const Progress& progress);
 
 }  // namespace bolo::diagnose

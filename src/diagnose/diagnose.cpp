@@ -1,14 +1,9 @@
 // All stages in their order, and what they have learned of the camera as a whole.
 #include "src/diagnose/diagnose.hpp"
 
-#include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <optional>
 
-#include "src/core/statistics.hpp"
 #include "src/diagnose/field.hpp"
-#include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -48,35 +43,25 @@ Grey grey_of(const CameraModel& camera) {
 // when all lie on the line of a grey body (radiance seen = e radiance stated + rest), far beyond their scatter about
 // it, it is the emissivity, which the fit had left to the levels.
 std::optional<Grey> grey_of_levels(const LearnTask& task) {
-  constexpr std::size_t kLeastLevels = 6;
+  constexpr double kLeastLevels = 6.0;
   constexpr double kLeastT = 8.0;            // of Student's t of the slope
   constexpr double kLeastReflected = 0.012;  // a bench may reflect a hundredth
   const State files = nominal_state(task.session, task.profile);
-  struct Level {
-    double stated;
-    double seen;
-  };
-  std::vector<Level> levels;
+  Line line;  // of radiances, less that at kReference
   for (const std::size_t i : modelled(task.session)) {
     const auto& stated = files.stimuli[i].level_k;
     const auto& seen = task.state->stimuli[i].level_k;
     for (std::size_t l = 0; l < std::min(stated.size(), seen.size()); ++l) {
-      levels.push_back({band_signal(stated[l]), band_signal(seen[l])});
+      line.add(band_signal(stated[l]) - kReference, band_signal(seen[l]) - kReference);
     }
   }
-  const auto n = static_cast<double>(levels.size());
-  if (levels.size() < kLeastLevels) return std::nullopt;
-  const double x = sum_of(levels, [n](const Level& l) { return l.stated / n; });
-  const double y = sum_of(levels, [n](const Level& l) { return l.seen / n; });
-  const double xx = sum_of(levels, [x](const Level& l) { return (l.stated - x) * (l.stated - x); });
-  const double xy = sum_of(levels, [x, y](const Level& l) { return (l.stated - x) * (l.seen - y); });
-  if (xx <= 0.0) return std::nullopt;
-  const double slope = xy / xx;
-  const double left =
-      sum_of(levels, [&](const Level& l) { return std::pow(l.seen - y - slope * (l.stated - x), 2) / (n - 2.0); });
+  if (line.count() < kLeastLevels || line.scatter_x() <= 0.0) return std::nullopt;
+  const double slope = line.slope();
+  const double left = std::max(0.0, line.scatter_y() - slope * line.scatter_xy()) / (line.count() - 2.0);
   const double reflected = 1.0 - slope;
-  if (reflected < kLeastReflected || reflected > 0.7 || reflected < kLeastT * std::sqrt(left / xx)) return std::nullopt;
-  return Grey{slope, reflected_temperature((y - slope * x) / reflected)};
+  const double least = std::max(kLeastReflected, kLeastT * std::sqrt(left / line.scatter_x()));
+  if (reflected < least || reflected > 0.7) return std::nullopt;
+  return Grey{slope, reflected_temperature(kReference + line.level(slope) / reflected)};
 }
 
 void learn_undo(const LearnTask& task, model::Undo& undo) {

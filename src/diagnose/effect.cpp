@@ -1,8 +1,5 @@
 #include "src/diagnose/effect.hpp"
 
-#include <algorithm>
-#include <cmath>
-
 #include "effect_list.hpp"  // made by the build from the files in effects/
 
 namespace bolo::diagnose {

@@ -2,18 +2,9 @@
 // `std::vector<Effect> NAME_effects()` in NAME.cpp; the build finds it there.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <functional>
 #include <initializer_list>
-#include <map>
-#include <span>
-#include <string>
-#include <vector>
 
 #include "src/diagnose/model.hpp"
-#include "src/diagnose/report.hpp"
 
 namespace bolo::diagnose {
 
@@ -56,14 +47,13 @@ struct Fitted {
 using Estimates = std::map<std::string, Estimate>;
 using EffectReport = std::function<Estimates(const Fitted&)>;  // what is reported of it
 
-// What is said of an effect. `sentence` has places for parameters: {key} is the value with its unit, {key~} how far it
-// is from 1 in percent, {key%} the value in percent, {key?more|less} the first word when it is above its neutral value
-// (1 for scales, 0 else), the second below. `plain` is said when a parameter is missing, or when there is no more to
-// say.
+// What is said of an effect. `plain` has places for parameters: {key} is the value with its unit, {key~} how far it is
+// from 1 in percent, {key%} the value in percent, {key?more|less} the first word when it is above its neutral value (1
+// for scales, 0 else), the second below. Of [numbers|none] the second is said when a parameter of the first is missing;
+// it may be left out.
 struct Words {
   std::string title{};
   std::string plain{};
-  std::string sentence{};
 };
 
 // The recordings without a bench that tell an effect, too: those that stand still, and those whose scene is followed.
@@ -103,15 +93,15 @@ const Effect* find_effect(std::string_view name);
 
 bool has_kind(const Session& session, Kind kind);
 Predicate any_of(std::initializer_list<Kind> kinds);  // a recording of one of these kinds
-// A parameter that is a number of the state: `at` gives its place.
-template <typename At>
-Parameter number_at(std::string name, double step, double low, double high, At at) {
+// A parameter that is a number of the state: `at` gives its place, `as` what is fitted of it, `from` the way back.
+template <typename At, typename As = std::identity, typename From = std::identity>
+Parameter number_at(std::string name, double step, double low, double high, At at, As as = {}, From from = {}) {
   return {std::move(name),
           step,
           low,
           high,
-          [at](const State& s) { return at(s); },
-          [at](State& s, double v) { at(s) = v; }};
+          [=](const State& s) { return as(at(s)); },
+          [=](State& s, double v) { at(s) = from(v); }};
 }
 // One of the camera's model, and one of what is linear in it.
 inline Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member) {
@@ -125,21 +115,14 @@ inline Parameter number_of(std::string name, double step, double low, double hig
 // The square of a number of the state, and the logarithm of its share of `about`.
 template <typename At>
 Parameter square_of(std::string name, double step, double high, At at) {
-  return {std::move(name),
-          step,
-          0.0,
-          high,
-          [at](const State& s) { return at(s) * at(s); },
-          [at](State& s, double v) { at(s) = std::sqrt(std::max(0.0, v)); }};
+  const auto root = [](double v) { return std::sqrt(std::max(0.0, v)); };
+  return number_at(
+      std::move(name), step, 0.0, high, at, [](double x) { return x * x; }, root);
 }
 template <typename At>
 Parameter log_of(std::string name, double step, double reach, double about, At at) {
-  return {std::move(name),
-          step,
-          -reach,
-          reach,
-          [at, about](const State& s) { return std::log(at(s) / about); },
-          [at, about](State& s, double v) { at(s) = about * std::exp(v); }};
+  const auto log = [about](double x) { return std::log(x / about); };
+  return number_at(std::move(name), step, -reach, reach, at, log, [about](double v) { return about * std::exp(v); });
 }
 // The same parameters in every session.
 std::function<std::vector<Parameter>(const Session&)> always(std::vector<Parameter> parameters);

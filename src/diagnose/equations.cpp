@@ -1,13 +1,4 @@
 // What a fit solves for, and its linear equations.
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <numeric>
-#include <variant>
-
-#include <Eigen/Dense>
-
-#include "src/core/statistics.hpp"
 #include "src/core/threads.hpp"
 #include "src/diagnose/fit.hpp"
 
@@ -22,23 +13,6 @@ constexpr int kBorder = 2;               // pixels at the sensor's edge, whose n
 constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, from which on values are not used
 constexpr double kPriorFloor = 1e-12;
 constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: below it a frame says nothing of its time
-
-// Width of the edges of all targets, and their shape. Of the standard deviation, not the variance: where an edge just
-// reaches a pixel it shows to first order.
-std::array<Parameter, 2> target_edge() {
-  const auto get = [](const State& s) {
-    const auto soft = std::ranges::find_if(s.stimuli, [](const StimulusState& one) { return one.edge_px2 != 0.0; });
-    return soft == s.stimuli.end() ? 0.0 : std::sqrt(soft->edge_px2);
-  };
-  const auto set = [](State& s, double value) {
-    for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value * value;
-  };
-  const auto shape = [](const State& s) { return s.stimuli.empty() ? 0.0 : s.stimuli.front().edge_ramp; };
-  const auto set_shape = [](State& s, double value) {
-    for (StimulusState& stimulus : s.stimuli) stimulus.edge_ramp = value;
-  };
-  return {{{"edge", 0.04, 0.0, kSoftestEdge_px, get, set}, {"edge_ramp", 0.2, 0.0, 1.0, shape, set_shape}}};
-}
 
 // What the bench says of its temperatures.
 double accuracy_of(const capture::Stimulus& stimulus) {
@@ -190,9 +164,12 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
     all.push_back({number_of("alpha", 0.02, 0.05, 1.0, &Response::alpha), kAllRecordings, false, 1.0, 0.0});
   }
   if (bars) {
-    auto [width, shape] = target_edge();
-    all.push_back({std::move(width), kAllBars, false, 0.0, kEdgePrior});
-    all.push_back({std::move(shape), kAllBars, false, 0.5, kShapePrior});
+    const auto width = number_at(
+        "edge", 0.04, 0.0, kSoftestEdge_px, [](auto& s) -> auto& { return s.edge_px; });
+    const auto shape = number_at(
+        "edge_ramp", 0.2, 0.0, 1.0, [](auto& s) -> auto& { return s.edge_ramp; });
+    all.push_back({width, kAllBars, false, 0.0, kEdgePrior});
+    all.push_back({shape, kAllBars, false, 0.5, kShapePrior});
   }
   return all;
 }

@@ -1,12 +1,4 @@
 // What happens to whole frames and to single pixels: found before anything is fitted, so that it does not disturb.
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <map>
-
-#include <Eigen/Dense>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -66,12 +58,7 @@ std::vector<std::vector<float>> steady_series(const Recording& r) {
 
 // Share of the squared variation that is between neighbouring frames: 2 for white noise, near 0 for slow changes.
 double roughness(const std::vector<float>& x) {
-  const auto count = static_cast<double>(x.size());
-  const double mean = sum_of(x) / count;
-  const double sigma = std::sqrt(sum_of(x, [mean](float v) { return (v - mean) * (v - mean); }) / count);
-  double sum = 0.0;
-  for (std::size_t k = 1; k < x.size(); ++k) sum += std::pow(static_cast<double>(x[k] - x[k - 1]), 2);
-  return sigma > 0.0 ? sum / (count - 1.0) / (sigma * sigma) : 0.0;
+  return 2.0 / wander(Eigen::Map<const ArrayXf>(x.data(), std::ssize(x)).cast<double>());
 }
 
 // Medians of five.
@@ -164,15 +151,9 @@ bool changes_much(const Recording& r) {
   if (r.kind != Kind::kChopper && r.kind != Kind::kMovingBars) return false;
   const FrameStatistics& s = r.statistics;
   if (s.distinct_frames() < kLeastSteady) return false;
-  std::vector<double> scatter;  // of neighbouring frames, that do not change much
-  for (const double one : s.scatter) scatter.push_back(one);
+  std::vector<double> scatter = s.scatter;  // of neighbouring frames, that do not change much
   std::ranges::sort(scatter);
   return median(s.range) > kLeastRange * std::max(scatter[scatter.size() / 10], r.step / kNoiseSteps);
-}
-
-void make_unique(std::vector<int>& pixels) {
-  std::ranges::sort(pixels);
-  pixels.erase(std::unique(pixels.begin(), pixels.end()), pixels.end());
 }
 
 }  // namespace
@@ -219,10 +200,8 @@ BadPixels find_dead_pixels(Session& session) {
   }
   // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others. Noisy
   // everywhere: one outlier of one capture is none.
-  for (std::size_t p = 0; p < pixels; ++p) {
-    if (stuck[p] == asked) bad.stuck.push_back(static_cast<int>(p));
-    if (noisy[p] > 0 && noisy[p] == steady) bad.noisy.push_back(static_cast<int>(p));
-  }
+  bad.stuck = places_where<int>(pixels, [&](std::size_t p) { return stuck[p] == asked; });
+  bad.noisy = places_where<int>(pixels, [&](std::size_t p) { return noisy[p] > 0 && noisy[p] == steady; });
   if (bad.stuck.size() * 2 > pixels) bad.stuck.clear();
   leave_out_dead(session, bad);
   return bad;
@@ -231,18 +210,24 @@ BadPixels find_dead_pixels(Session& session) {
 std::vector<int> noisy_pixels(const FrameStatistics& s) {
   const double usual = median(s.sigma);
   const double usual_rough = median(s.roughness);
-  std::vector<int> noisy;
-  for (std::size_t p = 0; p < s.sigma.size() && usual > 0.0; ++p) {
-    if (s.sigma[p] > kNoisySigma * usual && s.roughness[p] > 0.5 * usual_rough) noisy.push_back(static_cast<int>(p));
+  return places_where<int>(s.sigma.size(), [&](std::size_t p) {
+    return usual > 0.0 && s.sigma[p] > kNoisySigma * usual && s.roughness[p] > 0.5 * usual_rough;
+  });
+}
+
+Mask BadPixels::dead(const Session& session) const {
+  Mask all(Geometry{session.width, session.height}.pixels(), 0);
+  for (const auto* of : {&stuck, &noisy}) {
+    for (const int p : *of) all[static_cast<std::size_t>(p)] = 1;
   }
-  return noisy;
+  return all;
 }
 
 void leave_out_dead(Session& session, const BadPixels& bad) {
+  const Mask dead = bad.dead(session);
   for (const int p : session.grid.all()) {
     const int at = session.grid.row_of(p) * session.width + session.grid.column_of(p);
-    const auto among = [at](const std::vector<int>& dead) { return std::ranges::binary_search(dead, at); };
-    if (among(bad.stuck) || among(bad.noisy)) session.good[static_cast<std::size_t>(p)] = 0;
+    if (dead[static_cast<std::size_t>(at)] != 0) session.good[static_cast<std::size_t>(p)] = 0;
   }
 }
 
@@ -252,7 +237,8 @@ void find_jumping_pixels(Session& session, BadPixels& bad, double step_k, Kind o
     if (r.kind == of) judge_still(session, r, kHop * step_k, bad, steps);
   }
   if (steps.empty()) return;
-  make_unique(bad.jumping);
+  std::ranges::sort(bad.jumping);
+  bad.jumping.erase(std::unique(bad.jumping.begin(), bad.jumping.end()), bad.jumping.end());
   for (const int pixel : bad.jumping) session.good[static_cast<std::size_t>(pixel)] = 0;
   bad.step_k = median(std::move(steps));
 }

@@ -1,12 +1,5 @@
 #include "src/diagnose/field.hpp"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <numbers>
-#include <numeric>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/field_parts.hpp"
 
 namespace bolo::diagnose {
@@ -93,11 +86,8 @@ bool stands_still(const Session& session, const Recording& r) {
   const std::vector<double> ratio = mapped(session.grid.all(), [&](int p) { return wander(course_of(p)); });
   const double quarter = quiet_of(ratio).ratio;
   if (quarter >= kStillRatio) return false;
-  std::vector<double> noise;
-  for (Index p = 0; p < r.values.cols(); ++p) {
-    if (ratio[static_cast<std::size_t>(p)] > quarter) continue;
-    noise.push_back(std::sqrt(step_variance(course_of(p))));
-  }
+  const auto quiet = places_where<Index>(ratio.size(), [&](std::size_t p) { return ratio[p] <= quarter; });
+  const auto noise = mapped(quiet, [&](Index p) { return std::sqrt(step_variance(course_of(p))); });
   const double usual = median(noise);
   return kSigmaOfMad * median(mapped(noise, [usual](double v) { return std::abs(v - usual); })) < kAlike * usual;
 }
@@ -160,17 +150,15 @@ struct Gaps {
 };
 
 // Each effect once. `alike`: another effect that would show the same.
-void add_named(Findings& out, const std::string& effect, double z, std::map<std::string, Estimate> parameters,
-               Gaps gaps, const char* where, const char* alike = nullptr) {
+void add_named(Findings& out, const std::string& effect, double z, Estimates parameters, Gaps gaps, const char* where,
+               const char* alike = nullptr) {
   if (std::ranges::any_of(out.effects, [&](const Finding& known) { return known.effect.name == effect; })) return;
-  FoundEffect e = named(effect, confidence_from(z), std::move(parameters));
+  FoundEffect& e = out.add(effect, z, where, std::move(parameters));
   e.gap_before = gaps.before;
   e.gap_after = gaps.after;
   if (alike != nullptr) e.alternatives = {{alike, gaps.after}};
-  out.effects.push_back({std::move(e), std::max(z, 2.0 * kRemainderLimit), where});
+  out.effects.back().z = std::max(z, 2.0 * kRemainderLimit);
 }
-
-Estimate estimate(const Measured& m) { return interval(m.value, m.error); }
 
 void name_parts(const FieldParts& parts, Findings& out) {
   const Gaps gaps{parts.gap_before, parts.gap_after};
@@ -182,7 +170,7 @@ void name_parts(const FieldParts& parts, Findings& out) {
                     std::abs(parts.gain_likeness) < kMostLikeness;
   const Offsets& offset = gain ? parts.beside_gain : parts.offset;
   if (gain) {
-    add_named(out, "fpn_gain", parts.gain.z, {{"pixel", estimate(parts.gain)}}, gaps,
+    add_named(out, "fpn_gain", parts.gain.z, {{"pixel", parts.gain.estimate()}}, gaps,
               "pixels show more or less of the scene's changes than others");
   }
   if (parts.after_freeze || !(clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn))) return;
@@ -192,7 +180,7 @@ void name_parts(const FieldParts& parts, Findings& out) {
               gaps, "a pattern stays with the pixels while the scene moves on, and grows", "fpn_offset");
   } else {
     add_named(out, "fpn_offset", std::max(offset.pixel.z, offset.column.z),
-              {{"pixel_k", estimate(offset.pixel)}, {"column_k", estimate(offset.column)}}, gaps,
+              {{"pixel_k", offset.pixel.estimate()}, {"column_k", offset.column.estimate()}}, gaps,
               "a pattern stays with the pixels while the scene moves on",
               !gain && parts.gain.value > kLeastGain ? "fpn_gain" : nullptr);
   }
@@ -222,7 +210,7 @@ double name_times(const FromMotion& motion, const Options& options, Findings& ou
 void name_values(const Events& events, Field& field) {
   const Gaps gaps{field.gap_before, field.gap_after};
   std::size_t missed = std::accumulate(events.repeated.begin(), events.repeated.end(), std::size_t{0});
-  for (const auto& [file, frames] : field.lost) missed += frames.size();
+  for (const auto& [file, one] : field.seen) missed += one.lost_before.size();
   if (missed > 0) {
     const double frames = sum_of(events.session.recordings, [](const Recording& r) { return r.frames(); });
     const double rate = 1e3 * static_cast<double>(missed) / frames;
@@ -237,22 +225,9 @@ void name_values(const Events& events, Field& field) {
   }
 }
 
-std::vector<char> dead_of(const Events& events) {
-  std::vector<char> dead(
-      static_cast<std::size_t>(events.session.width) * static_cast<std::size_t>(events.session.height), 0);
-  for (const auto* of : {&events.bad.stuck, &events.bad.noisy}) {
-    for (const int p : *of) dead[static_cast<std::size_t>(p)] = 1;
-  }
-  return dead;
-}
-
 // A value's noise where there is no profile to ask, or the scene is still for a moment.
 double first_noise(const Recording& r, const Options& options) {
-  std::vector<double> scatter;
-  for (std::size_t k = 1; k < r.statistics.frames(); ++k) {
-    if (r.statistics.repeated[k] == 0) scatter.push_back(r.statistics.scatter[k]);
-  }
-  const double seen = quantile(std::move(scatter), 0.1) / std::numbers::sqrt2;
+  const double seen = quantile(r.statistics.of_new_frames(r.statistics.scatter), 0.1) / std::numbers::sqrt2;
   return r.kelvin ? std::min(options.profile.noise_k, std::max(seen, 1e-4)) : std::max(seen, 0.5);
 }
 
@@ -262,7 +237,7 @@ Result<FieldParts> judge_moving(const std::filesystem::path& file, const Recordi
   ASSIGN_OR_RETURN(auto motion, follow_field(file, r, first_noise(r, options), options.profile.tau_s));
   FieldParts parts;
   if (motion.sights.size() >= kFewestSights) {
-    const std::vector<char> known = dead_of(events);
+    const Mask known = events.bad.dead(events.session);
     parts = take_field_apart(motion.frames, motion.sights, known);
     parts.followed = parts.followed && parts.moving <= kMostOwn;
     parts.patterns = motion.sights.size() >= std::min(kFewestOfPattern, r.used_frames().size() / 2);
@@ -324,16 +299,16 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
     const auto file = std::ranges::find(files, r.name, [](const auto& path) { return path.filename().string(); });
     if (file == files.end()) continue;
     if (!progress("following the scene", 0.9)) return failed("interrupted");
-    ASSIGN_OR_RETURN(auto motion, learn_from_motion(*file, r, events.session, options.profile));
-    if (motion) out.motion[r.name] = *motion;
+    Observation& seen = out.seen[r.name] = observe(r);
+    ASSIGN_OR_RETURN(seen.motion, learn_from_motion(*file, r, events.session, options.profile));
     if (bench || r.used_frames().size() < kMinFrames) continue;
     if (r.kind == Kind::kField || r.kind == Kind::kUniform) {
       out.still = out.still || noise.statistics.frames > 0;
       continue;
     }
-    ASSIGN_OR_RETURN(const auto parts, judge_moving(*file, r, events, options));
+    ASSIGN_OR_RETURN(auto parts, judge_moving(*file, r, events, options));
     note_jumps(events, static_cast<std::size_t>(&r - events.session.recordings.data()), parts.jumps);
-    out.jumps[r.name] = parts.jumps;
+    seen.jumps = std::move(parts.jumps);
     if (!parts.followed) {
       out.why = " (" + r.name + ": something moves by itself, or the motion is not followed)";
       continue;
@@ -346,17 +321,17 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
     out.gaps[r.name] = parts.gap_before;
     if (parts.patterns) name_parts(parts, out.findings);
     out.patterns = out.patterns || parts.patterns;
-    if (!parts.lost.empty()) out.lost[r.name] = parts.lost;
+    seen.lost_before = std::move(parts.lost);
     if (out.scene.empty()) {
       out.scene = parts.scene;
       for (auto& row : out.scene) {
         for (plot::Plot& one : row) one.plane.unit = r.kelvin ? "K" : "counts";
       }
     }
-    if (!motion) continue;
-    out.tells_tau = out.tells_tau || motion->tau_s.has_value();
-    out.tells_delay = out.tells_delay || motion->row_delay_s.has_value();
-    closed += name_times(*motion, options, out.findings);
+    if (!seen.motion) continue;
+    out.tells_tau = out.tells_tau || seen.motion->tau_s.has_value();
+    out.tells_delay = out.tells_delay || seen.motion->row_delay_s.has_value();
+    closed += name_times(*seen.motion, options, out.findings);
   }
   out.judged = out.moving || out.still;
   if (cells > 0.0) {

@@ -1,11 +1,6 @@
 // Recordings without a bench: the scene is unknown, but it is one scene. A stage between the noise and the report.
 #pragma once
 
-#include <map>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -24,11 +19,9 @@ struct Field {
   double gap_before = 1.0;
   double gap_after = 1.0;
   Findings findings;
-  std::map<std::string, FromMotion> motion;                     // by file name
-  std::map<std::string, double> gaps;                           // before, by file name
-  std::map<std::string, std::vector<std::size_t>> lost;         // Observation::lost_before, by file name
-  std::map<std::string, std::vector<Observation::Jump>> jumps;  // of what moves, by file name
-  plot::Rows scene;                                             // Report::scene
+  std::map<std::string, double> gaps;       // before, by file name
+  std::map<std::string, Observation> seen;  // by file name: also what the motion tells
+  plot::Rows scene;                         // Report::scene
 
   // Whether such recordings tell an effect.
   bool tells(const Effect& effect) const;

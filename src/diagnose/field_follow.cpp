@@ -1,14 +1,7 @@
 #include "src/diagnose/field_parts.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <map>
-#include <optional>
 #include <random>
 
-#include "src/capture/capture.hpp"
-#include "src/core/crew.hpp"
-#include "src/core/statistics.hpp"
 #include "src/motion/global_motion.hpp"
 #include "src/motion/local_motion.hpp"
 
@@ -32,60 +25,46 @@ constexpr double kLargestDifference = 1e3;  // in noises, of values that are mat
 constexpr double kAsTheyAre = 0.05;
 
 // Frames of one size, matched with one another.
-class Matcher {
- public:
-  Matcher(Geometry geometry, double noise)
-      : geometry_(geometry),
-        noise_(noise),
-        kernels_(motion::best_kernels()),
-        inertia_(kAsTheyAre),
-        global_(geometry),
-        local_(geometry),
-        plane_(geometry),
-        innovation_(geometry),
-        field_(motion::blocks_over(geometry.width), motion::blocks_over(geometry.height)) {}
+struct Matcher {
+  Geometry geometry;
+  double noise;
+  const motion::Kernels& kernels = motion::best_kernels();
+  motion::Inertia inertia{kAsTheyAre};
+  motion::GlobalMotion global{geometry};
+  motion::LocalMotion local{geometry};
+  PaddedPlane plane{geometry};
+  PaddedPlane innovation{geometry};
+  VectorField field{motion::blocks_over(geometry.width), motion::blocks_over(geometry.height)};
+  Alone crew{};
 
   void smooth(const float* frame, motion::Pyramid& out) {
-    load(frame, plane_);
-    motion::find_innovation(kernels_, inertia_, plane_, plane_, crew_, innovation_, out);
+    load(frame, plane);
+    motion::find_innovation(kernels, inertia, plane, plane, crew, innovation, out);
   }
 
   motion::Affine whole(const motion::Pyramid& a, const motion::Pyramid& b) {
-    return global_.find(kernels_, inertia_, a, b, noise_, crew_);
+    return global.find(kernels, inertia, a, b, noise, crew);
   }
 
   VectorField blocks(const motion::Pyramid& a, const motion::Pyramid& b) {
-    motion::spread(whole(a, b), geometry_, 1, field_);
-    const auto cap = static_cast<float>(kLargestDifference * noise_);
-    const VectorField& deviation = local_.find(kernels_, inertia_, a, b, field_, noise_, cap * cap, crew_);
-    VectorField out = field_;
+    motion::spread(whole(a, b), geometry, 1, field);
+    const auto cap = static_cast<float>(kLargestDifference * noise);
+    const VectorField& deviation = local.find(kernels, inertia, a, b, field, noise, cap * cap, crew);
+    VectorField out = field;
     for (std::size_t i = 0; i < out.size(); ++i) out[i] = out[i] + deviation[i];
     return out;
   }
-
- private:
-  Geometry geometry_;
-  double noise_;
-  const motion::Kernels& kernels_;
-  motion::Inertia inertia_;
-  motion::GlobalMotion global_;
-  motion::LocalMotion local_;
-  PaddedPlane plane_;
-  PaddedPlane innovation_;
-  VectorField field_;
-  Alone crew_;
 };
 
-using Shift = std::array<double, 2>;
+using Shift = Eigen::Vector2d;
 
 // The nearest frame, in the direction of `by`, from which the scene has moved far enough.
 std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by) {
-  const auto& here = place[static_cast<std::size_t>(k)];
   for (Index i = 1; i <= kFarthest; ++i) {
     const Index other = k + by * i;
-    if (other < 0 || other >= static_cast<Index>(place.size())) return std::nullopt;
-    const auto& there = place[static_cast<std::size_t>(other)];
-    if (std::hypot(there[0] - here[0], there[1] - here[1]) >= kLeastMove_px) return other;
+    if (other < 0 || other >= std::ssize(place)) return std::nullopt;
+    const Shift moved = place[static_cast<std::size_t>(other)] - place[static_cast<std::size_t>(k)];
+    if (moved.norm() >= kLeastMove_px) return other;
   }
   return std::nullopt;
 }
@@ -99,17 +78,14 @@ std::vector<std::size_t> find_lost(const std::vector<Index>& frame, const std::v
   constexpr double kMost = 4.0;        // steps at once
   std::vector<std::size_t> lost;
   for (Index k = kAround + 1; k + kAround < static_cast<Index>(frame.size()); ++k) {
-    const auto at = [&](Index i) { return step[static_cast<std::size_t>(k + i)]; };
+    const auto at = [&](Index i) -> const Shift& { return step[static_cast<std::size_t>(k + i)]; };
     if (frame[static_cast<std::size_t>(k + kAround)] - frame[static_cast<std::size_t>(k - kAround - 1)] !=
         2 * kAround + 1)
       continue;
-    Shift mean{};
-    for (const Index i : {-2, -1, 1, 2}) mean = {mean[0] + at(i)[0] / 4.0, mean[1] + at(i)[1] / 4.0};
-    const double speed = std::hypot(mean[0], mean[1]);
-    const auto off = [&](Index i, double steps) {
-      return std::hypot(at(i)[0] - steps * mean[0], at(i)[1] - steps * mean[1]);
-    };
-    const double steps = std::round(std::hypot(at(0)[0], at(0)[1]) / std::max(speed, 1e-9));
+    const Shift mean = (at(-2) + at(-1) + at(1) + at(2)) / 4.0;
+    const double speed = mean.norm();
+    const auto off = [&](Index i, double steps) { return (at(i) - steps * mean).norm(); };
+    const double steps = std::round(at(0).norm() / std::max(speed, 1e-9));
     const bool even = std::ranges::none_of(std::array<Index, 4>{-2, -1, 1, 2},
                                            [&](Index i) { return off(i, 1.0) > kUneven * speed; });
     if (even && speed > kLeastSpeed && steps > 1.5 && steps <= kMost && off(0, steps) < kOff * speed) {
@@ -134,37 +110,28 @@ double noise_gain(Aligner& aligner, const Sight& sight, const Series& noise) {
 }
 
 // The frames of a recording that are used, read again from its file, without its jumps.
-class UsedFrames {
- public:
-  UsedFrames(capture::CaptureReader reader, const Recording& recording)
-      : reader_(std::move(reader)), frame_(recording.used_frames()) {
-    if (frame_.size() > kMostFrames) frame_.resize(kMostFrames);
-  }
-  Geometry geometry() const { return reader_.info().format.geometry; }
-  double period_s() const { return reader_.info().format.frame_period_s; }
-  const std::vector<Index>& frame() const { return frame_; }  // of the recording
+struct UsedFrames {
+  capture::CaptureReader reader;
+  std::vector<Index> frame;  // of the recording
+  std::vector<Observation::Jump> jumps{};
 
-  void take_out(std::vector<Observation::Jump> jumps) { jumps_ = std::move(jumps); }
+  Geometry geometry() const { return reader.info().format.geometry; }
   // What is taken out at a frame.
   double jump_at(std::size_t k) const {
-    const auto frame = static_cast<std::size_t>(frame_[k]);
-    return sum_of(jumps_, [frame](const Observation::Jump& jump) { return jump.frame == frame ? jump.size : 0.0; });
+    return sum_of(jumps, [at = frame[k]](const Observation::Jump& jump) {
+      return static_cast<Index>(jump.frame) == at ? jump.size : 0.0;
+    });
   }
 
   Status read(Index k, std::span<float> out) const {
-    const auto frame = static_cast<std::size_t>(frame_[static_cast<std::size_t>(k)]);
-    RETURN_IF_ERROR(read_values(reader_, frame, 0, out));
-    for (const Observation::Jump& jump : jumps_) {
-      if (frame < jump.frame) continue;
+    const auto at = static_cast<std::size_t>(frame[static_cast<std::size_t>(k)]);
+    RETURN_IF_ERROR(read_values(reader, at, 0, out));
+    for (const Observation::Jump& jump : jumps) {
+      if (at < jump.frame) continue;
       for (float& v : out) v -= static_cast<float>(jump.size);
     }
     return {};
   }
-
- private:
-  capture::CaptureReader reader_;
-  std::vector<Observation::Jump> jumps_;
-  std::vector<Index> frame_;
 };
 
 // What each of the used frames differs by from the one before.
@@ -223,13 +190,13 @@ Result<Advance> advance_of(const UsedFrames& used, Matcher& matcher) {
   std::vector<float> frame(g.pixels());
   std::vector<float> before(g.pixels());
   Advance out;
-  for (std::size_t k = 0; k < used.frame().size(); ++k) {
+  for (std::size_t k = 0; k < used.frame.size(); ++k) {
     std::swap(last, now);
     std::swap(before, frame);
     RETURN_IF_ERROR(used.read(static_cast<Index>(k), frame));
     matcher.smooth(frame.data(), now);
     const motion::Affine d = k == 0 ? motion::Affine{} : matcher.whole(last, now);
-    out.step.push_back({d.p[0], d.p[3]});
+    out.step.emplace_back(d.p[0], d.p[3]);
     add_rise(k == 0 ? frame : before, frame, g, d, used.jump_at(k), out.rise);
   }
   return out;
@@ -252,21 +219,16 @@ std::pair<std::size_t, std::size_t> longest_stretch(const std::vector<Index>& fr
 // before the pixels as well as what is. `lag`: of pixels, in periods.
 std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t first, std::size_t last, double lag,
                                  std::size_t pixels) {
-  std::vector<Shift> place(last - first);
-  for (std::size_t k = 1; k < place.size(); ++k) {
-    place[k] = {place[k - 1][0] + step[first + k][0], place[k - 1][1] + step[first + k][1]};
-  }
+  std::vector<Shift> place(last - first, Shift::Zero());
+  for (std::size_t k = 1; k < place.size(); ++k) place[k] = place[k - 1] + step[first + k];
   std::vector<Sight> all;
   for (Index k = 0; k < static_cast<Index>(place.size()); ++k) {
     const auto before = partner(place, k, -1);
     const auto after = partner(place, k, 1);
     if (!before || !after) continue;
     const auto from = static_cast<Index>(first);
-    const auto uneven = [&](std::size_t axis) {
-      const auto at = [&](Index i) { return step[static_cast<std::size_t>(from + i)][axis]; };
-      return at(k) - (at(*before) + at(*after)) / 2.0;
-    };
-    if (lag * std::hypot(uneven(0), uneven(1)) > kMostLag_px) continue;
+    const auto at = [&](Index i) -> const Shift& { return step[static_cast<std::size_t>(from + i)]; };
+    if (lag * (at(k) - (at(*before) + at(*after)) / 2.0).norm() > kMostLag_px) continue;
     const double time = static_cast<double>(from + k) / static_cast<double>(step.size());
     all.push_back({from + k, from + *before, from + *after, time, {}, {}});
   }
@@ -322,21 +284,23 @@ void match_sights(const FieldFrames& frames, Matcher& matcher, std::vector<Sight
 Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording, double noise,
                                  double tau_s) {
   ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
-  UsedFrames used(std::move(reader), recording);
+  UsedFrames used{std::move(reader), recording.used_frames()};
+  if (used.frame.size() > kMostFrames) used.frame.resize(kMostFrames);
   FieldMotion out;
   if (std::min(used.geometry().width, used.geometry().height) < motion::kLeastSide) return out;
   // Frames are matched without what may be a jump, and it is one when it is there along the motion, too.
-  used.take_out(jumps_among(recording.statistics, noise));
-  Matcher matcher(used.geometry(), noise);
+  used.jumps = jumps_among(recording.statistics, noise);
+  Matcher matcher{used.geometry(), noise};
   ASSIGN_OR_RETURN(const auto advance, advance_of(used, matcher));
-  out.lost = find_lost(used.frame(), advance.step);
+  out.lost = find_lost(used.frame, advance.step);
   for (auto [k, size] : jumps_among(advance.rise, noise)) {
-    if (is_followed(advance.rise, k, size)) out.jumps.push_back({static_cast<std::size_t>(used.frame()[k]), size});
+    if (is_followed(advance.rise, k, size)) out.jumps.push_back({static_cast<std::size_t>(used.frame[k]), size});
   }
-  used.take_out(out.jumps);
-  const auto [first, last] = longest_stretch(used.frame());
+  used.jumps = out.jumps;
+  const auto [first, last] = longest_stretch(used.frame);
   out.after_freeze = first > 0;
-  out.sights = choose_sights(advance.step, first, last, tau_s / used.period_s(), used.geometry().pixels());
+  out.sights = choose_sights(advance.step, first, last, tau_s / used.reader.info().format.frame_period_s,
+                             used.geometry().pixels());
   ASSIGN_OR_RETURN(out.frames, read_for(out.sights, used));
   match_sights(out.frames, matcher, out.sights);
   return out;

@@ -1,11 +1,5 @@
 #include "src/diagnose/field_parts.hpp"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-
-#include "src/capture/capture.hpp"
-#include "src/core/statistics.hpp"
 #include "src/deblur/gap_meter.hpp"
 #include "src/deblur/solver.hpp"
 

@@ -1,11 +1,5 @@
 #include "src/diagnose/field_parts.hpp"
 
-#include <algorithm>
-#include <cmath>
-
-#include "src/core/statistics.hpp"
-#include "src/motion/padded_plane.hpp"
-
 namespace bolo::diagnose {
 namespace {
 
@@ -35,7 +29,7 @@ struct Cells {
 
 int half_of_time(Index sight, Index sights) { return static_cast<int>(sight * kGroups / sights) % 2; }
 
-Cells cells_of(const Residual& r, const PredictionFloor& floor, const std::vector<char>& bad) {
+Cells cells_of(const Residual& r, const PredictionFloor& floor, const Mask& bad) {
   Cells out{r, Blocks(r.geometry), {}, squares_of(r, bad)};
   out.weight.setZero(out.square.rows(), out.square.cols());
   for (Index i = 0; i < out.square.rows(); ++i) {
@@ -69,7 +63,7 @@ struct Sharing {
 
 // The fixed pattern that explains what the residuals of some sights have in common: residual = o - (o moved).
 ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const std::vector<Index>& of,
-                   const std::vector<char>& bad) {
+                   const Mask& bad) {
   const Index pixels = cells.residual.values.cols();
   ArrayXf pattern = ArrayXf::Zero(pixels);
   ArrayXf moved(pixels);
@@ -195,8 +189,8 @@ double slope_at(const ArrayXf& map, Index p, Geometry g) {
 
 // Pixels that, in some of the sights, do not follow the scene that crosses them where their neighbours do, or scatter
 // far more than these: either way by more than an edge that rests before them and is not quite followed makes.
-std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights,
-                          const std::vector<Index>& of, double floor) {
+Mask deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights,
+             const std::vector<Index>& of, double floor) {
   const Geometry g = cells.residual.geometry;
   const Index pixels = cells.residual.values.cols();
   ArrayXf scatter = ArrayXf::Zero(pixels);
@@ -222,7 +216,7 @@ std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const s
     varies[p] = static_cast<float>(usual_scatter(predicted));
     if (varies[p] > kSeenContrast * floor) follows[p] = static_cast<float>(std::max(line.slope(), -0.4) + 0.5);
   }
-  std::vector<char> deaf(static_cast<std::size_t>(pixels), 0);
+  Mask deaf(static_cast<std::size_t>(pixels), 0);
   for (Index p = 0; p < pixels; ++p) {
     const double edge = kOfEdge * slope_at(level, p, g);
     const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
@@ -236,17 +230,17 @@ std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const s
 
 // Adds the pixels that both halves of the time show.
 void find_deaf(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights, double floor,
-               std::vector<char>& dead) {
+               Mask& dead) {
   const auto halves = halves_of(cells.sights());
-  const std::vector<char> first = deaf_of(cells, frames, sights, halves[0], floor);
-  const std::vector<char> second = deaf_of(cells, frames, sights, halves[1], floor);
+  const Mask first = deaf_of(cells, frames, sights, halves[0], floor);
+  const Mask second = deaf_of(cells, frames, sights, halves[1], floor);
   for (std::size_t p = 0; p < dead.size(); ++p) {
     if (first[p] != 0 && second[p] != 0) dead[p] = 1;
   }
 }
 
 // A dead pixel shows the mean of its good neighbours from now on.
-void fill_dead(FieldFrames& frames, const std::vector<char>& dead) {
+void fill_dead(FieldFrames& frames, const Mask& dead) {
   const Geometry g = frames.geometry;
   for (std::size_t p = 0; p < dead.size(); ++p) {
     if (dead[p] == 0) continue;
@@ -271,7 +265,7 @@ struct Gains {
 // what its block's pixels have in common, which are the prediction's errors. The frames that predict have gains, too:
 // residual = g x - (g x moved).
 Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& frames, const std::vector<Sight>& sights,
-               const std::vector<Index>& of, const std::vector<char>& dead) {
+               const std::vector<Index>& of, const Mask& dead) {
   const Index pixels = left.values.cols();
   Gains gain{ArrayXf::Zero(pixels), ArrayXf::Zero(pixels)};
   // What all pixels should show in sight i, and what they weigh.
@@ -364,7 +358,7 @@ double contrast_of(const FieldFrames& frames) {
 
 }  // namespace
 
-FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, std::vector<char> dead) {
+FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, Mask dead) {
   FieldParts out;
   const Geometry g = frames.geometry;
   Series nominal;  // mean squares of the blocks, whatever their pixels do
@@ -375,7 +369,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   {
     const Residual first = predict_field(frames, sights);
     missed = picture("What other frames miss of it", first.values.row(shown), g);
-    nominal = squares_of(first, std::vector<char>(dead.size(), 0));
+    nominal = squares_of(first, Mask(dead.size(), 0));
     const PredictionFloor floor(first, dead);
     find_deaf(cells_of(first, floor, dead), frames, sights, std::sqrt(floor.flat()), dead);
   }

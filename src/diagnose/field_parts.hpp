@@ -2,16 +2,8 @@
 // residual of that is made of; and what the motion itself says of time.
 #pragma once
 
-#include <array>
-#include <filesystem>
-#include <optional>
-#include <span>
-#include <vector>
-
 #include "src/diagnose/stages.hpp"
-#include "src/motion/block_field.hpp"
 #include "src/motion/kernels.hpp"
-#include "src/motion/padded_plane.hpp"
 
 namespace bolo::diagnose {
 
@@ -74,13 +66,13 @@ struct Residual {
 Residual predict_field(const FieldFrames& frames, const std::vector<Sight>& sights);
 
 // Mean square of each block (sights x blocks) without its bad pixels; negative where it is not predicted.
-Series squares_of(const Residual& residual, const std::vector<char>& bad);
+Series squares_of(const Residual& residual, const Mask& bad);
 
 // How well a block is predicted where nothing moves by itself: what noise, and interpolation between pixels that see an
 // edge, leave of it. The median over blocks of like contrast.
 class PredictionFloor {
  public:
-  PredictionFloor(const Residual& residual, const std::vector<char>& bad);
+  PredictionFloor(const Residual& residual, const Mask& bad);
   double variance(double contrast) const;
   // Of the flattest blocks, where noise is nearly all there is.
   double flat() const { return variance_.front(); }
@@ -134,7 +126,7 @@ struct FieldParts {
   Measured gain;               // of single pixels, where the scene changes enough before them
   double gain_likeness = 0.0;  // correlation of these with their neighbours
   Offsets beside_gain;         // `offset` without what these gains make of the scene
-  std::vector<char> dead;
+  Mask dead;
   std::vector<std::size_t> lost;  // frames before which others are missing
   std::vector<Observation::Jump> jumps;
   Measured growth;   // of the pattern from the recording's beginning to its end, over what it is in the mean
@@ -143,7 +135,7 @@ struct FieldParts {
 
 // Of a recording whose scene moves. `dead`: of each pixel, as known before; those that do not follow the scene are
 // added. `frames`: dead pixels are filled.
-FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, std::vector<char> dead);
+FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, Mask dead);
 
 // --- What the motion tells of the camera.
 

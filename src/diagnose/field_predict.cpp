@@ -1,12 +1,5 @@
 #include "src/diagnose/field_parts.hpp"
 
-#include <algorithm>
-#include <array>
-#include <span>
-#include <utility>
-
-#include "src/core/statistics.hpp"
-
 namespace bolo::diagnose {
 namespace {
 
@@ -27,19 +20,12 @@ bool seen(Geometry g, int x0, int y0, Vec2 d) {
   return inside(x0, motion::kBlock, d.x, g.width) && inside(y0, motion::kBlock, d.y, g.height);
 }
 
-double mean_gradient(const PaddedPlane& p, int x0, int y0) {
-  const Geometry g = p.geometry();
-  double sum = 0.0;
-  int count = 0;
+// Calls visit(x, y) for each pixel of a block.
+template <typename Visit>
+void visit_block(Geometry g, int x0, int y0, const Visit& visit) {
   for (int y = y0; y < std::min(y0 + motion::kBlock, g.height); ++y) {
-    for (int x = x0; x < std::min(x0 + motion::kBlock, g.width); ++x) {
-      const double gx = *p.at(std::min(x + 1, g.width - 1), y) - *p.at(std::max(x - 1, 0), y);
-      const double gy = *p.at(x, std::min(y + 1, g.height - 1)) - *p.at(x, std::max(y - 1, 0));
-      sum += gx * gx + gy * gy;
-      ++count;
-    }
+    for (int x = x0; x < std::min(x0 + motion::kBlock, g.width); ++x) visit(x, y);
   }
-  return sum / 4.0 / std::max(1, count);
 }
 
 }  // namespace
@@ -62,13 +48,17 @@ Residual predict_field(const FieldFrames& frames, const std::vector<Sight>& sigh
       const auto place = static_cast<std::size_t>(b);
       if (!seen(g, x0, y0, sight.from_before[place]) && !seen(g, x0, y0, sight.from_after[place])) continue;
       out.valid(i, b) = 1;
-      out.contrast(i, b) = static_cast<float>(mean_gradient(mean, x0, y0));
-      for (int y = y0; y < std::min(y0 + motion::kBlock, g.height); ++y) {
-        for (int x = x0; x < std::min(x0 + motion::kBlock, g.width); ++x) {
-          const Index p = static_cast<Index>(y) * g.width + x;
-          out.values(i, p) = now[p] - *mean.at(x, y);
-        }
-      }
+      double gradients = 0.0;
+      int pixels = 0;
+      visit_block(g, x0, y0, [&](int x, int y) {
+        const double gx = *mean.at(std::min(x + 1, g.width - 1), y) - *mean.at(std::max(x - 1, 0), y);
+        const double gy = *mean.at(x, std::min(y + 1, g.height - 1)) - *mean.at(x, std::max(y - 1, 0));
+        gradients += gx * gx + gy * gy;
+        ++pixels;
+        const Index p = static_cast<Index>(y) * g.width + x;
+        out.values(i, p) = now[p] - *mean.at(x, y);
+      });
+      out.contrast(i, b) = static_cast<float>(gradients / 4.0 / std::max(1, pixels));
     }
   }
   return out;
@@ -88,7 +78,7 @@ bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const 
     }
   }
   const Residual without = predict_field(frames, stood);
-  const std::vector<char> none(frames.geometry.pixels(), 0);
+  const Mask none(frames.geometry.pixels(), 0);
   const Series moved = squares_of(with, none);
   const Series still = squares_of(without, none);
   std::array<double, 3> count{};  // of all, for and against
@@ -106,7 +96,7 @@ bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const 
   return count[1] > kLeastTell * count[0] && count[1] > kMost * count[2];
 }
 
-Series squares_of(const Residual& r, const std::vector<char>& bad) {
+Series squares_of(const Residual& r, const Mask& bad) {
   const Blocks blocks(r.geometry);
   Series sum = Series::Zero(r.values.rows(), blocks.count());
   ArrayXf count = ArrayXf::Zero(blocks.count());
@@ -124,7 +114,7 @@ Series squares_of(const Residual& r, const std::vector<char>& bad) {
   return sum;
 }
 
-PredictionFloor::PredictionFloor(const Residual& residual, const std::vector<char>& bad) {
+PredictionFloor::PredictionFloor(const Residual& residual, const Mask& bad) {
   const Series square = squares_of(residual, bad);
   std::vector<std::pair<double, double>> all;
   for (Index i = 0; i < square.rows(); ++i) {

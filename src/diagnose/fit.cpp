@@ -1,14 +1,6 @@
 // Rounds of Gauss and Newton, and what an effect would gain by the linear model around a fit.
 #include "src/diagnose/fit.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <numeric>
-
-#include <Eigen/Dense>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -90,10 +82,8 @@ void fill_unseen_shifts(const FitData& data, State& state) {
     const Recording& r = data.session.recordings[i];
     if (r.kind != Kind::kMovingBars) continue;
     StimulusState& s = state.stimuli[i];
-    std::vector<std::size_t> seen;
-    for (std::size_t k = 0; k < r.used.size(); ++k) {
-      if (data.frame_counts(i, static_cast<Index>(k))) seen.push_back(k);
-    }
+    const auto seen =
+        places_where(r.used.size(), [&](std::size_t k) { return data.frame_counts(i, static_cast<Index>(k)); });
     if (seen.empty()) continue;
     const auto time = [&](std::size_t k) { return r.t[k] + s.late_s[k]; };
     for (std::size_t k = 0; k < r.used.size(); ++k) {
@@ -173,15 +163,7 @@ struct Wide {
     const VectorXd x = step_within(wanted, state, std::numeric_limits<double>::infinity(), a, b);
     return mapped(test, [&](const MatrixXd* of) {
       const Index last = of->cols() - 1;
-      double sum = (*of)(last, last);
-      for (std::size_t r = 0; r < chosen.size(); ++r) {
-        const double xr = x[static_cast<Index>(r)];
-        sum -= 2.0 * xr * (*of)(chosen[r], last);
-        for (std::size_t c = 0; c < chosen.size(); ++c) {
-          sum += xr * x[static_cast<Index>(c)] * (*of)(chosen[r], chosen[c]);
-        }
-      }
-      return sum;
+      return (*of)(last, last) - 2.0 * x.dot((*of)(chosen, last)) + x.dot((*of)(chosen, chosen) * x);
     });
   }
 };

@@ -5,16 +5,6 @@
 // a fit, and gaps and gains are measured there only.
 #pragma once
 
-#include <array>
-#include <functional>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
-
-#include <Eigen/Core>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/effect.hpp"
 
 namespace bolo::diagnose {
@@ -168,12 +158,8 @@ inline constexpr std::array<MapKind, 4> kMapKinds{MapKind::kOffset, MapKind::kGa
 template <typename T>
 using OfMaps = std::array<T, kMapKinds.size()>;
 
-// What a map does to the readings: frames x pixels, per unit: 1, T - the gains' reference, dT / d ln tau, the drift.
-// Thread: any.
-Series basis_of(const Session& session, std::size_t recording, const State& state, MapKind kind,
-                std::span<const int> pixels);
-
-// The same of the kinds that are wanted; the others are empty.
+// What maps do to the readings: frames x pixels, per unit: 1, T - the gains' reference, dT / d ln tau, the drift. Those
+// that are not wanted are empty. Thread: any.
 OfMaps<Series> bases_of(const Session& session, std::size_t recording, const State& state, const OfMaps<bool>& wanted,
                         std::span<const int> pixels);
 

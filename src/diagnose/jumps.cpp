@@ -1,10 +1,4 @@
 // Steps of the offset, of all pixels or of each by itself: looked for in a series of residuals, and taken out.
-#include <algorithm>
-#include <cmath>
-
-#include <Eigen/Dense>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -43,18 +37,10 @@ struct JumpSearch {
   Eigen::ArrayXXd value;  // frames x pixels
   MatrixXd levels;        // frames x levels of the stimulus
   VectorXd shown;         // mean of each frame, as predicted
-  ArrayXd mean;           // of each frame
   bool still = false;     // of a still field
+  ArrayXd mean{};         // of each frame
   double flicker = 0.0;   // of one frame's mean
   double noise2 = 0.0;    // of one value
-
-  JumpSearch(const Session& session, const Recording& r, const Series& residual, const MatrixXd& of_levels,
-             const VectorXd& predicted)
-      : frames(r.used_frames()),
-        value(residual(frames, session.good_pixels()).cast<double>().array()),
-        levels(levels_in(frames, of_levels)),
-        shown(predicted.size() > 0 ? VectorXd(predicted(frames)) : VectorXd::Zero(value.rows())),
-        still(r.kind == Kind::kUniform) {}
 
   // Whether there is enough to judge by; then the noise is known.
   bool prepare() {
@@ -133,7 +119,11 @@ struct JumpSearch {
 
 std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
                               const std::vector<Freeze>& freezes, const MatrixXd& levels, const VectorXd& shown) {
-  JumpSearch search(session, session.recordings[recording], residual, levels, shown);
+  const Recording& r = session.recordings[recording];
+  const std::vector<Index> frames = r.used_frames();
+  JumpSearch search{frames, residual(frames, session.good_pixels()).cast<double>().array(), levels_in(frames, levels),
+                    shown.size() > 0 ? VectorXd(shown(frames)) : VectorXd::Zero(std::ssize(frames)),
+                    r.kind == Kind::kUniform};
   if (!search.prepare()) return std::nullopt;
   double strength = 0.0;
   std::optional<Jump> strongest;

@@ -1,10 +1,5 @@
 // Maps of the full frame. The diagnosis itself looks at a grid; a pattern of single pixels cannot be read off that, so
 // the captures are read again, some rows at a time.
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-
-#include <Eigen/Dense>
 
 #include "src/diagnose/stages.hpp"
 
@@ -22,9 +17,9 @@ using Wanted = OfMaps<bool>;
 struct Found {
   OfMaps<VectorXd> value;
   OfMaps<double> noise2{};
-  std::vector<std::uint8_t> dead;
-  explicit Found(std::size_t pixels) : dead(pixels, 0) {
-    for (VectorXd& map : value) map.setZero(static_cast<Index>(pixels));
+  Mask dead;
+  explicit Found(Mask bad) : dead(std::move(bad)) {
+    for (VectorXd& map : value) map.setZero(std::ssize(dead));
   }
 };
 
@@ -104,12 +99,6 @@ void add_solution(const PixelSums& total, const Wanted& wanted, std::size_t pixe
   }
 }
 
-// The fitted camera without the maps of the grid, which are estimated anew.
-State without_maps(State state) {
-  for (const MapKind kind : kMapKinds) map_of(state.camera, kind).resize(0);
-  return state;
-}
-
 // The camera with the maps that a first round has found: the rest is linear and known, only tau has more to tell.
 void apply(Found& found, const Wanted& wanted, Index begin, Index pixels, CameraModel& camera) {
   for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
@@ -124,7 +113,8 @@ void apply(Found& found, const Wanted& wanted, Index begin, Index pixels, Camera
 void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted, int threads, Found& found) {
   const std::size_t begin = first_pixel(band);
   const auto pixels = static_cast<std::size_t>(band.grid.pixels());
-  State state = without_maps(*task.state);
+  State state = *task.state;  // the maps of its grid are estimated anew
+  for (const MapKind kind : kMapKinds) map_of(state.camera, kind).resize(0);
   for (int round = 0; round < (wanted[kTau] ? kTauRounds : 1); ++round) {
     if (round > 0) apply(found, wanted, static_cast<Index>(begin), static_cast<Index>(pixels), state.camera);
     const std::vector<PixelSums> total =
@@ -196,12 +186,7 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
                       task.found("tau_spread") != nullptr,
                       task.found("drift") != nullptr && task.state != nullptr && !task.state->camera.drift.empty() &&
                           !task.state->camera.drift_level.empty()};
-  Found found(maps.geometry.pixels());
-  if (task.found("dead_pixels") != nullptr) {
-    for (const std::vector<int>* list : {&task.bad.stuck, &task.bad.noisy}) {
-      for (const int pixel : *list) found.dead[static_cast<std::size_t>(pixel)] = 1;
-    }
-  }
+  Found found((task.found("dead_pixels") != nullptr ? task.bad : BadPixels{}).dead(session));
   const int rows_at_once = std::max(1, kPixelsAtOnce / session.width);
   OfMaps<double> noise2{};
   Session band = session;
@@ -215,9 +200,7 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
     solve_band(task, band, wanted, threads, found);
     for (std::size_t b = 0; b < wanted.size(); ++b) noise2[b] += found.noise2[b];
   }
-  std::vector<int> alive(found.dead.size());
-  std::iota(alive.begin(), alive.end(), 0);
-  std::erase_if(alive, [&found](int p) { return found.dead[static_cast<std::size_t>(p)] != 0; });
+  const auto alive = places_where<int>(found.dead.size(), [&](std::size_t p) { return found.dead[p] == 0; });
   for (std::size_t b = 0; b < wanted.size() && !alive.empty(); ++b) {
     if (wanted[b])
       centre_and_shrink(found.value[b], alive, noise2[b] / static_cast<double>(alive.size()), kMapKinds[b]);

@@ -1,10 +1,6 @@
 #include "src/diagnose/model.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <set>
-
-#include "src/core/statistics.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -236,11 +232,7 @@ bool has_model(const Recording& recording) {
 }
 
 std::vector<std::size_t> modelled(const Session& session) {
-  std::vector<std::size_t> all;
-  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
-    if (has_model(session.recordings[i])) all.push_back(i);
-  }
-  return all;
+  return places_where(session.recordings.size(), [&](std::size_t i) { return has_model(session.recordings[i]); });
 }
 
 Series predict(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
@@ -267,12 +259,12 @@ BarsModel::BarsModel(const Session& session, std::size_t recording, const State&
       mean_speed_(moving_ ? true_mean_speed(stimulus_, camera_.clock_skew) : 0.0),
       cold_(scene_signal(camera_, stimulus_.level_k[0])),
       span_(scene_signal(camera_, stimulus_.level_k[1]) - cold_),
-      tables_(bar_tables(
-          camera_, stimulus_,
-          {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_,
-           (1.0 - stimulus_.edge_ramp) * stimulus_.edge_px2, std::sqrt(12.0 * stimulus_.edge_ramp * stimulus_.edge_px2),
-           1.0, std::abs(target_.slant_px_per_row) * camera_.pixel_height},
-          moving_)) {
+      tables_(bar_tables(camera_, stimulus_,
+                         {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_,
+                          (1.0 - state.edge_ramp) * (state.edge_px * state.edge_px),
+                          std::sqrt(12.0 * state.edge_ramp * (state.edge_px * state.edge_px)), 1.0,
+                          std::abs(target_.slant_px_per_row) * camera_.pixel_height},
+                         moving_)) {
   for (const int pixel : session_.grid.all()) {
     const int row = session_.grid.row_of(pixel);
     places_.push_back(

@@ -3,15 +3,7 @@
 // and what they would show.
 #pragma once
 
-#include <array>
-#include <cmath>
-#include <functional>
-#include <limits>
-#include <span>
-#include <vector>
-
 #include "src/diagnose/session.hpp"
-#include "src/model/camera_profile.hpp"
 
 namespace bolo::diagnose {
 
@@ -182,8 +174,6 @@ struct StimulusState {
   double sweep_s = 0.0;            // chopper: from the first to the last column
   double softness_s = 0.0;         // chopper: over which a pixel is covered or uncovered
   double phase_px = 0.0;           // still bars
-  double edge_px2 = 0.0;           // bars: variance of the edges along x
-  double edge_ramp = 0.5;          // bars: the share of it that straight ramps have; the rest is Gaussian
   std::vector<double> shift_px;    // moving bars: of the target at each frame, at row 0
   std::vector<double> speed_px_s;  // moving bars: local
   std::vector<double> late_s;      // each frame was taken this much later than its time says
@@ -194,6 +184,10 @@ struct StimulusState {
 struct State {
   CameraModel camera;
   std::vector<StimulusState> stimuli;  // one a recording
+  // Of the edges of all bars, along x: their standard deviation, not the variance, for where an edge just reaches a
+  // pixel it shows to first order; and the share of its square that straight ramps have, the rest being Gaussian.
+  double edge_px = 0.0;
+  double edge_ramp = 0.5;
 };
 
 // Different heights of a chopper's pulses, rising.

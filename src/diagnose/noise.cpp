@@ -1,11 +1,4 @@
 // Statistics of the noise, summed over recordings of a still field.
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-
-#include <Eigen/Dense>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -156,91 +149,98 @@ void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
 }
 
 // All that is summed over the still recordings.
-class NoiseSums {
- public:
-  explicit NoiseSums(const Session& session)
-      : session_(session),
-        good_(session.good_pixels()),
-        columns_(static_cast<Index>(session.grid.columns.size())),
-        rows_(static_cast<Index>(session.grid.rows.size())),
-        width_(static_cast<double>(columns_)),
-        height_(static_cast<double>(rows_)) {}
+struct NoiseSums {
+  const Session& session;
+  std::vector<int> good = session.good_pixels();
+  Index columns = std::ssize(session.grid.columns);
+  Index rows = std::ssize(session.grid.rows);
+  double width = static_cast<double>(columns);
+  double height = static_cast<double>(rows);
+  NoiseStatistics n{};
+  ArrayXd curve{};  // of the block's frames: slow change, which is no flicker
+  double blocks = 0.0;
+  MeanSquare rest{}, total{}, frame{}, row{}, column{}, left{}, above{};
+  double frame_lag = 0.0;
+  double chi2 = 0.0;
+  double degrees = 0.0;
+  std::vector<double> kurtosis{};  // of each pixel and block
+  std::vector<double> sample{};
+  std::vector<Bin> bins{};
 
   void add(const ArrayXXd& block) {
-    const Parts parts = take_apart(good_, columns_, rows_, block);
-    blocks_ += 1.0;
-    n_.frames += static_cast<std::size_t>(block.rows());
+    const Parts parts = take_apart(good, columns, rows, block);
+    blocks += 1.0;
+    n.frames += static_cast<std::size_t>(block.rows());
     add_frames(parts);
     ArrayXd power = ArrayXd::Zero(block.rows() / 2 + 1);
-    for (const int p : good_) {
+    for (const int p : good) {
       add_pixel(block, parts, p, power);
       add_neighbours(parts, p);
     }
-    const auto pixels = static_cast<double>(good_.size());
+    const auto pixels = static_cast<double>(good.size());
     for (Index j = 3; j + 1 < power.size(); ++j) {
-      const double frequency = static_cast<double>(j) / session_.period_s / static_cast<double>(block.rows());
-      bins_.push_back({frequency, power[j] / pixels, pixels / kBound});
+      const double frequency = static_cast<double>(j) / session.period_s / static_cast<double>(block.rows());
+      bins.push_back({frequency, power[j] / pixels, pixels / kBound});
     }
   }
 
   NoiseStatistics statistics() {
     fill_components();
-    std::ranges::stable_sort(bins_, {}, &Bin::frequency);
-    judge_spectrum(bins_, 1.0 / session_.period_s, n_);
-    const double frames_each = static_cast<double>(n_.frames) / blocks_;
+    std::ranges::stable_sort(bins, {}, &Bin::frequency);
+    judge_spectrum(bins, 1.0 / session.period_s, n);
+    const double frames_each = static_cast<double>(n.frames) / blocks;
     // The kurtosis of a sample of n is low by about 6/n in the mean and more in the median.
-    n_.excess_kurtosis = {median(kurtosis_) + 12.0 / frames_each,
-                          1.25 * std::sqrt(24.0 / frames_each / static_cast<double>(kurtosis_.size())), 0.0};
-    n_.excess_kurtosis.z = n_.excess_kurtosis.value / n_.excess_kurtosis.error;
-    if (n_.excess_kurtosis.value > kTails) fit_student(sample_, n_);
-    n_.drift_p = chi2_survival(chi2_, degrees_);
-    return n_;
+    n.excess_kurtosis = {median(kurtosis) + 12.0 / frames_each,
+                         1.25 * std::sqrt(24.0 / frames_each / static_cast<double>(kurtosis.size())), 0.0};
+    n.excess_kurtosis.z = n.excess_kurtosis.value / n.excess_kurtosis.error;
+    if (n.excess_kurtosis.value > kTails) fit_student(sample, n);
+    n.drift_p = chi2_survival(chi2, degrees);
+    return n;
   }
 
- private:
   // Frames, rows and columns.
   void add_frames(const Parts& parts) {
     const Index frames = parts.frame.size();
     const auto count = static_cast<double>(frames);
     const double freedom = (count - 1.0) / count;
     const ArrayXd cubic = cubic_of(parts.frame);
-    const ArrayXd rest = parts.frame - cubic;
-    const double squares = rest.square().sum();
-    const double lag = (rest.tail(frames - 1) * rest.head(frames - 1)).sum();
+    const ArrayXd off = parts.frame - cubic;
+    const double squares = off.square().sum();
+    const double lag = (off.tail(frames - 1) * off.head(frames - 1)).sum();
     const bool slow = changes_slowly(parts.frame);
-    curve_ = slow ? cubic : ArrayXd::Zero(frames);
-    const ArrayXd flicker = parts.frame - curve_;
-    frame_.add(flicker.square().sum(), count - (slow ? 4.0 : 1.0));
-    frame_lag_ += (flicker.tail(frames - 1) * flicker.head(frames - 1)).sum();
-    row_.add(parts.row.square().sum() / freedom, count * height_);
-    column_.add(parts.column.square().sum() / freedom, count * width_);
+    curve = slow ? cubic : ArrayXd::Zero(frames);
+    const ArrayXd flicker = parts.frame - curve;
+    frame.add(flicker.square().sum(), count - (slow ? 4.0 : 1.0));
+    frame_lag += (flicker.tail(frames - 1) * flicker.head(frames - 1)).sum();
+    row.add(parts.row.square().sum() / freedom, count * height);
+    column.add(parts.column.square().sum() / freedom, count * width);
     // Slow change: what the cubic takes, against the flicker that is left (with its own correlation).
     const double own = std::max(1e-18, squares / (count - 4.0));
     const double bound = std::clamp(lag / squares, 0.0, 0.98);
-    chi2_ += cubic.square().sum() / own * (1.0 - bound) / (1.0 + bound);
-    degrees_ += 3.0;
-    n_.drift_k = std::max(n_.drift_k, cubic.maxCoeff() - cubic.minCoeff());
+    chi2 += cubic.square().sum() / own * (1.0 - bound) / (1.0 + bound);
+    degrees += 3.0;
+    n.drift_k = std::max(n.drift_k, cubic.maxCoeff() - cubic.minCoeff());
     ArrayXd halves = ArrayXd::Zero(frames);
-    for (Index r = 0; r < rows_; ++r) halves += parts.row.col(r) * (r < rows_ / 2 ? 1.0 : -1.0) / height_;
-    find_lines(halves, 1.0 / session_.period_s, n_);
-    find_lines(parts.frame, 1.0 / session_.period_s, n_);
+    for (Index r = 0; r < rows; ++r) halves += parts.row.col(r) * (r < rows / 2 ? 1.0 : -1.0) / height;
+    find_lines(halves, 1.0 / session.period_s, n);
+    find_lines(parts.frame, 1.0 / session.period_s, n);
   }
 
   // One pixel's own; adds its power in each bin.
   void add_pixel(const ArrayXXd& block, const Parts& parts, Index pixel, ArrayXd& power) {
     const auto frames = static_cast<double>(block.rows());
     const double freedom = (frames - 1.0) / frames;
-    const double pixel_freedom = freedom * (1.0 - 1.0 / width_) * (1.0 - 1.0 / height_);
+    const double pixel_freedom = freedom * (1.0 - 1.0 / width) * (1.0 - 1.0 / height);
     const ArrayXd& x = parts.rest.col(pixel);
     const double square = x.square().sum();
-    rest_.add(square / pixel_freedom, frames);
-    const ArrayXd about = block.col(pixel) - curve_;
-    total_.add(about.square().sum() / freedom, frames);
+    rest.add(square / pixel_freedom, frames);
+    const ArrayXd about = block.col(pixel) - curve;
+    total.add(about.square().sum() / freedom, frames);
     const double m2 = square / frames;
-    kurtosis_.push_back(x.square().square().mean() / std::max(1e-18, m2 * m2) - 3.0);
+    kurtosis.push_back(x.square().square().mean() / std::max(1e-18, m2 * m2) - 3.0);
     for (Index k = pixel % kSampled; k < block.rows(); k += kSampled) {
       // Less the frame only: means of rows and columns would mix a little of their neighbours into each value.
-      if (sample_.size() < kMostSampled) sample_.push_back(block(k, pixel) - parts.frame[k]);
+      if (sample.size() < kMostSampled) sample.push_back(block(k, pixel) - parts.frame[k]);
     }
     const std::vector<double> own = periodogram(x);
     power += Eigen::Map<const ArrayXd>(own.data(), power.size()) / pixel_freedom;
@@ -253,46 +253,29 @@ class NoiseSums {
     };
     const ArrayXd& x = parts.rest.col(pixel);
     const auto frames = static_cast<double>(x.size());
-    if (beside(session_.grid.columns, pixel % columns_)) left_.add((x * parts.rest.col(pixel - 1)).sum(), frames);
-    if (beside(session_.grid.rows, pixel / columns_)) above_.add((x * parts.rest.col(pixel - columns_)).sum(), frames);
+    if (beside(session.grid.columns, pixel % columns)) left.add((x * parts.rest.col(pixel - 1)).sum(), frames);
+    if (beside(session.grid.rows, pixel / columns)) above.add((x * parts.rest.col(pixel - columns)).sum(), frames);
   }
 
   void fill_components() {
-    const double own = rest_.mean();
-    const auto good = static_cast<double>(good_.size());
-    const double share = good / static_cast<double>(session_.good.size());
-    n_.sigma_tvh = std::sqrt(own);
-    n_.total_k = std::sqrt(total_.mean());
-    n_.rows = component(row_.square, row_.count * (1.0 - 1.0 / height_), own / (width_ * share));
-    n_.columns = component(column_.square, column_.count * (1.0 - 1.0 / width_), own / (height_ * share));
-    const double stripes = n_.columns.value * n_.columns.value / width_ + n_.rows.value * n_.rows.value / height_;
-    n_.flicker = component(frame_.square, frame_.count, own / good + stripes);
-    const double bound = std::clamp(frame_lag_ / std::max(frame_.square, 1e-18), 0.0, 0.98);
-    n_.flicker.error *= std::sqrt((1.0 + bound) / (1.0 - bound));
+    const double own = rest.mean();
+    const auto pixels = static_cast<double>(good.size());
+    const double share = pixels / static_cast<double>(session.good.size());
+    n.sigma_tvh = std::sqrt(own);
+    n.total_k = std::sqrt(total.mean());
+    n.rows = component(row.square, row.count * (1.0 - 1.0 / height), own / (width * share));
+    n.columns = component(column.square, column.count * (1.0 - 1.0 / width), own / (height * share));
+    const double stripes = n.columns.value * n.columns.value / width + n.rows.value * n.rows.value / height;
+    n.flicker = component(frame.square, frame.count, own / pixels + stripes);
+    const double bound = std::clamp(frame_lag / std::max(frame.square, 1e-18), 0.0, 0.98);
+    n.flicker.error *= std::sqrt((1.0 + bound) / (1.0 - bound));
     // Taking out the means of rows and columns binds neighbours by - 1/width or - 1/height.
     const auto correlation_z = [&](const MeanSquare& s, double bias) {
       return s.count > 0.0 ? (s.mean() / own + bias) * std::sqrt(s.count) : 0.0;
     };
-    n_.neighbour_row_z = correlation_z(left_, 1.0 / (width_ * share));
-    n_.neighbour_column_z = correlation_z(above_, 1.0 / (height_ * share));
+    n.neighbour_row_z = correlation_z(left, 1.0 / (width * share));
+    n.neighbour_column_z = correlation_z(above, 1.0 / (height * share));
   }
-
-  const Session& session_;
-  std::vector<int> good_;
-  Index columns_;
-  Index rows_;
-  double width_;
-  double height_;
-  ArrayXd curve_;  // of the block's frames: slow change, which is no flicker
-  double blocks_ = 0.0;
-  MeanSquare rest_, total_, frame_, row_, column_, left_, above_;
-  double frame_lag_ = 0.0;
-  double chi2_ = 0.0;
-  double degrees_ = 0.0;
-  NoiseStatistics n_;
-  std::vector<double> kurtosis_;  // of each pixel and block
-  std::vector<double> sample_;
-  std::vector<Bin> bins_;
 };
 
 }  // namespace
@@ -305,7 +288,7 @@ bool is_still(const Session& session, const Recording& r) {
 
 NoiseStatistics measure_noise(const Session& session, double ceiling) {
   for (const bool uniform : {true, false}) {
-    NoiseSums sums(session);
+    NoiseSums sums{session};
     bool any = false;
     for (const Recording& r : session.recordings) {
       const bool wanted = uniform ? r.kind == Kind::kUniform : r.kind == Kind::kField && is_still(session, r);

@@ -1,11 +1,4 @@
 // What a recording tells without a model of what it looks at.
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <limits>
-#include <numbers>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -25,15 +18,6 @@ constexpr double kOutlierSigmas = 3.0;
 constexpr double kClearPattern = 6.0;
 constexpr double kHighPassGain = 1.5;  // variance of x[i] - (x[i-1] + x[i+1]) / 2 over that of independent x
 
-// Of a statistic of the frames that repeat no other.
-std::vector<double> of_new_frames(const FrameStatistics& s, const std::vector<double>& values) {
-  std::vector<double> all;
-  for (std::size_t k = 1; k < s.frames(); ++k) {
-    if (s.repeated[k] == 0) all.push_back(values[k]);
-  }
-  return all;
-}
-
 // What frames change by as a whole, K.
 struct Changes {
   double usual = 0.0;
@@ -41,7 +25,7 @@ struct Changes {
 };
 
 Changes changes_of(const FrameStatistics& s) {
-  std::vector<double> changes = of_new_frames(s, s.change);
+  std::vector<double> changes = s.of_new_frames(s.change);
   const double usual = median(changes);
   for (double& change : changes) change = std::abs(change - usual);
   return {usual, kSigmaOfMad * median(std::move(changes))};
@@ -101,11 +85,8 @@ std::vector<PixelPlace> outliers_of(const FrameStatistics& s) {
     }
   }
   const double limit = std::max(kOutlierSigmas * kSigmaOfMad * median(apart), 1e-6);
-  std::vector<PixelPlace> outliers;
-  for (std::size_t p = 0; p < beyond.size(); ++p) {
-    if (beyond[p] > limit) outliers.push_back(place_of(p, s.width));
-  }
-  return outliers;
+  return mapped(places_where(beyond.size(), [&](std::size_t p) { return beyond[p] > limit; }),
+                [&s](std::size_t p) { return place_of(p, s.width); });
 }
 
 }  // namespace
@@ -153,7 +134,7 @@ Observation observe(const Recording& recording) {
     out.noise = out.flicker = out.column_pattern = out.row_pattern = kUnknown;
     return out;
   }
-  out.noise = median(of_new_frames(s, s.scatter)) / std::numbers::sqrt2;
+  out.noise = median(s.of_new_frames(s.scatter)) / std::numbers::sqrt2;
   out.flicker = changes_of(s).sigma / std::numbers::sqrt2;
   out.jumps = jumps_among(s, out.noise);
   out.column_pattern = pattern_of(s, true);

@@ -1,10 +1,4 @@
 // Maps of pixels: offset, gain, time constant and share of the drift of each, by regression on the training cells.
-#include <algorithm>
-#include <cmath>
-
-#include <Eigen/Dense>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/fit.hpp"
 
 namespace bolo::diagnose {
@@ -43,8 +37,7 @@ void refine_drift(const FitData& data, State& state) {
   }
 }
 
-}  // namespace
-
+// Of one kind: frames x pixels.
 Series basis_of(const Session& session, std::size_t recording, const State& state, MapKind kind,
                 std::span<const int> pixels) {
   const Recording& r = session.recordings[recording];
@@ -71,6 +64,8 @@ Series basis_of(const Session& session, std::size_t recording, const State& stat
   d *= static_cast<float>(0.5 / kStep);
   return d;
 }
+
+}  // namespace
 
 OfMaps<Series> bases_of(const Session& session, std::size_t recording, const State& state, const OfMaps<bool>& wanted,
                         std::span<const int> pixels) {

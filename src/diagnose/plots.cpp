@@ -1,14 +1,7 @@
 // What the report draws of a fit, and where its gap is.
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <functional>
 #include <iterator>
-#include <limits>
-#include <numeric>
 #include <set>
 
-#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 #include "src/report/drawing.hpp"
 
@@ -31,12 +24,10 @@ struct Left {
 Left left_over(const Session& session, std::size_t i, const State& state, const std::vector<int>& pixels,
                bool used_only, double floor_k) {
   const Recording& r = session.recordings[i];
-  Left left{predict(session, i, state, pixels), {}, r.used_frames(), {}};
+  const auto any = [](std::size_t) { return true; };
+  Left left{predict(session, i, state, pixels), {}, {}, {}};
   left.residual = r.values - left.predicted;
-  if (!used_only) {
-    left.frames.resize(r.used.size());
-    std::iota(left.frames.begin(), left.frames.end(), 0);
-  }
+  left.frames = used_only ? r.used_frames() : places_where<Index>(r.used.size(), any);
   double squares = 0.0;
   for (Index p = 0; p < left.residual.cols(); ++p) {
     const double sum = sum_of(left.frames, [&](Index k) {

@@ -1,15 +1,6 @@
 // Where the stimuli stand in their recordings, before anything is fitted; and whether the files describe them rightly.
 #include "src/diagnose/stages.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <utility>
-
-#include <Eigen/Dense>
-
-#include "src/core/statistics.hpp"
-
 namespace bolo::diagnose {
 namespace {
 
@@ -34,26 +25,27 @@ double correlation(const Eigen::Ref<const ArrayXf>& a, const Eigen::Ref<const Ar
   return norm > 0.0F ? static_cast<double>((x * y).sum() / norm) : 0.0;
 }
 
-class FrameMatcher {
- public:
-  FrameMatcher(const BarsModel& model, std::span<const int> pixels)
-      : model_(model), pixels_(pixels), value_(static_cast<Index>(pixels.size())), slope_(value_.size()) {}
+struct FrameMatcher {
+  BarsModel model;
+  std::span<const int> pixels;
+  ArrayXf value = ArrayXf(std::ssize(pixels));
+  ArrayXf slope = value;
 
   Match at(const ArrayXf& seen, std::size_t k, double shift) {
-    model_.frame(k, shift, pixels_, value_.data(), nullptr);
-    return {correlation(seen, value_), shift};
+    model.frame(k, shift, pixels, value.data(), nullptr);
+    return {correlation(seen, value), shift};
   }
 
   // Gauss and Newton with the level and the contrast free.
   Match refine(const ArrayXf& seen, std::size_t k, double shift, int rounds = 4) {
     for (int i = 0; i < rounds; ++i) {
-      model_.frame(k, shift, pixels_, value_.data(), slope_.data());
-      Eigen::Matrix<float, Eigen::Dynamic, 3> x(value_.size(), 3);
+      model.frame(k, shift, pixels, value.data(), slope.data());
+      Eigen::Matrix<float, Eigen::Dynamic, 3> x(value.size(), 3);
       x.col(0).setOnes();
-      x.col(1) = (value_ - value_.mean()).matrix();
-      x.col(2) = slope_.matrix();
+      x.col(1) = (value - value.mean()).matrix();
+      x.col(2) = slope.matrix();
       const Eigen::Matrix3f normal = x.transpose() * x;
-      const Eigen::Vector3f right = x.transpose() * (seen - value_.mean()).matrix();
+      const Eigen::Vector3f right = x.transpose() * (seen - value.mean()).matrix();
       const Eigen::Vector3f solved = normal.ldlt().solve(right);
       if (!solved.allFinite()) break;
       const float contrast = std::abs(solved[1]) > kLeastContrast ? solved[1] : 1.0F;
@@ -61,12 +53,6 @@ class FrameMatcher {
     }
     return at(seen, k, shift);
   }
-
- private:
-  const BarsModel& model_;
-  std::span<const int> pixels_;
-  ArrayXf value_;
-  ArrayXf slope_;
 };
 
 ArrayXf seen_at(const Recording& recording, Index k, std::span<const int> pixels) {
@@ -81,14 +67,14 @@ std::size_t typical_frame(const Recording& r) {
 }
 
 // Where the bars stand in that frame of a pan, or in the mean of a still.
-Match search(FrameMatcher& matcher, const Recording& r, std::span<const int> pixels) {
+Match search(FrameMatcher& matcher, const Recording& r) {
   constexpr int kSteps = 96;
   const std::size_t at = typical_frame(r);
-  ArrayXf seen = ArrayXf::Zero(static_cast<Index>(pixels.size()));
+  ArrayXf seen = ArrayXf::Zero(matcher.value.size());
   if (r.kind == Kind::kMovingBars) {
-    seen = seen_at(r, static_cast<Index>(at), pixels);
+    seen = seen_at(r, static_cast<Index>(at), matcher.pixels);
   } else {
-    for (Index k = 0; k < r.frames(); ++k) seen += seen_at(r, k, pixels);
+    for (Index k = 0; k < r.frames(); ++k) seen += seen_at(r, k, matcher.pixels);
     seen /= static_cast<float>(r.frames());
   }
   const double period = std::get<capture::BarTarget>(r.stimulus).period_px;
@@ -105,11 +91,10 @@ Match search(FrameMatcher& matcher, const Recording& r, std::span<const int> pix
 double follow_bars(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
   const Recording& recording = session.recordings[index];
   StimulusState& stimulus = state.stimuli[index];
-  const BarsModel model(session, index, state);
-  FrameMatcher matcher(model, pixels);
+  FrameMatcher matcher{BarsModel(session, index, state), pixels};
   const std::size_t middle = typical_frame(recording);
-  const Match start = search(matcher, recording, pixels);
-  const double step = model.mean_speed() * session.period_s;
+  const Match start = search(matcher, recording);
+  const double step = matcher.model.mean_speed() * session.period_s;
   stimulus.shift_px[middle] = start.shift;
   const auto walk = [&](int direction) {
     double shift = start.shift;
@@ -140,9 +125,8 @@ double follow_bars(const Session& session, std::size_t index, State& state, std:
 }
 
 double match_still(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
-  const BarsModel model(session, index, state);
-  FrameMatcher matcher(model, pixels);
-  const Match match = search(matcher, session.recordings[index], pixels);
+  FrameMatcher matcher{BarsModel(session, index, state), pixels};
+  const Match match = search(matcher, session.recordings[index]);
   state.stimuli[index].phase_px = match.shift;
   return match.correlation;
 }
@@ -181,9 +165,8 @@ std::vector<double> mismatches(const Session& session, const State& state, std::
     Recording& r = mended.recordings[i];
     if (!is_bars(r.kind)) continue;
     if (mend) mend(std::get<capture::BarTarget>(r.stimulus));
-    const BarsModel model(mended, i, state);
-    FrameMatcher matcher(model, pixels);
-    all.push_back(1.0 - search(matcher, r, pixels).correlation);
+    FrameMatcher matcher{BarsModel(mended, i, state), pixels};
+    all.push_back(1.0 - search(matcher, r).correlation);
   }
   return all;
 }

@@ -1,14 +1,7 @@
 #include "src/diagnose/model.hpp"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <complex>
-#include <numbers>
-#include <span>
-#include <utility>
 
-#include <Eigen/Core>
 #include <unsupported/Eigen/FFT>
 
 namespace bolo::diagnose {

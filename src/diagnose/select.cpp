@@ -1,9 +1,4 @@
 // Which effects are chosen: forward with nested refits, then backward.
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <numeric>
-#include <optional>
 #include <random>
 
 #include "src/diagnose/stages.hpp"
@@ -55,37 +50,12 @@ State without_effect(const Session& session, const State& from, const State& bas
   return state;
 }
 
-// The share of redrawn sets of groups in which the first gains more than the second (null: than nothing). The levels
-// say something of each, too: log-likelihoods.
-double confidence_of(const Score& base, const Score& first, double by_levels, const Score* second,
-                     double second_by_levels) {
-  std::mt19937 random(12345);
-  const std::size_t groups = base.groups.size();
-  if (groups == 0) return 0.0;
-  std::uniform_int_distribution<std::size_t> pick(0, groups - 1);
-  int wins = 0;
-  constexpr int kDraws = 400;
-  for (int d = 0; d < kDraws; ++d) {
-    double ours = 2.0 * by_levels;
-    double other = second != nullptr ? 2.0 * second_by_levels : 0.0;
-    for (std::size_t i = 0; i < groups; ++i) {
-      const std::size_t g = pick(random);
-      ours += base.groups[g].sum - first.groups[g].sum;
-      if (second != nullptr) other += base.groups[g].sum - second->groups[g].sum;
-    }
-    if (ours > other && ours > 0.0) ++wins;
-  }
-  return (wins + 0.5) / (kDraws + 1.0);
-}
-
-class Selector {
- public:
-  Selector(const FitData& data, const FitResult& base, const std::function<bool(const Effect&)>& allowed)
-      : data_(data),
-        base_(base),
-        allowed_(allowed),
-        levels_(nuisances(data.session, nominal_state(data.session, {}))),
-        selection_{base, {}} {}
+struct Selector {
+  const FitData& data;
+  const FitResult& base;
+  const std::function<bool(const Effect&)>& may;
+  std::vector<Nuisance> levels = nuisances(data.session, nominal_state(data.session, {}));
+  Selection selection{base, {}};
 
   // Adds the effect that gains most, fitted to the end; false when none gains enough.
   bool add() {
@@ -93,8 +63,7 @@ class Selector {
     if (tried.empty() || !enough(tried.front().gain)) return false;
     Tried& best = tried.front();
     // What the winner leaves is what the next effect is judged by.
-    best.fit = settle(data_, std::move(best.fit), kRounds, kSettled);
-    const Score& before = selection_.fit.score;
+    best.fit = settle(data, std::move(best.fit), kRounds, kSettled);
     FoundEffect found = found_in(best.fit, best.choice);
     for (std::size_t i = 1; i < tried.size(); ++i) {  // the best form of each other effect
       const Effect* const effect = tried[i].choice.effect;
@@ -103,9 +72,7 @@ class Selector {
       found.alternatives.push_back({effect->name, tried[i].fit.score.gap()});
     }
     const Tried* const other = tried.size() > 1 ? &tried[1] : nullptr;
-    found.confidence =
-        confidence_of(before, best.fit.score, by_levels(best.fit), other == nullptr ? nullptr : &other->fit.score,
-                      other == nullptr ? 0.0 : by_levels(other->fit));
+    found.confidence = confidence(best.fit, other != nullptr ? &other->fit : nullptr);
     if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) {
       found.confidence = std::max(found.confidence, kSoleConfidence);
     }
@@ -115,19 +82,19 @@ class Selector {
 
   // Adds an effect that hides in a map of pixels; false when the maps hold none.
   bool add_hidden() {
-    const Session& session = data_.session;
+    const Session& session = data.session;
     for (const Effect* effect : candidates()) {
       if (effect->hides_in == MapKind::kNone) continue;
-      const double before = row_trend_z(session, map_of(selection_.fit.state.camera, effect->hides_in));
+      const double before = row_trend_z(session, map_of(selection.fit.state.camera, effect->hides_in));
       if (before < kClearTrend) continue;
       // Without the map first: what that has once taken up of the effect's shape no later round gives back.
-      State start = selection_.fit.state;
+      State start = selection.fit.state;
       map_of(start.camera, effect->hides_in).resize(0);
       const std::vector<Choice> choices = with({effect, -1});
       std::vector<Choice> mapless = choices;
       std::erase_if(mapless, [effect](const Choice& c) { return c.effect->map == effect->hides_in; });
-      start = fit(data_, start, mapless, 2 * kRounds).state;
-      FitResult fitted = settle(data_, fit(data_, start, choices, kRounds), kRounds, kSettled);
+      start = fit(data, start, mapless, 2 * kRounds).state;
+      FitResult fitted = settle(data, fit(data, start, choices, kRounds), kRounds, kSettled);
       const double after = row_trend_z(session, map_of(fitted.state.camera, effect->hides_in));
       if (after > before / 2.0 || !worth_naming(session, fitted, choices.size() - 1)) continue;
       // The map could have taken any part of it: known as well as its trend stands out.
@@ -143,42 +110,63 @@ class Selector {
 
   // Takes out the effect that pays least beside all others; false when all earn their place.
   bool drop() {
-    auto& all = selection_.chosen;
+    auto& all = selection.chosen;
     std::optional<std::size_t> least;
     double least_gain = std::numeric_limits<double>::infinity();
     FitResult without_least;
     for (std::size_t i = 0; all.size() > 1 && i < all.size(); ++i) {
       if (all[i].from_map) continue;
-      std::vector<Choice> rest = unformed(selection_.fit.choices);
+      std::vector<Choice> rest = unformed(selection.fit.choices);
       rest.erase(rest.begin() + static_cast<long>(i));
-      const State start = without_effect(data_.session, selection_.fit.state, base_.state, *all[i].choice.effect);
-      FitResult without = fit(data_, start, rest, kRounds);
-      const Gain paid = gain(without, selection_.fit);
-      if ((enough(paid) && worth_naming(data_.session, selection_.fit, i)) || paid.total >= least_gain) continue;
+      const State start = without_effect(data.session, selection.fit.state, base.state, *all[i].choice.effect);
+      FitResult without = fit(data, start, rest, kRounds);
+      const Gain paid = gain(without, selection.fit);
+      if ((enough(paid) && worth_naming(data.session, selection.fit, i)) || paid.total >= least_gain) continue;
       least = i;
       least_gain = paid.total;
       without_least = std::move(without);
     }
     if (!least) return false;
-    selection_.fit = settle(data_, std::move(without_least), kRounds, kSettled);
+    selection.fit = settle(data, std::move(without_least), kRounds, kSettled);
     all.erase(all.begin() + static_cast<long>(*least));
     return true;
   }
 
-  const Selection& selection() const { return selection_; }
-
- private:
-  bool levels_are_off(const State& state) const { return level_error(levels_, state) > kLevelsOff * kLevelResolution; }
+  bool levels_are_off(const State& state) const { return level_error(levels, state) > kLevelsOff * kLevelResolution; }
 
   double by_levels(const FitResult& fit) const {
-    return level_evidence(levels_, fit.state) - level_evidence(levels_, selection_.fit.state);
+    return level_evidence(levels, fit.state) - level_evidence(levels, selection.fit.state);
+  }
+
+  // The share of redrawn sets of groups in which a fit gains more than another (null: than nothing). The levels say
+  // something of each, too: log-likelihoods.
+  double confidence(const FitResult& first, const FitResult* second) const {
+    constexpr int kDraws = 400;
+    const auto& before = selection.fit.score.groups;
+    if (before.empty()) return 0.0;
+    std::mt19937 random(12345);
+    std::uniform_int_distribution<std::size_t> pick(0, before.size() - 1);
+    const double first_by_levels = 2.0 * by_levels(first);
+    const double second_by_levels = second != nullptr ? 2.0 * by_levels(*second) : 0.0;
+    int wins = 0;
+    for (int d = 0; d < kDraws; ++d) {
+      double ours = first_by_levels;
+      double other = second_by_levels;
+      for (std::size_t i = 0; i < before.size(); ++i) {
+        const std::size_t g = pick(random);
+        ours += before[g].sum - first.score.groups[g].sum;
+        if (second != nullptr) other += before[g].sum - second->score.groups[g].sum;
+      }
+      if (ours > other && ours > 0.0) ++wins;
+    }
+    return (wins + 0.5) / (kDraws + 1.0);
   }
 
   // What a fit gains over another: held-out cells, and how well the levels agree with their files. The second part has
   // few values behind it, so it counts on its own only when it is large.
   Gain gain(const FitResult& before, const FitResult& after) const {
     Gain g = gain_between(before.score, after.score);
-    const double evidence = level_evidence(levels_, after.state) - level_evidence(levels_, before.state);
+    const double evidence = level_evidence(levels, after.state) - level_evidence(levels, before.state);
     g.total += evidence;
     // Levels of an imperfect bench scatter still: then it takes more to believe that the camera explains some.
     const double needed = levels_are_off(after.state) ? kLeastEvidenceScattered : kLeastEvidence;
@@ -194,25 +182,25 @@ class Selector {
     for (const Effect& effect : catalogue()) {
       const bool of_mean = effect.parameters || effect.map != MapKind::kNone;
       const bool chosen =
-          std::ranges::any_of(selection_.chosen, [&](const Chosen& c) { return c.choice.effect == &effect; });
-      if (of_mean && !chosen && allowed_(effect) && effect.told_by(data_.session)) all.push_back(&effect);
+          std::ranges::any_of(selection.chosen, [&](const Chosen& c) { return c.choice.effect == &effect; });
+      if (of_mean && !chosen && may(effect) && effect.told_by(data.session)) all.push_back(&effect);
     }
     return all;
   }
 
   // What was chosen before, whose forms are set already, and one more.
   std::vector<Choice> with(const Choice& choice) const {
-    std::vector<Choice> choices = unformed(selection_.fit.choices);
+    std::vector<Choice> choices = unformed(selection.fit.choices);
     choices.push_back(choice);
     return choices;
   }
 
   Tried attempt(const Choice& choice) const {
     const std::vector<Choice> choices = with(choice);
-    Tried tried{choice, fit(data_, selection_.fit.state, choices, kRounds), {}};
+    Tried tried{choice, fit(data, selection.fit.state, choices, kRounds), {}};
     // Levels, and what mixes them with the surroundings, pull at each other: once more.
-    if (choice.effect->as_levels) tried.fit = fit(data_, tried.fit.state, unformed(choices), kRounds);
-    tried.gain = gain(selection_.fit, tried.fit);
+    if (choice.effect->as_levels) tried.fit = fit(data, tried.fit.state, unformed(choices), kRounds);
+    tried.gain = gain(selection.fit, tried.fit);
     return tried;
   }
 
@@ -223,7 +211,7 @@ class Selector {
     for (const Effect* effect : effects) {
       for (const Choice& form : forms_of(*effect)) choices.push_back(form);
     }
-    const std::vector<Gain> gains = screen(data_, selection_.fit, choices);
+    const std::vector<Gain> gains = screen(data, selection.fit, choices);
     std::vector<std::size_t> order(choices.size());
     std::iota(order.begin(), order.end(), 0U);
     std::ranges::sort(order, std::greater{}, [&](std::size_t i) { return gains[i].total; });
@@ -237,10 +225,10 @@ class Selector {
     }
     // Levels that are off may be the camera's doing, which a fit with free levels cannot see in the residual.
     for (const Effect* effect : effects) {
-      if (!effect->as_levels || !levels_are_off(selection_.fit.state) || std::ranges::count(seen, effect) > 0) continue;
+      if (!effect->as_levels || !levels_are_off(selection.fit.state) || std::ranges::count(seen, effect) > 0) continue;
       for (const Choice& form : forms_of(*effect)) tried.push_back(attempt(form));
     }
-    std::erase_if(tried, [&](const Tried& t) { return !worth_naming(data_.session, t.fit, t.fit.choices.size() - 1); });
+    std::erase_if(tried, [&](const Tried& t) { return !worth_naming(data.session, t.fit, t.fit.choices.size() - 1); });
     std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });
     return tried;
   }
@@ -248,28 +236,22 @@ class Selector {
   // An effect by what adding it to the selection brings.
   FoundEffect found_in(const FitResult& fit, const Choice& choice) const {
     FoundEffect found = named(choice.effect->name, 0.0);
-    found.gap_before = selection_.fit.score.gap();
+    found.gap_before = selection.fit.score.gap();
     found.gap_after = fit.score.gap();
     return found;
   }
 
   void take(FitResult fit, Chosen chosen) {
-    selection_.fit = std::move(fit);
-    selection_.chosen.push_back(std::move(chosen));
+    selection.fit = std::move(fit);
+    selection.chosen.push_back(std::move(chosen));
   }
-
-  const FitData& data_;
-  const FitResult& base_;
-  const std::function<bool(const Effect&)>& allowed_;
-  std::vector<Nuisance> levels_;
-  Selection selection_;
 };
 
 }  // namespace
 
 Selection select_effects(const FitData& data, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
                          const std::function<bool(const std::string& step, double done)>& progress) {
-  Selector selector(data, base, allowed);
+  Selector selector{data, base, allowed};
   for (std::size_t found = 0; found < kMostEffects; ++found) {
     if (!progress("effect " + std::to_string(found + 1), 0.2 + 0.08 * static_cast<double>(found))) break;
     if (!selector.add()) break;
@@ -281,7 +263,7 @@ Selection select_effects(const FitData& data, const FitResult& base, const std::
   // What is smooth and has a name leaves less to the maps that had hidden it.
   while (hidden && selector.drop()) {
   }
-  return selector.selection();
+  return std::move(selector.selection);
 }
 
 }  // namespace bolo::diagnose

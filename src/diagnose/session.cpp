@@ -1,11 +1,5 @@
 #include "src/diagnose/session.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-
-#include "src/core/statistics.hpp"
-
 namespace bolo::diagnose {
 namespace {
 
@@ -162,27 +156,8 @@ double step_variance(const ArrayXd& x) { return (x.tail(x.size() - 1) - x.head(x
 
 double wander(const ArrayXd& x) { return (x - x.mean()).square().mean() / std::max(1e-12, step_variance(x)); }
 
-std::vector<int> Grid::all() const {
-  std::vector<int> pixels_of_it(static_cast<std::size_t>(pixels()));
-  std::iota(pixels_of_it.begin(), pixels_of_it.end(), 0);
-  return pixels_of_it;
-}
-
 void Grid::take(std::span<const float> frame, int width, Index k, Series& values) const {
   for (Index p = 0; p < pixels(); ++p) values(k, p) = frame[static_cast<std::size_t>(row_of(p) * width + column_of(p))];
-}
-
-std::vector<int> Session::good_pixels() const {
-  std::vector<int> pixels = grid.all();
-  std::erase_if(pixels, [this](int p) { return !is_good(p); });
-  return pixels;
-}
-
-std::vector<Index> Recording::used_frames() const {
-  std::vector<Index> all(used.size());
-  std::iota(all.begin(), all.end(), 0);
-  std::erase_if(all, [this](Index k) { return !is_used(k); });
-  return all;
 }
 
 std::string_view name_of(Kind kind) {
@@ -192,6 +167,14 @@ std::string_view name_of(Kind kind) {
 
 std::size_t FrameStatistics::distinct_frames() const {
   return static_cast<std::size_t>(std::ranges::count(repeated, 0));
+}
+
+std::vector<double> FrameStatistics::of_new_frames(const std::vector<double>& values) const {
+  std::vector<double> all;
+  for (std::size_t k = 1; k < frames(); ++k) {
+    if (repeated[k] == 0) all.push_back(values[k]);
+  }
+  return all;
 }
 
 FrameStatisticsSum::FrameStatisticsSum(int width, int height) {

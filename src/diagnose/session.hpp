@@ -4,14 +4,17 @@
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <numbers>
+#include <numeric>
 #include <span>
 #include <string>
 #include <vector>
 
-#include <Eigen/Core>
+#include <Eigen/Dense>
 
 #include "src/capture/capture.hpp"
 #include "src/core/result.hpp"
+#include "src/core/statistics.hpp"
 #include "src/diagnose/diagnose.hpp"
 
 namespace bolo::diagnose {
@@ -32,7 +35,9 @@ struct Grid {
   std::vector<int> rows;     // stored rows, rising
   std::vector<int> columns;  // rising
   int pixels() const { return static_cast<int>(rows.size() * columns.size()); }
-  std::vector<int> all() const;  // 0 .. pixels() - 1
+  std::vector<int> all() const {  // 0 .. pixels() - 1
+    return places_where<int>(rows.size() * columns.size(), [](std::size_t) { return true; });
+  }
   int row_of(Index pixel) const { return rows[static_cast<std::size_t>(pixel) / columns.size()]; }
   int column_of(Index pixel) const { return columns[static_cast<std::size_t>(pixel) % columns.size()]; }
   // Frame `k` of the series, from a whole frame of this width.
@@ -61,7 +66,12 @@ struct FrameStatistics {
 
   std::size_t frames() const { return repeated.size(); }
   std::size_t distinct_frames() const;
+  // Of a list of all frames: those that repeat no other.
+  std::vector<double> of_new_frames(const std::vector<double>& values) const;
 };
+
+// Of each pixel of a frame: not 0 where something is true of it.
+using Mask = std::vector<std::uint8_t>;
 
 // Takes one recording's frames in order. Thread: any one at a time.
 class FrameStatisticsSum {
@@ -101,7 +111,9 @@ struct Recording {
   int frames() const { return static_cast<int>(values.rows()); }
   bool is_used(Index frame) const { return used[static_cast<std::size_t>(frame)] != 0; }
   double time_of(Index frame) const { return t[static_cast<std::size_t>(frame)]; }
-  std::vector<Index> used_frames() const;
+  std::vector<Index> used_frames() const {
+    return places_where<Index>(used.size(), [this](std::size_t k) { return used[k] != 0; });
+  }
 };
 
 struct Session {
@@ -114,7 +126,9 @@ struct Session {
   std::vector<Recording> recordings;
   std::vector<std::string> warnings;  // captures that were left out
   bool is_good(Index pixel) const { return good[static_cast<std::size_t>(pixel)] != 0; }
-  std::vector<int> good_pixels() const;
+  std::vector<int> good_pixels() const {
+    return places_where<int>(good.size(), [this](std::size_t p) { return good[p] != 0; });
+  }
 };
 
 inline constexpr int kMinFrames = 16;

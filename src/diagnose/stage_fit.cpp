@@ -1,8 +1,4 @@
 // From events and noise to the fit: the stimuli's places in time, transport, and the effects that the mean shows.
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -111,9 +107,8 @@ void judge_losses(const Transport& transport, const Events& events, Fit& out) {
   for (const Recording& r : out.session.recordings) frames += static_cast<std::size_t>(r.frames());
   const double per_thousand = 1000.0 / static_cast<double>(frames);
   const double error = std::sqrt(static_cast<double>(losses));
-  out.findings.effects.push_back(
-      {named("frame_loss", 0.999, {{"per_thousand", interval(losses * per_thousand, error * per_thousand)}}), 10.0,
-       "frames are lost or repeated without a gap in the counter"});
+  out.findings.add("frame_loss", 10.0, "frames are lost or repeated without a gap in the counter",
+                   {{"per_thousand", interval(losses * per_thousand, error * per_thousand)}}, 0.999);
 }
 
 // The stimuli and nothing else: jumps taken out, frames' times as they turn out to be.
@@ -169,9 +164,8 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   if (!testable() || !out.wrong_description.empty()) return out;
   out.state.camera.clip_k = events.ceiling_k;
   if (std::isfinite(events.ceiling_k)) {
-    out.findings.effects.push_back(
-        {named("saturation", 0.999, {{"level_k", interval(events.ceiling_k, out.session.recordings.front().step)}}),
-         20.0, "values pile up at a ceiling"});
+    out.findings.add("saturation", 20.0, "values pile up at a ceiling",
+                     {{"level_k", interval(events.ceiling_k, out.session.recordings.front().step)}}, 0.999);
   }
   Transport transport = judge_transport(out.session, out.state, noise.floor_k, some);
   smooth_speeds(out.session, out.state);
@@ -192,9 +186,8 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
     jittered = jittered && is_jittered(transport);
   }
   if (jittered) {
-    out.findings.effects.push_back(
-        {named("jitter", 0.99, {{"rms_s", interval(transport.jitter_s, transport.jitter_error_s)}}), 10.0,
-         "the sampling time of frames varies"});
+    out.findings.add("jitter", 10.0, "the sampling time of frames varies",
+                     {{"rms_s", interval(transport.jitter_s, transport.jitter_error_s)}}, 0.99);
   }
   out.state = out.selection.fit.state;
   out.nominal = nominal_camera(out.session, out.base.state);

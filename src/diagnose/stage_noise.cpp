@@ -1,14 +1,9 @@
 // Fits by likelihood (the spectrum of the pixels' noise, the tails of its distribution), and what the noise's
 // statistics name.
-#include <algorithm>
-#include <cmath>
 #include <complex>
-#include <numbers>
-#include <utility>
 
 #include <unsupported/Eigen/FFT>
 
-#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -89,6 +84,97 @@ double student_likelihood(const std::vector<double>& x, double degrees, double s
                           0.5 * std::log(degrees * std::numbers::pi) - std::log(scale);
   return sum_of(
       x, [=](double v) { return constant - (degrees + 1.0) / 2.0 * std::log1p(v * v / (degrees * scale * scale)); });
+}
+
+// Sessions without any effect stay below all of these.
+constexpr double kLeastComponent = 0.0015;   // K, of flicker and stripes
+constexpr double kClear = 8.0;               // standard errors
+constexpr double kLeastCorner = 0.08;        // Hz
+constexpr double kLeastKurtosis = 0.25;      // in excess of a Gaussian's
+constexpr double kClearLine = 1e-6;          // p-value
+constexpr double kClearMisfit = 7.0;         // standard errors of a band of the spectrum
+constexpr double kLeastScale = 1.04;         // of the noise's level
+constexpr double kLeastScaleOfTails = 1.12;  // the same where outliers add to it
+constexpr double kScaleError = 0.004;        // relative, of the level
+
+bool shows(const Measured& component) { return component.z > kClear && component.value > kLeastComponent; }
+
+// Of one value, K rms; what was measured where there is no kelvin.
+double nominal_noise(const Session& session, const NoiseStatistics& statistics, const model::CameraProfile& p) {
+  if (!session.recordings.front().kelvin) return statistics.white_k;
+  return std::sqrt(p.noise_k * p.noise_k + p.quantisation_k * p.quantisation_k / 12.0);
+}
+
+double floor_of(const Events& events, const Noise& noise, const model::CameraProfile& p) {
+  const NoiseStatistics& s = noise.statistics;
+  const double floor_k = s.frames > 0 && s.total_k > 0.0 ? s.total_k : noise.nominal_k;
+  if (!events.coarse || p.quantisation_k <= 0.0) return floor_k;
+  // A still field sits at one place between two steps; what moves sees the whole step.
+  return std::max(floor_k, std::sqrt(p.noise_k * p.noise_k + events.step_k * events.step_k / 12.0));
+}
+
+void add_named(Findings& out, const char* effect, double z, Estimates parameters, const char* where) {
+  out.add(effect, z, where, std::move(parameters)).of_noise = true;
+}
+
+// Whole frames, rows and columns.
+void name_components(const NoiseStatistics& n, Findings& out) {
+  if (shows(n.flicker)) {
+    add_named(out, "flicker", n.flicker.z, {{"sigma_k", n.flicker.estimate()}}, "whole frames differ by an offset");
+  }
+  if (shows(n.rows) || shows(n.columns)) {
+    add_named(out, "stripes", std::max(n.rows.z, n.columns.z),
+              {{"column_k", n.columns.estimate()}, {"row_k", n.rows.estimate()}},
+              "rows or columns differ by an offset in every frame");
+  }
+}
+
+void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::CameraProfile& p, Findings& out) {
+  const NoiseStatistics& n = noise.statistics;
+  if (n.filter != FrameFilter::kNone) {
+    add_named(out, "iir", n.alpha.z, {{"alpha", n.alpha.estimate()}}, "the noise is correlated from frame to frame");
+  }
+  // Coarse steps of what a filter has smoothed hop slowly.
+  const bool hops = coarse && n.filter != FrameFilter::kNone;
+  if (n.corner_hz.z > kClearCorner && n.corner_hz.value > kLeastCorner && !hops) {
+    add_named(out, "one_over_f", n.corner_hz.z, {{"corner_hz", n.corner_hz.estimate()}},
+              "the noise grows towards low frequencies");
+  }
+  const bool tails = n.excess_kurtosis.z > kClear && n.excess_kurtosis.value > kLeastKurtosis && !coarse;
+  if (tails) {
+    add_named(out, "heavy_tail", n.excess_kurtosis.z, {{"degrees", interval(n.degrees, n.degrees_error)}},
+              "the noise has outliers");
+  }
+  const double scale = n.white_k / noise.nominal_k;
+  if (scale > (tails ? kLeastScaleOfTails : kLeastScale) && !coarse) {
+    const double error = kScaleError * scale;
+    const double quantisation2 = p.quantisation_k * p.quantisation_k / 12.0;
+    const double own = std::sqrt(std::max(0.0, n.white_k * n.white_k - quantisation2)) / p.noise_k;
+    add_named(out, "noise_level", (scale - 1.0) / error, {{"scale", interval(own, error)}},
+              "the noise is stronger than the profile says");
+  }
+}
+
+// What no effect of the catalogue does.
+void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
+  if (n.line_p < kClearLine) {
+    out.remainders.push_back({"readout",
+                              "a line at " + std::to_string(static_cast<int>(std::lround(n.line_hz))) +
+                                  " Hz in the means of frames or of their halves",
+                              kClear});
+  }
+  // Neighbours that share noise: what flicker and stripes leave is taken out already.
+  if (std::abs(n.neighbour_row_z) > kClear) {
+    out.remainders.push_back(
+        {"readout", "the noise of a pixel shows in its neighbour in the row", std::abs(n.neighbour_row_z)});
+  }
+  if (std::abs(n.neighbour_column_z) > kClear) {
+    out.remainders.push_back(
+        {"readout", "the noise of a pixel shows in its neighbour in the column", std::abs(n.neighbour_column_z)});
+  }
+  if (n.spectrum_misfit > kClearMisfit && !coarse) {
+    out.remainders.push_back({"noise", "the noise's spectrum has a shape that no effect gives it", n.spectrum_misfit});
+  }
 }
 
 }  // namespace
@@ -174,107 +260,6 @@ void fit_student(const std::vector<double>& x, NoiseStatistics& n) {
   if (tried.empty()) return;
   n.degrees_error = std::max((tried.back().first - tried.front().first) / 2.0, 0.03 * n.degrees);
 }
-
-namespace {
-
-// Sessions without any effect stay below all of these.
-constexpr double kLeastComponent = 0.0015;   // K, of flicker and stripes
-constexpr double kClear = 8.0;               // standard errors
-constexpr double kLeastCorner = 0.08;        // Hz
-constexpr double kLeastKurtosis = 0.25;      // in excess of a Gaussian's
-constexpr double kClearLine = 1e-6;          // p-value
-constexpr double kClearMisfit = 7.0;         // standard errors of a band of the spectrum
-constexpr double kLeastScale = 1.04;         // of the noise's level
-constexpr double kLeastScaleOfTails = 1.12;  // the same where outliers add to it
-constexpr double kScaleError = 0.004;        // relative, of the level
-
-bool shows(const Measured& component) { return component.z > kClear && component.value > kLeastComponent; }
-
-// Of one value, K rms; what was measured where there is no kelvin.
-double nominal_noise(const Session& session, const NoiseStatistics& statistics, const model::CameraProfile& p) {
-  if (!session.recordings.front().kelvin) return statistics.white_k;
-  return std::sqrt(p.noise_k * p.noise_k + p.quantisation_k * p.quantisation_k / 12.0);
-}
-
-double floor_of(const Events& events, const Noise& noise, const model::CameraProfile& p) {
-  const NoiseStatistics& s = noise.statistics;
-  const double floor_k = s.frames > 0 && s.total_k > 0.0 ? s.total_k : noise.nominal_k;
-  if (!events.coarse || p.quantisation_k <= 0.0) return floor_k;
-  // A still field sits at one place between two steps; what moves sees the whole step.
-  return std::max(floor_k, std::sqrt(p.noise_k * p.noise_k + events.step_k * events.step_k / 12.0));
-}
-
-void add_named(Findings& out, const char* effect, double z, std::map<std::string, Estimate> parameters,
-               const char* where) {
-  FoundEffect e = named(effect, confidence_from(z), std::move(parameters));
-  e.of_noise = true;
-  out.effects.push_back({std::move(e), z, where});
-}
-
-// Whole frames, rows and columns.
-void name_components(const NoiseStatistics& n, Findings& out) {
-  if (shows(n.flicker)) {
-    add_named(out, "flicker", n.flicker.z, {{"sigma_k", interval(n.flicker.value, n.flicker.error)}},
-              "whole frames differ by an offset");
-  }
-  if (shows(n.rows) || shows(n.columns)) {
-    add_named(
-        out, "stripes", std::max(n.rows.z, n.columns.z),
-        {{"column_k", interval(n.columns.value, n.columns.error)}, {"row_k", interval(n.rows.value, n.rows.error)}},
-        "rows or columns differ by an offset in every frame");
-  }
-}
-
-void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::CameraProfile& p, Findings& out) {
-  const NoiseStatistics& n = noise.statistics;
-  if (n.filter != FrameFilter::kNone) {
-    add_named(out, "iir", n.alpha.z, {{"alpha", interval(n.alpha.value, n.alpha.error)}},
-              "the noise is correlated from frame to frame");
-  }
-  // Coarse steps of what a filter has smoothed hop slowly.
-  const bool hops = coarse && n.filter != FrameFilter::kNone;
-  if (n.corner_hz.z > kClearCorner && n.corner_hz.value > kLeastCorner && !hops) {
-    add_named(out, "one_over_f", n.corner_hz.z, {{"corner_hz", interval(n.corner_hz.value, n.corner_hz.error)}},
-              "the noise grows towards low frequencies");
-  }
-  const bool tails = n.excess_kurtosis.z > kClear && n.excess_kurtosis.value > kLeastKurtosis && !coarse;
-  if (tails) {
-    add_named(out, "heavy_tail", n.excess_kurtosis.z, {{"degrees", interval(n.degrees, n.degrees_error)}},
-              "the noise has outliers");
-  }
-  const double scale = n.white_k / noise.nominal_k;
-  if (scale > (tails ? kLeastScaleOfTails : kLeastScale) && !coarse) {
-    const double error = kScaleError * scale;
-    const double quantisation2 = p.quantisation_k * p.quantisation_k / 12.0;
-    const double own = std::sqrt(std::max(0.0, n.white_k * n.white_k - quantisation2)) / p.noise_k;
-    add_named(out, "noise_level", (scale - 1.0) / error, {{"scale", interval(own, error)}},
-              "the noise is stronger than the profile says");
-  }
-}
-
-// What no effect of the catalogue does.
-void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
-  if (n.line_p < kClearLine) {
-    out.remainders.push_back({"readout",
-                              "a line at " + std::to_string(static_cast<int>(std::lround(n.line_hz))) +
-                                  " Hz in the means of frames or of their halves",
-                              kClear});
-  }
-  // Neighbours that share noise: what flicker and stripes leave is taken out already.
-  if (std::abs(n.neighbour_row_z) > kClear) {
-    out.remainders.push_back(
-        {"readout", "the noise of a pixel shows in its neighbour in the row", std::abs(n.neighbour_row_z)});
-  }
-  if (std::abs(n.neighbour_column_z) > kClear) {
-    out.remainders.push_back(
-        {"readout", "the noise of a pixel shows in its neighbour in the column", std::abs(n.neighbour_column_z)});
-  }
-  if (n.spectrum_misfit > kClearMisfit && !coarse) {
-    out.remainders.push_back({"noise", "the noise's spectrum has a shape that no effect gives it", n.spectrum_misfit});
-  }
-}
-
-}  // namespace
 
 Noise judge_noise(const Events& events, const Options& options) {
   Noise noise;

@@ -1,11 +1,4 @@
 // From the fit to what is left: tests of the residual that name no effect, only the place.
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <numbers>
-
-#include "src/core/statistics.hpp"
-#include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -258,25 +251,23 @@ void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
 struct Collector {
   const Recording& recording;
   std::vector<Remainder>& found;
-  void add(const std::string& stage, const std::string& what, double z) const {
-    found.push_back({stage, recording.name + ": " + what, z});
-  }
-  void misfit(const std::string& stage, const std::string& what, double z, bool at_edges = false) const {
-    found.push_back({stage, recording.name + ": " + what, z, recording.kind, at_edges});
+  void add(const std::string& stage, const std::string& what, double z, bool misfit = false, bool edges = false) const {
+    found.push_back(
+        {stage, recording.name + ": " + what, z, misfit ? std::optional(recording.kind) : std::nullopt, edges});
   }
 };
 
 void test_patterns(const Examined& x, const Tallies& tallies, const Allowance& allowance, bool corrected,
                    const Collector& out) {
   const auto pattern = [&](const std::string& what, double z) {
-    x.recording.kind == Kind::kStillBars ? out.misfit("readout", what, z) : out.add("readout", what, z);
+    out.add("readout", what, z, x.recording.kind == Kind::kStillBars);
   };
   if (!x.moving && !corrected) {
     pattern("a fixed pattern of pixels is left", tallies.pixel.z(allowance.pattern));
     pattern("a fixed pattern of columns is left", tallies.column.z(allowance.pattern / 2.0));
   }
   if (!corrected) pattern("a fixed pattern of rows is left", tallies.row.z(allowance.pattern / 2.0));
-  if (x.moving) out.misfit("optics", "what is left moves with the target", tallies.phase.z(allowance.pattern), true);
+  if (x.moving) out.add("optics", "what is left moves with the target", tallies.phase.z(allowance.pattern), true, true);
 }
 
 void test_frames(const Examined& x, const Tallies& tallies, const Allowance& allowance, bool corrected,
@@ -299,14 +290,14 @@ void test_frames(const Examined& x, const Tallies& tallies, const Allowance& all
     out.add("transport", "single frames do not fit",
             sorted.back() > kWorseFrame * typical ? worst * kFrameWeight : 0.0);
   }
-  out.misfit("pixel", "the prediction misses by more than the noise",
-             (std::sqrt(sum_of(sorted) / frames) - (still ? allowance.still_scatter : 1.0)) / kMissError);
+  out.add("pixel", "the prediction misses by more than the noise",
+          (std::sqrt(sum_of(sorted) / frames) - (still ? allowance.still_scatter : 1.0)) / kMissError, true);
   // Whole frames: flicker, the pixels' noise and what it does not blur of coarse steps move their means by this much.
   const double expected = kFlickerMargin * allowance.flicker * allowance.flicker + kPixelMargin / pixels +
                           allowance.rounding * allowance.rounding;
   const double excess = std::sqrt(std::max(0.0, tallies.frame_mean2 / frames - expected));
   if (chopper && !corrected && !edges) {
-    out.misfit("pixel", "whole frames miss by more than the noise", excess / kFrameError);
+    out.add("pixel", "whole frames miss by more than the noise", excess / kFrameError, true);
   }
 }
 

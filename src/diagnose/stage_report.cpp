@@ -1,10 +1,5 @@
 // From all stages to the report's figures and its verdict.
-#include <algorithm>
-#include <cmath>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/field.hpp"
-#include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -41,21 +36,20 @@ Findings judge_values(const Events& events, const Noise& noise, const Options& o
   };
   if (!bad.jumping.empty() && (bad.jumping.size() > 1 || bad.step_k > kLargeStep * noise.floor_k)) {
     const double root = std::sqrt(static_cast<double>(bad.jumping.size()));
-    out.effects.push_back({named("rts", 0.99,
-                                 {{"fraction", fraction(bad.jumping.size(), static_cast<double>(session.good.size()))},
-                                  {"step_k", interval(bad.step_k, bad.step_k / root * kStepScatter)}}),
-                           10.0, "some pixels jump between two levels"});
+    out.add("rts", 10.0, "some pixels jump between two levels",
+            {{"fraction", fraction(bad.jumping.size(), static_cast<double>(session.good.size()))},
+             {"step_k", interval(bad.step_k, bad.step_k / root * kStepScatter)}},
+            0.99);
   }
   if (const std::size_t dead = bad.stuck.size() + bad.noisy.size(); dead > 0) {
     const auto pixels = static_cast<double>(session.width) * static_cast<double>(session.height);
-    out.effects.push_back({named("dead_pixels", 0.999, {{"fraction", fraction(dead, pixels)}}), 10.0,
-                           "some pixels are stuck or nothing but noise"});
+    out.add("dead_pixels", 10.0, "some pixels are stuck or nothing but noise", {{"fraction", fraction(dead, pixels)}},
+            0.999);
   }
   if (events.coarse && options.profile.quantisation_k > 0.0 && session.recordings.front().kelvin) {
-    out.effects.push_back(
-        {named("coarse_quantisation", 0.999, {{"step_k", interval(events.step_k, 0.001 * events.step_k)}}), 10.0,
-         "values are multiples of a coarser step"});
-    out.effects.back().effect.of_noise = true;
+    const Estimate step_k = interval(events.step_k, 0.001 * events.step_k);
+    out.add("coarse_quantisation", 10.0, "values are multiples of a coarser step", {{"step_k", step_k}}, 0.999)
+        .of_noise = true;
   }
   return out;
 }
@@ -63,28 +57,27 @@ Findings judge_values(const Events& events, const Noise& noise, const Options& o
 // Jumps and freezes were taken out before the fits; they lie between the nominal camera and what is left.
 Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const Report& report) {
   Findings out;
-  const auto found = [&](FoundEffect e, const char* where) {
+  const auto found = [&](const char* name, const char* where, Estimates parameters, double confidence) {
+    FoundEffect& e = out.add(name, 20.0, where, std::move(parameters), confidence);
     e.gap_before = report.gap_before;
     e.gap_after = report.gap_after;
-    out.effects.push_back({std::move(e), 20.0, where});
   };
   const auto jump = std::ranges::find(jumps, false, &Jump::after_freeze);
   if (jump != jumps.end()) {
     const double size = std::abs(jump->global_k);
-    found(named("offset_jump", 0.99, {{"jump_k", interval(size, 0.01 * size + kJumpError_k)}}),
-          "the offset jumps at one frame");
+    found("offset_jump", "the offset jumps at one frame", {{"jump_k", interval(size, 0.01 * size + kJumpError_k)}},
+          0.99);
   }
   // A stream that is frozen to its end is no shutter that opened again.
   const auto freeze = std::ranges::find_if(events.freezes, [&events](const Freeze& f) {
     return f.last + 1 < static_cast<std::size_t>(events.session.recordings[f.recording].frames());
   });
   if (freeze == events.freezes.end()) return out;
-  FoundEffect frozen = named("nuc_freeze", 0.999,
-                             {{"freeze_frames", interval(static_cast<double>(freeze->last - freeze->first + 1), 1.0)}});
+  Estimates frozen{{"freeze_frames", interval(static_cast<double>(freeze->last - freeze->first + 1), 1.0)}};
   for (const Jump& thawed : jumps) {
-    if (thawed.after_freeze) frozen.parameters["offset_k"] = interval(thawed.pixel_k, 0.05 * thawed.pixel_k);
+    if (thawed.after_freeze) frozen["offset_k"] = interval(thawed.pixel_k, 0.05 * thawed.pixel_k);
   }
-  found(std::move(frozen), "frames are frozen for a while");
+  found("nuc_freeze", "frames are frozen for a while", std::move(frozen), 0.999);
   return out;
 }
 
@@ -108,7 +101,8 @@ void add_chosen(const Fit& fit, Report& report) {
   }
 }
 
-std::map<std::string, double> stimulus_errors(const Recording& r, const StimulusState& s, const StimulusState& file) {
+std::map<std::string, double> stimulus_errors(const Recording& r, const State& state, const StimulusState& s,
+                                              const StimulusState& file) {
   std::map<std::string, double> out;
   double worst = 0.0;
   for (std::size_t l = 0; l < s.level_k.size(); ++l) {
@@ -122,8 +116,8 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const Stimulus
     out["softness_s"] = s.softness_s;
   }
   if (is_bars(r.kind)) {
-    out["edge_px"] = std::sqrt(std::max(0.0, s.edge_px2));
-    out["edge_ramp"] = s.edge_ramp;
+    out["edge_px"] = state.edge_px;
+    out["edge_ramp"] = state.edge_ramp;
   }
   // Whole periods are no error.
   const auto phase = [&r](double px) { return std::remainder(px, std::get<capture::BarTarget>(r.stimulus).period_px); };
@@ -147,7 +141,7 @@ void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
   for (const std::size_t i : modelled(fit.session)) {
     const Recording& r = fit.session.recordings[i];
     report.location.captures[r.name] = fit.before.gap(i);
-    report.stimulus[r.name] = stimulus_errors(r, fit.state.stimuli[i], files.stimuli[i]);
+    report.stimulus[r.name] = stimulus_errors(r, fit.state, fit.state.stimuli[i], files.stimuli[i]);
   }
 }
 
@@ -158,14 +152,6 @@ void take_filter_from_edges(const Fit& fit, Report& report) {
   for (FoundEffect& e : report.effects) {
     if (e.name == "iir") e.parameters["alpha"] = interval(fit.state.camera.response.alpha, kError);
   }
-}
-
-// Of recordings without a bench.
-void fill_field(const Field& field, Report& report) {
-  report.gap_before = field.gap_before;
-  report.gap_after = field.gap_after;
-  report.location.captures = field.gaps;
-  report.scene = field.scene;
 }
 
 // By how much the noise's variance, and its parts, differ from what is expected.
@@ -237,18 +223,13 @@ bool levels_scatter(const Fit& fit) {
   return level_error(nuisances(fit.session, files), fit.state) > kOff_k;
 }
 
-// What would test the simulator, where nothing does.
-std::string needs_of(const Session& session) {
-  return std::string(
-             "captures of a known stimulus: a closed shutter or a flat black body for noise and offsets, a chopper or "
-             "a pan over bars for the time constant") +
-         (session.recordings.front().kelvin ? "" : "; in kelvin, not in counts");
-}
-
-// Nothing was predicted, so that nothing can be said of how well.
+// Nothing was predicted, so that nothing can be said of how well, but what would test the simulator.
 void mark_not_testable(const Session& session, const Noise& noise, const std::string& why, Report& report) {
   report.verdict = "not_testable";
-  report.needs = needs_of(session) + why;
+  report.needs =
+      "captures of a known stimulus: a closed shutter or a flat black body for noise and offsets, a chopper or a pan "
+      "over bars for the time constant";
+  report.needs += (session.recordings.front().kelvin ? "" : "; in kelvin, not in counts") + why;
   report.gap_before = report.gap_after = report.closed_fraction = kUnknown;
   if (noise.statistics.frames == 0) {
     report.noise_gap_before = report.noise_gap_after = report.noise_floor_k = kUnknown;
@@ -280,9 +261,14 @@ const FoundEffect* LearnTask::found(std::string_view name) const {
   return at == effects.end() ? nullptr : &*at;
 }
 
-double confidence_from(double z) { return 1.0 - 0.5 * std::erfc(std::min(z, 6.0) / 2.0); }
+FoundEffect& Findings::add(const std::string& name, double z, const std::string& where, Estimates parameters,
+                           std::optional<double> confidence) {
+  const double by_z = 1.0 - 0.5 * std::erfc(std::min(z, 6.0) / 2.0);
+  effects.push_back({named(name, confidence.value_or(by_z), std::move(parameters)), z, where});
+  return effects.back().effect;
+}
 
-FoundEffect named(const std::string& name, double confidence, std::map<std::string, Estimate> parameters) {
+FoundEffect named(const std::string& name, double confidence, Estimates parameters) {
   return {.name = name,
           .stage = find_effect(name)->stage,
           .confidence = confidence,
@@ -319,7 +305,12 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   take(field.findings);
   if (fit.done) fill_fit(fit, noise, report);
   if (fit.done && events.coarse) take_filter_from_edges(fit, report);
-  if (field.judged) fill_field(field, report);
+  if (field.judged) {
+    report.gap_before = field.gap_before;
+    report.gap_after = field.gap_after;
+    report.location.captures = field.gaps;
+  }
+  report.scene = field.scene;
   append(all, left);
   take(judge_jumps(events, fit.done ? fit.jumps : events.jumps, report));  // of a bench a prediction shows more
   for (const auto* warnings : {&session.warnings, &events.warnings, &noise.findings.warnings, &fit.findings.warnings}) {
@@ -342,14 +333,8 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   judge(std::move(all), report);
   report.defects = {places_of(events.bad.stuck, session.width), places_of(events.bad.noisy, session.width)};
   for (const Recording& r : session.recordings) {
-    if (has_model(r)) continue;
-    report.observations.push_back(observe(r));
-    const auto lost = field.lost.find(r.name);
-    const auto jumps = field.jumps.find(r.name);
-    if (jumps != field.jumps.end()) report.observations.back().jumps = jumps->second;
-    if (lost != field.lost.end()) report.observations.back().lost_before = lost->second;
-    const auto motion = field.motion.find(r.name);
-    if (motion != field.motion.end()) report.observations.back().motion = motion->second;
+    const auto seen = field.seen.find(r.name);
+    if (!has_model(r)) report.observations.push_back(seen == field.seen.end() ? observe(r) : seen->second);
   }
   if (!field.judged && std::ranges::none_of(session.recordings, has_model))
     mark_not_testable(session, noise, field.why, report);

@@ -2,19 +2,7 @@
 // Report; and what the stages are made of.
 #pragma once
 
-#include <cstddef>
-#include <filesystem>
-#include <limits>
-#include <optional>
-#include <span>
-#include <string>
-#include <string_view>
-#include <vector>
-
-#include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/fit.hpp"
-#include "src/diagnose/model.hpp"
-#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
 
@@ -39,8 +27,9 @@ struct Jump {
 struct BadPixels {
   std::vector<int> stuck;  // of the frame, row-major
   std::vector<int> noisy;
-  std::vector<int> jumping;  // of the grid: between two levels
-  double step_k = 0.0;       // of the jumping ones, median
+  std::vector<int> jumping;                 // of the grid: between two levels
+  double step_k = 0.0;                      // of the jumping ones, median
+  Mask dead(const Session& session) const;  // the stuck and the noisy ones
 };
 
 inline constexpr std::size_t kFreezeFrames = 12;  // shorter runs are repeated frames
@@ -96,6 +85,7 @@ struct Measured {
   double value = 0.0;
   double error = 0.0;
   double z = 0.0;
+  Estimate estimate() const { return interval(value, error); }
 };
 
 // Components of the temporal noise (NVESD's 3-D noise): every pixel and frame for itself (tvh), a whole frame (t), a
@@ -218,12 +208,13 @@ struct Findings {
   std::vector<Finding> effects;
   std::vector<Remainder> remainders;
   std::vector<std::string> warnings;
+  // Adds an effect of the catalogue; without a confidence it is that of `z`. Returns it, to be filled further.
+  FoundEffect& add(const std::string& name, double z, const std::string& where, Estimates parameters,
+                   std::optional<double> confidence = std::nullopt);
 };
 
 // An effect of the catalogue, as found. Thread: any.
-FoundEffect named(const std::string& name, double confidence, std::map<std::string, Estimate> parameters = {});
-// Of a part of the noise or of a field, from its standard errors. Thread: any.
-double confidence_from(double z);
+FoundEffect named(const std::string& name, double confidence, Estimates parameters = {});
 bool allowed(const Options& options, const std::string& name);
 
 // What happens to whole frames and to pixels.

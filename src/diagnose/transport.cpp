@@ -1,15 +1,6 @@
 // When frames were really taken: lost and inserted ones, jitter, and the speeds that follow.
 #include "src/diagnose/stages.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <utility>
-
-#include <Eigen/Dense>
-
-#include "src/core/statistics.hpp"
-
 namespace bolo::diagnose {
 namespace {
 
@@ -95,23 +86,22 @@ struct JitterSums {
 // When each frame of one chopper was taken: by whole periods later than its number says, a step function of the number
 // that costs something for each step (Viterbi), for every start of the chopper. Lost and inserted frames, any number of
 // them at a time, are told from another start or clock by this alone.
-class ChopperClock {
- public:
-  ChopperClock(const Session& session, std::size_t index, State& state, std::span<const int> pixels)
-      : session_(session),
-        r_(session.recordings[index]),
-        index_(index),
-        state_(state),
-        believed_(state),
-        seen_(r_.frames()) {
-    for (std::size_t i = 0; i < 9; ++i) few_.push_back(pixels[(2 * i + 1) * pixels.size() / 18]);
-    for (Index k = 0; k < seen_.size(); ++k) {
-      seen_[k] = sum_of(few_, [&](int p) { return r_.values(k, p); }) / static_cast<double>(few_.size());
-    }
-    sigma_k_ = kMisfit * (seen_.maxCoeff() - seen_.minCoeff());
-  }
+struct ChopperClock {
+  const Session& session;
+  std::size_t index;
+  State& state;
+  std::vector<int> few{};  // pixels that are looked at
+  const Recording& r = session.recordings[index];
+  State believed = state;  // with the levels that the frames show
+  ArrayXd seen{};          // the pixels' mean in each frame
+  double sigma_k = 1.0;
 
-  void count_steps(Transport& t) {
+  void count_steps(std::span<const int> pixels, Transport& t) {
+    for (std::size_t i = 0; i < 9; ++i) few.push_back(pixels[(2 * i + 1) * pixels.size() / 18]);
+    seen = ArrayXd::NullaryExpr(r.frames(), [this](Index k) {
+      return sum_of(few, [&](int p) { return r.values(k, p); }) / static_cast<double>(few.size());
+    });
+    sigma_k = kMisfit * (seen.maxCoeff() - seen.minCoeff());
     Path best = best_path();
     for (int round = 0; round < kRounds; ++round) {
       take_levels(best);
@@ -122,15 +112,14 @@ class ChopperClock {
     const std::vector<int>& late = best.late;
     if (late.empty() || std::ranges::count(late, late.front()) == std::ssize(late)) return;
     // Before the first edge a lost frame and another start are the same.
-    StimulusState& s = state_.stimuli[index_];
-    s.delay_s -= best.later_s + late.front() * session_.period_s;
+    StimulusState& s = state.stimuli[index];
+    s.delay_s -= best.later_s + late.front() * session.period_s;
     for (std::size_t k = 0; k < late.size(); ++k) {
-      s.late_s[k] = (late[k] - late.front()) * session_.period_s;
+      s.late_s[k] = (late[k] - late.front()) * session.period_s;
       if (k > 0) count_periods(late[k] - late[k - 1], t);
     }
   }
 
- private:
   static constexpr int kMost = 8;  // periods, either way
   static constexpr int kPlaces = 2 * kMost + 1;
   static constexpr double kMisfit = 0.03;     // of the contrast, that levels and time constants may be off by
@@ -144,32 +133,30 @@ class ChopperClock {
     std::vector<int> late;  // of each frame, periods
   };
 
-  VectorXd shown(const State& state) const {
-    return predict(session_, index_, state, few_).rowwise().mean().cast<double>();
-  }
+  VectorXd shown(const State& by) const { return predict(session, index, by, few).rowwise().mean().cast<double>(); }
 
   // The levels as the frames show them at the path's times: what the files' are off by is as much as a frame that is
   // late at an edge, and moves the path.
   void take_levels(const Path& path) {
-    StimulusState& s = believed_.stimuli[index_];
-    State now = believed_;
+    StimulusState& s = believed.stimuli[index];
+    State now = believed;
     for (std::size_t k = 0; k < path.late.size(); ++k) {
-      now.stimuli[index_].late_s[k] = path.late[k] * session_.period_s + path.later_s;
+      now.stimuli[index].late_s[k] = path.late[k] * session.period_s + path.later_s;
     }
     const VectorXd base = shown(now);
     std::vector<Index> fits;
     for (Index k = 0; k < base.size(); ++k) {
-      const double miss = (seen_[k] - base[k]) / sigma_k_;
-      if (r_.is_used(k) && base[k] < now.camera.clip_k && miss * miss < kMostOfFrame) fits.push_back(k);
+      const double miss = (seen[k] - base[k]) / sigma_k;
+      if (r.is_used(k) && base[k] < now.camera.clip_k && miss * miss < kMostOfFrame) fits.push_back(k);
     }
     if (fits.size() < kMinFrames) return;
     MatrixXd slopes(static_cast<Index>(fits.size()), static_cast<Index>(s.level_k.size()));
     for (std::size_t l = 0; l < s.level_k.size(); ++l) {
       State hotter = now;
-      hotter.stimuli[index_].level_k[l] += 1.0;
+      hotter.stimuli[index].level_k[l] += 1.0;
       slopes.col(static_cast<Index>(l)) = (shown(hotter) - base)(fits);
     }
-    const MatrixXd off = least_squares(slopes, (seen_.matrix() - base)(fits));
+    const MatrixXd off = least_squares(slopes, (seen.matrix() - base)(fits));
     for (std::size_t l = 0; l < s.level_k.size(); ++l) s.level_k[l] += off(static_cast<Index>(l), 0);
   }
 
@@ -177,7 +164,7 @@ class ChopperClock {
   Path best_path() const {
     Path best;
     for (double delay_s = -0.5; delay_s < 0.45; delay_s += 0.1) {
-      Path path = path_of(delay_s * session_.period_s);
+      Path path = path_of(delay_s * session.period_s);
       if (path.cost < best.cost) best = std::move(path);
     }
     return best;
@@ -185,15 +172,15 @@ class ChopperClock {
 
   // What every frame would cost at every lateness.
   Eigen::ArrayXXd costs(double later_s) const {
-    Eigen::ArrayXXd cost(seen_.size(), kPlaces);
-    State trial = believed_;
+    Eigen::ArrayXXd cost(seen.size(), kPlaces);
+    State trial = believed;
     for (int place = 0; place < kPlaces; ++place) {
-      std::ranges::fill(trial.stimuli[index_].late_s, (place - kMost) * session_.period_s + later_s);
-      const Series y = predict(session_, index_, trial, few_);
-      for (Index k = 0; k < seen_.size(); ++k) {
+      std::ranges::fill(trial.stimuli[index].late_s, (place - kMost) * session.period_s + later_s);
+      const Series y = predict(session, index, trial, few);
+      for (Index k = 0; k < seen.size(); ++k) {
         const double expected = std::min<double>(y.row(k).mean(), trial.camera.clip_k);
-        const double miss = (seen_[k] - expected) / sigma_k_;
-        cost(k, place) = r_.is_used(k) ? std::min(miss * miss, kMostOfFrame) : 0.0;
+        const double miss = (seen[k] - expected) / sigma_k;
+        cost(k, place) = r.is_used(k) ? std::min(miss * miss, kMostOfFrame) : 0.0;
       }
     }
     return cost;
@@ -227,15 +214,6 @@ class ChopperClock {
     }
     return path;
   }
-
-  const Session& session_;
-  const Recording& r_;
-  std::size_t index_;
-  State& state_;
-  State believed_;        // with the levels that the frames show
-  std::vector<int> few_;  // pixels that are looked at
-  ArrayXd seen_;          // their mean in each frame
-  double sigma_k_ = 1.0;
 };
 
 }  // namespace
@@ -268,7 +246,7 @@ Transport judge_transport(const Session& session, State& state, double floor_k, 
   for (const std::size_t i : modelled(session)) {
     const Kind kind = session.recordings[i].kind;
     if (kind == Kind::kMovingBars) count_steps(session, i, state, t);
-    if (kind == Kind::kChopper) ChopperClock(session, i, state, pixels).count_steps(t);
+    if (kind == Kind::kChopper) ChopperClock{session, i, state}.count_steps(pixels, t);
   }
   judge_jitter(session, state, floor_k, pixels, t);
   return t;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/report/drawing.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::plot {

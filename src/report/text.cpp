@@ -1,10 +1,6 @@
 #include "src/report/text.hpp"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstdarg>
-#include <cstdio>
 
 #include "src/core/text.hpp"
 

@@ -162,15 +162,15 @@ Status run_calibrate(const Given& given) {
   if (!plot) return tl::unexpected(plot.error());
   const ProfileFiles files = calibrate_files(given);
   std::vector<std::filesystem::path> inputs = captures;
-  diagnose::CalibrationOptions options;
+  model::CameraProfile known;
   if (given.count("profile") != 0) {
-    ASSIGN_OR_RETURN(options.profile, model::read_profile(given["profile"].as<std::string>()));
-    inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options.profile.maps});
+    ASSIGN_OR_RETURN(known, model::read_profile(given["profile"].as<std::string>()));
+    inputs.insert(inputs.end(), {given["profile"].as<std::string>(), known.maps});
   }
   RETURN_IF_ERROR(check_outputs({files.profile.path, files.maps, plot->path}, inputs, files.profile.replace));
   auto result = [&] {
     Progress progress("calibrate", 100);
-    return diagnose::calibrate(captures, options, [&progress](const std::string&, double done) {
+    return diagnose::calibrate(captures, known, [&progress](const std::string&, double done) {
       progress.update(static_cast<std::uint64_t>(100.0 * done));
       return !interrupted().load(std::memory_order_relaxed);
     });

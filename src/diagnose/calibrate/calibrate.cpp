@@ -1,11 +1,6 @@
 // Still fields, and the calibration from all captures together.
 #include "src/diagnose/calibrate.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <memory>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
@@ -56,14 +51,6 @@ bool moves(const std::vector<double>& variance, const std::vector<double>& own, 
   const double slow = median(variance) - usual - of_means;
   return of_means > kStill * kStill * usual || slow > kSlow * kSlow * usual ||
          quantile(own, 0.95) > kUneven * kUneven * usual;
-}
-
-std::vector<std::size_t> good_of(const std::vector<DeadPixel>& dead) {
-  std::vector<std::size_t> good;
-  for (std::size_t p = 0; p < dead.size(); ++p) {
-    if (dead[p] == DeadPixel::kGood) good.push_back(p);
-  }
-  return good;
 }
 
 double mean_over(const std::vector<double>& values, const std::vector<std::size_t>& pixels) {
@@ -143,10 +130,8 @@ void merge(StillFit& all, const StillFit& more, double before) {
   }
 }
 
-void fill_profile(const CalibrationOptions& options, const capture::CaptureInfo& info, const FrameSeries& frames,
-                  Calibration& result) {
+void fill_profile(const capture::CaptureInfo& info, const FrameSeries& frames, Calibration& result) {
   model::CameraProfile& profile = result.profile;
-  profile = options.profile;
   profile.tau_s = result.fit.tau_s.value;
   profile.maps.clear();
   if (!info.camera_model.empty()) profile.model = info.camera_model;
@@ -215,7 +200,7 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
     if (away[p] > kFarOff * scatter && usual > 0.0) fit.dead[p] = DeadPixel::kSilent;
     if (noise[p] < kFrozen * usual) fit.dead[p] = DeadPixel::kFrozen;
   }
-  const std::vector<std::size_t> pixels_left = good_of(fit.dead);
+  const auto pixels_left = places_where(pixels, [&](std::size_t p) { return fit.dead[p] == DeadPixel::kGood; });
   const auto good = static_cast<double>(pixels_left.size());
   fit.noise_k = std::sqrt(mean_over(variance, pixels_left));
   fit.pixel_noise_k = std::sqrt(mean_over(own, pixels_left));
@@ -241,7 +226,7 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
   return fit;
 }
 
-Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures, const CalibrationOptions& options,
+Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures, const model::CameraProfile& known,
                               const Progress& progress) {
   if (captures.empty()) return bad_input("no captures; name one with pulses first");
   ASSIGN_OR_RETURN(auto sources, open_sources(captures));
@@ -251,6 +236,7 @@ Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures
                      ": no capture with pulses is given; name a recording of a chopper or a switched board");
   }
   Calibration result;
+  result.profile = known;
   ASSIGN_OR_RETURN(const auto frames, open_series(pulses->file, pulses->reader));
   ASSIGN_OR_RETURN(result.fit, fit_pulses(frames, progress));
   result.pulses.push_back(pulses->file.string());
@@ -272,7 +258,7 @@ Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures
   }
   result.noise_k = result.still ? result.still->noise_k : result.fit.noise_k;
   result.gap = result.noise_k > 0.0 ? result.fit.rmse_k / result.noise_k : result.fit.gap;
-  fill_profile(options, pulses->reader.info(), frames, result);
+  fill_profile(pulses->reader.info(), frames, result);
   return result;
 }
 

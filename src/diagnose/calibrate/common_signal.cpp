@@ -1,9 +1,4 @@
 // What the pixels of a recording have in common.
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <limits>
-
 #include "src/diagnose/calibrate/pulses.hpp"
 #include "src/diagnose/session.hpp"
 
@@ -11,6 +6,7 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr std::size_t kGridValues = 16'000'000;
+constexpr double kLeastCorrelation = 0.5;  // with the common shape, of a pixel that follows
 
 Grid grid_of(const FrameSeries& frames) {
   const auto limit = std::max<std::size_t>(1, kGridValues / frames.t_s.size());

@@ -1,10 +1,4 @@
 // tau from pulses: the common signal first, then pixel by pixel.
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <optional>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
 #include "src/diagnose/session.hpp"
 #include "src/report/text.hpp"
@@ -22,6 +16,15 @@ constexpr double kLeastGap = 0.7;         // below it, intervals follow the nois
 constexpr double kMapError = 0.05;        // median error of a pixel's tau, below which pixels are taken one by one
 constexpr double kLeastSpread = 1e-3;     // of tau
 constexpr double kSignificant = 4.0;      // standard errors
+
+// All limits are set by simulated choppers with and without dead pixels and spread (tests/diagnose/calibrate_test.cpp).
+constexpr double kPrior = 200.0;       // frames, as which the usual noise counts beside a pixel's own
+constexpr double kMostError = 4.0;     // times the usual standard error of a pixel that is trusted
+constexpr double kMostScatters = 6.0;  // of the taus, that a trusted one may lie off the middle
+constexpr double kNoisyPixel = 4.0;    // times the usual residual, and
+constexpr double kNoisySwing = 0.003;  // of the usual deviation, for what the model is off by
+constexpr double kWeakPixel = 0.15;    // of the usual deviation
+constexpr double kLoudPixel = 0.5;     // the same, of a pixel that does not follow
 
 using plot::format;
 
@@ -103,163 +106,193 @@ Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, cons
   return {tau_s, tau_s * (1.0 - half), tau_s * (1.0 + half)};
 }
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-// One of the curves that follow one another, and until when it holds.
-struct Piece {
-  Decay decay;
-  std::size_t count = 0;
-  double to_s = 0.0;
-  bool goes_on = false;  // the next one is the same input
-};
-
-constexpr double kSameLevel = 0.01;  // of the contrast: no switch
-constexpr std::size_t kTiny = 2;     // samples that may have been taken while the input changed
-
-// Where two curves meet between the last sample of one interval and the first of another.
-std::optional<double> meet(std::span<const double> t_s, const Interval& a, const Interval& b, const Decay& before,
-                           const Decay& after, double tau_s) {
-  const double from_s = t_s[a.end() - 1];
-  const double to_s = t_s[b.first];
-  const double slack_s = 0.1 * (to_s - from_s);
-  return crossing(before, after, tau_s, from_s - slack_s, to_s + slack_s);
+// A pixel's residual says what its noise is, but roughly in a short recording: the usual noise counts as so many frames
+// more.
+void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& follows, PixelTaus& taus) {
+  const double freedom = freedom_of(table.intervals());
+  const std::vector<std::size_t> pixels = following(follows);
+  const double usual = median(mapped(pixels, [&](std::size_t p) { return taus.sigma[p]; }));
+  for (const std::size_t p : pixels) {
+    const double sigma = taus.sigma[p];
+    if (!(sigma > 0.0)) continue;
+    const double settled = std::sqrt((freedom * sigma * sigma + kPrior * usual * usual) / (freedom + kPrior));
+    taus.error[p] *= static_cast<float>(settled / sigma);
+  }
 }
 
-// The curves that follow one another. One or two samples between curves that meet were taken while the input changed; a
-// lone sample between curves that don't is a pulse too short to say more about. A curve that goes on at the same level
-// is no new one.
-std::vector<Piece> pieces_of(std::span<const double> t_s, const std::vector<Interval>& intervals,
-                             const std::vector<Decay>& decays, double tau_s, double contrast) {
-  std::vector<Piece> pieces;
-  std::size_t last = 0;
-  for (std::size_t i = 0; i < intervals.size(); ++i) {
-    const bool tiny = intervals[i].count <= kTiny;
-    if (tiny && !pieces.empty() && i + 1 < intervals.size() &&
-        meet(t_s, intervals[last], intervals[i + 1], decays[last], decays[i + 1], tau_s)) {
+// Pixels that follow too noisily or weakly, and those that don't although their neighbours do.
+std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
+  std::vector<DeadPixel> dead(frames.geometry.pixels(), DeadPixel::kGood);
+  const std::vector<std::size_t> pixels = following(common.follows);
+  const double usual = median(mapped(pixels, [&](std::size_t p) { return taus.sigma[p]; }));
+  const double swing = median(mapped(pixels, [&](std::size_t p) { return common.deviation[p]; }));
+  for (std::size_t p = 0; p < dead.size(); ++p) {
+    const double deviation = common.deviation[p];
+    if (common.follows[p] != 0) {
+      const bool noisy = taus.sigma[p] > kNoisyPixel * usual + kNoisySwing * swing;
+      dead[p] = noisy ? DeadPixel::kNoisy : deviation < kWeakPixel * swing ? DeadPixel::kSilent : DeadPixel::kGood;
       continue;
     }
-    if (!pieces.empty()) {
-      if (!tiny && std::abs(decays[i].level - decays[last].level) < kSameLevel * contrast &&
-          intervals[last].count > 2 && intervals[i].first == intervals[last].end()) {
-        pieces.back().to_s = (t_s[intervals[last].end() - 1] + t_s[intervals[i].first]) / 2.0;
-        pieces.back().goes_on = true;
-      } else {
-        const auto met = meet(t_s, intervals[last], intervals[i], decays[last], decays[i], tau_s);
-        pieces.back().to_s = met.value_or((t_s[intervals[last].end() - 1] + t_s[intervals[i].first]) / 2.0);
-      }
-    }
-    pieces.push_back({decays[i], intervals[i].count, t_s.back(), false});
-    last = i;
-  }
-  return pieces;
-}
-
-// When the mean signal's input switched, and to which levels.
-void describe_switches(std::span<const double> t_s, const SignalFit& signal, PulseFit& fit) {
-  const std::vector<Piece> pieces = pieces_of(t_s, signal.intervals, signal.decays, signal.tau_s, signal.contrast);
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    if (pieces[i].goes_on) continue;
-    fit.levels_k.push_back(pieces[i].count >= 3 ? pieces[i].decay.level : kNone);
-    if (i + 1 < pieces.size()) fit.switches_s.push_back(pieces[i].to_s - t_s.front());
-  }
-}
-
-// The pixel nearest to the middle of the frame among those whose tau is known as well as that of most.
-std::size_t middle_pixel(const FrameSeries& frames, const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
-  const float usual = median(mapped(pixels, [&](std::size_t p) { return taus.error[p]; }));
-  std::size_t chosen = pixels.front();
-  double nearest = std::numeric_limits<double>::infinity();
-  for (const std::size_t p : pixels) {
+    // It says nothing of the pulses: dead when its neighbours do, else it looks elsewhere.
     const PixelPlace at = place_of(p, frames.geometry.width);
-    const double x = at.x - frames.geometry.width / 2.0;
-    const double y = at.y - frames.geometry.height / 2.0;
-    if (!(taus.error[p] <= usual) || !(x * x + y * y < nearest)) continue;
-    nearest = x * x + y * y;
-    chosen = p;
+    int seen = 0;
+    int follow = 0;
+    visit_around(frames.geometry, at, 2, [&](std::size_t other) {
+      ++seen;
+      follow += common.follows[other] != 0 ? 1 : 0;
+    });
+    if (4 * follow < 3 * seen) continue;
+    dead[p] = deviation <= 0.0                 ? DeadPixel::kFrozen
+              : deviation > kLoudPixel * swing ? DeadPixel::kNoisy
+                                               : DeadPixel::kSilent;
   }
-  return chosen;
+  return dead;
 }
 
-// Measured and simulated values of one pixel. `signal` has the intervals; levels and amplitudes are the pixel's own.
-Status show_pixel(const FrameSeries& frames, const SignalFit& signal, const PixelTaus& taus,
-                  const std::vector<std::size_t>& pixels, PixelTrace& trace) {
-  if (pixels.empty()) return {};
-  const std::size_t chosen = middle_pixel(frames, taus, pixels);
-  const PixelPlace at = place_of(chosen, frames.geometry.width);
-  trace.x = at.x;
-  trace.y = at.y;
-  trace.tau_s = taus.tau_s[chosen];
-  std::vector<float> frame(frames.geometry.pixels());
-  for (std::size_t k = 0; k < frames.t_s.size(); ++k) {
-    RETURN_IF_ERROR(frames.read(k, frame));
-    trace.measured_k.push_back(frame[chosen]);
-    trace.t_s.push_back(frames.t_s[k] - frames.t_s.front());
-  }
-  const std::vector<Decay> decays = mapped(
-      signal.intervals, [&](const Interval& i) { return fit_decay(trace.t_s, trace.measured_k, i, trace.tau_s); });
-  const std::vector<Piece> pieces = pieces_of(trace.t_s, signal.intervals, decays, trace.tau_s, signal.contrast);
-  const auto simulated = [&](double t_s) {
-    const auto piece = std::ranges::find_if(pieces, [t_s](const Piece& p) { return t_s <= p.to_s; });
-    return piece == pieces.end() ? kNone : piece->decay.at(t_s, trace.tau_s);
+// Pixels that are good, as well known as most, and not far off the others.
+std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPixel>& dead) {
+  auto known = places_where(taus.tau_s.size(), [&](std::size_t p) {
+    return dead[p] == DeadPixel::kGood && std::isfinite(taus.error[p]) && std::isfinite(taus.tau_s[p]);
+  });
+  const double usual = median(mapped(known, [&](std::size_t p) { return taus.error[p]; }));
+  const double middle = median(mapped(known, [&](std::size_t p) { return taus.tau_s[p]; }));
+  const auto away = [&](std::size_t p) { return std::abs(taus.tau_s[p] - middle); };
+  const double scatter = std::max(median(mapped(known, away)) / kMadOfSigma, 1e-9 * middle);
+  std::erase_if(
+      known, [&](std::size_t p) { return !(taus.error[p] < kMostError * usual && away(p) < kMostScatters * scatter); });
+  return known;
+}
+
+// Mean and spread of the pixels' taus when each has a standard error (random effects, DerSimonian and Laird 1986).
+struct Population {
+  double mean_s = 0.0;
+  double error = 0.0;        // of the mean, relative
+  double noise_error = 0.0;  // the share of it that comes from the pixels' errors
+  double spread = 0.0;       // rms, relative
+  double spread_z = 0.0;
+};
+
+Population population(const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
+  Population all;
+  if (pixels.empty()) return all;
+  const double middle = median(mapped(pixels, [&](std::size_t p) { return taus.tau_s[p]; }));
+  const auto error2 = [&](std::size_t p) { return std::pow(static_cast<double>(taus.error[p]), 2); };
+  const auto away = [&](std::size_t p) { return taus.tau_s[p] / middle - 1.0; };
+  const auto mean_with = [&](double spread2, double& error) {
+    const double weights = sum_of(pixels, [&](std::size_t p) { return 1.0 / (error2(p) + spread2); });
+    const double sum = sum_of(pixels, [&](std::size_t p) { return 1.0 / (error2(p) + spread2) * away(p); });
+    error = 1.0 / std::sqrt(weights);
+    return sum / weights;
   };
-  // Samples of no interval, or of one that has none to spare, are not compared.
-  trace.simulated_k.assign(trace.t_s.size(), kNone);
-  for (const Interval& i : signal.intervals) {
-    if (i.count < kLeastCount) continue;
-    for (std::size_t k = i.first; k < i.end(); ++k) trace.simulated_k[k] = simulated(trace.t_s[k]);
+  const double fixed = mean_with(0.0, all.noise_error);
+  const double q = sum_of(pixels, [&](std::size_t p) { return 1.0 / error2(p) * std::pow(away(p) - fixed, 2); });
+  const double w1 = sum_of(pixels, [&](std::size_t p) { return 1.0 / error2(p); });
+  const double w2 = sum_of(pixels, [&](std::size_t p) { return 1.0 / error2(p) * (1.0 / error2(p)); });
+  const double degrees = static_cast<double>(pixels.size()) - 1.0;
+  const double spread2 = std::max(0.0, (q - degrees) / (w1 - w2 / w1));
+  all.spread = std::sqrt(spread2);
+  all.spread_z = degrees > 0.0 ? (q - degrees) / std::sqrt(2.0 * degrees) : 0.0;
+  all.mean_s = middle * (1.0 + mean_with(spread2, all.error));
+  return all;
+}
+
+// Each trusted pixel's tau, s, shrunk to the mean by its reliability; the mean elsewhere.
+std::vector<float> shrunk_map(const PixelTaus& taus, const std::vector<std::size_t>& pixels, const Population& all) {
+  std::vector<float> map(taus.tau_s.size(), static_cast<float>(all.mean_s));
+  for (const std::size_t p : pixels) {
+    const double error2 = std::pow(static_cast<double>(taus.error[p]), 2);
+    const double reliability = all.spread * all.spread / (all.spread * all.spread + error2);
+    map[p] = static_cast<float>(all.mean_s + reliability * (taus.tau_s[p] - all.mean_s));
   }
-  constexpr int kFine = 10;
-  for (std::size_t k = 0; k + 1 < trace.t_s.size(); ++k) {
-    for (int i = 0; i < kFine; ++i) {
-      trace.fine_t_s.push_back(std::lerp(trace.t_s[k], trace.t_s[k + 1], static_cast<double>(i) / kFine));
-      trace.fine_k.push_back(simulated(trace.fine_t_s.back()));
-    }
+  return map;
+}
+
+// Rms of the residuals of these pixels.
+double rms_left(const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
+  const double sum = sum_of(pixels, [&](std::size_t p) { return std::pow(static_cast<double>(taus.sigma[p]), 2); });
+  return std::sqrt(sum / std::max(1.0, static_cast<double>(pixels.size())));
+}
+
+// Noise of the pixels, from what two frames say about the third: between switches L + A exp(-t / tau) leaves nothing of
+// (y2 - y1) - r (y1 - y0). In the late half of each interval, so that a small
+// error of tau doesn't count.
+Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, const PixelTaus& taus,
+                          const std::vector<std::size_t>& pixels, const Progress& progress) {
+  std::array<std::vector<float>, 3> last;
+  std::vector<double> squares(pixels.size(), 0.0);
+  double count = 0.0;
+  for (const Interval& interval : table.intervals()) {
+    const std::size_t begin = interval.count >= 8 ? interval.first + interval.count / 2 : interval.first;
+    const auto take = [&](std::size_t k, std::span<const float> frame) {
+      std::rotate(last.begin(), last.begin() + 1, last.end());
+      last[2].assign(frame.begin(), frame.end());
+      if (k < begin + 2) return;
+      std::array<double, DecayTable::kNodes> ratio{};
+      for (int node = 0; node < DecayTable::kNodes; ++node) {
+        const double a1 = std::exp(-(frames.t_s[k - 1] - frames.t_s[k - 2]) / table.tau_s(node));
+        const double a2 = std::exp(-(frames.t_s[k] - frames.t_s[k - 1]) / table.tau_s(node));
+        ratio[static_cast<std::size_t>(node)] = a1 * (1.0 - a2) / (1.0 - a1);
+      }
+      for (std::size_t i = 0; i < pixels.size(); ++i) {
+        const std::size_t p = pixels[i];
+        const auto y = [&](std::size_t j) { return static_cast<double>(last[j][p]); };
+        const double r = ratio[static_cast<std::uint8_t>(taus.node[p])];
+        const double z = (y(2) - y(1)) - r * (y(1) - y(0));
+        squares[i] += z * z / (1.0 + (1.0 + r) * (1.0 + r) + r * r);
+      }
+      count += 1.0;
+    };
+    RETURN_IF_ERROR(frames.for_each("noise", progress, take, begin, interval.end()));
   }
-  return {};
+  if (!(count > 0.0)) return 0.0;
+  const double sum = sum_of(squares, [count](double s) { return s / count; });
+  return std::sqrt(sum / std::max(1.0, static_cast<double>(pixels.size())));
 }
 
 // The steps of one fit, in their order; what one leaves the next ones use.
-class PulseFitter {
- public:
-  PulseFitter(const FrameSeries& frames, CommonSignal common, SignalFit signal, const Progress& progress)
-      : frames_(frames),
-        common_(std::move(common)),
-        follows_(common_.follows),
-        signal_(std::move(signal)),
-        progress_(progress),
-        table_(frames.t_s, signal_.intervals, signal_.tau_s) {}
+struct PulseFitter {
+  const FrameSeries& frames;
+  const Progress& progress;
+  CommonSignal common;
+  SignalFit signal;
+  std::vector<std::int8_t> follows = common.follows;  // those that are not dead
+  DecayTable table{frames.t_s, signal.intervals, signal.tau_s};
+  std::vector<SwitchBetween> switches{};
+  PixelTaus taus{};
+  std::vector<std::size_t> pixels{};  // that are trusted
+  double usual_error = 0.0;           // of a pixel's ln tau
+  PulseFit fit{};
 
   Result<PulseFit> run() {
-    describe_switches(frames_.t_s, signal_, fit_);
+    describe_switches(frames.t_s, signal, fit);
     for (const auto step : {&PulseFitter::find_sweep, &PulseFitter::share_tau, &PulseFitter::take_pixels_one_by_one,
                             &PulseFitter::judge_residual}) {
       RETURN_IF_ERROR((this->*step)());
     }
-    return std::move(fit_);
+    return std::move(fit);
   }
 
- private:
   Status pass_with(std::vector<std::int8_t> nodes) {
-    taus_.node = std::move(nodes);
-    Status done = pass(frames_, table_, switches_, follows_, taus_, progress_);
-    if (done) settle_errors(table_, follows_, taus_);
+    taus.node = std::move(nodes);
+    Status done = pass(frames, table, switches, follows, taus, progress);
+    if (done) settle_errors(table, follows, taus);
     return done;
   }
 
   // Where the switches run over the frame; the samples that they spoil go.
   Status find_sweep() {
-    const double period_s = period_of(frames_);
-    switches_ = between(frames_, table_, signal_, period_s);
+    const double period_s = period_of(frames);
+    switches = between(frames, table, signal, period_s);
     RETURN_IF_ERROR(pass_with({}));
-    const Sweep sweep = fit_sweep(frames_, taus_, signal_.tau_s);
-    trim(frames_, switches_, table_, sweep, signal_);
-    refit(frames_.t_s, common_.mean, signal_);
-    table_ = DecayTable(frames_.t_s, signal_.intervals, signal_.tau_s);
-    if (table_.intervals().size() < 2) {
-      return bad_input(frames_.name +
+    const Sweep sweep = fit_sweep(frames, taus, signal.tau_s);
+    trim(frames, switches, table, sweep, signal);
+    refit(frames.t_s, common.mean, signal);
+    table = DecayTable(frames.t_s, signal.intervals, signal.tau_s);
+    if (table.intervals().size() < 2) {
+      return bad_input(frames.name +
                        ": no rectangular pulses: the switches take as long as the pulses; record longer ones");
     }
-    switches_ = between(frames_, table_, signal_, period_s + sweep.high() - sweep.low());
+    switches = between(frames, table, signal, period_s + sweep.high() - sweep.low());
     return {};
   }
 
@@ -267,66 +300,54 @@ class PulseFitter {
   // is.
   Status share_tau() {
     RETURN_IF_ERROR(pass_with({}));
-    RETURN_IF_ERROR(check_pixels(frames_, common_, taus_));
-    fit_.dead = find_dead(frames_, common_, taus_);
-    for (std::size_t p = 0; p < follows_.size(); ++p) {
-      if (fit_.dead[p] != DeadPixel::kGood) follows_[p] = 0;
+    RETURN_IF_ERROR(check_pixels(frames, common, taus));
+    fit.dead = find_dead(frames, common, taus);
+    for (std::size_t p = 0; p < follows.size(); ++p) {
+      if (fit.dead[p] != DeadPixel::kGood) follows[p] = 0;
     }
-    if (follows_ != common_.follows) {
+    if (follows != common.follows) {
       RETURN_IF_ERROR(pass_with({}));
     }
-    usual_error_ = median(mapped(following(follows_), [this](std::size_t p) { return taus_.error[p]; }));
-    if (!(taus_.information > 0.0)) return bad_input(frames_.name + ": no pixel tells tau; record a higher contrast");
-    const double tau_s = signal_.tau_s * std::exp(std::clamp(taus_.score / taus_.information, -0.3, 0.3));
-    const double error = std::sqrt(taus_.score2) / taus_.information;
-    fit_.tau_s = tau_estimate(tau_s, error, error, signal_, 0.0);
+    usual_error = median(mapped(following(follows), [this](std::size_t p) { return taus.error[p]; }));
+    if (!(taus.information > 0.0)) return bad_input(frames.name + ": no pixel tells tau; record a higher contrast");
+    const double tau_s = signal.tau_s * std::exp(std::clamp(taus.score / taus.information, -0.3, 0.3));
+    const double error = std::sqrt(taus.score2) / taus.information;
+    fit.tau_s = tau_estimate(tau_s, error, error, signal, 0.0);
     return {};
   }
 
   Status take_pixels_one_by_one() {
-    const bool each = usual_error_ < kMapError;
+    const bool each = usual_error < kMapError;
     for (int round = 0; each && round < 2; ++round) {
-      RETURN_IF_ERROR(pass_with(nearest_nodes(table_, taus_)));
+      RETURN_IF_ERROR(pass_with(nearest_nodes(table, taus)));
     }
-    pixels_ = trusted(taus_, fit_.dead);
-    if (!each || pixels_.empty()) return {};
-    const Population all = population(taus_, pixels_);
-    fit_.spread_significant = all.spread_z > kSignificant && all.spread > kLeastSpread;
-    if (!fit_.spread_significant) return {};
-    fit_.tau_spread = all.spread;
-    fit_.tau_map_s = shrunk_map(taus_, pixels_, all);
+    pixels = trusted(taus, fit.dead);
+    if (!each || pixels.empty()) return {};
+    const Population all = population(taus, pixels);
+    fit.spread_significant = all.spread_z > kSignificant && all.spread > kLeastSpread;
+    if (!fit.spread_significant) return {};
+    fit.tau_spread = all.spread;
+    fit.tau_map_s = shrunk_map(taus, pixels, all);
     // What is nonlinear in a pixel's error shifts the mean by some of its square.
-    fit_.tau_s = tau_estimate(all.mean_s, all.error, all.noise_error, signal_, 0.5 * usual_error_ * usual_error_);
+    fit.tau_s = tau_estimate(all.mean_s, all.error, all.noise_error, signal, 0.5 * usual_error * usual_error);
     return {};
   }
 
   Status judge_residual() {
-    const Sweep sweep = fit_sweep(frames_, taus_, fit_.tau_s.value);
-    fit_.sweep_x_s = interval(sweep.delay[1], sweep.error[1]);
-    fit_.sweep_y_s = interval(sweep.delay[2], sweep.error[2]);
-    fit_.rmse_k = rms_left(taus_, pixels_);
-    ASSIGN_OR_RETURN(fit_.noise_k, late_noise(frames_, table_, taus_, pixels_, progress_));
-    fit_.gap = fit_.noise_k > 0.0 ? fit_.rmse_k / fit_.noise_k : 1.0;
-    if (fit_.gap < kLeastGap && fit_.noise_k > frames_.step) {
-      return bad_input(frames_.name +
+    const Sweep sweep = fit_sweep(frames, taus, fit.tau_s.value);
+    fit.sweep_x_s = interval(sweep.delay[1], sweep.error[1]);
+    fit.sweep_y_s = interval(sweep.delay[2], sweep.error[2]);
+    fit.rmse_k = rms_left(taus, pixels);
+    ASSIGN_OR_RETURN(fit.noise_k, late_noise(frames, table, taus, pixels, progress));
+    fit.gap = fit.noise_k > 0.0 ? fit.rmse_k / fit.noise_k : 1.0;
+    if (fit.gap < kLeastGap && fit.noise_k > frames.step) {
+      return bad_input(frames.name +
                        ": no rectangular pulses: its intervals are too short for their number; record longer pulses");
     }
-    fit_.intervals = table_.intervals().size();
-    fit_.pixels = common_.pixels;
-    return show_pixel(frames_, signal_, taus_, pixels_, fit_.trace);
+    fit.intervals = table.intervals().size();
+    fit.pixels = common.pixels;
+    return show_pixel(frames, signal, taus, pixels, fit.trace);
   }
-
-  const FrameSeries& frames_;
-  CommonSignal common_;
-  std::vector<std::int8_t> follows_;  // those of common_ that are not dead
-  SignalFit signal_;
-  const Progress& progress_;
-  DecayTable table_;
-  std::vector<SwitchBetween> switches_;
-  PixelTaus taus_;
-  std::vector<std::size_t> pixels_;  // that are trusted
-  double usual_error_ = 0.0;         // of a pixel's ln tau
-  PulseFit fit_;
 };
 
 }  // namespace
@@ -339,7 +360,7 @@ Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress)
   ASSIGN_OR_RETURN(auto common, find_common_signal(frames, progress));
   std::optional<SignalFit> signal = fit_signal(frames.t_s, common.mean);
   RETURN_IF_ERROR(check(frames, common, signal));
-  return PulseFitter(frames, std::move(common), std::move(*signal), progress).run();
+  return PulseFitter{frames, progress, std::move(common), std::move(*signal)}.run();
 }
 
 }  // namespace bolo::diagnose

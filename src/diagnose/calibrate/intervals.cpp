@@ -1,8 +1,4 @@
 // Cuts one signal into intervals, and fits what they have in common.
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
 #include "src/core/statistics.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
 

@@ -1,8 +1,4 @@
 // The time constant of every pixel, in passes over the frames.
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
 #include "src/core/statistics.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
 
@@ -23,39 +19,34 @@ struct Kept {
   Decay last;
 };
 
-class Pass {
- public:
-  Pass(const FrameSeries& frames, const DecayTable& table, const std::vector<SwitchBetween>& switches,
-       const std::vector<std::int8_t>& follows, PixelTaus& taus)
-      : frames_(frames),
-        table_(table),
-        switches_(switches),
-        taus_(taus),
-        pixels_(following(follows)),
-        sums_(frames.geometry.pixels()),
-        kept_(frames.geometry.pixels()) {
-    if (taus.node.empty()) taus.node.assign(frames.geometry.pixels(), DecayTable::kMiddle);
-  }
+struct Pass {
+  const FrameSeries& frames;
+  const DecayTable& table;
+  const std::vector<SwitchBetween>& switches;
+  PixelTaus& taus;
+  std::vector<std::size_t> pixels;
+  std::vector<IntervalSums> sums = std::vector<IntervalSums>(frames.geometry.pixels());
+  std::vector<Kept> all_kept = std::vector<Kept>(frames.geometry.pixels());
 
   Status run(const Progress& progress) {
-    for (std::size_t i = 0; i < table_.intervals().size(); ++i) {
-      const Interval& interval = table_.intervals()[i];
+    if (taus.node.empty()) taus.node.assign(frames.geometry.pixels(), DecayTable::kMiddle);
+    for (std::size_t i = 0; i < table.intervals().size(); ++i) {
+      const Interval& interval = table.intervals()[i];
       const auto take = [&](std::size_t k, std::span<const float> frame) { add(k, frame, k == interval.first); };
-      Status read = frames_.for_each("fitting every pixel", progress, take, interval.first, interval.end());
+      Status read = frames.for_each("fitting every pixel", progress, take, interval.first, interval.end());
       if (!read) return read;
-      for (const std::size_t p : pixels_) end(i, p);
+      for (const std::size_t p : pixels) end(i, p);
     }
     conclude();
     return {};
   }
 
- private:
   void add(std::size_t k, std::span<const float> frame, bool first) {
-    const DecayTable::Sample* samples = table_.samples(k);
-    for (const std::size_t p : pixels_) {
-      IntervalSums& s = sums_[p];
+    const DecayTable::Sample* samples = table.samples(k);
+    for (const std::size_t p : pixels) {
+      IntervalSums& s = sums[p];
       if (first) s = {.base = frame[p]};
-      const DecayTable::Sample& at = samples[taus_.node[p]];
+      const DecayTable::Sample& at = samples[taus.node[p]];
       const double y = static_cast<double>(frame[p]) - static_cast<double>(s.base);
       s.y += y;
       s.yy += y * y;
@@ -66,20 +57,20 @@ class Pass {
 
   // The interval's share of the pixel's fit, and its switch since the interval before.
   void end(std::size_t i, std::size_t p) {
-    const Interval& interval = table_.intervals()[i];
+    const Interval& interval = table.intervals()[i];
     const auto n = static_cast<double>(interval.count);
-    const DecayTable::Norm& norm = table_.norm(i, taus_.node[p]);
-    const IntervalSums& s = sums_[p];
-    Kept& kept = kept_[p];
+    const DecayTable::Norm& norm = table.norm(i, taus.node[p]);
+    const IntervalSums& s = sums[p];
+    Kept& kept = all_kept[p];
     const double amplitude = s.ey / norm.ee;
     kept.score += amplitude * s.uy;
     kept.information += amplitude * amplitude * norm.uu;
     kept.by_noise += norm.uu / norm.ee;
     kept.squares += std::max(0.0, s.yy - s.y * s.y / n - s.ey * amplitude);
-    const Decay now{s.base + s.y / n - amplitude * norm.e_mean, amplitude, frames_.t_s[interval.first]};
-    const auto at = std::ranges::find(switches_, i, [](const SwitchBetween& b) { return b.before + 1; });
-    if (i > 0 && at != switches_.end()) {
-      const double tau_s = table_.tau_s(taus_.node[p]);
+    const Decay now{s.base + s.y / n - amplitude * norm.e_mean, amplitude, frames.t_s[interval.first]};
+    const auto at = std::ranges::find(switches, i, [](const SwitchBetween& b) { return b.before + 1; });
+    if (i > 0 && at != switches.end()) {
+      const double tau_s = table.tau_s(taus.node[p]);
       if (const auto t_s = crossing(kept.last, now, tau_s, at->from_s, at->to_s)) {
         const double weight = std::pow(kept.last.level - now.level, 2);  // the curves' difference in slope
         kept.delay += weight * (*t_s - at->t_s);
@@ -90,40 +81,28 @@ class Pass {
   }
 
   void conclude() {
-    const std::size_t pixels = frames_.geometry.pixels();
-    const double freedom = freedom_of(table_.intervals());
-    taus_.tau_s.assign(pixels, std::numeric_limits<float>::quiet_NaN());
-    taus_.error.assign(pixels, std::numeric_limits<float>::infinity());
-    taus_.sigma.assign(pixels, 0.0F);
-    taus_.delay_s.assign(pixels, std::numeric_limits<float>::quiet_NaN());
-    taus_.score = 0.0;
-    taus_.score2 = 0.0;
-    taus_.information = 0.0;
-    for (const std::size_t p : pixels_) {
-      const Kept& kept = kept_[p];
+    const double freedom = freedom_of(table.intervals());
+    const auto all = [this](float value) { return std::vector<float>(frames.geometry.pixels(), value); };
+    constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    taus = {std::move(taus.node), all(kNone), all(kInfinity), all(0.0F), all(kNone)};
+    for (const std::size_t p : pixels) {
+      const Kept& kept = all_kept[p];
       // What is left at the pixel's own tau, which lies between two nodes.
       const double taken = kept.information > 0.0 ? kept.score * kept.score / kept.information : 0.0;
       const double sigma = std::sqrt(std::max(0.0, kept.squares - taken) / std::max(1.0, freedom));
-      taus_.sigma[p] = static_cast<float>(sigma);
+      taus.sigma[p] = static_cast<float>(sigma);
       const double information = kept.information - sigma * sigma * kept.by_noise;
-      taus_.score += kept.score;
-      taus_.score2 += kept.score * kept.score;
-      taus_.information += information;
+      taus.score += kept.score;
+      taus.score2 += kept.score * kept.score;
+      taus.information += information;
       if (!(information > 0.05 * kept.information)) continue;
       const double step = std::clamp(kept.score / information, -kLongestStep, kLongestStep);
-      taus_.tau_s[p] = static_cast<float>(table_.tau_s(taus_.node[p]) * std::exp(step));
-      taus_.error[p] = static_cast<float>(std::max(sigma, 1e-9) / std::sqrt(information));
-      if (kept.weight > 0.0) taus_.delay_s[p] = static_cast<float>(kept.delay / kept.weight);
+      taus.tau_s[p] = static_cast<float>(table.tau_s(taus.node[p]) * std::exp(step));
+      taus.error[p] = static_cast<float>(std::max(sigma, 1e-9) / std::sqrt(information));
+      if (kept.weight > 0.0) taus.delay_s[p] = static_cast<float>(kept.delay / kept.weight);
     }
   }
-
-  const FrameSeries& frames_;
-  const DecayTable& table_;
-  const std::vector<SwitchBetween>& switches_;
-  PixelTaus& taus_;
-  std::vector<std::size_t> pixels_;
-  std::vector<IntervalSums> sums_;
-  std::vector<Kept> kept_;
 };
 
 }  // namespace
@@ -149,15 +128,11 @@ double DecayTable::tau_s(int node) const { return middle_tau_s_ * std::exp(kNode
 
 Status pass(const FrameSeries& frames, const DecayTable& table, const std::vector<SwitchBetween>& switches,
             const std::vector<std::int8_t>& follows, PixelTaus& taus, const Progress& progress) {
-  return Pass(frames, table, switches, follows, taus).run(progress);
+  return Pass{frames, table, switches, taus, following(follows)}.run(progress);
 }
 
 std::vector<std::size_t> following(const std::vector<std::int8_t>& follows) {
-  std::vector<std::size_t> pixels;
-  for (std::size_t p = 0; p < follows.size(); ++p) {
-    if (follows[p] != 0) pixels.push_back(p);
-  }
-  return pixels;
+  return places_where(follows.size(), [&](std::size_t p) { return follows[p] != 0; });
 }
 
 std::vector<std::int8_t> nearest_nodes(const DecayTable& table, const PixelTaus& taus) {

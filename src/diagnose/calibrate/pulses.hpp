@@ -2,12 +2,6 @@
 // own fit, judgements of these, and what is shown of it.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
-#include <optional>
-#include <span>
-#include <vector>
-
 #include <Eigen/Core>
 
 #include "src/diagnose/calibrate.hpp"
@@ -93,8 +87,6 @@ struct CommonSignal {
 // have values that are no numbers. Thread: setup.
 Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progress& progress);
 
-inline constexpr double kLeastCorrelation = 0.5;
-
 // What 1 and exp(-t / tau) leave in each interval, for taus near a middle one: the regressors of amplitude and ln tau.
 class DecayTable {
  public:
@@ -159,39 +151,6 @@ std::vector<std::size_t> following(const std::vector<std::int8_t>& follows);
 
 std::vector<std::int8_t> nearest_nodes(const DecayTable& table, const PixelTaus& taus);
 
-// A pixel's residual says what its noise is, but roughly in a short recording: the usual noise counts as so many frames
-// more.
-void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& follows, PixelTaus& taus);
-
-// Pixels that follow too noisily or weakly, and those that don't although their neighbours do.
-std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus);
-
-// Pixels that are good, as well known as most, and not far off the others.
-std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPixel>& dead);
-
-// Mean and spread of the pixels' taus when each has a standard error (random effects, DerSimonian and Laird 1986).
-struct Population {
-  double mean_s = 0.0;
-  double error = 0.0;        // of the mean, relative
-  double noise_error = 0.0;  // the share of it that comes from the pixels' errors
-  double spread = 0.0;       // rms, relative
-  double spread_z = 0.0;
-};
-
-Population population(const PixelTaus& taus, const std::vector<std::size_t>& pixels);
-
-// Each trusted pixel's tau, s, shrunk to the mean by its reliability; the mean elsewhere.
-std::vector<float> shrunk_map(const PixelTaus& taus, const std::vector<std::size_t>& pixels, const Population& all);
-
-// Rms of the residuals of these pixels.
-double rms_left(const PixelTaus& taus, const std::vector<std::size_t>& pixels);
-
-// Noise of the pixels, from what two frames say about the third: between switches L + A exp(-t / tau) leaves nothing of
-// (y2 - y1) - r (y1 - y0). In the late half of each interval, so that a small
-// error of tau doesn't count.
-Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, const PixelTaus& taus,
-                          const std::vector<std::size_t>& pixels, const Progress& progress);
-
 // A plane through the pixels' delays, s.
 struct Sweep {
   Eigen::Vector3d delay = Eigen::Vector3d::Zero();  // at the middle; from edge to edge along x; along y
@@ -211,5 +170,13 @@ std::vector<SwitchBetween> between(const FrameSeries& frames, const DecayTable& 
 // Samples that some pixel takes while its input is changing belong to no interval. Thread: any.
 void trim(const FrameSeries& frames, const std::vector<SwitchBetween>& switches, const DecayTable& table,
           const Sweep& sweep, SignalFit& fit);
+
+// When the mean signal's input switched, and to which levels. Thread: any.
+void describe_switches(std::span<const double> t_s, const SignalFit& signal, PulseFit& fit);
+
+// Measured and simulated values of one pixel. `signal` has the intervals; levels and amplitudes are the pixel's own.
+// Thread: setup.
+Status show_pixel(const FrameSeries& frames, const SignalFit& signal, const PixelTaus& taus,
+                  const std::vector<std::size_t>& pixels, PixelTrace& trace);
 
 }  // namespace bolo::diagnose

@@ -1,9 +1,4 @@
 // The effects of the catalogue.
-#include <algorithm>
-#include <cmath>
-
-#include "src/diagnose/effect.hpp"
-#include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -17,9 +12,7 @@ EffectReport reported_as(const std::string& key, Of of) {
 
 // A target with soft edges looks the same: what they may be of the whole blur, the interval leaves open.
 Estimates report_blur(const Fitted& f) {
-  double edge_px2 = 0.0;
-  for (const StimulusState& stimulus : f.state.stimuli) edge_px2 = std::max(edge_px2, stimulus.edge_px2);
-  const double whole = f.value[0] + edge_px2;
+  const double whole = f.value[0] + f.state.edge_px * f.state.edge_px;
   Estimate sigma = root_interval(f.value[0], f.error[0]);
   sigma.low = std::min(sigma.low, std::sqrt(std::max(0.0, whole - kSoftestEdge_px * kSoftestEdge_px)));
   sigma.high = std::max(sigma.high, std::sqrt(whole + 1.96 * f.error[0]));
@@ -44,12 +37,9 @@ Estimates report_drift(const Fitted& f) {
 // A temperature at which gains make no difference, less the one that it is looked for about.
 Parameter about_reference(const char* name, double CameraModel::*member) {
   constexpr double kReach = 60.0;  // K
-  return {name,
-          5.0,
-          -kReach,
-          kReach,
-          [member](const State& s) { return s.camera.*member - kReference; },
-          [member](State& s, double v) { s.camera.*member = kReference + v; }};
+  return number_at(
+      name, 5.0, -kReach, kReach, [member](auto& s) -> auto& { return s.camera.*member; },
+      [](double kelvin) { return kelvin - kReference; }, [](double v) { return kReference + v; });
 }
 
 // Where a camera's gains were last made equal is its own affair: no pattern of offsets is needed for it.
@@ -91,7 +81,7 @@ std::vector<Effect> scene_and_pixel_effects() {
       // Blur of the optics, as a Gaussian.
       {.name = "optical_psf",
        .stage = "optics",
-       .words = {"Optical blur", "The optics blur the picture", "The optics blur the picture by {sigma_px} (sigma)"},
+       .words = {"Optical blur", "The optics blur the picture[ by {sigma_px} (sigma)]"},
        .needs = "a bar target, best a still one",
        .told_by = bars,
        .parameters = always({number_of("blur_px2", 0.1, 0.0, 9.0, &Response::blur_px2)}),
@@ -100,8 +90,7 @@ std::vector<Effect> scene_and_pixel_effects() {
       // The gain falls towards the corners, about with the square of the radius: what is smooth is no map of pixels.
       {.name = "vignetting",
        .stage = "optics",
-       .words = {"Vignetting", "Corners receive less than the middle",
-                 "Corners receive {corner_loss} less than the middle"},
+       .words = {"Vignetting", "Corners receive [{corner_loss} ]less than the middle"},
        .needs = "flat black bodies at two temperatures",
        .told_by = any_of({Kind::kUniform, Kind::kChopper}),
        .parameters = always({number_of("corner_gain", 0.01, -0.2, 0.2, &CameraModel::corner_gain),
@@ -116,7 +105,6 @@ std::vector<Effect> scene_and_pixel_effects() {
              const double bent = 1.0 + f.value[4];
              return Estimates{{"corner_loss", interval(-f.value[0] * bent, std::abs(f.error[0] * bent))}};
            }},
-      // The target is mixed with its surroundings.
       {.name = "emissivity",
        .stage = "radiometry",
        .words = {"Emissivity", "The target is no perfect black body and mirrors its surroundings"},
@@ -128,7 +116,6 @@ std::vector<Effect> scene_and_pixel_effects() {
        .as_levels = true,
        .forms = edge_forms,
        .report = reported_as("emissivity", [](double v, double e) { return interval(1.0 - v, e); })},
-      // The pixel follows radiance, not temperature.
       {.name = "radiometric_nonlinearity",
        .stage = "radiometry",
        .words = {"Radiometric nonlinearity",
@@ -142,8 +129,8 @@ std::vector<Effect> scene_and_pixel_effects() {
       // The time constant of all pixels, as a share of the profile's.
       {.name = "tau_global",
        .stage = "pixel",
-       .words = {"Time constant", "All pixels answer with another time constant than the profile says",
-                 "All pixels answer {scale~} {scale?slower|faster} than the profile says"},
+       .words = {"Time constant",
+                 "All pixels answer [{scale~} {scale?slower|faster}|with another time constant] than the profile says"},
        .needs = "a chopper, or a pan over bars, whose temperatures change within a few frames",
        .told_by = changes,
        .parameters =
@@ -152,21 +139,19 @@ std::vector<Effect> scene_and_pixel_effects() {
                     [](State& s, double v) { s.camera.response.tau_s = s.camera.nominal_tau_s * std::exp(v); }}}),
        .least = 0.003,
        .report = reported_as("scale", [](double v, double e) { return exp_interval(1.0, v, e); })},
-      // Every pixel has a time constant of its own.
       {.name = "tau_spread",
        .stage = "pixel",
-       .words = {"Spread of time constants", "Pixels differ in their time constant",
-                 "Pixels differ in their time constant by {rms} rms"},
+       .words = {"Spread of time constants", "Pixels differ in their time constant[ by {rms} rms]"},
        .needs = "a chopper, which shows all pixels the same",
        .told_by = changes,
        .map = MapKind::kTau,
        .least = 0.002,
        .report = rms_of(MapKind::kTau)},
-      // A share of the response follows a second, slower time constant.
       {.name = "slow_pole",
        .stage = "pixel",
-       .words = {"Slow tail", "A part of the answer comes late, through a second, slower heat path",
-                 "{share} of the answer comes late, with a second time constant of {slow_tau_s}"},
+       .words = {"Slow tail",
+                 "[{share} of the answer comes late, with a second time constant of {slow_tau_s}|"
+                 "A part of the answer comes late, through a second, slower heat path]"},
        .needs = "a chopper with pulses of several lengths up to 0.3 s",
        .told_by = any_of({Kind::kChopper}),
        .parameters = always(
@@ -180,11 +165,9 @@ std::vector<Effect> scene_and_pixel_effects() {
              return Estimates{{"share", interval(f.value[0], f.error[0])},
                               {"slow_tau_s", exp_interval(kSlowTau_s, f.value[1], f.error[1])}};
            }},
-      // Heat that flows to the neighbours.
       {.name = "crosstalk",
        .stage = "pixel",
-       .words = {"Crosstalk", "Heat flows between neighbouring pixels",
-                 "Heat flows between neighbouring pixels, {coupling} of what leaves each"},
+       .words = {"Crosstalk", "Heat flows between neighbouring pixels[, {coupling} of what leaves each]"},
        .needs = "a still bar target and a pan over it",
        .told_by = bars,
        .parameters = always({number_of("coupling", 0.02, 0.0, 0.5, &Response::coupling)}),
@@ -199,11 +182,9 @@ std::vector<Effect> readout_effects() {
   constexpr double kHeatingReach = 4.0;  // of its logarithm: down to heat that grows evenly but for 1 %
   const Predicate changes = any_of({Kind::kChopper, Kind::kMovingBars});
   return {
-      // Rows are sampled one after another.
       {.name = "row_delay",
        .stage = "readout",
-       .words = {"Row delay", "Rows are sampled one after another, not at once",
-                 "Rows are sampled {row_delay_s} after one another, not at once"},
+       .words = {"Row delay", "Rows are sampled [{row_delay_s} after one another|one after another], not at once"},
        .needs = "a pan over bars; two of them, in both directions, tell it from an error of the target",
        .told_by = changes,
        .parameters = always({number_of("row_delay_s", 1e-5, -2e-4, 2e-4, &CameraModel::row_delay_s)}),
@@ -214,8 +195,8 @@ std::vector<Effect> readout_effects() {
       // The read-out averages over a part of the frame. Its mean delay is a start phase; its square is what shows.
       {.name = "integration_window",
        .stage = "readout",
-       .words = {"Integration window", "A value is a mean over a part of the frame, not a moment",
-                 "A value is the mean over {window_s}, not a moment"},
+       .words = {"Integration window",
+                 "A value is [the mean over {window_s}|a mean over a part of the frame], not a moment"},
        .needs = "a chopper, and pans over bars at two speeds",
        .told_by = changes,
        .parameters = always({square_of(
@@ -225,28 +206,28 @@ std::vector<Effect> readout_effects() {
       // The frame period is not the nominal one. Pans cannot tell it from their own speed; a chopper can.
       {.name = "clock_skew",
        .stage = "transport",
-       .words = {"Clock skew", "The true frame period is not the nominal one",
-                 "The true frame period is {skew?longer|shorter} than the nominal one by {skew}"},
+       .words = {"Clock skew",
+                 "The true frame period is [{skew?longer|shorter} than the nominal one by {skew}|not the nominal one]"},
        .needs = "a chopper, or two pans over bars",
        .told_by = changes,
        .parameters = always({number_of("skew", 0.0002, -0.02, 0.02, &CameraModel::clock_skew)}),
        .least = 1e-05,
        .report = first_as("skew")},
-      // Every pixel and every column has an offset of its own.
       {.name = "fpn_offset",
        .stage = "readout",
-       .words = {"Fixed offsets", "Pixels and columns carry a fixed offset",
-                 "Pixels carry a fixed offset of {pixel_k} rms and columns one of {column_k}"},
+       .words =
+           {"Fixed offsets",
+            "Pixels [carry a fixed offset of {pixel_k} rms and columns one of {column_k}|and columns carry a fixed "
+            "offset]"},
        .needs = "a closed shutter",
        .told_by = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars}),
        .without_bench = WithoutBench::kMoving,
        .map = MapKind::kOffset,
        .least = 0.0015,
        .report = report_offsets},
-      // Every pixel has a gain of its own.
       {.name = "fpn_gain",
        .stage = "readout",
-       .words = {"Fixed gains", "Pixels differ in gain", "Pixels differ in gain by {rms} rms"},
+       .words = {"Fixed gains", "Pixels differ in gain[ by {rms} rms]"},
        .needs = "flat black bodies at two temperatures",
        .told_by =
            [](const Session& s) {
@@ -261,8 +242,8 @@ std::vector<Effect> readout_effects() {
       // Heating by the bias pulse: an offset that grows with the time of the row in the frame.
       {.name = "self_heating",
        .stage = "readout",
-       .words = {"Self-heating", "The read-out heats the pixels, later rows more",
-                 "The read-out heats the pixels, by up to {amplitude_k} in later rows"},
+       .words = {"Self-heating",
+                 "The read-out heats the pixels, [by up to {amplitude_k} in later rows|later rows more]"},
        .needs = "a closed shutter",
        .told_by = any_of({Kind::kUniform}),
        .parameters = always(
@@ -277,7 +258,6 @@ std::vector<Effect> readout_effects() {
                                const double share = -std::expm1(-kHeatingRate);
                                return interval(std::abs(v) / share, e / share);
                              })},
-      // The offset of all pixels moves slowly with the temperature of the package.
       {.name = "drift",
        .stage = "package",
        .words = {"Drift", "The whole picture drifts slowly with the camera's own temperature"},
@@ -290,11 +270,6 @@ std::vector<Effect> readout_effects() {
   };
 }
 
-Effect found_by_statistics(const char* name, const char* stage, Words words, const char* needs, Predicate told_by,
-                           WithoutBench without_bench) {
-  return {name, stage, std::move(words), needs, std::move(told_by), without_bench};
-}
-
 // Effects without a model of the mean: statistics of their own find them, in events.cpp, noise.cpp and transport.cpp.
 std::vector<Effect> statistical_effects() {
   using enum WithoutBench;
@@ -303,63 +278,47 @@ std::vector<Effect> statistical_effects() {
   const Predicate any = [](const Session& s) { return !s.recordings.empty(); };
   const char* const shutter = "a closed shutter or a flat black body";
   const char* const long_shutter = "a closed shutter over a second or more";
-  return {
-      found_by_statistics("coarse_quantisation", "firmware",
-                          {"Coarse quantisation", "Values come in steps coarser than the profile says",
-                           "Values come in steps of {step_k}"},
-                          "any capture", any, kBoth),
-      found_by_statistics("dead_pixels", "pixel",
-                          {"Dead pixels", "Some pixels are stuck or show only noise",
-                           "{fraction} of the pixels are stuck or show only noise"},
-                          shutter, any, kBoth),
-      found_by_statistics("flicker", "readout",
-                          {"Flicker", "The whole frame gets a new offset each time",
-                           "Each frame as a whole gets a new offset of {sigma_k} rms"},
-                          shutter, flat, kStill),
-      found_by_statistics("frame_loss", "transport",
-                          {"Lost frames", "Frames are lost or repeated although the counter runs on",
-                           "{per_thousand} frames in 1,000 are lost or repeated although the counter runs on"},
-                          "a pan over bars, or a chopper", any, kBoth),
-      found_by_statistics(
-          "heavy_tail", "noise",
-          {"Heavy tails", "The noise has more outliers than a Gaussian",
-           "The noise has more outliers than a Gaussian: Student's t with {degrees} degrees of freedom"},
-          shutter, flat, kStill),
-      found_by_statistics("iir", "firmware",
-                          {"Frame filter", "The camera averages frames before it sends them",
-                           "The camera averages frames before it sends them: a new frame counts {alpha%}"},
-                          shutter, flat, kStill),
-      found_by_statistics("jitter", "transport",
-                          {"Jitter", "The time at which a frame is sampled varies",
-                           "The time at which a frame is sampled varies by {rms_s} rms"},
-                          "a pan over bars", pan, kNever),
-      found_by_statistics("noise_level", "noise",
-                          {"Noise level", "The noise is not as strong as the profile says",
-                           "The noise is {scale~} {scale?stronger|weaker} than the profile says"},
-                          shutter, flat, kStill),
-      found_by_statistics(
-          "nuc_freeze", "firmware",
-          {"Shutter freeze", "The camera closed its shutter in between: frozen frames, then new offsets",
-           "The camera closed its shutter in between: {freeze_frames} frozen frames, then new offsets of {offset_k}"},
-          "a capture in which the shutter closed", any, kBoth),
-      found_by_statistics("offset_jump", "firmware",
-                          {"Offset jump", "At one moment the offset jumps, without a freeze",
-                           "At one moment the offset jumps by {jump_k}, without a freeze"},
-                          "a capture in which the offset jumped", any, kBoth),
-      found_by_statistics("one_over_f", "pixel",
-                          {"1/f noise", "The noise grows towards low frequencies",
-                           "Below {corner_hz} the noise grows towards low frequencies"},
-                          long_shutter, flat, kStill),
-      found_by_statistics("rts", "pixel", {"Telegraph noise", "Some pixels jump between two levels"}, long_shutter,
-                          flat, kNever),
-      found_by_statistics("saturation", "readout",
-                          {"Saturation", "The hottest values are clipped", "Values are clipped at {level_k}"},
-                          "a capture that reaches the limit", any, kBoth),
-      found_by_statistics("stripes", "readout",
-                          {"Stripes", "Columns or rows get a new offset in each frame",
-                           "In each frame columns get a new offset of {column_k} and rows one of {row_k}"},
-                          shutter, flat, kStill),
+  std::vector<Effect> all;
+  const auto add = [&all](const char* name, const char* stage, const char* title, const char* plain, const char* needs,
+                          const Predicate& told_by, WithoutBench without_bench) {
+    all.push_back({name, stage, {title, plain}, needs, told_by, without_bench});
   };
+  add("coarse_quantisation", "firmware", "Coarse quantisation",
+      "Values come in steps [of {step_k}|coarser than the profile says]", "any capture", any, kBoth);
+  add("dead_pixels", "pixel", "Dead pixels", "[{fraction} of the|Some] pixels are stuck or show only noise", shutter,
+      any, kBoth);
+  add("flicker", "readout", "Flicker",
+      "[Each frame as a whole gets a new offset of {sigma_k} rms|The whole frame gets a new offset each time]", shutter,
+      flat, kStill);
+  add("frame_loss", "transport", "Lost frames",
+      "[{per_thousand} frames in 1,000|Frames] are lost or repeated although the counter runs on",
+      "a pan over bars, or a chopper", any, kBoth);
+  add("heavy_tail", "noise", "Heavy tails",
+      "The noise has more outliers than a Gaussian[: Student's t with {degrees} degrees of freedom]", shutter, flat,
+      kStill);
+  add("iir", "firmware", "Frame filter",
+      "The camera averages frames before it sends them[: a new frame counts {alpha%}]", shutter, flat, kStill);
+  add("jitter", "transport", "Jitter", "The time at which a frame is sampled varies[ by {rms_s} rms]",
+      "a pan over bars", pan, kNever);
+  add("noise_level", "noise", "Noise level",
+      "The noise is [{scale~} {scale?stronger|weaker} than|not as strong as] the profile says", shutter, flat, kStill);
+  add("nuc_freeze", "firmware", "Shutter freeze",
+      "The camera closed its shutter in between: [{freeze_frames} frozen frames, then new offsets of {offset_k}|frozen "
+      "frames, then new offsets]",
+      "a capture in which the shutter closed", any, kBoth);
+  add("offset_jump", "firmware", "Offset jump", "At one moment the offset jumps[ by {jump_k}], without a freeze",
+      "a capture in which the offset jumped", any, kBoth);
+  add("one_over_f", "pixel", "1/f noise", "[Below {corner_hz} the|The] noise grows towards low frequencies",
+      long_shutter, flat, kStill);
+  add("rts", "pixel", "Telegraph noise", "Some pixels jump between two levels", long_shutter, flat, kNever);
+  add("saturation", "readout", "Saturation", "[Values are clipped at {level_k}|The hottest values are clipped]",
+      "a capture that reaches the limit", any, kBoth);
+  add("stripes", "readout", "Stripes",
+      "[In each frame columns get a new offset of {column_k} and rows one of {row_k}|Columns or rows get a new offset "
+      "in "
+      "each frame]",
+      shutter, flat, kStill);
+  return all;
 }
 
 }  // namespace

@@ -1,14 +1,4 @@
 // The report in sentences and numbers that a person would say.
-#include "src/diagnose/report.hpp"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <optional>
-#include <span>
-#include <string_view>
-
-#include "src/core/statistics.hpp"
 #include "src/diagnose/effect.hpp"
 #include "src/report/text.hpp"
 
@@ -76,17 +66,19 @@ std::optional<std::string> place(const FoundEffect& effect, const std::string& i
   return quantity(key, is_signless ? std::abs(value) : value, wording);
 }
 
-std::optional<std::string> filled(std::string_view sentence, const FoundEffect& effect, Wording wording) {
+// What the words become when each part between these brackets is what `inner` makes of it.
+template <typename Inner>
+std::optional<std::string> replaced(std::string_view words, char open, char close, const Inner& inner) {
   std::string out;
   while (true) {
-    const std::size_t open = sentence.find('{');
-    out += sentence.substr(0, open);
-    if (open == std::string_view::npos) return out;
-    const std::size_t close = sentence.find('}', open);
-    const auto text = place(effect, std::string(sentence.substr(open + 1, close - open - 1)), wording);
+    const std::size_t from = words.find(open);
+    out += words.substr(0, from);
+    if (from == std::string_view::npos) return out;
+    const std::size_t to = words.find(close, from);
+    const std::optional<std::string> text = inner(std::string(words.substr(from + 1, to - from - 1)));
     if (!text) return std::nullopt;
     out += *text;
-    sentence.remove_prefix(close + 1);
+    words.remove_prefix(to + 1);
   }
 }
 
@@ -248,8 +240,11 @@ std::string effect_title(const std::string& name) {
 std::string effect_sentence(const FoundEffect& effect, Wording wording) {
   const Effect* const known = find_effect(effect.name);
   if (known == nullptr || known->words.plain.empty()) return effect_title(effect.name) + " is at work";
-  const auto& [title, plain, sentence] = known->words;
-  return sentence.empty() ? plain : filled(sentence, effect, wording).value_or(plain);
+  const auto number = [&](const std::string& key) { return place(effect, key, wording); };
+  return *replaced(known->words.plain, '[', ']', [&](const std::string& part) {
+    const std::size_t bar = std::min(part.find('|', part.rfind('}')), part.size());
+    return replaced(part.substr(0, bar), '{', '}', number).value_or(part.substr(std::min(bar + 1, part.size())));
+  });
 }
 
 std::string gap_text(double gap) { return fixed(gap, gap < 1.995 ? 2 : gap < 99.5 ? 1 : 0); }

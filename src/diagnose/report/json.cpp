@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "src/core/statistics.hpp"
 #include "src/diagnose/report.hpp"
 
 namespace bolo::diagnose {
@@ -81,12 +82,8 @@ static void to_json(ordered_json& out, const Observation& one) {
 }
 
 std::string report_json(const Report& report) {
-  ordered_json names = ordered_json::array();
   ordered_json needs = ordered_json::object();
-  for (const NotIdentifiable& one : report.not_identifiable) {
-    names.push_back(one.effect);
-    needs[one.effect] = one.needs;
-  }
+  for (const NotIdentifiable& one : report.not_identifiable) needs[one.effect] = one.needs;
   ordered_json captures = ordered_json::object();
   for (const CapturePlots& one : report.captures) {
     captures[one.file] = {{"kind", one.kind}, {"gap_before", one.gap_before}, {"gap_after", one.gap_after}};
@@ -109,7 +106,7 @@ std::string report_json(const Report& report) {
        {{"p_value", report.unexplained.p_value},
         {"stage", report.unexplained.stage},
         {"where", report.unexplained.where}}},
-      {"not_identifiable", std::move(names)},
+      {"not_identifiable", mapped(report.not_identifiable, &NotIdentifiable::effect)},
       {"not_identifiable_needs", std::move(needs)},
       {"withheld", report.withheld},
       {"warnings", report.warnings},

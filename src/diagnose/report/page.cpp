@@ -1,8 +1,5 @@
 // report.html: its parts in the order in which a person wants to know them.
-#include <algorithm>
-#include <array>
-#include <cmath>
-
+#include "report_text.hpp"  // report.css: how the parts look that only this page has
 #include "src/core/statistics.hpp"
 #include "src/diagnose/report.hpp"
 #include "src/report/plot_area.hpp"
@@ -10,37 +7,6 @@
 
 namespace bolo::diagnose {
 namespace {
-
-// How the parts look that only this page has; the rest is plot::page_style().
-constexpr const char* kReportStyle = R"(
-.card{background:var(--card);border-radius:10px;padding:16px 18px;margin:12px 0}
-.cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,430px),1fr));gap:12px;margin-top:12px}
-.cards .card{margin:0}
-.row{display:grid;grid-template-columns:minmax(150px,230px) 1fr 104px;gap:0 14px;align-items:center;font-size:14px}
-.row .name{padding:5px 0;line-height:1.3;overflow-wrap:anywhere}.row .value{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
-.track{position:relative;height:34px;overflow:visible}
-.track i{position:absolute;top:0;bottom:0;width:1px;background:var(--line)}
-.track i.floor{width:2px;margin-left:-1px;background:var(--good);opacity:.75}
-.track b{position:absolute;top:8px;height:18px;border-radius:3px;min-width:3px;background:var(--after)}
-.track b.start{background:var(--before)}.track b.noise{background:var(--noise)}.track b.left{background:var(--soft)}
-.track b.span{top:15px;height:4px;background:var(--line);border-radius:2px}
-.track u{position:absolute;top:11px;width:12px;height:12px;margin-left:-6px;border-radius:6px;text-decoration:none}
-.track u.nominal{border:2px solid var(--before);background:var(--paper)}
-.track u.measured{background:var(--ink)}
-.track u.explained{background:var(--after);border-radius:0;transform:rotate(45deg) scale(.72)}
-.scale{position:relative;height:20px;font-size:12px;color:var(--soft)}
-.scale span{position:absolute;transform:translateX(-50%);white-space:nowrap}
-.chain{display:flex;flex-wrap:wrap;gap:6px;margin:14px 0;font-size:14px;align-items:center;padding:0;list-style:none}
-.chain li{border:1px solid var(--line);border-radius:8px;padding:3px 11px;color:var(--soft)}
-.chain li.found{background:var(--after);border-color:var(--after);color:var(--paper);font-weight:600}
-.chain li.unknown{background:var(--bad-back);border-color:var(--bad);color:var(--bad);font-weight:600}
-sup{font-size:.75em;line-height:0}.axisname{text-align:center;font-size:12px;color:var(--soft)}
-.legend{display:flex;flex-wrap:wrap;gap:2px 14px;font-size:13px;color:var(--soft)}
-.pair{display:grid;grid-template-columns:1fr 1fr;gap:26px 30px;margin-top:12px}.pair figure{margin:0}
-@media(max-width:820px){.pair{grid-template-columns:1fr}}
-@media(max-width:640px){.scale span:first-child{transform:translateX(-15%)}.row{grid-template-columns:1fr 92px;gap:0 10px;margin-bottom:6px}
-.row .name{grid-column:1/-1;padding:2px 0 0}.row .blank{display:none}.row .axisname{grid-column:1}}
-)";
 
 using plot::escaped;
 using plot::format;
@@ -106,19 +72,23 @@ std::string scale_row(const plot::Scale& axis) {
          "<div class=axisname>gap, noise floors</div><div class=blank></div></div>";
 }
 
-std::string effect_rows(const Report& report, const plot::Scale& axis, bool of_noise) {
-  std::string out;
+// From the floor up to a gap.
+std::string gap_row(const plot::Scale& axis, const std::string& name, const char* look, double gap) {
+  return bar_row(axis, name, look, 1.0, gap, gap_text(gap));
+}
+
+// What the nominal simulator misses, what each effect takes away of it, and what is left.
+std::string waterfall(const Report& report, const plot::Scale& axis, bool of_noise) {
+  std::string out = of_noise ? gap_row(axis, "Nominal noise", "start", report.noise_gap_before)
+                             : gap_row(axis, "Nominal simulator", "start", report.gap_before);
   for (const FoundEffect& effect : report.effects) {
     if (effect.of_noise != of_noise) continue;
     out += bar_row(axis, "with <b>" + escaped(effect_title(effect.name)) + "</b>", of_noise ? "noise" : "",
                    effect.gap_before, effect.gap_after, arrow(effect.gap_before, effect.gap_after));
   }
-  return out;
-}
-
-const char* describe_left(const Report& report) {
-  if (report.effects.empty()) return "Left";
-  return report.effects.size() == 1 ? "Left with it" : "Left with all of them";
+  const std::size_t effects = report.effects.size();
+  const char* const left = effects == 0 ? "Left" : effects == 1 ? "Left with it" : "Left with all of them";
+  return out + gap_row(axis, left, "left", of_noise ? report.noise_gap_after : report.gap_after);
 }
 
 std::string span_text(double low, double high, const char* unit) {
@@ -190,15 +160,8 @@ std::string waterfall_part(const Report& report) {
       "<p class=soft>Root mean square of the residual on data that was held out, in units "
       "of the noise floor, on a logarithmic scale. At the green line the prediction cannot be told from the camera. "
       "Each bar is what one more effect takes away.</p>";
-  out += bar_row(axis, "Nominal simulator", "start", 1.0, report.gap_before, gap_text(report.gap_before));
-  out += effect_rows(report, axis, false);
-  out += bar_row(axis, describe_left(report), "left", 1.0, report.gap_after, gap_text(report.gap_after));
-  if (noise) {
-    out += "<h3 style=\"margin-top:14px\">The noise's own statistics</h3>";
-    out += bar_row(axis, "Nominal noise", "start", 1.0, report.noise_gap_before, gap_text(report.noise_gap_before));
-    out += effect_rows(report, axis, true);
-    out += bar_row(axis, describe_left(report), "left", 1.0, report.noise_gap_after, gap_text(report.noise_gap_after));
-  }
+  out += waterfall(report, axis, false);
+  if (noise) out += "<h3 style=\"margin-top:14px\">The noise's own statistics</h3>" + waterfall(report, axis, true);
   return out + scale_row(axis);
 }
 
@@ -219,9 +182,7 @@ std::string location_part(const Report& report) {
   if (where.captures.empty()) return out;
   const plot::Scale axis = gap_axis(mapped(where.captures, [](const auto& one) { return one.second; }));
   out += "<h3 style=\"margin-top:18px\">Gap of each capture before anything was added</h3>";
-  for (const auto& [file, gap] : where.captures) {
-    out += bar_row(axis, escaped(file), "start", 1.0, gap, gap_text(gap));
-  }
+  for (const auto& [file, gap] : where.captures) out += gap_row(axis, escaped(file), "start", gap);
   return out + scale_row(axis);
 }
 

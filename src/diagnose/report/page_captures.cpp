@@ -1,9 +1,7 @@
 // What is drawn: of each capture, of the noise, of single pixels.
 #include <algorithm>
-#include <cmath>
 
 #include "src/diagnose/report.hpp"
-#include "src/report/plot.hpp"
 #include "src/report/plot_area.hpp"
 #include "src/report/text.hpp"
 

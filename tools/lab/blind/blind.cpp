@@ -1,7 +1,5 @@
 #include <sys/random.h>
 
-#include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
@@ -9,8 +7,6 @@
 #include <glib.h>
 
 #include "src/core/statistics.hpp"
-#include "tools/cli/cli.hpp"
-#include "tools/cli/process.hpp"
 #include "tools/lab/blind/blind.hpp"
 #include "tools/lab/verbs.hpp"
 

@@ -1,6 +1,4 @@
 // What the second reality hides, and before what bench.
-#include <algorithm>
-
 #include "tools/lab/blind/reality.hpp"
 
 namespace bolo::tools::blind::second {

@@ -1,6 +1,4 @@
 // The bench of the second reality, and its optics.
-#include <algorithm>
-
 #include "tools/lab/blind/reality.hpp"
 
 namespace bolo::tools::blind::second {
@@ -39,38 +37,37 @@ Plane corner_loss(const Hidden& hidden, Geometry g) {
 }
 
 // What falls on each pixel.
-class Bench {
- public:
-  Bench(const CapturePlan& plan, const Hidden& hidden, Geometry g)
-      : plan_(plan), hidden_(hidden), g_(g), loss_(corner_loss(hidden, g)) {
-    if (const auto* bars = std::get_if<capture::BarTarget>(&plan.stimulus)) tabulate(*bars);
-  }
+struct Bench {
+  const CapturePlan& plan;
+  const Hidden& hidden;
+  Geometry g;
+  Plane loss = corner_loss(hidden, g);
+  std::vector<double> covered{};
 
   // Mean over [t, t + kSubstepS).
   void draw(double t_s, Plane& out) const {
-    std::visit([&](const auto& stimulus) { paint(stimulus, t_s, out); }, plan_.stimulus);
-    if (const double share = hidden_.number("lens_ghost", "share", 0.0); share > 0.0) {
+    std::visit([&](const auto& stimulus) { paint(stimulus, t_s, out); }, plan.stimulus);
+    if (const double share = hidden.number("lens_ghost", "share", 0.0); share > 0.0) {
       const Plane seen = out;
       for (std::size_t p = 0; p < out.size(); ++p) out[p] += share * (seen[seen.size() - 1 - p] - seen[p]);
     }
     const double housing = signal(kHousingK, false);
-    for (std::size_t p = 0; p < out.size(); ++p) out[p] += loss_[p] * (housing - out[p]);
+    for (std::size_t p = 0; p < out.size(); ++p) out[p] += loss[p] * (housing - out[p]);
   }
 
- private:
   double bench(std::string_view key) const {
-    const auto at = plan_.bench.find(key);
-    return at == plan_.bench.end() ? 0.0 : at->second;
+    const auto at = plan.bench.find(key);
+    return at == plan.bench.end() ? 0.0 : at->second;
   }
 
   // What the pixel answers to: temperature as it appears, or radiance.
   double signal(double kelvin, bool target) const {
-    if (target && hidden_.has("emissivity")) {
-      const double e = hidden_.number("emissivity", "emissivity", 1.0);
-      const double around = radiance_of(hidden_.number("emissivity", "surroundings_k", 293.15));
+    if (target && hidden.has("emissivity")) {
+      const double e = hidden.number("emissivity", "emissivity", 1.0);
+      const double around = radiance_of(hidden.number("emissivity", "surroundings_k", 293.15));
       kelvin = temperature_of(e * radiance_of(kelvin) + (1.0 - e) * around);
     }
-    return hidden_.has("radiometric_nonlinearity") ? radiance_of(kelvin) : kelvin;
+    return hidden.has("radiometric_nonlinearity") ? radiance_of(kelvin) : kelvin;
   }
 
   void paint(const capture::Uniform& u, double, Plane& out) const {
@@ -84,14 +81,14 @@ class Bench {
       const double off = bench(level == c.level_k.front() ? "level_1" : "level_2");
       height.push_back(signal(level + off, true) - cold);
     }
-    for (int x = 0; x < g_.width; ++x) {
-      const double t = t_s - bench("start_s") - bench("sweep_s") * (static_cast<double>(x) / (g_.width - 1) - 0.5);
+    for (int x = 0; x < g.width; ++x) {
+      const double t = t_s - bench("start_s") - bench("sweep_s") * (static_cast<double>(x) / (g.width - 1) - 0.5);
       double value = cold;
       for (std::size_t i = 0; i < c.on_s.size(); ++i) {
         const double open = std::min(t + kSubstepS, c.off_s[i]) - std::max(t, c.on_s[i]);
         if (open > 0.0) value += height[i] * open / kSubstepS;
       }
-      for (int y = 0; y < g_.height; ++y) out[static_cast<std::size_t>(y * g_.width + x)] = value;
+      for (int y = 0; y < g.height; ++y) out[static_cast<std::size_t>(y * g.width + x)] = value;
     }
   }
 
@@ -101,14 +98,14 @@ class Bench {
     const double t = t_s + kSubstepS / 2.0;
     const double travelled = b.velocity_px_s * (1.0 + bench("velocity")) * t;
     const double wobble = b.velocity_px_s == 0.0 ? 0.0 : bench("wobble_px") * std::sin(kTwoPi * 0.6 * t);
-    for (int y = 0; y < g_.height; ++y) {
+    for (int y = 0; y < g.height; ++y) {
       const double at_row = bench("phase_px") + travelled + wobble + b.slant_px_per_row * y;
-      for (int x = 0; x < g_.width; ++x) {
+      for (int x = 0; x < g.width; ++x) {
         const double u = (x - at_row) / b.period_px;
         const double place = (u - std::floor(u)) * kTable;
         const auto i = static_cast<std::size_t>(place);
-        const double share = covered_[i] + (place - static_cast<double>(i)) * (covered_[i + 1] - covered_[i]);
-        out[static_cast<std::size_t>(y * g_.width + x)] = cold + height * share;
+        const double share = covered[i] + (place - static_cast<double>(i)) * (covered[i + 1] - covered[i]);
+        out[static_cast<std::size_t>(y * g.width + x)] = cold + height * share;
       }
     }
   }
@@ -121,8 +118,8 @@ class Bench {
       const double whole = std::floor(x / b.period_px);
       return whole * b.bar_width_px + std::min(x - whole * b.period_px, b.bar_width_px);
     };
-    const double sigma = hidden_.number("optical_psf", "sigma_px", 0.0);
-    const bool disc = hidden_.has("optical_psf", "disc");
+    const double sigma = hidden.number("optical_psf", "sigma_px", 0.0);
+    const bool disc = hidden.has("optical_psf", "disc");
     const double lean = std::sqrt(1.0 + b.slant_px_per_row * b.slant_px_per_row);
     constexpr int kPoints = 41;  // of a blur, even in its probability
     std::vector<double> shifts;
@@ -135,9 +132,9 @@ class Bench {
       const double r = shift / (sigma * lean);
       return disc ? std::sqrt(std::max(0.0, 1.0 - r * r / 4.0)) : std::exp(-r * r / 2.0);
     };
-    covered_.assign(kTable + 2, 0.0);
+    covered.assign(kTable + 2, 0.0);
     constexpr int kWithin = 8;  // of the row's height, over which the bars lean; and of the target's soft edge
-    for (std::size_t i = 0; i < covered_.size(); ++i) {
+    for (std::size_t i = 0; i < covered.size(); ++i) {
       double sum = 0.0;
       double weights = 0.0;
       for (int y = 0; y < kWithin; ++y) {
@@ -152,16 +149,11 @@ class Bench {
           }
         }
       }
-      covered_[i] = sum / weights;
+      covered[i] = sum / weights;
     }
   }
 
   static constexpr int kTable = 2048;
-  const CapturePlan& plan_;
-  const Hidden& hidden_;
-  Geometry g_;
-  Plane loss_;
-  std::vector<double> covered_;
 };
 
 }  // namespace
@@ -182,9 +174,9 @@ double temperature_of(double radiance) {
 }
 
 Scene scene_of(const CapturePlan& plan, const Hidden& hidden, Geometry geometry) {
-  return [bench = std::make_shared<const Bench>(plan, hidden, geometry)](double t_s, Plane& out) {
-    bench->draw(t_s, out);
-  };
+  auto bench = std::make_shared<Bench>(Bench{plan, hidden, geometry});
+  if (const auto* bars = std::get_if<capture::BarTarget>(&plan.stimulus)) bench->tabulate(*bars);
+  return [bench](double t_s, Plane& out) { bench->draw(t_s, out); };
 }
 
 }  // namespace bolo::tools::blind::second

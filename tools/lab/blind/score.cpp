@@ -1,4 +1,3 @@
-#include <algorithm>
 
 #include "src/core/statistics.hpp"
 #include "tools/lab/blind/blind.hpp"
