@@ -25,8 +25,8 @@ namespace bolo::pipeline {
 // Relative: two periods that differ by less are the same to the sharp frames.
 inline constexpr double kSamePeriod = 0.005;
 
-// Reports each change of the frame period, measured by the camera's clock, once. Of a clock whose period changes all the
-// time ever fewer changes are reported, until it has been steady for as long as the pause between them.
+// Reports each change of the frame period, measured by the camera's clock, once. Of a clock whose period changes all
+// the time ever fewer changes are reported, until it has been steady for as long as the pause between them.
 class PeriodChange {
  public:
   // Returns the previous period, s, when the measured one differs from it, else 0. `measured_s`: 0 while unknown.
