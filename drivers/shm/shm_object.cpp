@@ -183,7 +183,11 @@ tl::unexpected<Error> living(const std::string& path, const std::optional<bolo_s
 tl::unexpected<Error> in_the_way(const std::string& file, const std::string& object, int error) {
   const std::string place = kFolder + file;
   struct stat status {};
-  if (lstat(place.c_str(), &status) != 0 || status.st_uid == geteuid()) {
+  const bool there = lstat(place.c_str(), &status) == 0;
+  if (there && !S_ISREG(status.st_mode) && status.st_uid == geteuid()) {
+    return failed(place + " is in the way: it is no shared memory; remove it, or choose another name");
+  }
+  if (!there || status.st_uid == geteuid()) {
     return failed("cannot create shared memory " + file + ": " + errno_text(error));
   }
   return failed(place + " is in the way: it belongs to " + describe_user(status.st_uid) +

@@ -125,6 +125,17 @@ TEST(ShmWriters, WhatOthersMadeIsInTheWayAndSaysWhose) {
   EXPECT_EQ(exit_code_for("bolo-lock."), 0);
 }
 
+TEST(ShmWriters, WhatIsNoFileIsInTheWayAndStays) {
+  for (const char* file : {"bolo.", "bolo-lock."}) {
+    const std::string name = unique_name("folder");
+    const std::string place = std::string("/dev/shm/") + file + name;
+    ASSERT_TRUE(std::filesystem::create_directory(place));
+    Writer writer(name);
+    expect_error(writer.open(), {place + " is in the way: it is no shared memory", "choose another name"});
+    EXPECT_TRUE(std::filesystem::remove(place));
+  }
+}
+
 TEST(ShmWriters, NamesThatAreNoneAreNotListed) {
   const std::string evil = "/dev/shm/bolo.\x1b[31m" + unique_name("red");
   close(open(evil.c_str(), O_RDWR | O_CREAT, 0600));
