@@ -48,6 +48,8 @@ HWY_INLINE Pair operator/(Pair x, Pair y) { return {hn::Div(x.a, y.a), hn::Div(x
 HWY_INLINE Pair fma(Vec k, Pair x, Pair y) { return {hn::MulAdd(k, x.a, y.a), hn::MulAdd(k, x.b, y.b)}; }
 // y - k x
 HWY_INLINE Pair fnma(Vec k, Pair x, Pair y) { return {hn::NegMulAdd(k, x.a, y.a), hn::NegMulAdd(k, x.b, y.b)}; }
+HWY_INLINE Vec fma(Vec k, Vec x, Vec y) { return hn::MulAdd(k, x, y); }
+HWY_INLINE Vec fnma(Vec k, Vec x, Vec y) { return hn::NegMulAdd(k, x, y); }
 // Unnormalised Haar: sum and difference, its own inverse but for a factor of 2.
 HWY_INLINE void butterfly(Pair& x, Pair& y) {
   const Pair sum = x + y;
@@ -85,6 +87,15 @@ HWY_INLINE void narrow(Vec x, std::uint16_t* to) {
 
 HWY_INLINE Vec load_vector_of(const std::uint16_t* from) { return widen(from); }
 HWY_INLINE Vec load_vector_of(const float* from) { return hn::LoadU(Float(), from); }
+
+template <typename T>
+HWY_INLINE void load_values(const T* from, Vec& to) {
+  to = load_vector_of(from);
+}
+template <typename T>
+HWY_INLINE void load_values(const T* from, Pair& to) {
+  to = {load_vector_of(from), load_vector_of(from + kLanes)};
+}
 
 HWY_INLINE void store_vector(Vec x, std::uint16_t* to) { narrow(x, to); }
 HWY_INLINE void store_vector(Vec x, float* to) { hn::StoreU(x, Float(), to); }

@@ -7,6 +7,7 @@
 #define BOLO_DEBLUR_DUAL_INL
 #endif
 
+#include "src/deblur/dual_fixed-inl.hpp"
 #include "src/deblur/dual_lost-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -22,7 +23,8 @@ struct Weights {
 };
 
 // `level`: log2 of the coefficient's support, less 1.
-HWY_INLINE Weights weights_of(const DualPlan& plan, int i, int level) {
+template <int kBins>
+HWY_INLINE Weights weights_of(const DualPlan& plan, int i, int level, const Dual<kBins>& /*m*/) {
   const DualCoefficients& row = plan.row[static_cast<std::size_t>(i)];
   return {all(row.keep), all(row.left), all(row.right), all(row.middle), bound_of(i, level)};
 }
@@ -55,22 +57,29 @@ HWY_INLINE void move_wavelet(const Weights& w, int i, std::size_t v, Dual<kBins>
   right = hn::NegMulAdd(w.right, moved, right);
 }
 
+template <bool kFirst, int kBins>
+HWY_INLINE void move_sum(const Weights& w, std::size_t v, Dual<kBins>& m, Vec& begin, Vec& end) {
+  const Vec moved = move<kFirst>(w, 0, hn::Sub(begin, end), v, m);
+  begin = hn::NegMulAdd(w.left, moved, begin);
+  end = hn::MulAdd(w.right, moved, end);
+}
+
 // The wavelets of kTree neighbouring stretches of kStride bins; their jumps stay in registers.
-template <int kBins, int kTree, int kStride, bool kFirst>
-HWY_INLINE void sweep_tree(const DualPlan& plan, int begin, Dual<kBins>& m) {
+template <int kBins, int kTree, int kStride, bool kFirst, typename T>
+HWY_INLINE void sweep_tree(const DualPlan& plan, int begin, Dual<kBins, T>& m) {
   constexpr int kLevel = log2_of(kTree * kStride) - 1;
   const int middle = begin + kTree / 2 * kStride;
-  float* const left_jump = m.jump(begin);
-  float* const right_jump = m.jump(begin + kTree * kStride);
-  const Weights coarse = weights_of(plan, middle, kLevel);
+  T* const left_jump = m.jump(begin);
+  T* const right_jump = m.jump(begin + kTree * kStride);
+  const auto coarse = weights_of(plan, middle, kLevel, m);
   if constexpr (kTree == 2) {
-    for (std::size_t v = 0; v < m.end; v += kLanes) {
-      Vec left = at(left_jump + v);
-      Vec right = at(right_jump + v);
+    for (std::size_t v = 0; v < m.end; v += m.kStep) {
+      auto left = at(left_jump + v);
+      auto right = at(right_jump + v);
       if constexpr (kStride == 1) {
         move_wavelet<kFirst>(coarse, middle, v, m, left, right);
       } else {
-        Vec inner = kFirst ? left : at(m.jump(middle) + v);
+        auto inner = kFirst ? left : at(m.jump(middle) + v);
         move_wavelet<kFirst>(coarse, middle, v, m, left, inner, right);
         put(inner, m.jump(middle) + v);
       }
@@ -78,21 +87,21 @@ HWY_INLINE void sweep_tree(const DualPlan& plan, int begin, Dual<kBins>& m) {
       put(right, right_jump + v);
     }
   } else {
-    const Weights near = weights_of(plan, middle - kStride, kLevel - 1);
-    const Weights far = weights_of(plan, middle + kStride, kLevel - 1);
-    for (std::size_t v = 0; v < m.end; v += kLanes) {
-      Vec left = at(left_jump + v);
-      Vec right = at(right_jump + v);
-      Vec inner = kFirst ? left : at(m.jump(middle) + v);
+    const auto near = weights_of(plan, middle - kStride, kLevel - 1, m);
+    const auto far = weights_of(plan, middle + kStride, kLevel - 1, m);
+    for (std::size_t v = 0; v < m.end; v += m.kStep) {
+      auto left = at(left_jump + v);
+      auto right = at(right_jump + v);
+      auto inner = kFirst ? left : at(m.jump(middle) + v);
       move_wavelet<kFirst>(coarse, middle, v, m, left, inner, right);
       if constexpr (kStride == 1) {
         move_wavelet<kFirst>(near, middle - kStride, v, m, left, inner);
         move_wavelet<kFirst>(far, middle + kStride, v, m, inner, right);
       } else {
-        float* const near_jump = m.jump(middle - kStride) + v;
-        float* const far_jump = m.jump(middle + kStride) + v;
-        Vec near_inner = kFirst ? left : at(near_jump);
-        Vec far_inner = kFirst ? left : at(far_jump);
+        T* const near_jump = m.jump(middle - kStride) + v;
+        T* const far_jump = m.jump(middle + kStride) + v;
+        auto near_inner = kFirst ? left : at(near_jump);
+        auto far_inner = kFirst ? left : at(far_jump);
         move_wavelet<kFirst>(near, middle - kStride, v, m, left, near_inner, inner);
         move_wavelet<kFirst>(far, middle + kStride, v, m, inner, far_inner, right);
         put(near_inner, near_jump);
@@ -106,8 +115,8 @@ HWY_INLINE void sweep_tree(const DualPlan& plan, int begin, Dual<kBins>& m) {
 }
 
 // The trees of one size over the window, every other one first: neighbours wait for each other's jumps.
-template <int kBins, int kSpan, int kTree, bool kFirst>
-HWY_INLINE void sweep_levels(const DualPlan& plan, Dual<kBins>& m) {
+template <int kBins, int kSpan, int kTree, bool kFirst, typename T>
+HWY_INLINE void sweep_levels(const DualPlan& plan, Dual<kBins, T>& m) {
   constexpr int kStride = kSpan / kTree;
   HWY_UNROLL(4)
   for (int begin = 0; begin < kBins; begin += 2 * kSpan) sweep_tree<kBins, kTree, kStride, kFirst>(plan, begin, m);
@@ -117,8 +126,8 @@ HWY_INLINE void sweep_levels(const DualPlan& plan, Dual<kBins>& m) {
 }
 
 // Only the trees that hold the bins which are published.
-template <int kBins, int kSpan, int kTree>
-HWY_INLINE void sweep_near_levels(const DualPlan& plan, const Published& bins, Dual<kBins>& m) {
+template <int kBins, int kSpan, int kTree, typename T>
+HWY_INLINE void sweep_near_levels(const DualPlan& plan, const Published& bins, Dual<kBins, T>& m) {
   constexpr int kStride = kSpan / kTree;
   for (int begin = bins.before / kSpan * kSpan; begin <= bins.after; begin += kSpan) {
     sweep_tree<kBins, kTree, kStride, false>(plan, begin, m);
@@ -127,15 +136,15 @@ HWY_INLINE void sweep_near_levels(const DualPlan& plan, const Published& bins, D
 }
 
 // The coefficient that is constant over the window: it has no middle.
-template <int kBins, bool kFirst>
-HWY_INLINE void sweep_sum(const DualPlan& plan, Dual<kBins>& m) {
-  const Weights w = weights_of(plan, 0, log2_of(kBins) - 1);
-  for (std::size_t v = 0; v < m.end; v += kLanes) {
-    const Vec begin = kFirst ? hn::Zero(Float()) : at(m.jump(0) + v);
-    const Vec end = kFirst ? hn::Zero(Float()) : at(m.jump(kBins) + v);
-    const Vec moved = move<kFirst>(w, 0, hn::Sub(begin, end), v, m);
-    put(hn::NegMulAdd(w.left, moved, begin), m.jump(0) + v);
-    put(hn::MulAdd(w.right, moved, end), m.jump(kBins) + v);
+template <int kBins, bool kFirst, typename T>
+HWY_INLINE void sweep_sum(const DualPlan& plan, Dual<kBins, T>& m) {
+  const auto w = weights_of(plan, 0, log2_of(kBins) - 1, m);
+  for (std::size_t v = 0; v < m.end; v += m.kStep) {
+    auto begin = kFirst ? hn::Zero(hn::ScalableTag<T>()) : at(m.jump(0) + v);
+    auto end = kFirst ? begin : at(m.jump(kBins) + v);
+    move_sum<kFirst>(w, v, m, begin, end);
+    put(begin, m.jump(0) + v);
+    put(end, m.jump(kBins) + v);
   }
 }
 
@@ -145,14 +154,14 @@ constexpr int first_tree() {
 }
 
 // No part of what calls it: that would be compiled for admm and dual alike.
-template <int kBins, bool kFirst>
-HWY_NOINLINE void sweep(const DualPlan& plan, Dual<kBins>& m) {
+template <int kBins, bool kFirst, typename T>
+HWY_NOINLINE void sweep(const DualPlan& plan, Dual<kBins, T>& m) {
   sweep_sum<kBins, kFirst>(plan, m);
   sweep_levels<kBins, kBins, first_tree<kBins>(), kFirst>(plan, m);
 }
 
-template <int kBins>
-HWY_NOINLINE void sweep_near(const DualPlan& plan, const Published& bins, Dual<kBins>& m) {
+template <int kBins, typename T>
+HWY_NOINLINE void sweep_near(const DualPlan& plan, const Published& bins, Dual<kBins, T>& m) {
   sweep_sum<kBins, false>(plan, m);
   sweep_near_levels<kBins, kBins, first_tree<kBins>()>(plan, bins, m);
 }
@@ -195,16 +204,19 @@ HWY_INLINE void finish_dual(const DualRun& run, std::size_t first, const Dual<kB
 }
 
 // Calls finish(first pixel, memory) for each part of the run, its dual near the optimum.
-template <int kBins, typename Finish>
+template <int kBins, typename T = float, typename Finish>
 HWY_INLINE void for_each_dual(const DualRun& run, const Finish& finish) {
-  Dual<kBins> m{};
+  Dual<kBins, T> m{};
   if (run.pixels.lambda == nullptr) {
-    for (std::size_t v = 0; v < Dual<kBins>::kPixels; v += kLanes) set_bounds(run.plan, v, all(run.plan.lambda), m);
+    for (std::size_t v = 0; v < m.kPixels; v += kLanes) set_bounds(run.plan, v, all(run.plan.lambda), m);
   }
-  for (std::size_t first = run.pixels.begin; first < run.pixels.end; first += Dual<kBins>::kPixels) {
+  const auto move_lost = [&](int next) HWY_ATTR {
+    if constexpr (std::is_same_v<T, float>) balance(run, next, m);
+  };
+  for (std::size_t first = run.pixels.begin; first < run.pixels.end; first += m.kPixels) {
     load_block(run, first, m);
     for (int k = 0; k < run.plan.sweeps + run.plan.near_sweeps; ++k) {
-      if (k >= run.plan.first_balance) balance(run, k, m);
+      if (k >= run.plan.first_balance) move_lost(k);
       if (k == 0) {
         sweep<kBins, true>(run.plan, m);
       } else if (k < run.plan.sweeps) {
@@ -213,16 +225,17 @@ HWY_INLINE void for_each_dual(const DualRun& run, const Finish& finish) {
         sweep_near(run.plan, run.pixels.published, m);
       }
     }
-    balance(run, kLast, m);
+    move_lost(kLast);
     finish(first, m);
   }
 }
 
-template <int kBins>
+template <int kBins, typename T>
 void dual_run(const DualPlan& plan, const PixelRun& pixels) {
-  const Estimate estimate = dual_estimate(plan, pixels.published);
+  const auto estimate_of = std::is_same_v<T, float> ? dual_estimate : fixed_estimate;
+  const Estimate estimate = estimate_of(plan, pixels.published);
   const DualRun run(plan, pixels, estimate);
-  for_each_dual<kBins>(run, [&](std::size_t first, Dual<kBins>& m) HWY_ATTR { finish_dual(run, first, m); });
+  for_each_dual<kBins, T>(run, [&](std::size_t first, Dual<kBins, T>& m) HWY_ATTR { finish_dual(run, first, m); });
 }
 
 // Calls use() with the number of bins as a type.
@@ -245,7 +258,10 @@ HWY_INLINE void with_bins(int bins, const Use& use) {
 }
 
 void solve_dual(const DualPlan& plan, const PixelRun& run) noexcept {
-  with_bins(plan.bins, [&](auto bins) { dual_run<decltype(bins)::value>(plan, run); });
+  with_bins(plan.bins, [&](auto bins) {
+    const bool fixed = plan.fixed.unit > 0.0F;
+    fixed ? dual_run<decltype(bins)::value, Short>(plan, run) : dual_run<decltype(bins)::value, float>(plan, run);
+  });
 }
 
 }  // namespace bolo::deblur::HWY_NAMESPACE

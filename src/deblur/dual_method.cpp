@@ -10,13 +10,18 @@ namespace {
 class DualMethod final : public PixelMethod {
  public:
   DualMethod(const StreamTask& task, const Grid& grid, const DualTuning& tuning)
-      : grid_(grid), tuning_(tuning), kernels_(best_kernels()), otherwise_(admm(task)) {}
+      : grid_(grid),
+        tuning_(tuning),
+        lambda_k_(lambda_to_tune(task)),
+        kernels_(best_kernels()),
+        otherwise_(admm(task)) {}
 
   void prepare(const Pattern& pattern) noexcept override {
     applies_ = dual_bridges(pattern) && pattern.slots - pattern.count < kMostLost;
     if (!applies_) return otherwise_->prepare(pattern);
     plan_ = make_dual_plan(grid_, tuning_);
     deblur::prepare(plan_, grid_, pattern);
+    if (plan_.lost == 0) fix(plan_, lambda_k_);
   }
 
   void run(const PixelRun& run) const noexcept override {
@@ -35,6 +40,7 @@ class DualMethod final : public PixelMethod {
 
   Grid grid_;
   DualTuning tuning_;
+  double lambda_k_;
   DualPlan plan_;
   const Kernels& kernels_;
   std::unique_ptr<PixelMethod> otherwise_;

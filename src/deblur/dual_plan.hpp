@@ -91,6 +91,19 @@ struct LostMove {
   std::array<Part, kMostParts> part{};
 };
 
+// The sweeps in int16, in units of lambda (dual_fixed.cpp).
+struct FixedPlan {
+  struct Row {
+    std::int16_t keep = 0;  // times 2^15
+    std::int16_t pull = 0;  // what the jumps do to t, times 2^15
+    std::int16_t bound = 0;
+  };
+  float unit = 0.0F;       // of t for a lambda_half of 1; 0: it is solved in floats
+  std::int16_t begin = 0;  // what the jump at the window's begin counts, times 2^15
+  std::array<Row, kMaxDualBins> row{};
+};
+inline constexpr float kSmallestUnit = 1e-20F;
+
 struct DualPlan {
   int bins = 0;
   int sweeps = 0;
@@ -104,6 +117,7 @@ struct DualPlan {
   float mean_to_sum = 0.0F;  // what the mean is of c_0
   std::array<float, 2 * kMaxDualLevels + 1> bound{};  // of t_i for a lambda_half of 1
   std::array<DualCoefficients, kMaxDualBins> row{};
+  FixedPlan fixed{};
   float inverse_count = 0.0F;  // 1 / received samples
   std::size_t lost = 0;
   std::array<LostSample, kMostLost> gap{};  // those of pairs first
@@ -141,7 +155,12 @@ bool dual_bridges(const Pattern& pattern);
 // For a pattern that the sweeps bridge. No allocation. Thread: pipeline.
 void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept;
 
+// Lets windows without lost frames be solved in int16 where that is accurate for a lambda_half of up to lambda_k (in
+// K). Thread: pipeline.
+void fix(DualPlan& plan, double lambda_k) noexcept;
+
 // x of the published bins: the inverse filter's less (v + c L v) / p. Thread: worker.
 Estimate dual_estimate(const DualPlan& plan, const Published& bins) noexcept;
+Estimate fixed_estimate(const DualPlan& plan, const Published& bins) noexcept;  // from int16
 
 }  // namespace bolo::deblur

@@ -28,26 +28,41 @@ constexpr std::size_t vectors_of(int bins) {
 constexpr std::size_t state_rows(int bins) { return static_cast<std::size_t>(bins + bins / 2 + 1); }
 constexpr int log2_of(int n) { return n <= 1 ? 0 : 1 + log2_of(n / 2); }
 
-// Memory of vectors_of(kBins) vectors of pixels.
-template <int kBins>
-struct Dual {
-  static constexpr std::size_t kPixels = vectors_of(kBins) * kLanes;
+// The bounds of t, of each pixel.
+template <int kBins, std::size_t kPixels, typename T>
+struct Limits {
   static constexpr std::size_t kBounds = 2 * log2_of(kBins) + 1;
-  using Wide = float[kPixels];
+  HWY_ALIGN float low[kBounds][kPixels];
+  HWY_ALIGN float high[kBounds][kPixels];
+};
+
+// Memory of vectors_of(kBins) vectors of pixels, solved in T.
+template <int kBins, typename T = float>
+struct Dual : Limits<kBins, vectors_of(kBins) * hn::MaxLanes(hn::ScalableTag<T>()), T> {
+  static constexpr std::size_t kStep = hn::MaxLanes(hn::ScalableTag<T>());
+  static constexpr std::size_t kPixels = vectors_of(kBins) * kStep;
+  using Wide = T[kPixels];
+  using Loaded = std::conditional_t<std::is_same_v<T, float>, Vec, Pair>;  // pixels that are loaded at once
+  static constexpr std::size_t kLoaded = sizeof(Loaded) / sizeof(float);
 
   HWY_ALIGN Wide state[state_rows(kBins)];  // t, then the jumps
   HWY_ALIGN Wide c[std::size_t{kBins}];
-  HWY_ALIGN Wide low[kBounds];
-  HWY_ALIGN Wide high[kBounds];
-  HWY_ALIGN Wide estimate;  // what the samples alone make of it
-  std::size_t end = 0;      // of the pixels in use, whole vectors
+  HWY_ALIGN float estimate[kPixels];  // what the samples alone make of it
+  std::size_t end = 0;                // of the pixels in use, whole vectors
 
-  HWY_INLINE float* t(int i) { return state[i]; }
-  HWY_INLINE float* jump(int bin) { return state[kBins + bin / 2]; }
+  HWY_INLINE T* t(int i) { return state[i]; }
+  HWY_INLINE T* jump(int bin) { return state[kBins + bin / 2]; }
 };
 
-HWY_INLINE Vec at(const float* from) { return hn::Load(Float(), from); }
-HWY_INLINE void put(Vec x, float* to) { hn::Store(x, Float(), to); }
+template <typename T>
+HWY_INLINE auto at(const T* from) {
+  return hn::Load(hn::ScalableTag<T>(), from);
+}
+template <typename T>
+HWY_INLINE void put(hn::Vec<hn::ScalableTag<T>> x, T* to) {
+  hn::Store(x, hn::ScalableTag<T>(), to);
+}
+HWY_INLINE void put(Pair x, float* to) { store(x, to); }
 HWY_INLINE Vec clip(Vec x, const float* low, const float* high) { return hn::Min(hn::Max(x, at(low)), at(high)); }
 
 // A run with what all its pixels share.
@@ -85,66 +100,87 @@ struct DualRun {
 
 template <int kBins>
 HWY_INLINE void set_bounds(const DualPlan& plan, std::size_t v, Vec lambda, Dual<kBins>& m) {
-  for (std::size_t i = 0; i < Dual<kBins>::kBounds; ++i) {
+  for (std::size_t i = 0; i < m.kBounds; ++i) {
     const Vec bound = hn::Mul(all(plan.bound[i]), lambda);
     put(bound, m.high[i] + v);
     put(hn::Neg(bound), m.low[i] + v);
   }
 }
 
+template <int kBins>
+HWY_INLINE void put_c(const DualPlan& /*plan*/, int i, std::size_t v, Vec c, Dual<kBins>& m) {
+  put(c, m.c[i] + v);
+}
+
 // Four neighbouring bins' transform; returns their sum.
-HWY_INLINE Vec transform_near(Vec a, Vec b, Vec c, Vec d, std::size_t row, float* at_row) {
+template <typename V, typename Put>
+HWY_INLINE V transform_near(V a, V b, V c, V d, int i, const Put& put_at) {
   butterfly(a, b);
   butterfly(c, d);
   butterfly(a, c);
-  put(b, at_row + row);
-  put(c, at_row + 2 * row);
-  put(d, at_row + 3 * row);
+  put_at(i + 1, b);
+  put_at(i + 2, c);
+  put_at(i + 3, d);
   return a;
 }
 
-// c, the mean, and the samples' part of the estimate, of a vector of pixels that begins at `pixel` of the planes.
-template <typename T, int kBins>
-HWY_INLINE void load_vector(const DualRun& run, const T* const* planes, std::size_t pixel, std::size_t v,
-                            Dual<kBins>& m) {
+// c, the mean, and the samples' part of the estimate, of the pixels of one load that begin at `pixel` of the planes.
+template <typename P, int kBins, typename T>
+HWY_INLINE void load_vector(const DualRun& run, const P* const* planes, std::size_t pixel, std::size_t v,
+                            Dual<kBins, T>& m) {
+  using V = typename Dual<kBins, T>::Loaded;
   constexpr int kSums = kBins < 4 ? 1 : kBins / 4;
-  constexpr std::size_t kRow = Dual<kBins>::kPixels;
+  constexpr bool kEstimates = std::is_same_v<T, float>;  // of all samples, as admm's; else of the few that dual's takes
   const DualPlan& plan = run.plan;
   const Vec decay = all(plan.decay);
-  Vec y = load_vector_of(planes[0] + pixel);
-  const Vec first = y;
-  Vec estimate = hn::Mul(at(run.weight[0]), y);
+  V y;
+  load_values(planes[0] + pixel, y);
+  const V first = y;
+  V estimate = at(run.weight[0]) * y;
   const auto next = [&](int slot) HWY_ATTR {
-    const Vec before = y;
-    y = load_vector_of(planes[slot] + pixel);
-    estimate = hn::MulAdd(at(run.weight[slot]), y, estimate);
-    return hn::NegMulAdd(decay, before, y);
+    const V before = y;
+    load_values(planes[slot] + pixel, y);
+    if constexpr (kEstimates) estimate = fma(at(run.weight[slot]), y, estimate);
+    return fnma(decay, before, y);
   };
-  Vec sums[std::size_t{kSums}];
+  const auto put_at = [&](int i, V c) HWY_ATTR { put_c(plan, i, v, c, m); };
+  V sums[std::size_t{kSums}];
   if constexpr (kBins == 2) {
     sums[0] = next(1);
-    Vec x = next(2);
+    V x = next(2);
     butterfly(sums[0], x);
-    put(x, m.c[1] + v);
+    put_at(1, x);
   } else {
     HWY_UNROLL(16) for (int n = 0; n < kSums; ++n) {
-      const Vec x0 = next(4 * n + 1);
-      const Vec x1 = next(4 * n + 2);
-      const Vec x2 = next(4 * n + 3);
-      const Vec x3 = next(4 * n + 4);
-      sums[n] = transform_near(x0, x1, x2, x3, kRow, m.c[4 * n] + v);
+      const V x0 = next(4 * n + 1);
+      const V x1 = next(4 * n + 2);
+      const V x2 = next(4 * n + 3);
+      const V x3 = next(4 * n + 4);
+      sums[n] = transform_near(x0, x1, x2, x3, 4 * n, put_at);
     }
   }
   HWY_UNROLL(4) for (int half = 1; half < kSums; half *= 2) {
     HWY_UNROLL(16) for (int k = 0; k < kSums; k += 2 * half) butterfly(sums[k], sums[k + half]);
   }
-  HWY_UNROLL(16) for (int n = 1; n < kSums; ++n) put(sums[n], m.c[4 * n] + v);
+  HWY_UNROLL(16) for (int n = 1; n < kSums; ++n) put_at(4 * n, sums[n]);
   // c_0 = p sum + a last - first, so that the samples' sum is at hand.
-  Vec sum = hn::Mul(all(plan.inverse_p), hn::NegMulAdd(decay, y, hn::Add(sums[0], first)));
-  for (std::size_t k = 0; k < plan.lost; ++k) sum = hn::Sub(sum, load_vector_of(planes[plan.gap[k].slot] + pixel));
-  const Vec mean = hn::Mul(all(plan.inverse_count), sum);
-  put(hn::MulAdd(all(run.estimate.mean), mean, estimate), m.estimate + v);
-  put(hn::NegMulAdd(all(plan.mean_to_sum), mean, sums[0]), m.c[0] + v);
+  V sum = all(plan.inverse_p) * fnma(decay, y, sums[0] + first);
+  for (std::size_t k = 0; k < plan.lost; ++k) {
+    load_values(planes[plan.gap[k].slot] + pixel, y);
+    sum = sum - y;
+  }
+  const V mean = all(plan.inverse_count) * sum;
+  if constexpr (kEstimates) {
+    put(fma(all(run.estimate.mean), mean, estimate), m.estimate + v);
+  } else {
+    estimate = all(run.estimate.mean) * mean;
+    for (int slot = run.pixels.published.before; slot <= run.pixels.published.after + 1; ++slot) {
+      load_values(planes[slot] + pixel, y);
+      estimate = fma(at(run.weight[slot]), y, estimate);
+    }
+    put(estimate, m.estimate + v);
+  }
+  put_at(0, fnma(all(plan.mean_to_sum), mean, sums[0]));
 }
 
 // What stands in for a lost sample at first.
@@ -164,39 +200,39 @@ HWY_INLINE void stand_in(const DualRun& run, const SlotValue& value, std::size_t
   }
 }
 
-template <typename T, int kBins>
-HWY_INLINE void load_pixels(const DualRun& run, std::size_t first, std::size_t count, Dual<kBins>& m) {
+template <typename P, int kBins, typename T>
+HWY_INLINE void load_pixels(const DualRun& run, std::size_t first, std::size_t count, Dual<kBins, T>& m) {
   constexpr std::size_t kSlots = kBins + 1;
-  const T* planes[kSlots];
-  for (std::size_t s = 0; s < kSlots; ++s) planes[s] = static_cast<const T*>(run.pixels.planes[s]) + first;
-  HWY_ALIGN T lost[kMostLost][Dual<kBins>::kPixels];
+  constexpr std::size_t kLoaded = Dual<kBins, T>::kLoaded;
+  const P* planes[kSlots];
+  for (std::size_t s = 0; s < kSlots; ++s) planes[s] = static_cast<const P*>(run.pixels.planes[s]) + first;
+  HWY_ALIGN P lost[kMostLost][Dual<kBins, T>::kPixels];
   for (std::size_t k = 0; k < run.plan.lost; ++k) {
     stand_in(run, run.plan.gap[k].value, first, count, lost[k]);
     planes[run.plan.gap[k].slot] = lost[k];
   }
-  for (m.end = 0; m.end + kLanes <= count; m.end += kLanes) load_vector(run, planes, m.end, m.end, m);
+  for (m.end = 0; m.end + kLoaded <= count; m.end += kLoaded) load_vector(run, planes, m.end, m.end, m);
   if (m.end == count) return;
-  HWY_ALIGN T padded[kSlots][kLanes] = {};
+  HWY_ALIGN P padded[kSlots][kLoaded] = {};
   for (std::size_t s = 0; s < kSlots; ++s) {
     std::copy_n(planes[s] + m.end, count - m.end, padded[s]);
     planes[s] = padded[s];
   }
   load_vector(run, planes, 0, m.end, m);
-  m.end += kLanes;
+  m.end += kLoaded;
 }
 
 // The vectors of up to kPixels pixels that begin at `first`.
-template <int kBins>
-HWY_NOINLINE void load_block(const DualRun& run, std::size_t first, Dual<kBins>& m) {
-  const std::size_t count = std::min(Dual<kBins>::kPixels, run.pixels.end - first);
+template <int kBins, typename T>
+HWY_NOINLINE void load_block(const DualRun& run, std::size_t first, Dual<kBins, T>& m) {
+  const std::size_t count = std::min(Dual<kBins, T>::kPixels, run.pixels.end - first);
+  for (std::size_t v = 0; run.pixels.lambda != nullptr && v < count; v += kLanes) {
+    set_bounds(run.plan, v, load_lanes<float>(run.pixels.lambda, first + v, std::min(kLanes, count - v)), m);
+  }
   if (run.pixels.input == PixelType::kUint16) {
     load_pixels<std::uint16_t>(run, first, count, m);
   } else {
     load_pixels<float>(run, first, count, m);
-  }
-  if (run.pixels.lambda == nullptr) return;
-  for (std::size_t v = 0; v < m.end; v += kLanes) {
-    set_bounds(run.plan, v, load_lanes<float>(run.pixels.lambda, first + v, std::min(kLanes, count - v)), m);
   }
 }
 

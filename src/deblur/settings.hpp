@@ -13,7 +13,7 @@ namespace bolo::deblur {
 
 enum class Method {
   kAdmm,     // the paper's problem by fixed-iteration ADMM, single precision
-  kDual,     // the same problem by fixed sweeps of coordinate descent on its dual, single precision: the fastest
+  kDual,     // the same problem by fixed sweeps of coordinate descent on its dual, int16 or float: the fastest
   kExact,    // the paper's problem to convergence, double precision: the reference
   kInverse,  // first-order inverse filter: x = (y_1 - a y_0) / (1 - a), a = exp(-T / tau); no prior
   kMmae,     // multiple-model adaptive estimation: linear smoothers for many motions, weighted by how well each fits
