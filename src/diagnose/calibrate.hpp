@@ -1,10 +1,9 @@
-// Calibration of one camera: the time constant from rectangular pulses whose switching times, levels and place in the
-// frame are not known; noise, offsets and dead pixels from still fields.
+// Calibration of one camera: the time constant from rectangular pulses of unknown times, levels and place; noise,
+// offsets and dead pixels from still fields.
 //
-// Between two switches every pixel is L + A exp(-t / tau), whatever L and A are: with both free in every pixel and
-// every interval, neither levels nor switching times have to be known, and tau is what all intervals have in common.
-// Where neighbouring intervals' curves meet is the switching time (paper, section V: "measuring the thermal time
-// constant").
+// Between two switches every pixel is L + A exp(-t / tau), for some L and A: with both free in every pixel and
+// interval, levels and switching times may be unknown, and tau is common to all intervals. Neighbouring intervals'
+// curves meet at the switching time (paper, section V: "measuring the thermal time constant").
 #pragma once
 
 #include <cstdint>
@@ -23,23 +22,23 @@
 
 namespace bolo::diagnose {
 
-// A fit of fewer is refused.
+// Minimum for a fit.
 inline constexpr std::size_t kFewestFrames = 16;
 
-// One recording's frames, wherever they are kept.
+// One recording's frames, in a file or in memory.
 struct FrameSeries {
   std::string name;  // for messages
   Geometry geometry;
   std::vector<double> t_s;    // strictly rising
   double step = 0.0;          // between two stored values, K or counts; 0: not quantised
   bool sixteen_bits = false;  // stored values end at 0 and 65535: step times these, plus an offset
-  double lowest = 0.0;        // what 0 and 65535 stand for
+  double lowest = 0.0;        // values of 0 and 65535
   double highest = 0.0;
-  // Frame `index`, row-major, into geometry.pixels() values: K, or counts where there is no kelvin.
+  // Frame `index`, row-major, into geometry.pixels() values: K, or counts if not radiometric.
   std::function<Status(std::size_t index, std::span<float> out)> read;
 
-  // Gives the frames of [first, end) to `work` in order; `doing` is what the progress is told. Errors: of read();
-  // kBadInput for values that are no numbers; kFailed when the progress stopped it. Thread: setup.
+  // Gives the frames of [first, end) to `work` in order; `doing` names the step in the progress. Errors: of read();
+  // kBadInput for NaN or infinity; kFailed when the progress stopped it. Thread: setup.
   using Work = std::function<void(std::size_t index, std::span<const float> frame)>;
   Status for_each(const char* doing, const Progress& progress, const Work& work, std::size_t first = 0,
                   std::size_t end = SIZE_MAX) const;
@@ -47,14 +46,14 @@ struct FrameSeries {
 
 enum class DeadPixel : std::uint8_t { kGood, kSilent, kFrozen, kNoisy };
 
-// One pixel through time, for a picture.
+// Time series of one pixel, for a plot.
 struct PixelTrace {
   int x = 0;
   int y = 0;
   double tau_s = 0.0;
   std::vector<double> t_s;
   std::vector<double> measured_k;
-  std::vector<double> simulated_k;  // at the same times; NaN where a switch is being passed
+  std::vector<double> simulated_k;  // at the same times; NaN during a switch
   std::vector<double> fine_t_s;     // the simulated curve, ten points a frame
   std::vector<double> fine_k;
 };
@@ -62,30 +61,30 @@ struct PixelTrace {
 struct PulseFit {
   Estimate tau_s;                  // of the frame's mean pixel, with its 95 % interval
   double noise_k = 0.0;            // rms of a pixel, from the late half of the intervals
-  double rmse_k = 0.0;             // rms of what the fit leaves of all values used, corrected for the fit's freedom
+  double rmse_k = 0.0;             // rms residual of all values used, corrected for degrees of freedom
   double gap = 0.0;                // rmse_k / noise_k
-  std::size_t intervals = 0;       // between switches, that tau was fitted to
+  std::size_t intervals = 0;       // fitted intervals between switches
   std::size_t pixels = 0;          // that see the pulses
   std::vector<double> switches_s;  // of the mean pixel, from the first frame
-  std::vector<double> levels_k;    // of the mean pixel before the first switch and after each; NaN: too short to say
-  Estimate sweep_x_s;              // how much later the frame's right edge switches than its left one
-  Estimate sweep_y_s;              // and its bottom than its top
-  double tau_spread = 0.0;         // rms over the pixels as a fraction of tau, without what noise adds
+  std::vector<double> levels_k;    // of the mean pixel before the first switch and after each; NaN: too short
+  Estimate sweep_x_s;              // delay of the frame's right edge after its left one
+  Estimate sweep_y_s;              // and of its bottom after its top
+  double tau_spread = 0.0;         // rms over the pixels as a fraction of tau, corrected for noise
   bool spread_significant = false;
   std::vector<float> tau_map_s;  // of each pixel, shrunk to the mean by its reliability; only when significant
   std::vector<DeadPixel> dead;   // of each pixel
   PixelTrace trace;
 };
 
-// kBadInput with one line when there are no pulses to fit: nothing switches, too few frames, clipped values, a frame
-// period too long for tau. `progress` may stop it. Thread: setup.
+// kBadInput with one line when there are no pulses to fit: no switches, too few frames, clipped values, a frame period
+// too long for tau. `progress` may stop it. Thread: setup.
 Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress);
 
-// What a still field (closed shutter, flat black body) says.
+// Results from a still field (closed shutter, flat black body).
 struct StillFit {
   double noise_k = 0.0;         // temporal, rms over frames and pixels that are not dead
-  double pixel_noise_k = 0.0;   // the share of it that each pixel has for itself
-  double offset_rms_k = 0.0;    // of the fixed pattern, without what noise adds
+  double pixel_noise_k = 0.0;   // its part independent between pixels
+  double offset_rms_k = 0.0;    // of the fixed pattern, corrected for noise
   std::vector<float> offset_k;  // to add to each pixel, shrunk by its reliability; empty when there is no pattern
   std::vector<DeadPixel> dead;
 };
@@ -94,14 +93,14 @@ struct StillFit {
 Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress);
 
 struct Calibration {
-  std::vector<std::string> pulses;  // names of the captures by what they were used for
+  std::vector<std::string> pulses;  // names of the captures by use
   std::vector<std::string> stills;
   PulseFit fit;
   std::optional<StillFit> still;
   double noise_k = 0.0;          // of the still fields when there are any
   double gap = 0.0;              // against that noise
-  model::CameraProfile profile;  // without `maps`: where they are written is the caller's choice
-  model::PixelMaps maps;         // empty ones are not known
+  model::CameraProfile profile;  // without `maps`: the caller chooses their path
+  model::PixelMaps maps;         // empty: unknown
   std::vector<DeadPixel> dead;   // of each pixel, by any of the captures
   std::size_t dead_pixels = 0;
   std::vector<std::string> warnings;

@@ -1,4 +1,4 @@
-// All stages in their order, and what they have learned of the camera as a whole.
+// Runs all stages and learns the profile of the whole camera.
 #include "src/diagnose/diagnose.hpp"
 
 #include <chrono>
@@ -8,11 +8,11 @@
 namespace bolo::diagnose {
 namespace {
 
-// The value of a found effect's parameter; nothing where either is not there.
+// The value of a found effect's parameter, if both exist.
 std::optional<double> parameter_of(const LearnTask& task, std::string_view effect, const std::string& key) {
   const FoundEffect* found = task.found(effect);
   if (found == nullptr) return std::nullopt;
-  if (key.empty()) return 1.0;  // that there is one
+  if (key.empty()) return 1.0;  // the effect exists
   return found->parameters.contains(key) ? std::optional(found->parameters.at(key).value) : std::nullopt;
 }
 
@@ -20,16 +20,16 @@ double value_of(const LearnTask& task, const char* effect, const char* key, doub
   return parameter_of(task, effect, key).value_or(otherwise);
 }
 
-// A grey body: emissivity and what it reflects.
+// A grey body: emissivity and reflected temperature.
 struct Grey {
   double emissivity = 1.0;
   double reflected_k = kSurroundings;
 };
 
-// Of what is reflected: its radiance as a temperature that can be.
+// Temperature of a reflected radiance, limited to plausible values.
 double reflected_temperature(double signal) { return std::clamp(band_temperature(signal), 150.0, 600.0); }
 
-// As fitted: the model has the radiance reflected beyond that of kSurroundings.
+// From the fit: the model's radiance is relative to that of kSurroundings.
 Grey grey_of(const CameraModel& camera) {
   constexpr double kLeastReflected = 1e-3;
   Grey grey{std::clamp(1.0 - camera.reflected, 0.3, 1.0)};
@@ -39,13 +39,13 @@ Grey grey_of(const CameraModel& camera) {
   return grey;
 }
 
-// The levels of all stimuli as they were fitted against those of their files. A bench errs in each level by itself;
-// when all lie on the line of a grey body (radiance seen = e radiance stated + rest), far beyond their scatter about
-// it, it is the emissivity, which the fit had left to the levels.
+// Regression of all stimuli's fitted levels on the stated ones. Bench errors are independent between levels; if all lie
+// on a grey body's line (fitted radiance = e stated radiance + rest), significantly against their scatter, the free
+// levels have absorbed the emissivity.
 std::optional<Grey> grey_of_levels(const LearnTask& task) {
   constexpr double kLeastLevels = 6.0;
   constexpr double kLeastT = 8.0;            // of Student's t of the slope
-  constexpr double kLeastReflected = 0.012;  // a bench may reflect a hundredth
+  constexpr double kLeastReflected = 0.012;  // a bench may reflect 1 %
   const State files = nominal_state(task.session, task.profile);
   Line line;  // of radiances, less that at kReference
   for (const std::size_t i : modelled(task.session)) {
@@ -81,7 +81,7 @@ void learn_undo(const LearnTask& task, model::Undo& undo) {
   if (task.found("radiometric_nonlinearity") != nullptr) undo.radiance = camera.radiance > 0.5;
 }
 
-// What holds for all pixels alike, and, where the options ask for them, the maps.
+// The profile common to all pixels, and the maps if requested.
 Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::path>& captures, const Options& options,
                       const Progress& progress) {
   Learned learned{task.profile, {}};

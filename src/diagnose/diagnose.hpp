@@ -14,12 +14,12 @@ namespace bolo::diagnose {
 
 struct Options {
   model::CameraProfile profile{};       // the nominal simulator
-  std::vector<std::string> withheld{};  // effects taken out of the catalogue
+  std::vector<std::string> withheld{};  // effects removed from the catalogue
   int threads = 2;
   bool maps = false;  // measure Report::learned.maps, of every pixel of the frame: reads the captures once more
 };
 
-// A step of the work and how far it is, 0..1; false stops the diagnosis.
+// Name and progress, 0..1, of the current step; false stops the diagnosis.
 using Progress = std::function<bool(const std::string& step, double done)>;
 
 // Diagnoses one session: captures of one camera, with or without stimuli. A capture that cannot be used is left out

@@ -1,4 +1,4 @@
-// An effect of the catalogue, as the diagnosis knows it. A file in src/diagnose/effects/ defines a list of them,
+// The diagnosis' side of an effect of the catalogue. A file in src/diagnose/effects/ defines a list of them,
 // `std::vector<Effect> NAME_effects()` in NAME.cpp; the build finds it there.
 #pragma once
 
@@ -8,11 +8,11 @@
 
 namespace bolo::diagnose {
 
-// One number that the effect adds to the model; 0 means that the effect is not there.
+// One number that the effect adds to the model; 0: no effect.
 struct Parameter {
   std::string name;
   double step = 0.0;  // for differences, and a typical size
-  double low = 0.0;   // where the model is valid
+  double low = 0.0;   // bounds of the model's validity
   double high = 0.0;
   std::function<double(const State&)> get;
   std::function<void(State&, double)> set;
@@ -30,14 +30,14 @@ auto& map_of(Camera& camera, MapKind kind) {
   return kind == kOffset ? camera.offset : kind == kGain ? camera.gain : kind == kTau ? camera.tau : camera.drift_share;
 }
 
-// Which physical form is meant when an effect has several.
+// One of the physical forms of an effect.
 struct Form {
   std::string name;
   std::function<void(State&)> begin;  // called before the parameters are used
 };
 
 using Predicate = std::function<bool(const Session&)>;
-// An effect as it was fitted: its parameters' values and their standard errors.
+// A fitted effect: its parameters' values and their standard errors.
 struct Fitted {
   const Session& session;
   const State& state;
@@ -45,41 +45,38 @@ struct Fitted {
   std::span<const double> error;
 };
 using Estimates = std::map<std::string, Estimate>;
-using EffectReport = std::function<Estimates(const Fitted&)>;  // what is reported of it
+using EffectReport = std::function<Estimates(const Fitted&)>;  // reported parameters
 
-// What is said of an effect. `plain` has places for parameters: {key} is the value with its unit, {key~} how far it is
-// from 1 in percent, {key%} the value in percent, {key?more|less} the first word when it is above its neutral value (1
-// for scales, 0 else), the second below. Of [numbers|none] the second is said when a parameter of the first is missing;
-// it may be left out.
+// Texts of an effect. `plain` has places for parameters: {key} is the value with its unit, {key~} its distance from 1
+// in percent, {key%} the value in percent, {key?more|less} the first word when it is above its neutral value (1 for
+// scales, 0 else), the second below. Of [numbers|none] the second, which is optional, is written when a parameter of
+// the first is missing.
 struct Words {
   std::string title{};
   std::string plain{};
 };
 
-// The recordings without a bench that tell an effect, too: those that stand still, and those whose scene is followed.
-// The latter tell no noise, flicker or stripes: texture finer than a pixel, moved, and the edges of what is not quite
-// followed look alike.
+// Recordings without a bench that also identify an effect: still ones, and those with a tracked scene. The latter
+// identify no noise, flicker or stripes: moved sub-pixel texture and edges with a motion error look alike.
 enum class WithoutBench : std::uint8_t { kNever, kStill, kMoving, kBoth };
 
 struct Effect {
   std::string name;
   std::string stage;
   Words words{};
-  std::string needs;  // the captures without which it cannot be told
-  Predicate told_by;  // whether a session has them
+  std::string needs;  // captures required to identify it
+  Predicate told_by;  // true if a session has them
   WithoutBench without_bench = WithoutBench::kNever;
-  // Effects on the mean: parameters and maps. Effects of the noise and of the transport have none, they are found from
-  // statistics of their own.
+  // Effects on the mean: parameters and maps. Effects of noise and transport have none: they have separate statistics.
   std::function<std::vector<Parameter>(const Session&)> parameters{};
   MapKind map = MapKind::kNone;
-  // The first parameter, or the map's rms, below which the effect is not worth a name: it would only stand for what
-  // the model of another effect is not exact in.
+  // Lower limit of the first parameter or the map's rms: a smaller effect would only absorb model errors of another.
   double least = 0.0;
-  // It changes what levels look like: tried whenever levels are off, though the residual need not show it.
+  // It is confounded with stimulus levels: tried whenever levels are off, even without a residual.
   bool as_levels = false;
-  // A map of single pixels takes it up whole, so that it is looked for in that map.
+  // The per-pixel map that absorbs it entirely and is searched for it.
   MapKind hides_in = MapKind::kNone;
-  // What the noise must show before the effect is tried; empty: nothing.
+  // Condition on the noise for trying the effect; empty: none.
   std::function<bool(const NoiseStatistics&)> suspected_by{};
   std::vector<Form> forms{};  // empty: one form
   EffectReport report{};
@@ -89,11 +86,11 @@ struct Effect {
 std::span<const Effect> catalogue();
 const Effect* find_effect(std::string_view name);
 
-// What the files in effects/ are written with. Thread: any.
+// Building blocks of the files in effects/. Thread: any.
 
 bool has_kind(const Session& session, Kind kind);
 Predicate any_of(std::initializer_list<Kind> kinds);  // a recording of one of these kinds
-// A parameter that is a number of the state: `at` gives its place, `as` what is fitted of it, `from` the way back.
+// A parameter for a number of the state: `at` refers to it, `as` transforms it for the fit, `from` is the inverse.
 template <typename At, typename As = std::identity, typename From = std::identity>
 Parameter number_at(std::string name, double step, double low, double high, At at, As as = {}, From from = {}) {
   return {std::move(name),
@@ -103,7 +100,7 @@ Parameter number_at(std::string name, double step, double low, double high, At a
           [=](const State& s) { return as(at(s)); },
           [=](State& s, double v) { at(s) = from(v); }};
 }
-// One of the camera's model, and one of what is linear in it.
+// A number of the camera model or of its linear response.
 inline Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member) {
   return number_at(
       std::move(name), step, low, high, [member](auto& s) -> auto& { return s.camera.*member; });
@@ -135,11 +132,11 @@ EffectReport first_as(const std::string& key);
 // Reports the rms over the pixels of a map.
 EffectReport rms_of(MapKind map);
 
-// Root mean square over the pixels that are not 0, and of the means of columns in it (less what chance makes of them).
+// Root mean square over the pixels that are not 0, and of its column means (less the expected noise).
 struct MapSpread {
   double pixel = 0.0;
   double column = 0.0;
-  double pixels = 0.0;            // that count
+  double pixels = 0.0;            // that are not 0
   double relative_error() const;  // of a standard deviation over these pixels
 };
 MapSpread spread_of(const Session& session, const Eigen::VectorXf& map);

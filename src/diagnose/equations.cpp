@@ -1,4 +1,4 @@
-// What a fit solves for, and its linear equations.
+// A fit's unknowns and its normal equations.
 #include "src/core/threads.hpp"
 #include "src/diagnose/fit.hpp"
 
@@ -7,14 +7,14 @@ namespace {
 
 constexpr double kLevelReach = 30.0;  // K
 constexpr double kEdgePrior = 0.2;    // px
-constexpr double kShapePrior = 0.5;   // between a Gaussian and a straight ramp nothing is known
+constexpr double kShapePrior = 0.5;   // uninformative between a Gaussian and a straight ramp
 constexpr int kFitPixels = 288;
-constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours are not as the model has them
-constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, from which on values are not used
+constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours differ from the model's
+constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, above which values are not used
 constexpr double kPriorFloor = 1e-12;
-constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: below it a frame says nothing of its time
+constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: minimum to estimate a frame's time
 
-// What the bench says of its temperatures.
+// The bench's stated temperature accuracy.
 double accuracy_of(const capture::Stimulus& stimulus) {
   return std::visit(
       [](const auto& of) {
@@ -30,7 +30,7 @@ bool touches(int owner, const Session& session, std::size_t recording) {
   return is_bars(session.recordings[recording].kind);
 }
 
-// Mean square of the levels' errors, each in a unit of its own.
+// Mean square of the levels' errors, each in its own unit.
 template <typename UnitOf>
 double mean_of_levels(const std::vector<Nuisance>& all, const State& state, const UnitOf& unit_of) {
   double sum = 0.0;
@@ -44,8 +44,8 @@ double mean_of_levels(const std::vector<Nuisance>& all, const State& state, cons
   return sum / std::max(1.0, count);
 }
 
-// Adds one group's frames to augmented normal matrices: train and test. In double: what levels and emissivity do to a
-// picture differs by less than sums of floats can tell.
+// Adds one group's frames to augmented normal matrices: train and test. In double: derivatives by levels and emissivity
+// differ by less than the rounding of float sums.
 void add_group(const Session& session, const Series& residual, const std::vector<Series>& columns,
                std::span<const int> pixels, Index from, Index to, Group& group) {
   std::vector<Index> present;
@@ -74,7 +74,7 @@ void add_group(const Session& session, const Series& residual, const std::vector
   }
 }
 
-// Scaled to a unit diagonal, with a whisper of a ridge: columns that nothing sees come out as zero.
+// Scaled to a unit diagonal, with a tiny ridge: columns without data give zero.
 MatrixXd solve(const MatrixXd& normal, const MatrixXd& right) {
   const VectorXd scale = normal.diagonal().cwiseMax(kPriorFloor).cwiseSqrt().cwiseInverse();
   MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
@@ -82,7 +82,7 @@ MatrixXd solve(const MatrixXd& normal, const MatrixXd& right) {
   return scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * right);
 }
 
-// What a shift of the target (moving bars, px) or a delay of the frame (chopper, s) does to its values, K.
+// Derivatives of a frame's values, K, by the target's shift (moving bars, px) or the frame's delay (chopper, s).
 Series slopes_of(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels,
                  const Series& base) {
   if (session.recordings[recording].kind == Kind::kMovingBars) {
@@ -95,7 +95,7 @@ Series slopes_of(const Session& session, std::size_t recording, const State& sta
     }
     return slopes;
   }
-  constexpr double kStep = 3e-4;  // wide, so that a frame just before an edge feels it
+  constexpr double kStep = 3e-4;  // wide enough to reach an edge just after a frame
   State later = state;
   State earlier = state;
   for (double& late : later.stimuli[recording].late_s) late += kStep;
@@ -104,7 +104,7 @@ Series slopes_of(const Session& session, std::size_t recording, const State& sta
          static_cast<float>(0.5 / kStep);
 }
 
-// The shift of every frame is free: what lies along it is taken out of the residual and of every column.
+// The shift of every frame is free: projects it out of the residual and of every column.
 void take_out_shifts(const FitData& data, std::size_t recording, const Series& slopes, Columns& c) {
   c.shift.assign(static_cast<std::size_t>(slopes.rows()), 0.0);
   c.turn.assign(c.column.size(), c.shift);
@@ -148,7 +148,7 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
                      static_cast<int>(i), true, level, accuracy_of(recording.stimulus)});
     }
     if (recording.kind == Kind::kChopper) {
-      // Frames whose times are free tell no common delay.
+      // Free frame times leave no common delay.
       const bool common = !stimulus.times_free;
       if (common) add(member("delay", &StimulusState::delay_s, 0.0005, 0.05), 0.0);
       add(member("sweep", &StimulusState::sweep_s, 0.001, 0.03), 0.005);
@@ -160,7 +160,7 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
     bars = bars || is_bars(recording.kind);
   }
   if (nominal.camera.response.filter != FrameFilter::kNone && nominal.camera.response.alpha < 1.0) {
-    // Known from the noise to a percent; the late edges tell it better.
+    // Known from the noise to a percent; the delayed edges are more precise.
     all.push_back({number_of("alpha", 0.02, 0.05, 1.0, &Response::alpha), kAllRecordings, false, 1.0, 0.0});
   }
   if (bars) {
@@ -275,7 +275,7 @@ FitData::FitData(const Session& of, double floor, int most_threads)
       return at_border(session.grid.row_of(p), session.height) || at_border(session.grid.column_of(p), session.width);
     });
   }
-  // A scattered part of them, the same every time.
+  // A scattered part of them, always the same.
   fit_pixels = all_pixels;
   std::ranges::sort(fit_pixels, {}, [](int p) { return static_cast<std::uint32_t>(p) * 2654435761U; });
   if (fit_pixels.size() > kFitPixels) fit_pixels.resize(kFitPixels);
@@ -337,7 +337,7 @@ Columns columns_of(const FitData& data, std::size_t recording, const State& stat
   const Series seen = r.values(Eigen::all, data.fit_pixels);
   const Series base = predict(data.session, recording, state, data.fit_pixels);
   const auto weight = static_cast<float>(1.0 / data.floor_k);
-  // A value counts unless it is at or near a ceiling: then it says no more than that it is there.
+  // Values at or near a ceiling are not used.
   const float limit = data.usable_limit(state);
   const bool limited = std::isfinite(state.camera.clip_k);
   const auto without_clipped = [&](Series& of) {

@@ -1,32 +1,32 @@
-// What happens to whole frames and to single pixels: found before anything is fitted, so that it does not disturb.
+// Events of whole frames and single pixels, found and excluded before any fit.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kCoarse = 1.5;  // times the profile's step, from which on values count as coarse
+constexpr double kCoarse = 1.5;  // times the profile's step: coarse above
 
 constexpr std::size_t kLeastSteady = 32;  // frames to judge a pixel by
-constexpr double kStuckRange = 0.15;      // of what the pixels change by
-constexpr double kNoiseSteps = 1.5;       // between values: what changes by more is not held by rounding alone
+constexpr double kStuckRange = 0.15;      // of the pixels' range
+constexpr double kNoiseSteps = 1.5;       // between values: larger ranges are not hidden by rounding
 constexpr double kNoisySigma = 5.0;       // of the pixels' median
 
 // Two levels of a pixel: set by effect-free shutters of 160 to 240 frames.
-constexpr double kStepOverTypical = 2.2;  // times that of a usual pixel, whose two means differ by noise
+constexpr double kStepOverTypical = 2.2;  // times that of a typical pixel, due to noise
 constexpr double kStepOverWithin = 3.2;   // times the scatter about the two
 constexpr double kLeastShare = 0.02;      // of the frames at the rarer level
 constexpr int kFramesAJump = 8;           // at least, on average
 constexpr double kSlower = 0.75;          // of the usual roughness
-constexpr double kHop = 1.4;              // of the step between values: less is one value that hops to the next
+constexpr double kHop = 1.4;              // of the step between values: less is rounding to either of two
 constexpr double kHysteresis = 0.2;       // of the step, about the middle
 
-// Steps between values, and values that pile up at the top.
-constexpr double kMultiples = 0.998;  // of the distances between values, that a step must divide
+// Steps between values, and clipped values.
+constexpr double kMultiples = 0.998;  // of the distances between values must be multiples of the step
 constexpr long kLargestStep = 200;    // in stored steps
 constexpr double kPiled = 0.002;      // of all values
 constexpr long kPileOverBelow = 8;    // times those of the two steps below
 
-// A frozen stream tells nothing of the camera, whatever it looks at.
+// A frozen stream carries no information on the camera.
 void leave_out_frozen(Session& session, std::vector<std::string>& warnings) {
   for (Recording& r : session.recordings) {
     const std::size_t distinct = r.statistics.distinct_frames();
@@ -38,14 +38,14 @@ void leave_out_frozen(Session& session, std::vector<std::string>& warnings) {
   }
 }
 
-// Whether frame `k` is the one before, and not just clipped at `top`: a ceiling makes frames alike, too, but not all.
+// True if frame `k` repeats the one before, and is not equal by clipping at `top`.
 bool repeats(const Recording& r, Index k, float top) {
   if (!(r.values.row(k).array() == r.values.row(k - 1).array()).all()) return false;
   if (r.statistics.frames() > 0 && r.statistics.distinct_frames() == 1) return true;
   return (r.values.row(k).array() == top).count() * 2 < r.values.cols();
 }
 
-// Of each pixel of the grid: its used values less the frames' medians.
+// Used values less the frames' medians, by pixel of the grid.
 std::vector<std::vector<float>> steady_series(const Recording& r) {
   std::vector<std::vector<float>> steady(static_cast<std::size_t>(r.values.cols()));
   for (const Index k : r.used_frames()) {
@@ -56,7 +56,7 @@ std::vector<std::vector<float>> steady_series(const Recording& r) {
   return steady;
 }
 
-// Share of the squared variation that is between neighbouring frames: 2 for white noise, near 0 for slow changes.
+// Mean squared difference of neighbouring frames over the variance: 2 for white noise, near 0 for slow changes.
 double roughness(const std::vector<float>& x) {
   return 2.0 / wander(Eigen::Map<const ArrayXf>(x.data(), std::ssize(x)).cast<double>());
 }
@@ -136,8 +136,8 @@ void judge_still(const Session& session, const Recording& r, double hop_k, BadPi
   }
 }
 
-// Whether a pixel hardly changes. In a field recording a part of the scene may be as still as a stuck pixel, but for
-// the noise: where that shows in the pixels around, a pixel that never changes is stuck.
+// True if a pixel hardly changes. Parts of a field recording may be still except for noise: if the pixels around show
+// noise, a constant pixel is stuck.
 bool is_stuck(const Recording& r, std::size_t pixel, double typical_range) {
   const FrameStatistics& s = r.statistics;
   if (typical_range <= 0.0) return true;
@@ -145,13 +145,13 @@ bool is_stuck(const Recording& r, std::size_t pixel, double typical_range) {
   return s.range[pixel] <= 0.0F && median(values_around(s, s.range, place_of(pixel, s.width))) > kNoiseSteps * r.step;
 }
 
-// Whether a recording shows pixels that do not follow: a stimulus that changes in time by far more than the noise.
+// True if a stimulus changes by far more than the noise, which reveals unresponsive pixels.
 bool changes_much(const Recording& r) {
   constexpr double kLeastRange = 40.0;  // of the noise, from the smallest value to the largest
   if (r.kind != Kind::kChopper && r.kind != Kind::kMovingBars) return false;
   const FrameStatistics& s = r.statistics;
   if (s.distinct_frames() < kLeastSteady) return false;
-  std::vector<double> scatter = s.scatter;  // of neighbouring frames, that do not change much
+  std::vector<double> scatter = s.scatter;  // of neighbouring frames; low quantiles are of small changes
   std::ranges::sort(scatter);
   return median(s.range) > kLeastRange * std::max(scatter[scatter.size() / 10], r.step / kNoiseSteps);
 }
@@ -181,11 +181,11 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
 BadPixels find_dead_pixels(Session& session) {
   BadPixels bad;
   const auto pixels = static_cast<std::size_t>(session.width) * static_cast<std::size_t>(session.height);
-  std::vector<std::size_t> stuck(pixels, 0);  // in how many recordings that are asked
-  std::vector<std::size_t> noisy(pixels, 0);  // in how many steady ones
+  std::vector<std::size_t> stuck(pixels, 0);  // number of judged recordings
+  std::vector<std::size_t> noisy(pixels, 0);  // number of steady recordings
   std::size_t asked = 0;
   std::size_t steady = 0;
-  // Where a stimulus changes, a pixel that does not follow is dead, however noisy; stillness then says nothing of it.
+  // With a changing stimulus, an unresponsive pixel is dead even if noisy; still recordings then are not judged.
   const bool changes = std::ranges::any_of(session.recordings, changes_much);
   for (const Recording& r : session.recordings) {
     const FrameStatistics& s = r.statistics;
@@ -198,8 +198,8 @@ BadPixels find_dead_pixels(Session& session) {
     ++steady;
     for (const int p : noisy_pixels(s)) ++noisy[static_cast<std::size_t>(p)];
   }
-  // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others. Noisy
-  // everywhere: one outlier of one capture is none.
+  // Stuck in all recordings: one with a ceiling or a freeze holds all pixels and cannot distinguish them. Noisy in all:
+  // an outlier of one capture is not enough.
   bad.stuck = places_where<int>(pixels, [&](std::size_t p) { return stuck[p] == asked; });
   bad.noisy = places_where<int>(pixels, [&](std::size_t p) { return noisy[p] > 0 && noisy[p] == steady; });
   if (bad.stuck.size() * 2 > pixels) bad.stuck.clear();
@@ -259,7 +259,7 @@ double find_step(const Session& session) {
       }
     }
     if (seen[0] == all) continue;
-    // The largest step that nearly all distances are multiples of.
+    // The largest common divisor of nearly all distances.
     long best = 1;
     for (long candidate = 2; candidate <= kLargestStep; ++candidate) {
       const double hits = sum_of(seen, [candidate](const auto& one) { return one.first % candidate ? 0 : one.second; });
@@ -293,7 +293,7 @@ Events find_events(Session session, const Options& options) {
   for (const Recording& r : session.recordings) {
     events.ceiling_k = std::min(events.ceiling_k, find_ceiling(r, events.step_k));
   }
-  // In a field recording what moves is not known, so that steps of the scene would be taken for jumps.
+  // In a field recording the motion is unknown: steps of the scene would be taken for jumps.
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     if (session.recordings[i].kind != Kind::kUniform) continue;
     if (auto jump = find_jump(session, i, session.recordings[i].values, events.freezes)) {

@@ -5,27 +5,27 @@
 namespace bolo::diagnose {
 namespace {
 
-// Tiles of a still recording see something move when they change more than others do.
+// Tiles of a still recording with local motion change more than the others.
 constexpr double kOwnMotion = 6.0;  // standard deviations of the quiet tiles
 constexpr double kLeastOwn = 1.5;   // times the quiet tiles
-constexpr int kTiles = 8;           // of the picture's width and of its height
-// Of a followed scene: the share of blocks that go their own way, from which on it is not followed.
+constexpr int kTiles = 8;           // along the width and the height
+// Share of blocks with local motion above which a scene is not tracked.
 constexpr double kMostOwn = 0.35;
 constexpr std::size_t kFewestSights = 12;
-// Patterns need more of them, or every second frame: a scene that rests but for some jerks is before the same pixels in
+// Patterns need more of them, or every second frame: a scene at rest except for some jerks is at the same pixels in
 // both halves of the data.
 constexpr std::size_t kFewestOfPattern = 48;
 
-// Both halves of the data must show a part by so many standard errors, and by so much of the noise: recordings without
-// any effect stay below both.
+// Minimum of a component common to both halves of the data, in standard errors and relative to the noise: effect-free
+// recordings stay below both.
 constexpr double kPatternIsSure = 6.0;
-constexpr double kLeastPattern = 0.4;  // slow noise of pixels is a pattern for a while
+constexpr double kLeastPattern = 0.4;  // slow pixel noise is temporarily a pattern
 constexpr double kLeastColumn = 0.2;
-constexpr double kLeastGrowth = 1.0;  // over the recording, of the mean: from a half of it to half as much again
+constexpr double kLeastGrowth = 1.0;  // over the recording, of the mean: from 0.5 to 1.5 times it
 constexpr double kLeastGain = 0.0015;
 constexpr double kMostLikeness = 0.2;  // of gains of neighbours
-constexpr double kClearTime = 3.5;     // standard errors of a time, which have what the models are off by in them
-constexpr double kLeastTau = 0.025;    // of the time constant, that it is off by
+constexpr double kClearTime = 3.5;     // standard errors of a time, model error included
+constexpr double kLeastTau = 0.025;    // of the time constant: smallest reported deviation
 constexpr double kLeastDelay_s = 5e-6;
 
 bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
@@ -40,7 +40,7 @@ void note_jumps(Events& events, std::size_t index, std::span<const Observation::
   }
 }
 
-// Steps of the whole picture, as the frames' own statistics show them.
+// Removes and returns steps of the whole picture found by frame statistics.
 std::vector<Observation::Jump> take_jumps(Recording& r) {
   std::vector<Observation::Jump> jumps = observe(r).jumps;
   for (const Observation::Jump& seen : jumps) {
@@ -49,7 +49,7 @@ std::vector<Observation::Jump> take_jumps(Recording& r) {
   return jumps;
 }
 
-// A straight line in time, of all pixels alike: a camera that warms, or a scene.
+// Removes a linear drift common to all pixels: of a warming camera, or of a scene.
 void take_drift(Recording& r) {
   Line line;
   std::vector<float> frame(static_cast<std::size_t>(r.values.cols()));
@@ -63,9 +63,9 @@ void take_drift(Recording& r) {
     r.values.row(k).array() -= static_cast<float>(slope * static_cast<double>(k));
 }
 
-// The quarter that wanders least.
+// The quarter with the least slow variation.
 struct Quiet {
-  double ratio = 0.0;   // usual of these
+  double ratio = 0.0;   // typical of these
   double spread = 0.0;  // of a single one
 };
 
@@ -75,8 +75,7 @@ Quiet quiet_of(const std::vector<double>& ratio) {
   return {quarter, std::max(quarter - quantile(ratio, 0.05), 0.0) / kBetween};
 }
 
-// Whether the camera stands still: a quarter of the pixels wander no more than noise does, and these are as noisy as
-// one another, however much of the scene each of them sees.
+// True if the camera is still: a quarter of the pixels vary no more than noise, equally whatever the local contrast.
 bool stands_still(const Session& session, const Recording& r) {
   constexpr double kStillRatio = 3.0;
   constexpr double kAlike = 0.35;
@@ -92,7 +91,7 @@ bool stands_still(const Session& session, const Recording& r) {
   return kSigmaOfMad * median(mapped(noise, [usual](double v) { return std::abs(v - usual); })) < kAlike * usual;
 }
 
-// Of tiles of a still picture, what they do in time: means of their pixels, less the frame's median, outliers clipped.
+// Time series of a still picture's tiles: means of their pixels, less the frame's median, outliers clipped.
 Series tiles_of(const Session& session, const Recording& r) {
   constexpr float kClip = 2.5F;  // standard deviations of a pixel
   Series x = r.values(r.used_frames(), Eigen::all);
@@ -117,8 +116,7 @@ Series tiles_of(const Session& session, const Recording& r) {
   return tiles;
 }
 
-// Whether something moves by itself where the camera stands still: tiles wander, or change from frame to frame, more
-// than most do.
+// True if an object moves before a still camera: tiles vary more than most, slowly or from frame to frame.
 bool something_moves(const Session& session, const Recording& r) {
   const Series tiles = tiles_of(session, r);
   std::vector<double> ratio;
@@ -135,7 +133,7 @@ bool something_moves(const Session& session, const Recording& r) {
   });
 }
 
-// Of a field where nothing moves.
+// For a still field only.
 void find_noisy_pixels(Events& events, const Recording& r) {
   std::vector<int> both;
   std::ranges::set_union(events.bad.noisy, noisy_pixels(r.statistics), std::back_inserter(both));
@@ -143,13 +141,13 @@ void find_noisy_pixels(Events& events, const Recording& r) {
   leave_out_dead(events.session, events.bad);
 }
 
-// How well a recording is predicted without, and with, what is named.
+// Gaps of a recording without, and with, the named effects.
 struct Gaps {
   double before = 1.0;
   double after = 1.0;
 };
 
-// Each effect once. `alike`: another effect that would show the same.
+// Adds each effect once. `alike`: an effect of the same signature.
 void add_named(Findings& out, const std::string& effect, double z, Estimates parameters, Gaps gaps, const char* where,
                const char* alike = nullptr) {
   if (std::ranges::any_of(out.effects, [&](const Finding& known) { return known.effect.name == effect; })) return;
@@ -165,7 +163,7 @@ void name_parts(const FieldParts& parts, Findings& out) {
   const auto clear = [&](const Measured& m, double least) {
     return m.z > kPatternIsSure && m.value > least * parts.noise;
   };
-  // A pattern that grows while the scene changes one way looks like gains.
+  // A pattern that grows while the scene drifts resembles gains.
   const bool gain = parts.gain.z > std::max(kPatternIsSure, parts.growth.z) && parts.gain.value > kLeastGain &&
                     std::abs(parts.gain_likeness) < kMostLikeness;
   const Offsets& offset = gain ? parts.beside_gain : parts.offset;
@@ -186,7 +184,7 @@ void name_parts(const FieldParts& parts, Findings& out) {
   }
 }
 
-// Time as the moving scene tells it, against the profile's. Returns what it closes of the gap's square.
+// Compares the motion's time constants with the profile's. Returns the reduction of the squared gap.
 double name_times(const FromMotion& motion, const Options& options, Findings& out) {
   double closed = 0.0;
   const auto judge = [&](const char* effect, const char* key, const FromMotion::Figure& found, double nominal,
@@ -206,7 +204,7 @@ double name_times(const FromMotion& motion, const Options& options, Findings& ou
   return closed;
 }
 
-// What the values themselves say, of any field recording.
+// Effects visible in the values of any field recording.
 void name_values(const Events& events, Field& field) {
   const Gaps gaps{field.gap_before, field.gap_after};
   std::size_t missed = std::accumulate(events.repeated.begin(), events.repeated.end(), std::size_t{0});
@@ -225,13 +223,13 @@ void name_values(const Events& events, Field& field) {
   }
 }
 
-// A value's noise where there is no profile to ask, or the scene is still for a moment.
+// A first estimate of a value's noise, from the profile and from moments of a still scene.
 double first_noise(const Recording& r, const Options& options) {
   const double seen = quantile(r.statistics.of_new_frames(r.statistics.scatter), 0.1) / std::numbers::sqrt2;
   return r.kelvin ? std::min(options.profile.noise_k, std::max(seen, 1e-4)) : std::max(seen, 0.5);
 }
 
-// Of one recording whose scene moves; when it is not followed, jumps only.
+// Judges a recording with a moving scene; if it cannot be tracked, jumps only.
 Result<FieldParts> judge_moving(const std::filesystem::path& file, const Recording& r, Events& events,
                                 const Options& options) {
   ASSIGN_OR_RETURN(auto motion, follow_field(file, r, first_noise(r, options), options.profile.tau_s));
@@ -263,16 +261,16 @@ bool Field::tells(const Effect& effect) const {
 
 void prepare_field(Events& events) {
   if (has_bench(events.session)) return;
-  std::erase_if(events.bad.stuck, [&events](int p) {  // what a ceiling holds is not stuck
+  std::erase_if(events.bad.stuck, [&events](int p) {  // clipped pixels are not stuck
     return std::ranges::any_of(events.session.recordings, [&](const Recording& r) {
       return r.statistics.mean[static_cast<std::size_t>(p)] >= events.ceiling_k;
     });
   });
   for (std::size_t i = 0; i < events.session.recordings.size(); ++i) {
     Recording& r = events.session.recordings[i];
-    if (r.kind == Kind::kUniform) continue;  // is told to be flat, though in counts
-    // Noise is measured of fields where nothing moves; what moves is a scene. There a jerk over an uneven sky steps as
-    // an offset does, so that jumps are looked for along the motion.
+    if (r.kind == Kind::kUniform) continue;  // declared flat, though in counts
+    // Noise is measured on still fields; moving ones are scenes. There a jerk over an uneven sky resembles an offset
+    // step, so jumps are searched along the motion.
     Recording still = r;
     const std::vector<Observation::Jump> jumps = take_jumps(still);
     take_drift(still);
@@ -292,7 +290,7 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
   double cells = 0.0;
   double before = 0.0;
   double after = 0.0;
-  double closed = 0.0;  // of the gap's square, by what the scene's motion tells of time
+  double closed = 0.0;  // reduction of the squared gap by time constants from motion
   const bool bench = has_bench(events.session);
   for (const Recording& r : events.session.recordings) {
     if (has_model(r)) continue;

@@ -12,16 +12,15 @@ using motion::PaddedPlane;
 using motion::Vec2;
 using motion::VectorField;
 
-constexpr std::size_t kMostResidual = 16'000'000;  // values; frames in memory are three times as many at most
+constexpr std::size_t kMostResidual = 16'000'000;  // values; frames in memory: at most three times as many
 constexpr Index kMostSights = 320;
-// So far a fixed pattern must have moved against the scene to be told from it: beyond the reach of a pixel's
-// neighbours.
+// Minimum motion of the scene, beyond a pixel's neighbours, to separate a fixed pattern from it.
 constexpr double kLeastMove_px = 3.0;
 constexpr Index kFarthest = 16;  // frames on either side
-// By how much more or less than the two frames that predict it a frame may lag behind the scene.
+// Maximum difference in lag between a frame and the two that predict it.
 constexpr double kMostLag_px = 1.0;
-constexpr double kLargestDifference = 1e3;  // in noises, of values that are matched: what is more counts no more
-// Frames are matched as they are, with their inertia: what an innovation of this time constant (in periods) is.
+constexpr double kLargestDifference = 1e3;  // clip of matched values, in noise sigmas
+// Frames are matched with their thermal lag, as innovations of this time constant (in periods).
 constexpr double kAsTheyAre = 0.05;
 
 // Frames of one size, matched with one another.
@@ -58,7 +57,7 @@ struct Matcher {
 
 using Shift = Eigen::Vector2d;
 
-// The nearest frame, in the direction of `by`, from which the scene has moved far enough.
+// The nearest frame, in direction `by`, at sufficient motion of the scene.
 std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by) {
   for (Index i = 1; i <= kFarthest; ++i) {
     const Index other = k + by * i;
@@ -73,8 +72,8 @@ std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by)
 std::vector<std::size_t> find_lost(const std::vector<Index>& frame, const std::vector<Shift>& step) {
   constexpr Index kAround = 2;         // steps on either side
   constexpr double kLeastSpeed = 0.7;  // px a frame
-  constexpr double kUneven = 0.15;     // of a step, that its neighbours differ from their mean
-  constexpr double kOff = 0.2;         // of a step, that the long one differs from whole steps by
+  constexpr double kUneven = 0.15;     // of a step: deviation of its neighbours from their mean
+  constexpr double kOff = 0.2;         // of a step: deviation of the long one from whole steps
   constexpr double kMost = 4.0;        // steps at once
   std::vector<std::size_t> lost;
   for (Index k = kAround + 1; k + kAround < static_cast<Index>(frame.size()); ++k) {
@@ -95,7 +94,7 @@ std::vector<std::size_t> find_lost(const std::vector<Index>& frame, const std::v
   return lost;
 }
 
-// What white noise leaves in a sight's residual, by trying.
+// Variance gain of white noise in a sight's residual, by simulation.
 double noise_gain(Aligner& aligner, const Sight& sight, const Series& noise) {
   const PaddedPlane& mean = aligner.mean(sight, noise.row(0).data(), noise.row(1).data(), noise.row(2).data());
   const Geometry g = mean.geometry();
@@ -109,14 +108,14 @@ double noise_gain(Aligner& aligner, const Sight& sight, const Series& noise) {
   return std::max(1.0, sum / static_cast<double>(g.pixels()));
 }
 
-// The frames of a recording that are used, read again from its file, without its jumps.
+// The used frames of a recording, read again from its file, with jumps removed.
 struct UsedFrames {
   capture::CaptureReader reader;
   std::vector<Index> frame;  // of the recording
   std::vector<Observation::Jump> jumps{};
 
   Geometry geometry() const { return reader.info().format.geometry; }
-  // What is taken out at a frame.
+  // The offset removed at a frame.
   double jump_at(std::size_t k) const {
     return sum_of(jumps, [at = frame[k]](const Observation::Jump& jump) {
       return static_cast<Index>(jump.frame) == at ? jump.size : 0.0;
@@ -134,13 +133,13 @@ struct UsedFrames {
   }
 };
 
-// What each of the used frames differs by from the one before.
+// Change of each used frame from the one before.
 struct Advance {
   std::vector<Shift> step;  // of the scene
-  FrameStatistics rise;     // of its brightness, along the motion: changes and their agreement
+  FrameStatistics rise;     // of values along the motion: changes and their agreement
 };
 
-// `jump`: has been taken out of `now`.
+// `jump`: already removed from `now`.
 void add_rise(const std::vector<float>& last, const std::vector<float>& now, Geometry g, const motion::Affine& by,
               double jump, FrameStatistics& out) {
   constexpr int kEvery = 4;  // pixels, each way
@@ -173,8 +172,8 @@ void add_rise(const std::vector<float>& last, const std::vector<float>& now, Geo
   out.repeated.push_back(0);
 }
 
-// Whether a frame differs from the one before by no more than its neighbours do, but for a jump, or by far less than
-// the jump: what a jerk that is not followed leaves is another picture.
+// True if a frame's change, less a jump, is at most its neighbours' or far less than the jump: after an untracked jerk
+// the picture is another.
 bool is_followed(const FrameStatistics& rise, std::size_t k, double jump) {
   constexpr double kMost = 2.0;
   constexpr double kOfJump = 0.2;
@@ -202,8 +201,7 @@ Result<Advance> advance_of(const UsedFrames& used, Matcher& matcher) {
   return out;
 }
 
-// Of used frames: the longest run without a freeze, behind which the pixels have other offsets. First, and one past the
-// last.
+// The longest run of used frames without a freeze, which changes the pixels' offsets. First, and one past the last.
 std::pair<std::size_t, std::size_t> longest_stretch(const std::vector<Index>& frame) {
   std::pair<std::size_t, std::size_t> longest{0, 0};
   std::size_t first = 0;
@@ -215,8 +213,8 @@ std::pair<std::size_t, std::size_t> longest_stretch(const std::vector<Index>& fr
   return longest;
 }
 
-// Evenly spread over used frames [first, last). A frame that was caught within a jerk is no sight: it shows what was
-// before the pixels as well as what is. `lag`: of pixels, in periods.
+// Evenly spread over used frames [first, last). Frames within a jerk are excluded: they mix two positions of the scene.
+// `lag`: of pixels, in periods.
 std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t first, std::size_t last, double lag,
                                  std::size_t pixels) {
   std::vector<Shift> place(last - first, Shift::Zero());
@@ -240,9 +238,9 @@ std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t fir
   return chosen;
 }
 
-// Reads what the sights look at, whose frames are rows of it from then on.
+// Reads the sights' frames and changes their indices to rows of the result.
 Result<FieldFrames> read_for(std::vector<Sight>& sights, const UsedFrames& used) {
-  std::map<Index, Index> row;  // of each used frame that is wanted
+  std::map<Index, Index> row;  // of each needed frame
   const auto of_sights = [&sights](const auto& visit) {
     for (Sight& s : sights) {
       for (Index* frame : {&s.frame, &s.before, &s.after}) visit(*frame);
@@ -288,7 +286,7 @@ Result<FieldMotion> follow_field(const std::filesystem::path& file, const Record
   if (used.frame.size() > kMostFrames) used.frame.resize(kMostFrames);
   FieldMotion out;
   if (std::min(used.geometry().width, used.geometry().height) < motion::kLeastSide) return out;
-  // Frames are matched without what may be a jump, and it is one when it is there along the motion, too.
+  // Frames are matched without candidate jumps, which are confirmed by a change along the motion.
   used.jumps = jumps_among(recording.statistics, noise);
   Matcher matcher{used.geometry(), noise};
   ASSIGN_OR_RETURN(const auto advance, advance_of(used, matcher));

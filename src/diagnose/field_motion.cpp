@@ -12,17 +12,16 @@ using deblur::GapMeter;
 constexpr int kBlocks = 16;             // of time, of the jackknife
 constexpr int kFewestShears = 192;      // frames
 constexpr double kOutlyingShear = 6.0;  // standard deviations of a shear
-constexpr double kMostChange_px = 8.0;  // of the velocity, a frame: beyond it the scene was not followed
+constexpr double kMostChange_px = 8.0;  // of the velocity, a frame: beyond it tracking has failed
 constexpr std::size_t kFewestBursts = 4;
 constexpr double kOutlyingBurst = 5.0;  // standard deviations of the bursts' time constants
-// What the models are off by, whatever the noise: of streets, by trajectories and sizes that gave the rest of the
-// interval.
+// Systematic errors of the models: from simulated streets, over trajectories and sizes.
 constexpr double kTauError = 0.01;
 constexpr double kDelayError_s = 0.3e-6;
-constexpr double kWidestInterval = 0.1;   // half of it, of the time constant: a wider one tells nothing
-constexpr double kMostDelayError = 3e-6;  // s, half of a row delay's interval: the same
+constexpr double kWidestInterval = 0.1;   // half width, of the time constant: wider ones are discarded
+constexpr double kMostDelayError = 3e-6;  // the same of a row delay, s
 
-// The frames whose motion is known and follows that of the frame before.
+// Frames with known, consecutive motion.
 struct Followed {
   struct Frame {
     bool there = false;              // its motion is known
@@ -30,9 +29,9 @@ struct Followed {
     std::array<double, 2> place{};   // sum of the displacements so far, px
   };
   std::vector<Frame> frames;
-  std::vector<GapFigures> bursts;  // that tell, in their order
+  std::vector<GapFigures> bursts;  // informative ones, in order
 
-  // Frames first..last all follow one another.
+  // True if frames first..last are consecutive.
   bool whole(Index first, Index last) const {
     if (first < 0 || last >= static_cast<Index>(frames.size())) return false;
     return std::all_of(frames.begin() + first, frames.begin() + last + 1, [](const Frame& f) { return f.there; });
@@ -40,7 +39,7 @@ struct Followed {
   const Frame& at(Index k) const { return frames[static_cast<std::size_t>(k)]; }
 };
 
-// Whole periods between two frames of the camera's counter; what went back or stands still counts as lost.
+// Whole periods between two frames of the camera's counter; a counter that does not rise counts as a loss.
 std::uint64_t periods_between(std::uint64_t before, std::uint64_t now) {
   constexpr std::uint64_t kMany = 64;
   return now > before ? std::min(now - before, kMany) : kMany;
@@ -50,7 +49,7 @@ Result<Followed> follow(const capture::CaptureReader& reader, const Recording& r
                         const deblur::Settings& settings) {
   const StreamFormat& format = reader.info().format;
   auto solver = deblur::Solver::create(settings, format, PixelType::kFloat32);
-  if (!solver) return Followed{};  // no motion of such frames
+  if (!solver) return Followed{};  // no motion solver for this format
   // The newest planes, of the solver's window and of a burst.
   constexpr std::size_t kKept = GapMeter::kFrames;
   const auto window = static_cast<std::size_t>(settings.window);
@@ -94,7 +93,7 @@ Result<Followed> follow(const capture::CaptureReader& reader, const Recording& r
   return out;
 }
 
-// A value, and that without each block of the data, as an interval.
+// Interval of a value by the jackknife over blocks of the data.
 template <typename Of>
 std::optional<Estimate> jackknifed(const Of& without) {
   const std::optional<double> value = without(-1);
@@ -112,8 +111,8 @@ std::optional<Estimate> jackknifed(const Of& without) {
 
 int block_of(std::size_t burst, std::size_t bursts) { return static_cast<int>(burst * kBlocks / bursts); }
 
-// The mean time constant of the bursts but a block of them, in units of the given one; those that are less sure count
-// less, those far from the others nothing.
+// The mean time constant of the bursts but a block of them, in units of the given one; weighted by precision, without
+// outliers.
 std::optional<double> mean_of(const std::vector<GapFigures>& bursts, int left_out) {
   const double middle = median(mapped(bursts, &GapFigures::tau_ratio));
   const double spread = std::max(
@@ -139,7 +138,7 @@ std::optional<FromMotion::Figure> find_tau(const std::vector<GapFigures>& bursts
   const double ratio = found->value;
   const double error = std::hypot(found->error(), kTauError * ratio);
   if (1.96 * error > kWidestInterval * ratio) return std::nullopt;
-  // Each burst is predicted with what the others say.
+  // Each burst is predicted with the other blocks' estimate.
   std::array<double, kBlocks> others{};
   for (int b = 0; b < kBlocks; ++b) others[static_cast<std::size_t>(b)] = mean_of(bursts, b).value_or(ratio);
   double before = 0.0;
@@ -184,7 +183,7 @@ std::vector<Shear> shears_of(const Followed& all, std::size_t axis) {
   return out;
 }
 
-// What is left of the shears with a delay of a row, in periods: sum of squares.
+// Residual sum of squares of the shears for a row delay in periods.
 double left_of(const std::vector<Shear>& shears, double delay) {
   return sum_of(shears, [delay](const Shear& s) { return std::pow(s.shear - delay * s.change, 2); });
 }

@@ -3,25 +3,25 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kOwnVariance = 4.0;   // times the floor's variance: the block does not move as it was taken to
-constexpr int kGroups = 16;            // of time, of which every second is one half
+constexpr double kOwnVariance = 4.0;   // times the floor's variance: above, the block's motion is wrong
+constexpr int kGroups = 16;            // of time, alternately of one half and the other
 constexpr int kPatternRounds = 8;      // of the search for a fixed pattern
 constexpr double kStep = 0.7;          // of each
-constexpr double kClip = 3.0;          // sigmas, of a value that counts
-constexpr double kLeastLooks = 6.0;    // at a pixel, of each half
-constexpr float kTelling = 1e4F;       // 1 / squared error of a gain that counts
-constexpr double kSeenContrast = 6.0;  // sigmas that a pixel's scene must vary by to show whether it follows
-constexpr double kFollows = 0.4;       // slope of what a pixel shows against what it should: less is deaf
+constexpr double kClip = 3.0;          // clip of residuals, in sigmas
+constexpr double kLeastLooks = 6.0;    // minimum of sights of a pixel in each half
+constexpr float kTelling = 1e4F;       // minimum of 1 / squared error of a gain
+constexpr double kSeenContrast = 6.0;  // minimum variation of a pixel's scene, in sigmas, to judge its response
+constexpr double kFollows = 0.4;       // slope of a pixel's value against its prediction: below it is dead
 constexpr double kFollow = 0.85;       // of its neighbours, at least
 constexpr double kMostPattern = 0.2;   // of the picture's standard deviation
 constexpr double kNoisyScatter = 5.0;  // times the usual scatter
-constexpr double kOfEdge = 0.5;        // px that an edge may be off by
+constexpr double kOfEdge = 0.5;        // position error of an edge, px
 
-// A residual with what its blocks weigh.
+// A residual with the weights of its blocks.
 struct Cells {
   const Residual& residual;
   Blocks blocks;
-  Series weight;  // sights x blocks: 1 / variance, 0 where it is not predicted or moves by itself
+  Series weight;  // sights x blocks: 1 / variance, 0: no prediction, or local motion
   Series square;  // mean square of the residual
 
   Index sights() const { return residual.values.rows(); }
@@ -42,10 +42,9 @@ Cells cells_of(const Residual& r, const PredictionFloor& floor, const Mask& bad)
   return out;
 }
 
-// What two estimates of the same numbers share, as a standard deviation, with the scatter over groups of them as
-// its error.
+// Covariance of two estimates of the same numbers, as a standard deviation; its error from the scatter over groups.
 struct Sharing {
-  Eigen::Array2Xd sums = Eigen::Array2Xd::Zero(2, kGroups);  // of products, and how many
+  Eigen::Array2Xd sums = Eigen::Array2Xd::Zero(2, kGroups);  // of products, and their number
   void add(Index group, double product) { sums.col(group) += Eigen::Array2d(product, 1.0); }
   Measured measured() const {
     std::vector<double> each;
@@ -61,7 +60,7 @@ struct Sharing {
   }
 };
 
-// The fixed pattern that explains what the residuals of some sights have in common: residual = o - (o moved).
+// The fixed pattern o fitted to the residuals of some sights: residual = o - (o moved).
 ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const std::vector<Index>& of,
                    const Mask& bad) {
   const Index pixels = cells.residual.values.cols();
@@ -91,7 +90,7 @@ ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const s
   return pattern;
 }
 
-// How much of a pattern each part of the time shows.
+// Amplitude of a pattern by group of time.
 class Growth {
  public:
   // `time`: of the recording, 0 to 1.
@@ -162,7 +161,7 @@ std::array<std::vector<Index>, 2> halves_of(Index sights) {
   return out;
 }
 
-// The median of a map over the eight pixels around one, of those that are known.
+// The median of a map's known values at the eight pixels around one.
 double around(const ArrayXf& map, Index p, Geometry g) {
   std::vector<float> values;
   visit_around(g, place_of(static_cast<std::size_t>(p), g.width), 1, [&](std::size_t other) {
@@ -172,13 +171,13 @@ double around(const ArrayXf& map, Index p, Geometry g) {
   return values.size() < 3 ? 0.0 : median(std::move(values));
 }
 
-// As a standard deviation; a few that stand out do not count.
+// Robust standard deviation.
 double usual_scatter(const std::vector<double>& values) {
   const double middle = median(values);
   return kSigmaOfMad * median(mapped(values, [middle](double v) { return std::abs(v - middle); }));
 }
 
-// By how much what stays before a pixel differs from one of its neighbours to the one across, the larger way.
+// Difference of the mean scene between opposite neighbours, the larger of both directions.
 double slope_at(const ArrayXf& map, Index p, Geometry g) {
   const Index x = p % g.width;
   const Index y = p / g.width;
@@ -187,15 +186,15 @@ double slope_at(const ArrayXf& map, Index p, Geometry g) {
   return std::max(std::abs(across), std::abs(down));
 }
 
-// Pixels that, in some of the sights, do not follow the scene that crosses them where their neighbours do, or scatter
-// far more than these: either way by more than an edge that rests before them and is not quite followed makes.
+// Pixels that, in some of the sights, do not respond to the scene as their neighbours do, or scatter far more: either
+// beyond the effect of an edge at rest with a small tracking error.
 Mask deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights,
              const std::vector<Index>& of, double floor) {
   const Geometry g = cells.residual.geometry;
   const Index pixels = cells.residual.values.cols();
   ArrayXf scatter = ArrayXf::Zero(pixels);
-  ArrayXf follows = ArrayXf::Zero(pixels);  // slope and one half; 0: not known
-  ArrayXf varies = ArrayXf::Zero(pixels);   // what is predicted, mostly
+  ArrayXf follows = ArrayXf::Zero(pixels);  // slope + 0.5; 0: unknown
+  ArrayXf varies = ArrayXf::Zero(pixels);   // scatter of the prediction
   ArrayXf level = ArrayXf::Zero(pixels);    // in the mean
   std::vector<double> predicted;
   std::vector<double> missed;
@@ -228,7 +227,7 @@ Mask deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Si
   return deaf;
 }
 
-// Adds the pixels that both halves of the time show.
+// Adds pixels found in both halves of the data.
 void find_deaf(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights, double floor,
                Mask& dead) {
   const auto halves = halves_of(cells.sights());
@@ -239,7 +238,7 @@ void find_deaf(const Cells& cells, const FieldFrames& frames, const std::vector<
   }
 }
 
-// A dead pixel shows the mean of its good neighbours from now on.
+// Replaces dead pixels by the mean of their good neighbours.
 void fill_dead(FieldFrames& frames, const Mask& dead) {
   const Geometry g = frames.geometry;
   for (std::size_t p = 0; p < dead.size(); ++p) {
@@ -257,18 +256,17 @@ void fill_dead(FieldFrames& frames, const Mask& dead) {
 }
 
 struct Gains {
-  ArrayXf slope;  // 0: not known
-  ArrayXf level;  // mean of what the pixel should have shown
+  ArrayXf slope;  // 0: unknown
+  ArrayXf level;  // mean of the pixel's prediction
 };
 
-// Of each pixel, in some of the sights: by what share of the scene's changes its residual goes along with them, less
-// what its block's pixels have in common, which are the prediction's errors. The frames that predict have gains, too:
-// residual = g x - (g x moved).
+// Gain g of each pixel in some of the sights: regression of its residual on the scene's changes x, less its block's
+// mean, an error of the prediction. The predicting frames have gains, too: residual = g x - (g x moved).
 Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& frames, const std::vector<Sight>& sights,
                const std::vector<Index>& of, const Mask& dead) {
   const Index pixels = left.values.cols();
   Gains gain{ArrayXf::Zero(pixels), ArrayXf::Zero(pixels)};
-  // What all pixels should show in sight i, and what they weigh.
+  // Prediction of all pixels in sight i, and their weights.
   const auto shown = [&](Index i) -> ArrayXf {
     const Index frame = sights[static_cast<std::size_t>(i)].frame;
     return (frames.values.row(frame) - cells.residual.values.row(i)).transpose().array();
@@ -312,8 +310,8 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
   return gain;
 }
 
-// Correlation of neighbours. A camera's pixels know nothing of each other; what the prediction misses of a scene that
-// comes by again in the other half of the time is as large as the scene's structures.
+// Correlation of neighbours. A camera's pixels are independent; prediction errors of a recurring scene are correlated
+// over its structures.
 double likeness(const std::array<ArrayXf, 2>& half, Geometry g) {
   double beside = 0.0;
   double same = 0.0;
@@ -328,8 +326,8 @@ double likeness(const std::array<ArrayXf, 2>& half, Geometry g) {
   return same > 0.0 ? beside / same : 1.0;
 }
 
-// A pattern without what gains make of it: gain times what the pixel saw in the mean, less the level at which gains
-// make no difference, which is what offsets have in common with the gains of the other half, whose errors are others.
+// A pattern less the gains' effect: gain times the pixel's mean level about the gains' reference, which is the
+// regression of offsets on the gains of the other half, with independent errors.
 std::array<ArrayXf, 2> without_gains(std::array<ArrayXf, 2> pattern, const std::array<Gains, 2>& gains) {
   for (std::size_t h = 0; h < 2; ++h) {
     const Gains& of = gains[h];
@@ -361,7 +359,7 @@ double contrast_of(const FieldFrames& frames) {
 FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, Mask dead) {
   FieldParts out;
   const Geometry g = frames.geometry;
-  Series nominal;  // mean squares of the blocks, whatever their pixels do
+  Series nominal;  // mean squares of the blocks, without corrections
   const auto shown = static_cast<Index>(sights.size() / 2);
   const auto seen = frames.values.row(sights[sights.size() / 2].frame);
   plot::Plot came = picture("A frame, as it came", seen, g);
@@ -383,7 +381,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   for (std::size_t h = 0; h < 2; ++h) pattern[h] = pattern_of(cells, sights, halves[h], dead);
   out.offset = offsets_of(pattern, g);
 
-  // Each half is told the other one's pattern.
+  // Each half is corrected by the other's pattern.
   Residual left = raw;
   Aligner mover(g);
   ArrayXf moved(raw.values.cols());
@@ -408,7 +406,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   out.gain_likeness = likeness(slopes, g);
   out.beside_gain = offsets_of(without_gains(pattern, gains), g);
 
-  // A pattern that is much of the picture is what stands still behind something that moves.
+  // A pattern of high contrast is a still background behind a moving object.
   out.followed = out.offset.pixel.value < kMostPattern * contrast_of(frames) && follows(frames, sights, left);
   const auto told = 1 - static_cast<std::size_t>(half_of_time(shown, cells.sights()));
   plot::Plot without = picture("The same without the pixels' offsets", seen - pattern[told].matrix().transpose(), g);

@@ -7,9 +7,9 @@ using motion::PaddedPlane;
 using motion::Vec2;
 using motion::VectorField;
 
-constexpr std::size_t kBins = 12;  // of contrast, of the floor
+constexpr std::size_t kBins = 12;  // of the floor, over contrast
 
-// Whether all of a block has come from inside the frame.
+// True if all of a block's source lies inside the frame.
 bool seen(Geometry g, int x0, int y0, Vec2 d) {
   constexpr float kTaps = 2.0F;
   const auto inside = [](int first, int length, float from, int size) {
@@ -68,7 +68,7 @@ bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const 
   constexpr std::size_t kLooks = 40;
   constexpr double kTells = 1.3;      // times the other's square
   constexpr double kLeastTell = 0.1;  // of the blocks
-  constexpr double kMost = 3.0;       // times those that say otherwise
+  constexpr double kMost = 3.0;       // times the contradicting ones
   const std::size_t every = std::max<std::size_t>(1, sights.size() / kLooks);
   std::vector<Sight> stood;
   for (std::size_t i = 0; i < sights.size(); i += every) {
@@ -141,7 +141,7 @@ double PredictionFloor::variance(double contrast) const {
   const auto above = std::ranges::upper_bound(contrast_, contrast);
   if (above == contrast_.begin()) return variance_.front();
   if (above == contrast_.end()) {
-    // Errors grow with the contrast, also beyond what most blocks have.
+    // Errors grow with the contrast, also beyond the last bin.
     return variance_.back() * std::max(1.0, contrast / std::max(contrast_.back(), 1e-9));
   }
   const auto i = static_cast<std::size_t>(above - contrast_.begin());

@@ -1,4 +1,4 @@
-// Rounds of Gauss and Newton, and what an effect would gain by the linear model around a fit.
+// Gauss-Newton iterations, and the gain of effects by the linear model around a fit.
 #include "src/diagnose/fit.hpp"
 
 #include "src/diagnose/stages.hpp"
@@ -65,7 +65,7 @@ NewtonStep step_of(const Linear& linear, const Unknowns& u, const State& state) 
   for (const Columns& columns : linear.columns) {
     weights += static_cast<double>((columns.residual.array() != 0.0F).count()) / 2.0;
   }
-  // The prior speaks in nats of a well-predicted session; where nothing fits it would be lost, so it keeps its weight.
+  // The prior is scaled for a well-predicted session; with a bad fit it keeps its relative weight.
   NewtonStep step;
   step.excess = std::max(1.0, squares / weights);
   step.normal = normal / step.excess;
@@ -76,7 +76,7 @@ NewtonStep step_of(const Linear& linear, const Unknowns& u, const State& state) 
   return step;
 }
 
-// Frames that do not count were not fitted: their shifts follow from those of their neighbours.
+// Interpolates the shifts of unused frames from their neighbours.
 void fill_unseen_shifts(const FitData& data, State& state) {
   for (std::size_t i = 0; i < data.session.recordings.size(); ++i) {
     const Recording& r = data.session.recordings[i];
@@ -118,7 +118,7 @@ void take(const FitData& data, const NewtonStep& step, const Linear& linear, con
   smooth_speeds(data.session, state);
 }
 
-// Standard errors of the unknowns: from the noise, or from the scatter of the groups where that says more.
+// Standard errors of the unknowns: from the noise, or from the groups' scatter if larger.
 VectorXd errors_of(const Linear& linear, const NewtonStep& step) {
   const Index count = step.by.size();
   const MatrixXd spread = inverse(step.normal);
@@ -131,7 +131,7 @@ VectorXd errors_of(const Linear& linear, const NewtonStep& step) {
   return spread.diagonal().cwiseMax(robust.diagonal()).cwiseMax(0.0).cwiseSqrt();
 }
 
-// The candidate's parameters; its form takes effect together with them, so that the base stays as it is.
+// The candidate's parameters; its form is set together with them, so the base is unchanged.
 std::vector<Parameter> parameters_of(const Session& session, const Choice& candidate) {
   if (!candidate.effect->parameters) return {};
   std::vector<Parameter> all = candidate.effect->parameters(session);
@@ -154,7 +154,7 @@ struct Wide {
   MatrixXd normal;                    // augmented
   std::vector<const MatrixXd*> test;  // augmented, of each group
 
-  // Squared residual of each group when the parameters `chosen` are solved for.
+  // Squared residual of each group with the parameters `chosen` fitted.
   std::vector<double> loss(const std::vector<Index>& chosen) const {
     MatrixXd a = normal(chosen, chosen);
     VectorXd b = normal(chosen, normal.cols() - 1);
@@ -229,13 +229,13 @@ std::vector<Gain> screen(const FitData& data, const FitResult& base, const std::
     wide.normal += g.train;
     wide.test.push_back(&g.test);
   });
-  // The fit's pixels stand for all.
+  // The fit's pixels represent all.
   const double scale = static_cast<double>(data.all_pixels.size()) / static_cast<double>(data.fit_pixels.size());
   const std::vector<double> before = wide.loss(chosen);
   std::vector<Gain> gains(candidates.size());
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const Effect& effect = *candidates[i].effect;
-    // What the drift's map multiplies is its own cubics; others can be tried by themselves.
+    // The drift's map needs its cubics; other maps can be tried alone.
     if (effect.map != MapKind::kNone && effect.map != MapKind::kDrift) {
       gains[i] = gain_between(base.score, map_gain(data, base.state, base.score, effect.map));
     } else if (with[i].size() > chosen.size()) {

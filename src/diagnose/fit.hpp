@@ -1,8 +1,8 @@
-// Nested least-squares fits of camera and stimulus: what they look at and its linear equations, what they solve for,
-// maps of single pixels, and the choice of effects.
+// Nested least-squares fits of camera and stimulus: data, normal equations, unknowns, maps of single pixels, and the
+// selection of effects.
 //
-// A cell is a block of frames times a block of pixels of one recording. Every second cell is held out: it never enters
-// a fit, and gaps and gains are measured there only.
+// A cell is a block of frames times a block of pixels of one recording. Every second cell is held out: excluded from
+// fits, and the only data for gaps and gains.
 #pragma once
 
 #include "src/diagnose/effect.hpp"
@@ -29,7 +29,7 @@ struct Score {
   double gap(std::optional<std::size_t> recording = std::nullopt) const;
 };
 
-// Gain of log-likelihood from one score to another and how consistent it is over groups.
+// Gain of log-likelihood from one score to another and its consistency over groups.
 struct Gain {
   double total = 0.0;
   double z = 0.0;
@@ -40,18 +40,18 @@ Gain gain_between(const Score& before, const Score& after);
 // Calls work(i) for each recording that has a model, on at most `threads` threads. It must not throw.
 void for_each_modelled(const Session& session, int threads, const std::function<void(std::size_t)>& work);
 
-// A session with the noise of one value (K rms) and the pixels that are looked at; the session must outlive it.
+// A session with the noise of one value (K rms) and the evaluated pixels; the session must outlive it.
 struct FitData {
   FitData(const Session& session, double floor_k, int threads);
 
   const Session& session;
   double floor_k;
   int threads;
-  std::vector<int> fit_pixels;  // that fits look at: a scattered part of
+  std::vector<int> fit_pixels;  // used by fits: a scattered part of
   std::vector<int> all_pixels;  // all that are good and not at the sensor's edge
 
   bool frame_counts(std::size_t recording, Index frame) const;
-  // Below it a value is what the camera would have shown without a ceiling.
+  // Values below it are unaffected by the ceiling.
   float usable_limit(const State& state) const;
   // Residual of a recording in units of the floor, on `pixels`; unused frames and bad pixels are 0.
   Series residual(std::size_t recording, const State& state, std::span<const int> pixels) const;
@@ -71,7 +71,7 @@ struct FitData {
 // Weighted residual and derivatives of one recording on the fit's pixels.
 struct Columns {
   Series residual;
-  std::vector<Series> column;             // empty where the parameter has no influence
+  std::vector<Series> column;             // empty: the parameter has no influence
   std::vector<double> shift;              // moving bars: the residual's share of each frame's shift, px
   std::vector<std::vector<double>> turn;  // the same of each column
 };
@@ -89,33 +89,32 @@ struct Group {
 std::vector<Group> groups_of(const Session& session, const Series& residual, const std::vector<Series>& columns,
                              std::span<const int> pixels);
 
-// The solution within bounds: what would go beyond one stays there, and the others are solved for once more.
+// The solution within bounds: unknowns beyond one are clamped to it, and the others solved again.
 VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const VectorXd& low, const VectorXd& high);
 
 MatrixXd inverse(const MatrixXd& normal);
-// What each column of the basis counts in each column of values.
+// Coefficients: one row a column of the basis, one column a column of values.
 MatrixXd least_squares(const MatrixXd& basis, const MatrixXd& values);
 
-// Owners of what several recordings share.
+// Owners of nuisance parameters shared by recordings.
 inline constexpr int kAllBars = -1;
 inline constexpr int kAllRecordings = -2;
 
-// An error of the stimulus, fitted always and never counted as the camera's gap.
+// An error of the stimulus: always fitted, never part of the camera's gap.
 struct Nuisance {
   Parameter parameter;
   int recording = kAllBars;
   bool is_level = false;  // shares its prior with all other levels
   double nominal = 0.0;
   double prior =
-      0.0;  // standard deviation about `nominal`; 0: free. Of levels: what the bench says, see level_spread()
+      0.0;  // standard deviation about `nominal`; 0: free. Of levels: the stated accuracy, see level_spread()
 };
 
 std::vector<Nuisance> nuisances(const Session& session, const State& nominal);
 
 inline constexpr double kSoftestEdge_px = 0.35;  // of a target, standard deviation
 
-// Levels that agree with the files to a few millikelvin say so together: their spread, as a share of what the bench
-// says of their accuracy, is estimated from themselves, but is never more than all of it.
+// The levels' common spread, as a share of the stated accuracy and at most 1, is estimated from all levels together.
 inline constexpr double kLevelResolution = 0.005;  // K
 double level_spread(const std::vector<Nuisance>& all, const State& state);
 // The standard deviation of one level at this spread, K.
@@ -129,10 +128,10 @@ double level_evidence(const std::vector<Nuisance>& all, const State& state);
 // An effect in one of its forms.
 struct Choice {
   const Effect* effect = nullptr;
-  int form = -1;  // -1: as the state has it
+  int form = -1;  // -1: that of the state
 };
 
-// The same effects, their forms as they are in the state already.
+// The same effects with the state's forms.
 std::vector<Choice> unformed(std::vector<Choice> choices);
 
 struct Unknowns {
@@ -142,14 +141,14 @@ struct Unknowns {
 
   Unknowns(const Session& session, const State& nominal, std::span<const Choice> choices);
 
-  // Of one recording: those that cannot change it have no step. `of`: the parameters, or these and more.
+  // Of one recording: step 0 for those without influence on it. `of`: the parameters, or these and more.
   std::vector<Parameter> touching(const Session& session, std::size_t recording, std::vector<Parameter> of) const;
 
-  // The prior of the stimulus: precision on the diagonal, and its pull on the right side.
+  // The prior of the stimulus: precision on the diagonal, and its gradient on the right side.
   void add_prior(const State& state, MatrixXd& normal, VectorXd& right) const;
 };
 
-// What the files say of the stimuli, with the frame filter of `state`.
+// The stimuli as their files describe them, with the frame filter of `state`.
 State nominal_of(const Session& session, const State& state);
 
 inline constexpr std::array<MapKind, 4> kMapKinds{MapKind::kOffset, MapKind::kGain, MapKind::kTau, MapKind::kDrift};
@@ -158,12 +157,12 @@ inline constexpr std::array<MapKind, 4> kMapKinds{MapKind::kOffset, MapKind::kGa
 template <typename T>
 using OfMaps = std::array<T, kMapKinds.size()>;
 
-// What maps do to the readings: frames x pixels, per unit: 1, T - the gains' reference, dT / d ln tau, the drift. Those
-// that are not wanted are empty. Thread: any.
+// Derivatives of the readings by the maps, frames x pixels: 1, T - the gains' reference, dT / d ln tau, the drift.
+// Unwanted ones are empty. Thread: any.
 OfMaps<Series> bases_of(const Session& session, std::size_t recording, const State& state, const OfMaps<bool>& wanted,
                         std::span<const int> pixels);
 
-// The regression of one pixel's residual on the bases that are wanted.
+// The regression of one pixel's residual on the wanted bases.
 struct PixelSums {
   Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
   Eigen::Vector4d right = Eigen::Vector4d::Zero();
@@ -171,23 +170,22 @@ struct PixelSums {
   double count = 0.0;
 
   void add(const OfMaps<Series>& bases, Index frame, Index column, double residual);
-  // The inverse of `normal`; what is not wanted, or not known, comes out as 0.
+  // The inverse of `normal`; 0 for unwanted or undetermined bases.
   Eigen::Matrix4d spread(const OfMaps<bool>& wanted) const;
 };
 
-// Each pixel's sums over all recordings; `sums_of(recording)` has those of one, a value for each of `pixels`.
+// Each pixel's sums over all recordings; `sums_of(recording)` returns those of one.
 std::vector<PixelSums> sum_pixels(const Session& session, std::size_t pixels, int threads,
                                   const std::function<std::vector<PixelSums>(std::size_t)>& sums_of);
 
-// Makes the mean over the pixels that count zero, and keeps as much of their scatter as is not noise: `noise2` is its
-// mean variance.
+// Centres the map over `pixels` and shrinks it by its reliability; `noise2` is the mean noise variance.
 template <typename Map>
 void centre_and_shrink(Map& map, std::span<const int> pixels, double noise2, MapKind kind) {
-  constexpr double kSmallMean = 0.15;  // of a map's squares: a mean that a few smooth bumps may have
+  constexpr double kSmallMean = 0.15;  // of a map's squares: a mean possible for a few smooth bumps
   const auto count = static_cast<double>(pixels.size());
   double mean = sum_of(pixels, [&](int p) { return map[p] / count; });
   const double square = sum_of(pixels, [&](int p) { return map[p] * map[p] / count; });
-  // A few smooth bumps need not have zero mean: a small one is theirs. Offsets' mean belongs to the levels.
+  // A few smooth bumps may have a small mean: kept. Offsets' mean belongs to the levels.
   if (kind != MapKind::kOffset && mean * mean < kSmallMean * square) mean = 0.0;
   using Value = typename Map::Scalar;
   for (const int p : pixels) map[p] -= static_cast<Value>(mean);
@@ -195,17 +193,16 @@ void centre_and_shrink(Map& map, std::span<const int> pixels, double noise2, Map
   map *= static_cast<Value>(variance > 0.0 ? std::clamp(1.0 - noise2 / variance, 0.0, 1.0) : 0.0);
 }
 
-// The state with the maps that `choices` want, estimated anew on the training cells.
+// The state with the maps that `choices` want, re-estimated on the training cells.
 State estimate_maps(const FitData& data, State state, const std::vector<Choice>& choices);
 
 // The score with a map of this kind added to a state whose score is `before`.
 Score map_gain(const FitData& data, const State& state, const Score& before, MapKind kind);
 
-// By how many standard errors the means of rows follow a parabola over the rows. Columns may differ; pixels of 0 do not
-// count.
+// Significance, in standard errors, of a parabola in the row means. Columns may differ; pixels of 0 are ignored.
 double row_trend_z(const Session& session, const Eigen::VectorXf& map);
 
-// Above it the rows' means are no accident.
+// Significance limit of row_trend_z().
 inline constexpr double kClearTrend = 4.5;
 
 struct FitResult {
@@ -219,30 +216,29 @@ struct FitResult {
 // Fits the stimulus, and the parameters and maps of `choices`, from `start` on.
 FitResult fit(const FitData& data, const State& start, const std::vector<Choice>& choices, int rounds);
 
-// Once more, `rounds` at a time, until the gap changes by no more than the share `tolerance`.
+// Repeats the fit, `rounds` at a time, until the gap changes by no more than the share `tolerance`.
 FitResult settle(const FitData& data, FitResult from, int rounds, double tolerance);
 
-// What each candidate would gain on held-out cells, by the linear model around a fit: cheap, so that only the best are
-// fitted in earnest.
+// Gain of each candidate on held-out cells by the linear model around a fit: a cheap preselection for full fits.
 std::vector<Gain> screen(const FitData& data, const FitResult& base, const std::vector<Choice>& candidates);
 
 // Forward selection of effects with nested refits, then backward.
 struct Chosen {
   Choice choice;
   FoundEffect found;      // without its parameters
-  bool from_map = false;  // seen in the map of another, which had explained it away
+  bool from_map = false;  // found in another's map, which had absorbed it
 };
 
 struct Selection {
   FitResult fit;
-  std::vector<Chosen> chosen;  // in the order of finding; gaps are nested
+  std::vector<Chosen> chosen;  // in order of selection; gaps are nested
 };
 
-// What an effect must gain on held-out cells, in units of log-likelihood, and how even over groups.
+// Minimum gain of an effect on held-out cells, in log-likelihood, and of its consistency over groups.
 inline constexpr double kLeastGain = 20.0;
 inline constexpr double kLeastZ = 2.2;
 
-// `allowed` says which effects of the catalogue may be chosen at all. `progress` is told what is being tried.
+// `allowed`: the effects that may be selected. `progress` gets the effect being tried.
 Selection select_effects(const FitData& data, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
                          const std::function<bool(const std::string& step, double done)>& progress);
 

@@ -1,21 +1,21 @@
-// Steps of the offset, of all pixels or of each by itself: looked for in a series of residuals, and taken out.
+// Steps of the offset, global or per pixel: searched in a series of residuals, and removed.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
 // Set by effect-free shutters of 160 to 240 frames.
-constexpr Index kSide = 12;  // frames on either side of a jump that it is judged by
+constexpr Index kSide = 12;  // frames on either side of a jump
 constexpr double kJumpZ = 9.0;
 constexpr double kLeastJump_k = 0.02;
 constexpr double kSuddenLeast = 0.6;  // of the jump, between the two frames
 constexpr double kSuddenMost = 1.6;
-constexpr double kLeastOfLeap = 0.1;  // of what the prediction changes by between them: other time constants do less
-constexpr double kPatternZ = 25.0;    // of a jump of each pixel by itself
+constexpr double kLeastOfLeap = 0.1;  // of the predicted change between them: errors of tau cause less
+constexpr double kPatternZ = 25.0;    // of a per-pixel jump
 constexpr double kPatternOverNoise = 2.5;
 constexpr double kPatternAtOnce = 0.5;  // of the pattern, between the two frames
 constexpr double kThawZ = 6.0;          // after a freeze, where a jump is expected
-constexpr double kExplains = 0.6;       // of what changes slowly, by a step and nothing else
+constexpr double kExplains = 0.6;       // share of slow variation explained by the step
 constexpr double kMedianStep = 0.954;   // median of |a - b| of two Gaussian values, in sigmas
 
 MatrixXd levels_in(const std::vector<Index>& frames, const MatrixXd& levels) {
@@ -23,7 +23,7 @@ MatrixXd levels_in(const std::vector<Index>& frames, const MatrixXd& levels) {
   return levels(frames, Eigen::all);
 }
 
-// Multiplied with values of these frames: the step before frame `first`, when levels take up what they can.
+// Weights of these frames' values in the least-squares step before frame `first`, with levels free.
 VectorXd step_weights(const std::vector<Index>& frames, const MatrixXd& levels, Index first) {
   VectorXd step(static_cast<Index>(frames.size()));
   std::ranges::transform(frames, step.begin(), [first](Index k) { return k >= first ? 1.0 : 0.0; });
@@ -31,7 +31,7 @@ VectorXd step_weights(const std::vector<Index>& frames, const MatrixXd& levels, 
   return step / std::max(1e-9, step.squaredNorm());
 }
 
-// A series of residuals in which a jump is looked for: good pixels in the frames that are used.
+// A search for a jump in residuals of good pixels in used frames.
 struct JumpSearch {
   std::vector<Index> frames;
   Eigen::ArrayXXd value;  // frames x pixels
@@ -42,7 +42,7 @@ struct JumpSearch {
   double flicker = 0.0;   // of one frame's mean
   double noise2 = 0.0;    // of one value
 
-  // Whether there is enough to judge by; then the noise is known.
+  // Estimates the noise; false if there are too few data.
   bool prepare() {
     const Index n = value.rows();
     if (n < 2 * kSide + 2 || value.cols() < 8) return false;
@@ -58,8 +58,8 @@ struct JumpSearch {
     return true;
   }
 
-  // The share of what changes slowly that a step before frame `a` explains. Of a still field every pixel tells; where
-  // something moves, what the model is off by changes the pixels, so that only their mean does.
+  // The share of slow variation explained by a step before frame `a`: of all pixels of a still field; with motion, of
+  // their mean only, since model errors vary the pixels.
   double explained(Index a) const {
     const Index n = value.rows();
     MatrixXd whole = still ? MatrixXd(value.matrix()) : MatrixXd(mean.matrix());
@@ -80,8 +80,8 @@ struct JumpSearch {
 
   VectorXd weights_of(Index a) const { return step_weights(frames, levels, frames[static_cast<std::size_t>(a)]); }
 
-  // A jump before frame `a`, when it is stronger than `strongest`, which is raised to it. By the means of kSide frames
-  // on either side; where the stimulus changes, by all frames.
+  // A jump before frame `a` if stronger than `strongest`, which it updates. By the means of kSide frames on either
+  // side; with a changing stimulus, by all frames.
   std::optional<Jump> at(Index a, bool thawed, double& strongest) const {
     const ArrayXd change = value.middleRows(a, kSide).colwise().mean().transpose() -
                            value.middleRows(a - kSide, kSide).colwise().mean().transpose();
@@ -149,7 +149,7 @@ void remove_jump(Session& session, Jump& jump, const Series& residual, const Mat
   const VectorXd step = residual(frames, Eigen::all).cast<double>().transpose() * weights;
   const std::vector<int> good = session.good_pixels();
   const double mean = sum_of(good, [&](int p) { return step[p]; }) / std::max(1.0, static_cast<double>(good.size()));
-  // Pixels have steps of their own only when a pattern was seen; else the mean is the better estimate of each.
+  // Per-pixel steps only if a pattern was found; else the mean is the better estimate.
   for (Index p = 0; p < residual.cols(); ++p) {
     const double own = jump.pixel_k > 0.0 ? step[p] : mean;
     r.values.col(p).bottomRows(r.values.rows() - first).array() -= static_cast<float>(own);

@@ -1,5 +1,5 @@
-// Maps of the full frame. The diagnosis itself looks at a grid; a pattern of single pixels cannot be read off that, so
-// the captures are read again, some rows at a time.
+// Maps of the full frame. The diagnosis uses a grid, which omits most pixels, so the captures are read again, some rows
+// at a time.
 
 #include "src/diagnose/stages.hpp"
 
@@ -12,8 +12,8 @@ constexpr int kTauRounds = 2;
 enum Basis : std::size_t { kOffset, kGain, kTau, kDrift };  // in the order of kMapKinds
 using Wanted = OfMaps<bool>;
 
-// What was found of every pixel, row-major over the frame: K, share of T - the gains' reference, log of tau's share,
-// share of the drift; and the variance that noise gives each, summed over the pixels.
+// Estimates of every pixel, row-major over the frame: K, share of T - the gains' reference, log of tau's share, share
+// of the drift; and the noise variance of each, summed over the pixels.
 struct Found {
   OfMaps<VectorXd> value;
   OfMaps<double> noise2{};
@@ -37,7 +37,7 @@ std::size_t first_pixel(const Session& band) {
   return static_cast<std::size_t>(band.grid.rows.front()) * static_cast<std::size_t>(band.width);
 }
 
-// One reader for each recording; recordings are in the order of the files, some of which were left out.
+// One reader for each recording; recordings are in the order of the files, some of which were excluded.
 Result<std::vector<capture::CaptureReader>> open_all(const Session& session,
                                                      const std::vector<std::filesystem::path>& files) {
   std::vector<capture::CaptureReader> readers;
@@ -60,7 +60,7 @@ Status read_band(const capture::CaptureReader& reader, const Session& band, Seri
   return {};
 }
 
-// The first frame of a recording whose offsets are no longer those of its beginning.
+// The first frame of a recording after a change of its offsets.
 Index changed_at(const LearnTask& task, std::size_t recording) {
   Index first = task.session.recordings[recording].frames();
   for (const Jump& jump : task.jumps) {
@@ -99,7 +99,7 @@ void add_solution(const PixelSums& total, const Wanted& wanted, std::size_t pixe
   }
 }
 
-// The camera with the maps that a first round has found: the rest is linear and known, only tau has more to tell.
+// Applies a first round's maps to the camera: all but tau are linear and final.
 void apply(Found& found, const Wanted& wanted, Index begin, Index pixels, CameraModel& camera) {
   for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
     auto values = found.value[b].segment(begin, pixels);
@@ -113,7 +113,7 @@ void apply(Found& found, const Wanted& wanted, Index begin, Index pixels, Camera
 void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted, int threads, Found& found) {
   const std::size_t begin = first_pixel(band);
   const auto pixels = static_cast<std::size_t>(band.grid.pixels());
-  State state = *task.state;  // the maps of its grid are estimated anew
+  State state = *task.state;  // the grid's maps are re-estimated
   for (const MapKind kind : kMapKinds) map_of(state.camera, kind).resize(0);
   for (int round = 0; round < (wanted[kTau] ? kTauRounds : 1); ++round) {
     if (round > 0) apply(found, wanted, static_cast<Index>(begin), static_cast<Index>(pixels), state.camera);
@@ -125,7 +125,7 @@ void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted
   }
 }
 
-// What the camera adds at each pixel: gain's excess and offset, from the maps and from the shapes that were fitted.
+// The camera's gain excess and offset at a pixel, from maps and fitted shapes.
 struct Added {
   double gain = 0.0;
   double offset = 0.0;
@@ -142,7 +142,7 @@ Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
   Added added{own + corner,
               value(kOffset) - own * c.gain_reference_k - corner * c.corner_reference_k + heating_at(c, place.row)};
   for (const CameraModel::Term& term : c.terms) added.offset += term.value * term.unit(place, kReference);
-  // A package that has drifted stays so: what it had come to at the end of the session.
+  // A package's drift is permanent: its value at the end of the session.
   if (task.found("drift") != nullptr && !c.drift.empty() && !c.drift_level.empty()) {
     const std::size_t index = session.recordings.size() - 1;
     const double drifted = c.drift_level[index] + drift_at(c, last, index, last.t.back());

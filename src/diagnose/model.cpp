@@ -20,7 +20,7 @@ double row_time(const Session& session, const CameraModel& c, int row) {
   return c.row_delay_s * rows * session.row_step;
 }
 
-// What comes after the pixel, in place; `y` holds the linear quantity.
+// The read-out after the pixel, in place; `y` holds the linear quantity.
 void read_out(const Session& session, std::size_t index, const CameraModel& c, std::span<const int> pixels, Series& y) {
   const Recording& recording = session.recordings[index];
   if (c.radiance != 0.0) {
@@ -34,7 +34,7 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
   Row gain = Row::Zero(y.cols());
   Row corner(y.cols());
   Row fixed(y.cols());
-  Row share = Row::Zero(y.cols());  // of the drift, beyond the mean's
+  Row share = Row::Zero(y.cols());  // relative excess of the drift
   std::vector<Place> places;
   for (Index j = 0; j < y.cols(); ++j) {
     const int pixel = pixels[static_cast<std::size_t>(j)];
@@ -111,7 +111,7 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
     return StepTable(steps, response, recording.t.back() + 0.2);
   });
   Series y(recording.frames(), static_cast<Index>(pixels.size()));
-  // Pixels of one moment share their values when nothing tells them apart.
+  // Identical, simultaneous pixels share their values.
   const bool together = !varied && stimulus.sweep_s == 0.0 && c.row_delay_s == 0.0;
   for (Index j = 0; j < y.cols(); ++j) {
     if (together && j > 0) {
@@ -162,7 +162,7 @@ TauTables<BarTable> bar_tables(const CameraModel& c, const StimulusState& stimul
   return {c.response, moving, [&](const Response& response) { return BarTable(bars, response, signal); }};
 }
 
-// Speeds come from the nominal clock.
+// Corrects speeds, which are relative to the nominal clock.
 double true_mean_speed(const StimulusState& stimulus, double clock_skew) {
   const auto count = static_cast<double>(stimulus.speed_px_s.size());
   return sum_of(stimulus.speed_px_s, [count](double v) { return v / count; }) / (1.0 + clock_skew);

@@ -1,6 +1,6 @@
-// Forward models in closed form: what a pixel shows of a chopper (sums of exponentials) and of moving bars (a Fourier
-// series, whose every harmonic passes optics, pixel and read-out as a factor); what is believed of camera and stimulus,
-// and what they would show.
+// Forward models in closed form: a pixel's response to a chopper (sums of exponentials) and to moving bars (a Fourier
+// series: optics, pixel and read-out are a factor on each harmonic); the state of camera and stimulus, and its
+// prediction.
 #pragma once
 
 #include "src/diagnose/session.hpp"
@@ -9,7 +9,7 @@ namespace bolo::diagnose {
 
 using model::FrameFilter;
 
-// All that is linear between the scene and the read-out.
+// The linear response from the scene to the read-out.
 struct Response {
   double tau_s = 0.011;
   double slow_share = 0.0;  // of the response, with slow_tau_s
@@ -55,21 +55,21 @@ struct Bars {
   double bar_width_px = 0.0;
   double slant_px_per_row = 0.0;
   double velocity_px_s = 0.0;
-  double edge_px2 = 0.0;     // variance of the target's own edges, as far as they are Gaussian
-  double ramp_px = 0.0;      // and over which they are straight ramps
+  double edge_px2 = 0.0;     // variance of the target's own edges, Gaussian part
+  double ramp_px = 0.0;      // width of their straight ramps
   double aperture_px = 1.0;  // width over which a pixel averages
-  double lean_px = 0.0;      // by which bars lean within the height that a pixel sees
+  double lean_px = 0.0;      // of the bars' slant within a pixel's height
 };
 
-// What a pixel shows of bars of height 1 on 0, by the phase of the bars at the pixel.
+// A pixel's response to bars of height 1 on 0, by the bars' phase at the pixel.
 class BarTable {
  public:
-  // `signal`: from the share of a pixel that bars cover to the share of the signal that it gets; empty: the same.
+  // `signal`: from the covered share of a pixel to its share of the signal; empty: identity.
   BarTable(const Bars& bars, const Response& response, const std::function<double(double)>& signal = {});
   double at(double phase_px) const noexcept;     // phase: any number
   double slope(double phase_px) const noexcept;  // by phase, 1/px
 
-  // Tables that differ in their response alone are read at the same place: it is found once.
+  // A position valid in all tables of the same bars, computed once.
   struct Cell {
     std::size_t index = 0;
     float share = 0.0F;  // of the way to the next value
@@ -80,18 +80,18 @@ class BarTable {
   }
 
  private:
-  double covered(double phase_px) const noexcept;  // the share of the signal that a still pixel gets, in closed form
+  double covered(double phase_px) const noexcept;  // a still pixel's share of the signal, in closed form
   double scale_ = 0.0;
   Bars bars_;
-  bool still_ = false;  // value_ is what conduction adds to covered()
+  bool still_ = false;  // value_ is conduction's addition to covered()
   double sigma_px_ = 0.0;
-  std::vector<double> signal_;  // of shares from 0 to 1; empty: the same
+  std::vector<double> signal_;  // of shares from 0 to 1; empty: identity
   std::vector<float> value_;    // one period and one more
 };
 
-// Band radiance of a black body, 7.5 to 14 um, in kelvin of its own: signal(300 K) = 300, slope 1 there.
+// Band radiance of a black body, 7.5 to 14 um, scaled to signal(300 K) = 300 with slope 1.
 
-// 200..700 K, beyond it goes straight on. Source: Planck's law, integrated over the band. Thread: any.
+// 200..700 K, linear beyond. Source: Planck's law, integrated over the band. Thread: any.
 double band_signal(double temperature_k) noexcept;
 double band_temperature(double signal) noexcept;
 
@@ -111,7 +111,7 @@ class TemperatureTable {
   std::vector<double> value_;
 };
 
-// Where and when a value was read: what an effect that only adds to the read-out may depend on.
+// Position and time of a value: the inputs of purely additive effects.
 struct Place {
   double row = 0.0;     // 0..1 from the first to the last
   double column = 0.0;  // 0..1
@@ -119,7 +119,7 @@ struct Place {
 };
 Place place_in(const Session& session, int row, int column, double t_s);
 
-// About which the references of gains are looked for.
+// Centre of the search for the gains' references.
 inline constexpr double kReference = 300.0;
 
 struct CameraModel {
@@ -131,24 +131,24 @@ struct CameraModel {
   bool edges_in_temperature = false;       // pixels average over the target's temperature, not its radiance
   double reflected = 0.0;                  // 1 - emissivity
   double surroundings = 0.0;               // radiance of the surroundings times `reflected`, less that of kSurroundings
-  double pixel_height = 0.0;               // of the rows' distance, over which a pixel sees; it shows where bars lean
+  double pixel_height = 0.0;               // height seen by a pixel, of the rows' distance; visible with slanted bars
   double corner_gain = 0.0;                // added at the corners, growing with the square of the radius
   double tilt_x = 0.0;                     // with the above: added at the right and the lower edge, for a centre
   double tilt_y = 0.0;                     // that is not the image's
-  double corner_bend = 0.0;                // the same grows by this share of itself towards the corners
-  double corner_reference_k = kReference;  // at which these make no difference: the housing that shows in their place
+  double corner_bend = 0.0;                // relative growth of these towards the corners
+  double corner_reference_k = kReference;  // at which these cancel: the housing's temperature
   double clock_skew = 0.0;                 // the frame period is longer by this share
-  double clip_k = std::numeric_limits<double>::infinity();  // values from here on up say nothing
+  double clip_k = std::numeric_limits<double>::infinity();  // values from here on up are not used
   double heating_k = 0.0;  // of the last row; the offset grows as 1 - exp(-heating_rate row), row 0..1
   double heating_rate = 3.0;
   Eigen::VectorXf offset;                    // K of each pixel of the grid; empty: none
   Eigen::VectorXf gain;                      // share of T - gain_reference_k; empty: none
-  double gain_reference_k = kReference;      // at which gains were last made equal
+  double gain_reference_k = kReference;      // at which gains were last equalised
   Eigen::VectorXf tau;                       // share of tau; empty: none
   std::vector<std::array<double, 3>> drift;  // K of each recording: linear, quadratic, cubic in its own time
-  std::vector<double> drift_level;           // K of each recording: its mean drift, which its levels have taken up
-  Eigen::VectorXf drift_share;               // of each pixel: by how much more it drifts than the mean; empty: none
-  // Terms of effects that only add: value of the parameter and what one unit of it adds, K.
+  std::vector<double> drift_level;           // K of each recording: its mean drift, absorbed by its levels
+  Eigen::VectorXf drift_share;               // of each pixel: relative excess of its drift; empty: none
+  // Terms of additive effects: the parameter's value, and the contribution of one unit, K.
   struct Term {
     double value = 0.0;
     std::function<double(const Place&, double temperature_k)> unit;
@@ -156,27 +156,27 @@ struct CameraModel {
   std::vector<Term> terms;
 };
 
-// What is added to a pixel's gain by light that is lost towards the corners.
+// Addition to a pixel's gain by the loss of light towards the corners.
 double corner_gain_at(const Session& session, const CameraModel& camera, int row, int column);
 
-// What the read-out's heat adds in a row, 0..1, K.
+// Offset by the read-out's heat in a row, 0..1, K.
 double heating_at(const CameraModel& camera, double row);
 
-// The drift of a recording (its index among the session's) at a time of its own, K: a cubic about its mean.
+// The drift of a recording (its index among the session's) at its own time, K: a cubic about its mean.
 double drift_at(const CameraModel& camera, const Recording& recording, std::size_t index, double t_s);
 
 inline constexpr double kSurroundings = 295.0;
 
-// Errors of one recording's stimulus, and when its frames were taken.
+// Errors of one recording's stimulus and of its frame times.
 struct StimulusState {
   std::vector<double> level_k;     // uniform: 1; chopper: cold, then each of levels_of(); bars: cold, hot
   double delay_s = 0.0;            // chopper
   double sweep_s = 0.0;            // chopper: from the first to the last column
-  double softness_s = 0.0;         // chopper: over which a pixel is covered or uncovered
+  double softness_s = 0.0;         // chopper: duration of covering a pixel
   double phase_px = 0.0;           // still bars
   std::vector<double> shift_px;    // moving bars: of the target at each frame, at row 0
   std::vector<double> speed_px_s;  // moving bars: local
-  std::vector<double> late_s;      // each frame was taken this much later than its time says
+  std::vector<double> late_s;      // delay of each frame after its nominal time
   bool times_free = false;         // chopper: late_s of every frame is fitted
   double mean_speed() const;       // moving bars, px/s
 };
@@ -184,8 +184,8 @@ struct StimulusState {
 struct State {
   CameraModel camera;
   std::vector<StimulusState> stimuli;  // one a recording
-  // Of the edges of all bars, along x: their standard deviation, not the variance, for where an edge just reaches a
-  // pixel it shows to first order; and the share of its square that straight ramps have, the rest being Gaussian.
+  // Edge width of all bars along x: standard deviation, not variance, as its effect is of first order where an edge
+  // just reaches a pixel; and the straight ramps' share of its square, the rest being Gaussian.
   double edge_px = 0.0;
   double edge_ramp = 0.5;
 };
@@ -196,19 +196,19 @@ std::vector<double> levels_of(const capture::Chopper& chopper);
 // The nominal simulator and the stimuli as their files describe them.
 State nominal_state(const Session& session, const model::CameraProfile& profile);
 
-// What the pixels (of the grid) of a recording show: frames x pixels, K. Recordings without a stimulus that has a
-// forward model show nothing: has_model() is false. Thread: any.
+// Prediction of a recording at pixels of the grid: frames x pixels, K. Only with a forward model of the stimulus:
+// has_model(). Thread: any.
 bool has_model(const Recording& recording);
 std::vector<std::size_t> modelled(const Session& session);  // the recordings that have a model
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 
-// A table of responses to read off for pixels whose time constants differ: three tables, and Lagrange's polynomial in
-// the logarithm of tau.
+// Response tables for pixels of different time constants: three tables, interpolated by Lagrange's polynomial in ln
+// tau.
 template <typename Table>
 struct TauTables {
   static constexpr double kStep = 0.08;  // of the logarithm, between two tables
 
-  // `make`: from a response to its table; one table where pixels do not differ.
+  // `make`: from a response to its table; one table if pixels do not differ.
   template <typename Make>
   TauTables(const Response& response, bool differ, const Make& make) {
     for (const double log_tau : {-kStep, 0.0, kStep}) {
@@ -235,7 +235,7 @@ struct TauTables {
   std::vector<Table> tables;
 };
 
-// The same for one frame of moving bars that are shifted to `shift_px`: values and their slope by the shift, K/px.
+// Prediction of one frame of moving bars at `shift_px`: values and their derivative by the shift, K/px.
 class BarsModel {
  public:
   BarsModel(const Session& session, std::size_t recording, const State& state);

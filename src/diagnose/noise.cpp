@@ -8,14 +8,14 @@ using Eigen::ArrayXXd;
 
 constexpr Index kSampled = 7;  // every seventh value of a pixel goes into the sample for the tails
 constexpr std::size_t kMostSampled = 30000;
-constexpr std::size_t kLeastBlock = 24;    // frames in a row, of a block to judge noise by
-constexpr std::size_t kLineReach = 18;     // bins on either side that a line must stand out of
+constexpr std::size_t kLeastBlock = 24;    // consecutive frames of a block for noise statistics
+constexpr std::size_t kLineReach = 18;     // bins on either side, the reference of a line
 constexpr double kMedianOfPower = 0.6931;  // ln 2: median of an exponential distribution over its mean
 constexpr double kWindowLoss = 0.9;        // Hann's window: the tail of a bin's power is a little longer
-constexpr double kBound = 1.5;             // the same window binds neighbouring bins together
+constexpr double kBound = 1.5;             // the same window correlates neighbouring bins
 constexpr double kStillRatio = 3.0;        // variance over the whole recording to that between two frames
-constexpr Index kClippedOneIn = 500;       // one value in so many may be clipped
-constexpr double kTails = 0.2;             // excess kurtosis, from which on tails are fitted
+constexpr Index kClippedOneIn = 500;       // one clipped value in so many is allowed
+constexpr double kTails = 0.2;             // minimum excess kurtosis for a fit of tails
 
 // The longest run of frames without a gap: frames x pixels of the grid, pixel means taken out; bad pixels are 0.
 std::optional<ArrayXXd> longest_block(const Session& session, const Recording& r) {
@@ -31,7 +31,7 @@ std::optional<ArrayXXd> longest_block(const Session& session, const Recording& r
   return block;
 }
 
-// What belongs to frames, rows and columns, and what is left to the pixels.
+// Decomposition into frame, row, column and pixel components.
 struct Parts {
   ArrayXd frame;    // mean of each frame
   ArrayXXd row;     // frames x rows, about the frame
@@ -69,15 +69,14 @@ Eigen::MatrixXd powers_of_time(Index n) {
   return basis;
 }
 
-// The cubic in time that is nearest to it.
+// Its least-squares cubic in time.
 ArrayXd cubic_of(const ArrayXd& x) {
   const Eigen::MatrixXd basis = powers_of_time(x.size());
   const Eigen::VectorXd solved = least_squares(basis, x.matrix());
   return (basis * solved).array();
 }
 
-// Log-likelihood of x as some powers of time and a process whose neighbours are correlated (AR(1)), the best of all
-// correlations.
+// Log-likelihood of x as powers of time plus an AR(1) process, maximised over its correlation.
 double likelihood_of_walk(const ArrayXd& x, Index powers) {
   constexpr double kStep = 0.01;
   const Index n = x.size();
@@ -96,8 +95,8 @@ double likelihood_of_walk(const ArrayXd& x, Index powers) {
   return best;
 }
 
-// Whether frames change slowly beside their flicker, which may be slow itself. Of 900 walks of 60 to 400 frames that
-// remember 3 to 200 of them, two gain as much from a cubic.
+// True if frames drift beyond their flicker, which may be slow itself. Of 900 AR(1) walks of 60 to 400 frames,
+// correlated over 3 to 200 of them, two gain as much from a cubic.
 bool changes_slowly(const ArrayXd& frame) {
   constexpr double kGain = 15.0;
   return likelihood_of_walk(frame, 4) - likelihood_of_walk(frame, 1) > kGain;
@@ -121,7 +120,7 @@ struct MeanSquare {
   double mean() const { return square / count; }
 };
 
-// Variance of a component and its error, the pixels' own noise taken out.
+// Sigma of a component and its error, corrected for the pixels' own noise.
 Measured component(double square, double count, double own) {
   const double raw = square / std::max(1.0, count);
   const double spread = std::sqrt(2.0 / std::max(1.0, count));
@@ -132,7 +131,7 @@ Measured component(double square, double count, double own) {
   return m;
 }
 
-// A bin that stands out of its neighbourhood: n.line_hz and n.line_p, when it does so more than what was found before.
+// Updates n.line_hz and n.line_p by a line of higher significance against its neighbourhood.
 void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
   const std::vector<double> power = periodogram(x - cubic_of(x));
   for (std::size_t j = 4; j + 2 < power.size(); ++j) {
@@ -148,7 +147,7 @@ void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
   }
 }
 
-// All that is summed over the still recordings.
+// Sums over the still recordings.
 struct NoiseSums {
   const Session& session;
   std::vector<int> good = session.good_pixels();
@@ -157,7 +156,7 @@ struct NoiseSums {
   double width = static_cast<double>(columns);
   double height = static_cast<double>(rows);
   NoiseStatistics n{};
-  ArrayXd curve{};  // of the block's frames: slow change, which is no flicker
+  ArrayXd curve{};  // of the block's frames: slow change, not flicker
   double blocks = 0.0;
   MeanSquare rest{}, total{}, frame{}, row{}, column{}, left{}, above{};
   double frame_lag = 0.0;
@@ -214,7 +213,7 @@ struct NoiseSums {
     frame_lag += (flicker.tail(frames - 1) * flicker.head(frames - 1)).sum();
     row.add(parts.row.square().sum() / freedom, count * height);
     column.add(parts.column.square().sum() / freedom, count * width);
-    // Slow change: what the cubic takes, against the flicker that is left (with its own correlation).
+    // Slow change: variance of the cubic against the residual flicker (with its correlation).
     const double own = std::max(1e-18, squares / (count - 4.0));
     const double bound = std::clamp(lag / squares, 0.0, 0.98);
     chi2 += cubic.square().sum() / own * (1.0 - bound) / (1.0 + bound);
@@ -226,7 +225,7 @@ struct NoiseSums {
     find_lines(parts.frame, 1.0 / session.period_s, n);
   }
 
-  // One pixel's own; adds its power in each bin.
+  // One pixel's statistics; adds its power in each bin.
   void add_pixel(const ArrayXXd& block, const Parts& parts, Index pixel, ArrayXd& power) {
     const auto frames = static_cast<double>(block.rows());
     const double freedom = (frames - 1.0) / frames;
@@ -239,7 +238,7 @@ struct NoiseSums {
     const double m2 = square / frames;
     kurtosis.push_back(x.square().square().mean() / std::max(1e-18, m2 * m2) - 3.0);
     for (Index k = pixel % kSampled; k < block.rows(); k += kSampled) {
-      // Less the frame only: means of rows and columns would mix a little of their neighbours into each value.
+      // Less the frame only: row and column means would mix neighbours into each value.
       if (sample.size() < kMostSampled) sample.push_back(block(k, pixel) - parts.frame[k]);
     }
     const std::vector<double> own = periodogram(x);
@@ -269,7 +268,7 @@ struct NoiseSums {
     n.flicker = component(frame.square, frame.count, own / pixels + stripes);
     const double bound = std::clamp(frame_lag / std::max(frame.square, 1e-18), 0.0, 0.98);
     n.flicker.error *= std::sqrt((1.0 + bound) / (1.0 - bound));
-    // Taking out the means of rows and columns binds neighbours by - 1/width or - 1/height.
+    // Removal of row and column means correlates neighbours by - 1/width or - 1/height.
     const auto correlation_z = [&](const MeanSquare& s, double bias) {
       return s.count > 0.0 ? (s.mean() / own + bias) * std::sqrt(s.count) : 0.0;
     };

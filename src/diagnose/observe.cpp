@@ -1,24 +1,24 @@
-// What a recording tells without a model of what it looks at.
+// Observations on a recording without a model of the scene.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-// A jump moves nearly all pixels one way, far beyond what frames differ by otherwise. Where a hand is waved over half
-// of the frame, at most 0.64 of the pixels change one way (lepton_hand_fast.h5 of the test data).
+// A jump changes nearly all pixels in one direction, far beyond usual differences of frames. With a hand waved over
+// half of the frame, at most 0.64 of the pixels change one way (lepton_hand_fast.h5 of the test data).
 constexpr double kAgreement = 0.9;
 constexpr double kJumpOverFlicker = 10.0;  // in standard deviations of the frames' changes
 constexpr double kJumpOverNoise = 2.0;     // in standard deviations of one pixel's noise
-constexpr double kJumpBeside = 0.3;        // of the jump, that the frames beside it may change by: pixels answer slower
+constexpr double kJumpBeside = 0.3;        // of the jump: maximum change of adjacent frames, as pixels respond slower
 
-// An outlier stands out of all its neighbours by more than these differ among themselves: no optics draws that.
+// An outlier exceeds all its neighbours by more than their differences: finer than any optics.
 constexpr double kOutlierSigmas = 3.0;
 
-// Both halves of the frame must show a pattern, by this many standard errors of their correlation.
+// Minimum correlation of a pattern between both halves of the frame, in standard errors.
 constexpr double kClearPattern = 6.0;
 constexpr double kHighPassGain = 1.5;  // variance of x[i] - (x[i-1] + x[i+1]) / 2 over that of independent x
 
-// What frames change by as a whole, K.
+// Changes of the whole frame, K.
 struct Changes {
   double usual = 0.0;
   double sigma = 0.0;  // about it
@@ -42,7 +42,7 @@ void add_freezes(const FrameStatistics& s, Observation& out) {
   }
 }
 
-// What the lines of each half of the frame differ by from their neighbours, and what both halves share of it.
+// Sigma of the line pattern: covariance between both halves of the frame of lines' differences from their neighbours.
 double pattern_of(const FrameStatistics& s, bool columns) {
   const int lines = columns ? s.width : s.height;
   const int along = columns ? s.height : s.width;
@@ -71,8 +71,8 @@ double pattern_of(const FrameStatistics& s, bool columns) {
 }
 
 std::vector<PixelPlace> outliers_of(const FrameStatistics& s) {
-  std::vector<double> apart;                       // from the median of the neighbours
-  std::vector<double> beyond(s.mean.size(), 0.0);  // their largest or smallest value, by more than they differ
+  std::vector<double> apart;                       // difference from the median of the neighbours
+  std::vector<double> beyond(s.mean.size(), 0.0);  // excess over their extremes if above their range
   for (int y = 1; y + 1 < s.height; ++y) {
     for (int x = 1; x + 1 < s.width; ++x) {
       const auto p = static_cast<std::size_t>(y * s.width + x);

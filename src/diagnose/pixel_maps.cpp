@@ -4,11 +4,11 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kKnowsAll = 0.85;  // share of what all recordings know, that one knows by itself
+constexpr double kKnowsAll = 0.85;  // one recording's share of the total information
 
 float largest(MapKind kind) { return kind == MapKind::kOffset ? 1e3F : kind == MapKind::kDrift ? 2.0F : 0.3F; }
 
-// What the levels have taken up of the drift: their errors, since nothing else explains them better.
+// The drift absorbed by the levels: their errors, for lack of a better explanation.
 void begin_drift(const Session& session, State& state) {
   const State files = nominal_state(session, {});
   state.camera.drift_level.assign(session.recordings.size(), 0.0);
@@ -21,7 +21,7 @@ void begin_drift(const Session& session, State& state) {
   }
 }
 
-// Levels of an imperfect bench do not say how far each recording has drifted; the pattern of the pixels' shares does.
+// Drift of each recording from the pattern of the pixels' shares: an imperfect bench's levels do not give it.
 void refine_drift(const FitData& data, State& state) {
   for (const std::size_t i : modelled(data.session)) {
     const Series r = data.residual(i, state, data.all_pixels);
@@ -152,9 +152,9 @@ State estimate_maps(const FitData& data, State state, const std::vector<Choice>&
 }
 
 Score map_gain(const FitData& data, const State& state, const Score& before, MapKind kind) {
-  // Sums of each recording by itself: a map is tried on a recording with what the others say of it, so that what is
-  // peculiar to one recording (slow noise) is not taken for the camera's. Where one recording knows all, its own
-  // training cells must do.
+  // Sums by recording: a map is tested on a recording with the estimate from the others, so that effects of one
+  // recording (slow noise) are not attributed to the camera. If one has nearly all information, its own training cells
+  // are used.
   struct Own {
     Series residual;
     Series basis;

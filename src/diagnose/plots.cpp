@@ -1,4 +1,4 @@
-// What the report draws of a fit, and where its gap is.
+// Plots of a fit, and the location of its gap.
 #include <iterator>
 #include <set>
 
@@ -10,9 +10,9 @@ namespace {
 
 constexpr double kFigureWidth = 520.0;  // px: two beside each other
 constexpr double kHeight = 170.0;       // px
-constexpr std::size_t kStretch = 48;    // frames of a pixel's course that are drawn
+constexpr std::size_t kStretch = 48;    // plotted frames of a pixel's time series
 
-// What a prediction leaves of one capture.
+// Residual of one capture.
 struct Left {
   Series predicted;
   Series residual;  // K
@@ -88,7 +88,7 @@ plot::Plot grid_plot(const Session& session, const std::string& title, const std
   return map_plot(title, unit, size, std::move(values));
 }
 
-// Before and after, by a factor.
+// Before and after, scaled by a factor.
 std::vector<plot::Series> both(const Curve& before, const Curve& after, double factor) {
   std::vector<plot::Series> series{{.label = "before", .hue = plot::Hue::kBlurred, .x = before.x, .y = before.y},
                                    {.label = "after", .hue = plot::Hue::kDeblurred, .x = after.x, .y = after.y}};
@@ -98,7 +98,7 @@ std::vector<plot::Series> both(const Curve& before, const Curve& after, double f
   return series;
 }
 
-// An axis that reaches at least this far on both sides of zero, so that what is harmless looks harmless.
+// An axis of at least this range on both sides of zero, so that negligible values look negligible.
 plot::Axis reaching(plot::Axis axis, double least, const std::vector<plot::Series>& series) {
   double reach = least;
   for (const plot::Series& one : series) {
@@ -150,7 +150,7 @@ plot::Plot spectrum_plot(const Curve& before, const Curve& after) {
           .height = kHeight};
 }
 
-// The frames in which the camera and the nominal simulator are furthest apart.
+// The frames of the largest deviation from the nominal simulator.
 Course stretch_of(const Course& whole) {
   const std::size_t size = whole.t_s.size();
   std::size_t worst = 0;
@@ -169,7 +169,7 @@ Course stretch_of(const Course& whole) {
   return {part(whole.t_s), part(whole.measured), part(whole.nominal), part(whole.predicted)};
 }
 
-// What of the course is not predicted.
+// Residual of the course.
 Curve apart(const Course& course, const std::vector<double>& predicted) {
   Curve out{course.t_s, course.measured};
   std::ranges::transform(out.y, predicted, out.y.begin(), std::minus{});
@@ -181,7 +181,7 @@ std::vector<double> trace(const Series& values, Index pixel) {
   return {y.begin(), y.end()};
 }
 
-// A pixel in kCellFrames frames that the nominal simulator misses by more than half as much again as the noise.
+// A pixel in kCellFrames frames with a nominal residual above 1.5 times the noise.
 struct MissedCell {
   double row = 0.0;
   double column = 0.0;
@@ -192,7 +192,7 @@ struct MissedCell {
 
 void find_missed(const Session& session, const Recording& r, const Left& left, double floor_k,
                  std::vector<MissedCell>& missed) {
-  constexpr double kMuch = 2.6;  // squared floors: half as much again as the noise, and a little
+  constexpr double kMuch = 2.6;  // squared floors: about 1.6^2
   for (Index p = 0; p < left.residual.cols(); ++p) {
     for (Index from = 0; from < left.residual.rows(); from += kCellFrames) {
       const Index length = std::min<Index>(kCellFrames, left.residual.rows() - from);
@@ -227,13 +227,13 @@ void locate(const Session& session, const std::vector<MissedCell>& missed, Locat
   where.pixel_fraction = static_cast<double>(pixels.size()) / static_cast<double>(session.grid.pixels());
 }
 
-// The band that holds nine tenths of what a residual has above the floor.
+// The band of 90 % of a residual's power above the floor.
 std::pair<double, double> band(const Curve& spectrum, double floor) {
   constexpr double kAboveFloor = 1.3;
   const auto above = [&](double y) { return std::max(0.0, y - kAboveFloor * floor); };
   const double all = sum_of(spectrum.y, above);
   if (all <= 0.0) return {0.0, 0.0};
-  // Where the sum first exceeds a share of the whole.
+  // Frequency at which the sum first exceeds a share of the whole.
   const auto reaches = [&](double share, double otherwise) {
     double sum = 0.0;
     for (std::size_t j = 0; j < spectrum.x.size(); ++j) {
@@ -250,7 +250,7 @@ std::pair<double, double> band(const Curve& spectrum, double floor) {
 plot::Plot map_plot(const std::string& title, const std::string& unit, Geometry size, std::vector<float> values) {
   const bool below = std::ranges::any_of(values, [](float v) { return std::isfinite(v) && v < 0.0F; });
   const bool above = std::ranges::any_of(values, [](float v) { return std::isfinite(v) && v > 0.0F; });
-  constexpr double kSides = 60.0;  // px, of the width that the axis takes
+  constexpr double kSides = 60.0;  // px, width of the axis
   plot::Plot plot{.title = title, .x = {.name = "column"}, .y = {.name = "row"}, .width = kFigureWidth};
   plot.plane = {.width = size.width,
                 .height = size.height,

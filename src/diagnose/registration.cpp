@@ -1,14 +1,14 @@
-// Where the stimuli stand in their recordings, before anything is fitted; and whether the files describe them rightly.
+// Initial phases of the stimuli in their recordings, and a check of the files' descriptions.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-constexpr float kLeastContrast = 0.2F;       // of the prediction's, by which a shift is scaled
-constexpr double kLostCorrelation = 0.01;    // below that of the first frame, from which on a frame is looked for
+constexpr float kLeastContrast = 0.2F;       // of the prediction's: minimum to scale a shift
+constexpr double kLostCorrelation = 0.01;    // below the start frame's: beyond, a frame is searched
 constexpr double kLostSteps = 0.3;           // of the steps between frames, or
-constexpr double kLostShift_px = 0.2;        // so many pixels off where it is expected
-constexpr double kBetterCorrelation = 1e-4;  // of another place
+constexpr double kLostShift_px = 0.2;        // deviation from the expected position
+constexpr double kBetterCorrelation = 1e-4;  // required at another position
 constexpr double kLargestDelay_s = 0.015;    // of a chopper
 constexpr double kClearMatch = 0.6;          // of a chopper upside down
 constexpr double kDelayStep_s = 0.0005;
@@ -36,7 +36,7 @@ struct FrameMatcher {
     return {correlation(seen, value), shift};
   }
 
-  // Gauss and Newton with the level and the contrast free.
+  // Gauss-Newton with free level and contrast.
   Match refine(const ArrayXf& seen, std::size_t k, double shift, int rounds = 4) {
     for (int i = 0; i < rounds; ++i) {
       model.frame(k, shift, pixels, value.data(), slope.data());
@@ -66,7 +66,7 @@ std::size_t typical_frame(const Recording& r) {
   return at;
 }
 
-// Where the bars stand in that frame of a pan, or in the mean of a still.
+// Phase of the bars in that frame of a pan, or in the mean of a still.
 Match search(FrameMatcher& matcher, const Recording& r) {
   constexpr int kSteps = 96;
   const std::size_t at = typical_frame(r);
@@ -86,8 +86,8 @@ Match search(FrameMatcher& matcher, const Recording& r) {
   return matcher.refine(seen, at, best.shift, 6);
 }
 
-// From the middle frame outwards; a frame that fits badly where it is expected is looked for one or two periods of the
-// frame clock ahead and behind.
+// From the middle frame outwards; a frame that fits badly at its expected position is searched one or two frame periods
+// ahead and behind.
 double follow_bars(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
   const Recording& recording = session.recordings[index];
   StimulusState& stimulus = state.stimuli[index];
@@ -131,7 +131,7 @@ double match_still(const Session& session, std::size_t index, State& state, std:
   return match.correlation;
 }
 
-// One way in which a description of bars may be wrong.
+// A possible error in a description of bars.
 struct Doubt {
   std::string words;
   std::function<void(capture::BarTarget&)> mend;
@@ -156,7 +156,7 @@ std::vector<Doubt> doubts() {
   return all;
 }
 
-// How well the bars of all recordings match, each as 1 less the correlation, when the files' description is mended.
+// 1 - correlation of each recording's bars with the amended description.
 std::vector<double> mismatches(const Session& session, const State& state, std::span<const int> pixels,
                                const std::function<void(capture::BarTarget&)>& mend) {
   Session mended = session;
@@ -202,8 +202,8 @@ std::vector<double> register_stimuli(const Session& session, State& state, std::
 }
 
 std::vector<std::string> doubt_description(const Session& session, const State& state, std::span<const int> pixels) {
-  constexpr double kPoor = 0.01;    // below it the files are right
-  constexpr double kBetter = 0.35;  // of what is missed, at most, by a description that is right
+  constexpr double kPoor = 0.01;    // below it the description is right
+  constexpr double kBetter = 0.35;  // maximum relative misfit of a better description
   constexpr double kLeastSpeed = 0.8;
   constexpr double kMostSpeed = 1.25;
   std::vector<std::string> wrong;
@@ -227,7 +227,7 @@ std::vector<std::string> doubt_description(const Session& session, const State& 
     if (r.kind != Kind::kChopper) continue;
     State swapped = state;
     StimulusState& s = swapped.stimuli[i];
-    for (double& level : s.level_k) level = 2.0 * kReference - level;  // hot when it should be cold
+    for (double& level : s.level_k) level = 2.0 * kReference - level;  // hot and cold exchanged
     if (match_chopper(session, i, swapped, pixels) > kClearMatch)
       wrong.push_back(r.name + ": on and off are exchanged");
   }

@@ -1,7 +1,7 @@
-// What a diagnosis of the sim-to-real gap says. ARCHITECTURE.md has the table of report.json.
+// Results of a diagnosis of the sim-to-real gap. ARCHITECTURE.md has the table of report.json.
 //
-// A gap is the root mean square of the residual on held-out cells in units of the noise floor: 1.0 means that the
-// prediction cannot be told from the camera.
+// A gap is the root mean square of the residual on held-out cells in units of the noise floor; at 1.0 prediction and
+// camera are indistinguishable.
 #pragma once
 
 #include <filesystem>
@@ -38,7 +38,7 @@ struct FoundEffect {
   std::string name;   // of the catalogue
   std::string stage;  // optics, radiometry, pixel, package, readout, firmware, transport, noise
   double confidence = 0.0;
-  double gap_before = 0.0;  // before it was added, in the order of finding; the report has the most telling first
+  double gap_before = 0.0;  // before it was added, in the order of selection; the report starts with the largest
   double gap_after = 0.0;
   bool of_noise = false;  // its gaps are those of the noise's own statistics
   std::map<std::string, Estimate> parameters;
@@ -66,7 +66,7 @@ struct Unexplained {
 
 struct NotIdentifiable {
   std::string effect;
-  std::string needs;  // the capture that would tell
+  std::string needs;  // the capture required to identify it
 };
 
 // One statistic of the noise: 3-D noise (NVESD's sigma_tvh and its like).
@@ -84,29 +84,29 @@ struct PixelPlace {
   bool operator==(const PixelPlace&) const = default;
 };
 
-// Pixels that do not do their work, of the whole frame.
+// Defective pixels of the whole frame.
 struct PixelDefects {
-  std::vector<PixelPlace> stuck;  // hardly change, in no capture
+  std::vector<PixelPlace> stuck;  // hardly change in any capture
   std::vector<PixelPlace> noisy;  // nothing but noise
 };
 
-// What the motion of an unknown scene tells (field_parts.hpp).
+// Camera parameters from the motion of an unknown scene (field_parts.hpp).
 struct FromMotion {
-  std::size_t frames = 0;   // whose motion is known
+  std::size_t frames = 0;   // with known motion
   double usual_px_s = 0.0;  // speed of the picture's centre, median
   double fastest_px_s = 0.0;
-  // How well it, too, predicts with the profile's value, and with this one, in units of what noise leaves.
+  // Its gaps with the profile's value and with this one, in noise floors.
   struct Figure {
     Estimate value;
     double gap_before = 1.0;
     double gap_after = 1.0;
   };
-  std::optional<Figure> tau_s;        // nothing: it moves too little, too evenly
+  std::optional<Figure> tau_s;        // nothing: too little or too even motion
   std::optional<Figure> row_delay_s;  // of one sensor row
 };
 
-// What single pixels and whole frames of a capture tell that no model predicts: without a stimulus, or in counts.
-// Frames count from 0, sizes are in `unit`.
+// Observations on pixels and whole frames of a capture without a model: without a stimulus, or in counts. Frames count
+// from 0, sizes are in `unit`.
 struct Observation {
   struct Jump {
     std::size_t frame = 0;  // the first one after it
@@ -117,17 +117,17 @@ struct Observation {
   std::size_t frames = 0;
   std::vector<Jump> jumps;                                   // of all pixels at once
   std::vector<std::pair<std::size_t, std::size_t>> freezes;  // first and last frame that repeats the one before
-  std::vector<std::size_t> repeated;                         // frames outside of these
-  std::vector<std::size_t> lost_before;                      // frames before which the moving scene leaps
+  std::vector<std::size_t> repeated;                         // frames outside freezes
+  std::vector<std::size_t> lost_before;                      // frames preceded by a leap of the moving scene
   double noise = 0.0;                                        // of one pixel from frame to frame, sigma
-  double flicker = 0.0;         // of whole frames, sigma; what moves in the scene adds to it
-  double column_pattern = 0.0;  // fixed, sigma; 0: none that both halves of the frame show
+  double flicker = 0.0;                                      // of whole frames, sigma; includes motion in the scene
+  double column_pattern = 0.0;                               // fixed, sigma; 0: none common to both halves of the frame
   double row_pattern = 0.0;
-  std::vector<PixelPlace> outliers;  // hotter or colder than all their neighbours, by more than these differ
+  std::vector<PixelPlace> outliers;  // hotter or colder than all neighbours, by more than their differences
   std::optional<FromMotion> motion;
 };
 
-// A capture that was predicted, and what is drawn of it.
+// A predicted capture and its plots.
 struct CapturePlots {
   std::string file;  // name without folders
   std::string kind;  // uniform, chopper, bar_target
@@ -136,14 +136,13 @@ struct CapturePlots {
   std::vector<plot::Plot> plots;
 };
 
-// What a diagnosis has learned of a camera, in the terms of the pipeline that undoes it.
+// Corrections for the pipeline from a diagnosis.
 struct Learned {
-  // The profile that the diagnosis began with, and what was found of the camera as a whole. `maps` in it is as before.
+  // The initial profile, updated by the findings on the whole camera. Its `maps` is unchanged.
   model::CameraProfile profile;
-  // What undoes the rest, of the full frame, when Options::maps asked for it: the camera shows
-  // (1 + g) T - g R + o of a temperature T, R where gains make no difference, so gain = 1 / (1 + g) and offset =
-  // (g R - o) / (1 + g). An empty
-  // map: nothing of its kind was found. row_delay_s is the profile's.
+  // Per-pixel corrections of the full frame, if Options::maps is set: the camera shows (1 + g) T - g R + o of a
+  // temperature T, R being the gains' reference, so gain = 1 / (1 + g) and offset = (g R - o) / (1 + g). An empty map:
+  // no such effect. row_delay_s is the profile's.
   model::PixelMaps maps;
 };
 
@@ -152,9 +151,9 @@ struct Report {
   double gap_before = 1.0;
   double gap_after = 1.0;
   double closed_fraction = 0.0;  // (before - after) / (before - 1), 0 when there was no gap
-  // no_gap, explained, partly_explained, unknown_effect; not_testable: no capture that a model predicts, so that gaps
-  // are NaN and `needs` says what would do; bench_description: /stimulus contradicts the pictures, gaps are NaN, no
-  // effect is named and `needs` says what would fit.
+  // no_gap, explained, partly_explained, unknown_effect; not_testable: no capture with a model, gaps are NaN and
+  // `needs` names a suitable one; bench_description: /stimulus contradicts the pictures, gaps are NaN, no effect is
+  // named and `needs` has a matching description.
   std::string verdict = "no_gap";
   std::string needs;
   bool tested() const { return verdict != "not_testable" && verdict != "bench_description"; }
@@ -163,22 +162,22 @@ struct Report {
   std::map<std::string, std::map<std::string, double>> stimulus;  // by file name: errors of the stimulus
   Unexplained unexplained;
   std::vector<NotIdentifiable> not_identifiable;
-  std::vector<std::string> warnings;  // captures left out, and why
-  std::vector<std::string> withheld;  // effects taken out of the catalogue
+  std::vector<std::string> warnings;  // excluded captures, with reasons
+  std::vector<std::string> withheld;  // effects removed from the catalogue
   bool kelvin = true;                 // false: the captures are in counts, and so is every figure whose name ends in _k
   double noise_floor_k = 0.0;
   double noise_gap_before = 1.0;  // of the noise's own statistics
   double noise_gap_after = 1.0;
   std::vector<NoiseStatistic> noise;
   PixelDefects defects;
-  std::vector<Observation> observations;  // of the captures that no model predicts
+  std::vector<Observation> observations;  // of the captures without a model
   std::vector<CapturePlots> captures;
-  std::vector<plot::Plot> maps;  // of what was diagnosed: offsets, gains, time constants, dead pixels
-  // Of a field recording that was followed, one frame: as it came beside itself without what was found of single
-  // pixels, and below what its prediction from other frames misses, before and after that. Empty: none was.
+  std::vector<plot::Plot> maps;  // diagnosed offsets, gains, time constants, dead pixels
+  // One frame of a tracked field recording: original and corrected for the pixels' offsets, and below its residuals
+  // against other frames, before and after that correction. Empty: none was tracked.
   plot::Rows scene;
-  Learned learned;       // what the pipeline can use of it
-  double seconds = 0.0;  // that the diagnosis took
+  Learned learned;       // for the pipeline
+  double seconds = 0.0;  // duration of the diagnosis
   std::size_t frames = 0;
 };
 
@@ -187,16 +186,16 @@ struct Report {
 // report.json as one line of text.
 std::string report_json(const Report& report);
 
-// A page that needs nothing but itself.
+// A self-contained page.
 std::string report_html(const Report& report);
 
-// Parts of the page with drawings; empty when the report has nothing for it.
-std::string captures_part(const Report& report);  // maps, profiles, spectra, answers in time
+// Parts of the page with plots; empty if the report has no data.
+std::string captures_part(const Report& report);  // maps, profiles, spectra, time series
 std::string noise_part(const Report& report);     // statistics as dumbbells
-std::string maps_part(const Report& report);      // what was diagnosed of single pixels
+std::string maps_part(const Report& report);      // per-pixel maps
 std::string scene_part(const Report& report);     // a frame of a field recording, before and after
 
-// The files of a report in `folder`: report.json, report.html and, of field recordings that were followed, scene.svg.
+// The files of a report in `folder`: report.json, report.html and, of tracked field recordings, scene.svg.
 std::vector<std::filesystem::path> report_files(const std::filesystem::path& folder);
 
 // Writes report_files(); makes the folder. Thread: setup.
@@ -204,7 +203,7 @@ Status write_report(const Report& report, const std::filesystem::path& folder, R
 
 struct Wording {
   bool utf8 = false;   // with a micro sign
-  bool kelvin = true;  // false: what ends in _k is of captures in counts
+  bool kelvin = true;  // false: keys ending in _k are in counts
 };
 
 // A value of the parameter `key` with its unit: "27.9 us", "12 %". The unit follows from the key's ending (_s, _k, _hz,
@@ -214,25 +213,25 @@ std::string quantity(const std::string& key, double value, Wording wording = {})
 // Value and 95 % interval in one unit: "27.9 us (26.0 to 30.1)".
 std::string quantity(const std::string& key, const Estimate& estimate, Wording wording = {});
 
-// "tau_global" -> "Time constant". A name that is not known is returned with blanks for underscores.
+// "tau_global" -> "Time constant". An unknown name is returned with blanks for underscores.
 std::string effect_title(const std::string& name);
 
-// What the effect does, with its numbers: "Rows are sampled 27.9 us after one another".
+// A sentence on the effect with its numbers: "Rows are sampled 27.9 us after one another".
 std::string effect_sentence(const FoundEffect& effect, Wording wording = {});
 
 // The verdict in one or two sentences.
 std::string headline(const Report& report, bool utf8 = false);
 
-// A gap in words: "7.9", "1.02".
+// A gap as text: "7.9", "1.02".
 std::string gap_text(double gap);
 
-// What a capture tells without a model, one sentence each: jumps with their frames, freezes, noise, patterns, outliers.
+// The observations, one sentence each: jumps with their frames, freezes, noise, patterns, outliers.
 std::vector<std::string> describe(const Observation& observation);
 
 // "3 stuck: (12, 5), (100, 40), (7, 81)": the first few places.
 std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what);
 
-// Some lines of text for a terminal: verdict, effects, gap, stimulus, what cannot be told, warnings.
+// Some lines of text for a terminal: verdict, effects, gap, stimulus, unidentifiable effects, warnings.
 std::string report_summary(const Report& report);
 
 }  // namespace bolo::diagnose

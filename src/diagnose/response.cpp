@@ -9,11 +9,11 @@ namespace {
 
 constexpr double kTableStep_s = 25e-6;  // s between two points of a StepTable
 constexpr int kTablePhases = 8192;
-constexpr int kTableShares = 512;  // of a pixel that bars cover
+constexpr int kTableShares = 512;  // steps of a pixel's covered share
 
 using Complex = std::complex<double>;
 
-// One exponential's answer to the input so far, and the integral of that answer.
+// State of one exponential response to the past input, and its integral.
 struct Pole {
   double tau_s;
   double value = 0.0;
@@ -43,7 +43,7 @@ Complex readout_response(const Response& r, double omega) {
   return factor;
 }
 
-// The n-th integral of a step that a Gaussian blurs.
+// The n-th integral of a step blurred by a Gaussian.
 double soft_step(int n, double x, double sigma) {
   const double z = x / std::max(sigma, 1e-6);
   double before = std::exp(-0.5 * z * z) / (std::max(sigma, 1e-6) * std::sqrt(2.0 * std::numbers::pi));
@@ -52,7 +52,7 @@ double soft_step(int n, double x, double sigma) {
   return now;
 }
 
-// The same step as the mean over boxes of these widths, one after another.
+// The same step convolved with boxes of these widths.
 double boxed_step(std::span<const double> widths, int n, double x, double sigma) {
   if (widths.empty()) return soft_step(n, x, sigma);
   constexpr double kNarrow = 0.005;  // px: no box
@@ -62,7 +62,7 @@ double boxed_step(std::span<const double> widths, int n, double x, double sigma)
   return (at(x + w / 2.0) - at(x - w / 2.0)) / w;
 }
 
-// Between the values of a table, at a place of 0 or more.
+// Linear interpolation in a table, at an index of 0 or more.
 double interpolated(const std::vector<double>& values, double at) {
   const std::size_t i = std::min(static_cast<std::size_t>(at), values.size() - 2);
   return values[i] + (at - static_cast<double>(i)) * (values[i + 1] - values[i]);
@@ -215,8 +215,7 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     spectrum[n] *= still_ ? factor - 1.0 : factor;
   }
   if (still_) {
-    // The series of sharp edges ends too early for a pixel that stands right at one: only what conduction changes is
-    // taken from it.
+    // The truncated series is inexact right at a sharp edge: it gives conduction's contribution only.
     spectrum.front() = 0.0;
     spectrum.back() = 0.0;
     for (int i = 0; signal && i <= kTableShares; ++i) signal_.push_back(signal(static_cast<double>(i) / kTableShares));

@@ -1,4 +1,4 @@
-// Which effects are chosen: forward with nested refits, then backward.
+// Selection of effects: forward with nested refits, then backward.
 #include <random>
 
 #include "src/diagnose/stages.hpp"
@@ -6,14 +6,14 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr int kRounds = 4;         // of Gauss and Newton
+constexpr int kRounds = 4;         // of Gauss-Newton
 constexpr double kSettled = 3e-4;  // share of the gap
-constexpr std::size_t kTried = 3;  // candidates that are refitted in earnest
+constexpr std::size_t kTried = 3;  // candidates with a full refit
 constexpr std::size_t kMostEffects = 8;
 constexpr double kLeastEvidence = 8.0;  // of the levels alone
 constexpr double kLeastEvidenceScattered = 10.0;
-constexpr double kLevelsOff = 4.0;        // times what levels that agree scatter by
-constexpr double kSoleConfidence = 0.99;  // of an effect beside which no other gains anything
+constexpr double kLevelsOff = 4.0;        // times the scatter of consistent levels
+constexpr double kSoleConfidence = 0.99;  // of an effect without any other candidate
 
 struct Tried {
   Choice choice;
@@ -29,7 +29,7 @@ std::vector<Choice> forms_of(const Effect& effect) {
   return all;
 }
 
-// Whether the effect is as large as one that deserves its name.
+// True if the effect reaches Effect::least.
 bool worth_naming(const Session& session, const FitResult& fit, std::size_t choice) {
   const Effect& effect = *fit.choices[choice].effect;
   if (effect.least <= 0.0) return true;
@@ -40,7 +40,7 @@ bool worth_naming(const Session& session, const FitResult& fit, std::size_t choi
 
 bool enough(const Gain& gain) { return gain.total > kLeastGain && gain.z > kLeastZ; }
 
-// The state without one of its effects, as far as the others allow: its parameters as in `base`, its map gone.
+// The state without one of its effects: parameters as in `base`, map removed.
 State without_effect(const Session& session, const State& from, const State& base, const Effect& effect) {
   State state = from;
   if (effect.parameters) {
@@ -57,12 +57,12 @@ struct Selector {
   std::vector<Nuisance> levels = nuisances(data.session, nominal_state(data.session, {}));
   Selection selection{base, {}};
 
-  // Adds the effect that gains most, fitted to the end; false when none gains enough.
+  // Adds the effect of the largest gain, fitted to convergence; false if none gains enough.
   bool add() {
     std::vector<Tried> tried = attempts();
     if (tried.empty() || !enough(tried.front().gain)) return false;
     Tried& best = tried.front();
-    // What the winner leaves is what the next effect is judged by.
+    // Converged, since its residual is the base of the next effect.
     best.fit = settle(data, std::move(best.fit), kRounds, kSettled);
     FoundEffect found = found_in(best.fit, best.choice);
     for (std::size_t i = 1; i < tried.size(); ++i) {  // the best form of each other effect
@@ -80,14 +80,14 @@ struct Selector {
     return true;
   }
 
-  // Adds an effect that hides in a map of pixels; false when the maps hold none.
+  // Adds an effect absorbed by a map of pixels; false if there is none.
   bool add_hidden() {
     const Session& session = data.session;
     for (const Effect* effect : candidates()) {
       if (effect->hides_in == MapKind::kNone) continue;
       const double before = row_trend_z(session, map_of(selection.fit.state.camera, effect->hides_in));
       if (before < kClearTrend) continue;
-      // Without the map first: what that has once taken up of the effect's shape no later round gives back.
+      // Without the map first: later rounds cannot recover what it has absorbed of the effect.
       State start = selection.fit.state;
       map_of(start.camera, effect->hides_in).resize(0);
       const std::vector<Choice> choices = with({effect, -1});
@@ -97,7 +97,7 @@ struct Selector {
       FitResult fitted = settle(data, fit(data, start, choices, kRounds), kRounds, kSettled);
       const double after = row_trend_z(session, map_of(fitted.state.camera, effect->hides_in));
       if (after > before / 2.0 || !worth_naming(session, fitted, choices.size() - 1)) continue;
-      // The map could have taken any part of it: known as well as its trend stands out.
+      // The map could absorb any part of it: relative error 1 / significance of the trend.
       double& error = fitted.error.back().front();
       error = std::max(error, std::abs(fitted.value.back().front()) / before);
       FoundEffect found = found_in(fitted, choices.back());
@@ -108,7 +108,7 @@ struct Selector {
     return false;
   }
 
-  // Takes out the effect that pays least beside all others; false when all earn their place.
+  // Removes the effect of the smallest gain beside all others; false if all gain enough.
   bool drop() {
     auto& all = selection.chosen;
     std::optional<std::size_t> least;
@@ -138,8 +138,8 @@ struct Selector {
     return level_evidence(levels, fit.state) - level_evidence(levels, selection.fit.state);
   }
 
-  // The share of redrawn sets of groups in which a fit gains more than another (null: than nothing). The levels say
-  // something of each, too: log-likelihoods.
+  // Bootstrap probability over groups that a fit gains more than another (null: than 0), including the levels'
+  // log-likelihoods.
   double confidence(const FitResult& first, const FitResult* second) const {
     constexpr int kDraws = 400;
     const auto& before = selection.fit.score.groups;
@@ -162,13 +162,13 @@ struct Selector {
     return (wins + 0.5) / (kDraws + 1.0);
   }
 
-  // What a fit gains over another: held-out cells, and how well the levels agree with their files. The second part has
-  // few values behind it, so it counts on its own only when it is large.
+  // Gain of a fit over another, on held-out cells and by the levels' agreement with their files. The second has few
+  // data and suffices alone only when large.
   Gain gain(const FitResult& before, const FitResult& after) const {
     Gain g = gain_between(before.score, after.score);
     const double evidence = level_evidence(levels, after.state) - level_evidence(levels, before.state);
     g.total += evidence;
-    // Levels of an imperfect bench scatter still: then it takes more to believe that the camera explains some.
+    // Levels that still scatter are of an imperfect bench: more evidence is required.
     const double needed = levels_are_off(after.state) ? kLeastEvidenceScattered : kLeastEvidence;
     if (evidence > needed && g.total > evidence / 2.0) {
       g.total += kLeastGain;
@@ -188,7 +188,7 @@ struct Selector {
     return all;
   }
 
-  // What was chosen before, whose forms are set already, and one more.
+  // The selected effects, with their forms set, and one more.
   std::vector<Choice> with(const Choice& choice) const {
     std::vector<Choice> choices = unformed(selection.fit.choices);
     choices.push_back(choice);
@@ -198,7 +198,7 @@ struct Selector {
   Tried attempt(const Choice& choice) const {
     const std::vector<Choice> choices = with(choice);
     Tried tried{choice, fit(data, selection.fit.state, choices, kRounds), {}};
-    // Levels, and what mixes them with the surroundings, pull at each other: once more.
+    // Emissivity and levels are correlated and converge slowly: another fit.
     if (choice.effect->as_levels) tried.fit = fit(data, tried.fit.state, unformed(choices), kRounds);
     tried.gain = gain(selection.fit, tried.fit);
     return tried;
@@ -223,7 +223,7 @@ struct Selector {
       seen.push_back(choices[i].effect);
       tried.push_back(attempt(choices[i]));
     }
-    // Levels that are off may be the camera's doing, which a fit with free levels cannot see in the residual.
+    // Deviating levels may be due to the camera, but a fit with free levels has no such residual.
     for (const Effect* effect : effects) {
       if (!effect->as_levels || !levels_are_off(selection.fit.state) || std::ranges::count(seen, effect) > 0) continue;
       for (const Choice& form : forms_of(*effect)) tried.push_back(attempt(form));
@@ -233,7 +233,7 @@ struct Selector {
     return tried;
   }
 
-  // An effect by what adding it to the selection brings.
+  // An effect with its gaps before and after its addition.
   FoundEffect found_in(const FitResult& fit, const Choice& choice) const {
     FoundEffect found = named(choice.effect->name, 0.0);
     found.gap_before = selection.fit.score.gap();
@@ -260,7 +260,7 @@ Selection select_effects(const FitData& data, const FitResult& base, const std::
   }
   bool hidden = false;
   while (selector.add_hidden()) hidden = true;
-  // What is smooth and has a name leaves less to the maps that had hidden it.
+  // A named smooth effect reduces the maps that had absorbed it, which may become superfluous.
   while (hidden && selector.drop()) {
   }
   return std::move(selector.selection);

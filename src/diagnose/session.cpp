@@ -18,7 +18,7 @@ Kind kind_of(const capture::Stimulus& stimulus) {
   return std::holds_alternative<capture::SceneStimulus>(stimulus) ? Kind::kScene : Kind::kField;
 }
 
-// What is wrong with the numbers of a stimulus, or nothing.
+// The error in a stimulus' numbers, or an empty string.
 std::string fault(const capture::Stimulus& stimulus) {
   if (const auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
     if (!(bars->period_px > 0.0 && bars->bar_width_px > 0.0 && bars->bar_width_px < bars->period_px)) {
@@ -30,7 +30,7 @@ std::string fault(const capture::Stimulus& stimulus) {
   return chopper != nullptr && chopper->on_s.empty() ? "the chopper has no pulse" : "";
 }
 
-// Reads all frames into `recording`. What is wrong with their values, or nothing.
+// Reads all frames into `recording`. Returns the fault of their values, or an empty string.
 Result<std::string> read_frames(const capture::CaptureReader& reader, const Grid& grid, Recording& recording) {
   const Geometry geometry = reader.info().format.geometry;
   std::vector<float> frame(geometry.pixels());
@@ -52,7 +52,7 @@ Result<std::string> read_frames(const capture::CaptureReader& reader, const Grid
   return saturated ? "most of its values are at the limit of 16 bits" : "";
 }
 
-// Why a capture is of another camera or mode than the session's first one; empty: it is not.
+// Difference in camera or mode from the session's first capture, or an empty string.
 std::string difference(const capture::CaptureInfo& info, const Session& session, const std::string& camera) {
   const Geometry g = info.format.geometry;
   const std::string identity = info.camera_model + "/" + info.camera_serial;
@@ -182,7 +182,7 @@ FrameStatisticsSum::FrameStatisticsSum(int width, int height) {
   result_.height = height;
   const auto pixels = static_cast<Index>(width) * height;
   stride_ = std::max<std::size_t>(1, static_cast<std::size_t>(pixels) / kSortedPixels);
-  // A stride that shares a factor with the width would see the same few columns in every row.
+  // A stride with a common factor with the width would sample the same few columns in every row.
   while (std::gcd(stride_, static_cast<std::size_t>(width)) > 1) ++stride_;
   sum_ = about_ = about2_ = step2_ = ArrayXd::Zero(pixels);
 }

@@ -1,4 +1,4 @@
-// The captures of one session in memory, on a grid of pixels that is dense enough to judge by.
+// The captures of one session in memory, on a representative grid of pixels.
 #pragma once
 
 #include <algorithm>
@@ -23,14 +23,14 @@ using Eigen::ArrayXd;
 using Eigen::ArrayXf;
 using Eigen::Index;
 
-// frames x pixels of the grid, K (counts in a recording that has no kelvin).
+// frames x pixels of the grid, K (counts in a recording that is not radiometric).
 using Series = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 enum class Kind { kUniform, kChopper, kMovingBars, kStillBars, kScene, kField };
 std::string_view name_of(Kind kind);
 inline bool is_bars(Kind kind) { return kind == Kind::kStillBars || kind == Kind::kMovingBars; }
 
-// The pixels that are looked at: some rows times some columns, so that rows and columns keep their meaning.
+// The evaluated pixels: some rows times some columns, which preserves rows and columns.
 struct Grid {
   std::vector<int> rows;     // stored rows, rising
   std::vector<int> columns;  // rising
@@ -46,8 +46,8 @@ struct Grid {
 inline constexpr int kGridRows = 48;  // at most
 inline constexpr int kGridColumns = 64;
 
-// Statistics of every pixel and of every whole frame of a recording, gathered while its frames are read: the grid that
-// the fits look at leaves most pixels of a large frame out.
+// Statistics of every pixel and of every whole frame of a recording, gathered while its frames are read: the fits' grid
+// omits most pixels of a large frame.
 struct FrameStatistics {
   int width = 0;
   int height = 0;
@@ -59,18 +59,18 @@ struct FrameStatistics {
   // Of each pixel, row-major. Repeated frames do not count.
   std::vector<float> mean;   // K
   std::vector<float> range;  // K, largest less smallest value
-  // About the frames' medians: standard deviation, and the share of the squared variation that is between neighbouring
-  // frames (2 for white noise, near 0 for slow changes).
+  // About the frames' medians: standard deviation, and mean squared difference of neighbouring frames over the variance
+  // (2 for white noise, near 0 for slow changes).
   std::vector<float> sigma;
   std::vector<float> roughness;
 
   std::size_t frames() const { return repeated.size(); }
   std::size_t distinct_frames() const;
-  // Of a list of all frames: those that repeat no other.
+  // The entries of a list of all frames for those that are no repeats.
   std::vector<double> of_new_frames(const std::vector<double>& values) const;
 };
 
-// Of each pixel of a frame: not 0 where something is true of it.
+// One flag a pixel of a frame.
 using Mask = std::vector<std::uint8_t>;
 
 // Takes one recording's frames in order. Thread: any one at a time.
@@ -84,7 +84,7 @@ class FrameStatisticsSum {
  private:
   void compare(std::span<const float> frame);
   FrameStatistics result_;
-  std::size_t stride_ = 1;  // of the pixels that stand for the frame where values are sorted
+  std::size_t stride_ = 1;  // of the pixels sampled for sorting
   double count_ = 0.0;      // of frames that are no repeats
   float centre_ = 0.0F;     // the last frame's median
   std::vector<float> sorted_;
@@ -124,7 +124,7 @@ struct Session {
   Grid grid;
   std::vector<char> good;  // of each pixel of the grid: neither dead nor jumping
   std::vector<Recording> recordings;
-  std::vector<std::string> warnings;  // captures that were left out
+  std::vector<std::string> warnings;  // excluded captures
   bool is_good(Index pixel) const { return good[static_cast<std::size_t>(pixel)] != 0; }
   std::vector<int> good_pixels() const {
     return places_where<int>(good.size(), [this](std::size_t p) { return good[p] != 0; });
@@ -132,14 +132,14 @@ struct Session {
 };
 
 inline constexpr int kMinFrames = 16;
-// Of moving bars: what was before the first frame is not known.
+// Of moving bars: the past of the first frame is unknown.
 inline constexpr double kSettling_s = 0.1;
 
 // At most `limit` of `count` places, evenly spread, rising. Thread: any.
 std::vector<int> spread_over(int count, int limit);
 
-// Of a series of two values or more: half the mean square of what neighbours differ by (of white noise its variance),
-// and the whole variance over that (large where it changes slowly). Thread: any.
+// Of a series of two values or more: half the mean squared difference of neighbours (the variance of white noise), and
+// the total variance over that (large for slow changes). Thread: any.
 double step_variance(const ArrayXd& x);
 double wander(const ArrayXd& x);
 
@@ -159,13 +159,13 @@ void visit_around(Geometry frame, PixelPlace at, int reach, const Visit& visit) 
   }
 }
 
-// Values of a frame of a capture, from its pixel `first` on, as K (counts where there is no kelvin). Returns how many
-// of them are at the limits of 16 bits. Thread: one at a time on a reader.
+// Values of a frame of a capture, from its pixel `first` on, as K (counts if not radiometric). Returns the number at
+// the limits of 16 bits. Thread: one at a time on a reader.
 Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
                                 std::span<float> out);
 
-// Reads the captures that belong together. The first one says which camera it is; a capture of another camera or size,
-// an empty one and a saturated one are left out with a line in `warnings`. kBadInput when none is left. Thread: setup.
+// Reads a session's captures. The first one defines the camera; a capture of another camera or size, an empty one and a
+// saturated one are excluded with a line in `warnings`. kBadInput when none is left. Thread: setup.
 Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress);
 
 }  // namespace bolo::diagnose

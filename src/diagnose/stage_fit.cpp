@@ -1,14 +1,14 @@
-// From events and noise to the fit: the stimuli's places in time, transport, and the effects that the mean shows.
+// From events and noise to the fit: registration of the stimuli, transport, and effects on the mean.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kLeastMatch = 0.6;  // of a recording with its stimulus
+constexpr double kLeastMatch = 0.6;  // correlation of a recording with its stimulus
 constexpr std::size_t kLeastPixels = 16;
 constexpr std::size_t kSomePixels = 256;
 constexpr double kFirstSettled = 5e-4;  // share of the gap
-constexpr int kFirstRounds = 4;         // of a first fit: levels and edges of an imperfect bench take a while
+constexpr int kFirstRounds = 4;         // of a first fit: levels and edges of an imperfect bench converge slowly
 constexpr double kLeastJumpOfJittered_k = 0.08;
 constexpr int kMoreRounds = 3;  // at a time, until it is settled
 
@@ -22,7 +22,7 @@ std::vector<int> some_pixels(const Session& session) {
   return good.size() < kLeastPixels ? std::vector<int>{} : some;
 }
 
-// Registers the stimuli; a recording that does not show its own becomes a field recording.
+// Registers the stimuli; a recording that does not match its own becomes a field recording.
 void match_stimuli(std::span<const int> some, Fit& fit) {
   const std::vector<double> matched = register_stimuli(fit.session, fit.state, some);
   fit.wrong_description = doubt_description(fit.session, fit.state, some);
@@ -37,7 +37,7 @@ void match_stimuli(std::span<const int> some, Fit& fit) {
   }
 }
 
-// What one kelvin more of each of its levels adds to a recording's frames, on average.
+// Derivatives of a recording's frame means by its levels, K/K.
 MatrixXd level_slopes(const Session& session, std::size_t i, const State& state) {
   const std::vector<int> pixels = session.good_pixels();
   const auto means = [&](const State& of) -> VectorXd {
@@ -57,14 +57,14 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
   const std::vector<int> all = fit.session.grid.all();
   for (const std::size_t i : modelled(fit.session)) {
     const Recording& r = fit.session.recordings[i];
-    // Where frames have times of their own, what they miss by is no jump.
+    // With free frame times, residuals are no jumps.
     if (r.kind == Kind::kUniform || state.stimuli[i].times_free) continue;
     const Series predicted = predict(fit.session, i, state, all);
     const Series residual = r.values - predicted;
     const MatrixXd levels = level_slopes(fit.session, i, state);
     const VectorXd shown = predicted.rowwise().mean().cast<double>();
     if (auto jump = find_jump(fit.session, i, residual, freezes, levels, shown)) {
-      // The speed of a pan is less sure where its frames' times are.
+      // Jitter makes the speed of a pan less certain.
       if (jittered && std::abs(jump->global_k) < kLeastJumpOfJittered_k) continue;
       remove_jump(fit.session, *jump, residual, levels);
       fit.jumps.push_back(*jump);
@@ -72,7 +72,7 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
   }
 }
 
-// The levels had taken up a part of each jump: once more, without it.
+// Repeats the correction, since the levels had absorbed a part of each jump.
 void correct_jumps_again(const State& state, Fit& fit) {
   const std::vector<int> all = fit.session.grid.all();
   for (Jump& jump : fit.jumps) {
@@ -87,7 +87,7 @@ FitResult settled(const FitData& data, const State& start, int rounds) {
   return settle(data, fit(data, start, {}, rounds), kMoreRounds, kFirstSettled);
 }
 
-// The fit with the frames' times of choppers free, or as their files have them; `registered` knows whole periods.
+// The fit with choppers' frame times free, or as registered in whole periods.
 FitResult with_times(const FitData& data, const FitResult& base, const State& registered, bool free) {
   State state = base.state;
   for (std::size_t i = 0; i < data.session.recordings.size(); ++i) {
@@ -111,14 +111,14 @@ void judge_losses(const Transport& transport, const Events& events, Fit& out) {
                    {{"per_thousand", interval(losses * per_thousand, error * per_thousand)}}, 0.999);
 }
 
-// The stimuli and nothing else: jumps taken out, frames' times as they turn out to be.
+// Fits the stimuli alone, with removal of jumps and free frame times if jittered.
 FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, Fit& out) {
   FitResult base = settled(data, out.state, kFirstRounds);
   const bool lean = std::ranges::any_of(out.session.recordings, [](const Recording& r) {
     return is_bars(r.kind) && std::get<capture::BarTarget>(r.stimulus).slant_px_per_row != 0.0;
   });
   if (lean) {
-    // Bars that lean are softer for a pixel that sees all of its row than for one that sees the middle of it.
+    // Slanted bars are softer for a pixel that sees its row's full height than for one at its centre line.
     State tall = out.state;
     tall.camera.pixel_height = 1.0;
     FitResult other = settled(data, tall, kFirstRounds);
@@ -132,7 +132,7 @@ FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, 
   return settled(data, base.state, 2);
 }
 
-// What the nominal camera leaves, with the errors of the stimuli taken out but nothing of the camera.
+// The nominal camera with the fitted errors of the stimuli.
 State nominal_camera(const Session& session, const State& base) {
   State nominal = without_transport(session, base);
   nominal.camera.response.filter = FrameFilter::kNone;
@@ -153,7 +153,7 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   if (!testable()) return out;
   out.state = nominal_state(out.session, options.profile);
   if (noise.statistics.filter != FrameFilter::kNone) {
-    // Known from the noise; the mean passes the same filter.
+    // Known from the noise; the same filter acts on the mean.
     out.state.camera.response.filter = noise.statistics.filter;
     out.state.camera.response.alpha = noise.statistics.alpha.value;
   }

@@ -1,5 +1,5 @@
-// Fits by likelihood (the spectrum of the pixels' noise, the tails of its distribution), and what the noise's
-// statistics name.
+// Fits by likelihood (the spectrum of the pixels' noise, the tails of its distribution), and effects identified by
+// noise statistics.
 #include <complex>
 
 #include <unsupported/Eigen/FFT>
@@ -86,7 +86,7 @@ double student_likelihood(const std::vector<double>& x, double degrees, double s
       x, [=](double v) { return constant - (degrees + 1.0) / 2.0 * std::log1p(v * v / (degrees * scale * scale)); });
 }
 
-// Sessions without any effect stay below all of these.
+// Effect-free sessions stay below all of these.
 constexpr double kLeastComponent = 0.0015;   // K, of flicker and stripes
 constexpr double kClear = 8.0;               // standard errors
 constexpr double kLeastCorner = 0.08;        // Hz
@@ -94,12 +94,12 @@ constexpr double kLeastKurtosis = 0.25;      // in excess of a Gaussian's
 constexpr double kClearLine = 1e-6;          // p-value
 constexpr double kClearMisfit = 7.0;         // standard errors of a band of the spectrum
 constexpr double kLeastScale = 1.04;         // of the noise's level
-constexpr double kLeastScaleOfTails = 1.12;  // the same where outliers add to it
+constexpr double kLeastScaleOfTails = 1.12;  // the same with heavy tails
 constexpr double kScaleError = 0.004;        // relative, of the level
 
 bool shows(const Measured& component) { return component.z > kClear && component.value > kLeastComponent; }
 
-// Of one value, K rms; what was measured where there is no kelvin.
+// Of one value, K rms; measured if not radiometric.
 double nominal_noise(const Session& session, const NoiseStatistics& statistics, const model::CameraProfile& p) {
   if (!session.recordings.front().kelvin) return statistics.white_k;
   return std::sqrt(p.noise_k * p.noise_k + p.quantisation_k * p.quantisation_k / 12.0);
@@ -109,7 +109,7 @@ double floor_of(const Events& events, const Noise& noise, const model::CameraPro
   const NoiseStatistics& s = noise.statistics;
   const double floor_k = s.frames > 0 && s.total_k > 0.0 ? s.total_k : noise.nominal_k;
   if (!events.coarse || p.quantisation_k <= 0.0) return floor_k;
-  // A still field sits at one place between two steps; what moves sees the whole step.
+  // A still field is at one point between two steps; a moving scene covers the whole step.
   return std::max(floor_k, std::sqrt(p.noise_k * p.noise_k + events.step_k * events.step_k / 12.0));
 }
 
@@ -134,7 +134,7 @@ void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::Camer
   if (n.filter != FrameFilter::kNone) {
     add_named(out, "iir", n.alpha.z, {{"alpha", n.alpha.estimate()}}, "the noise is correlated from frame to frame");
   }
-  // Coarse steps of what a filter has smoothed hop slowly.
+  // Rounding of filtered noise to coarse steps is slow.
   const bool hops = coarse && n.filter != FrameFilter::kNone;
   if (n.corner_hz.z > kClearCorner && n.corner_hz.value > kLeastCorner && !hops) {
     add_named(out, "one_over_f", n.corner_hz.z, {{"corner_hz", n.corner_hz.estimate()}},
@@ -155,7 +155,7 @@ void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::Camer
   }
 }
 
-// What no effect of the catalogue does.
+// Signs of effects outside the catalogue.
 void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
   if (n.line_p < kClearLine) {
     out.remainders.push_back({"readout",
@@ -163,7 +163,7 @@ void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
                                   " Hz in the means of frames or of their halves",
                               kClear});
   }
-  // Neighbours that share noise: what flicker and stripes leave is taken out already.
+  // Correlated noise of neighbours, without flicker and stripes.
   if (std::abs(n.neighbour_row_z) > kClear) {
     out.remainders.push_back(
         {"readout", "the noise of a pixel shows in its neighbour in the row", std::abs(n.neighbour_row_z)});
@@ -196,8 +196,8 @@ std::vector<double> periodogram(const ArrayXd& x) {
 }
 
 void judge_spectrum(const Spectrum& s, double rate_hz, NoiseStatistics& n) {
-  constexpr double kGain = 15.0;          // of log-likelihood, that a corner or a filter must bring
-  constexpr double kOtherGain = 3.0;      // that one kind of filter must bring over the other
+  constexpr double kGain = 15.0;          // minimum log-likelihood gain of a corner or a filter
+  constexpr double kOtherGain = 3.0;      // minimum gain between kinds of filter
   constexpr double kLeastFilter = 0.985;  // a weight nearer to 1 is no filter
   const SpectrumFit pink = fit_spectrum(s, rate_hz, true, FrameFilter::kNone);
   SpectrumFit best = pink;
@@ -219,7 +219,7 @@ void judge_spectrum(const Spectrum& s, double rate_hz, NoiseStatistics& n) {
     n.alpha.error = curvature_error(s, best, false);
     n.alpha.z = std::sqrt(2.0 * std::max(0.0, best.likelihood - pink.likelihood));
   }
-  // Does any band stand out?
+  // Largest deviation of a band.
   constexpr std::size_t kBands = 12;
   for (std::size_t b = 0; b < kBands; ++b) {
     const std::size_t first = b * s.size() / kBands;
@@ -233,7 +233,7 @@ void judge_spectrum(const Spectrum& s, double rate_hz, NoiseStatistics& n) {
 void fit_student(const std::vector<double>& x, NoiseStatistics& n) {
   double best = -1e300;
   const auto at = [&](double degrees) {
-    // The scale that the variance asks for would trust the tails; the likelihood chooses it too (golden section).
+    // The variance's scale would depend on the tails: fitted by likelihood (golden section).
     double low = 0.4 * n.sigma_tvh;
     double high = 1.15 * n.sigma_tvh;
     for (int i = 0; i < 14; ++i) {

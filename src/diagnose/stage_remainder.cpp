@@ -1,57 +1,57 @@
-// From the fit to what is left: tests of the residual that name no effect, only the place.
+// From the fit to remainders: omnibus tests of the residual, which name a stage but no effect.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-// All weights and limits below are set so that sessions without any effect stay under kRemainderLimit (the blind
-// check's effect-free sessions: at most 1 % of them in all).
+// All weights and limits below keep effect-free sessions of the blind check under kRemainderLimit (all but at most 1 %
+// of them).
 
-constexpr double kMostOfOne = 16.0;        // squared floors that one value counts for in its frame
-constexpr double kLeastAmplitude = 0.008;  // rms of what follows a basis, in floors: forward models are off by as much
+constexpr double kMostOfOne = 16.0;        // clip of one squared value in its frame's sum, squared floors
+constexpr double kLeastAmplitude = 0.008;  // rms of a component along a basis, in floors: error of the forward models
 constexpr double kScatterWeight = 2.2;     // of a z from the groups' scatter, against one from the noise
 constexpr double kTauStep = 0.03;          // of tau, for the derivative
-constexpr double kMeanOfSquare = 0.33;     // of a row's place, -1..1: 1/3, so that the middle tells from the ends
+constexpr double kMeanOfSquare = 0.33;     // of a row's place, -1..1: contrasts the middle with the ends
 constexpr double kColdest = 0.02;          // of the span of temperatures
 constexpr double kLeastSpan_k = 0.1;
-constexpr double kMeanOfParabola = 1.0 / 8.0;  // of the span, about which a curve in temperature is centred
+constexpr double kMeanOfParabola = 1.0 / 8.0;  // of the span, centre of a parabola in temperature
 constexpr Index kPhaseBins = 48;               // of the target's period
 constexpr double kQuartilesOfSigma = 1.35;     // distance of a Gaussian's quartiles
 constexpr std::size_t kLeastFrames = 9;
-constexpr double kWorseFrame = 1.4;  // times the usual squared residual, from which on a frame does not fit
+constexpr double kWorseFrame = 1.4;  // times the usual squared residual: minimum of a misfit
 constexpr double kFrameWeight = 0.5;
 constexpr double kMissError = 0.012;    // of a capture's rms residual, in floors
 constexpr double kFrameError = 0.03;    // of whole frames' rms residual, in floors
-constexpr double kStartLeft = 0.03;     // of a filter's start, that no longer shows
-constexpr double kFlickerMargin = 1.3;  // times the flicker's variance, that whole frames may move by
-constexpr double kPixelMargin = 2.0;    // the same of what the pixels' noise leaves in a frame's mean
+constexpr double kStartLeft = 0.03;     // of a filter's start, negligible below
+constexpr double kFlickerMargin = 1.3;  // times the flicker's variance, allowed for whole frames
+constexpr double kPixelMargin = 2.0;    // the same of the pixels' noise in a frame's mean
 
-// What may be left without a reason of its own, in floors (rms).
-constexpr double kPattern = 0.06;        // a fixed pattern: what the forward models are off by
-constexpr double kPatternOfTaus = 0.12;  // the same where each pixel has its own tau
-constexpr double kPatternOfSteps = 0.7;  // the same where values come in coarse steps
-constexpr double kSlowWidening = 2.5;    // of all tests, where noise is correlated over a capture
-constexpr double kDecade = 2.3;          // ln 10: of 1/f noise, one decade below a capture's own frequency looks fixed
+// Allowed residuals of known origin, in floors (rms).
+constexpr double kPattern = 0.06;        // a fixed pattern: error of the forward models
+constexpr double kPatternOfTaus = 0.12;  // the same with a tau of each pixel
+constexpr double kPatternOfSteps = 0.7;  // the same with coarse quantisation
+constexpr double kSlowWidening = 2.5;    // of all tests, for noise correlated over a capture
+constexpr double kDecade = 2.3;          // ln 10: of 1/f noise, one decade below a capture's frequency acts as fixed
 constexpr double kSlowMargin = 1.5;
 
 struct Allowance {
   double pattern = kPattern;
-  double slow_noise = 1.0;      // by how much noise that is correlated in time widens the tests
-  double still_scatter = 1.0;   // of a still field, in floors: at the border of two coarse steps it hops by half of one
-  bool times_free = false;      // of a chopper's frames: those at its very edges may miss
+  double slow_noise = 1.0;      // factor on the tests' errors for noise correlated in time
+  double still_scatter = 1.0;   // of a still field, in floors: rounding to coarse steps adds half a step
+  bool times_free = false;      // of a chopper's frames: those at its edges may deviate
   double flicker = 0.0;         // of whole frames
-  double rounding = 0.0;        // the same, of a chopper's: of pixels that all see one value
-  long settling = 0;            // first frames, before a frame filter has settled: it may start as it likes
-  std::vector<char> corrected;  // recordings out of which a jump was taken: the estimate leaves a pattern
+  double rounding = 0.0;        // the same of a chopper's: equal pixels are rounded alike
+  long settling = 0;            // first frames, until a frame filter of unknown start has settled
+  std::vector<char> corrected;  // recordings with a removed jump: its error leaves a pattern
 };
 
-// Rms error that rounding gives to all values alike that differ by Gaussian noise only: the sawtooth's first harmonic.
+// Rms common rounding error of values that differ by Gaussian noise only: the sawtooth's first harmonic.
 double common_rounding(double step_k, double noise_k) {
   return step_k / std::numbers::pi / std::numbers::sqrt2 *
          std::exp(-0.5 * std::pow(2.0 * std::numbers::pi * noise_k / step_k, 2));
 }
 
-// What a frame filter leaves of white noise, rms.
+// Rms gain of a frame filter for white noise.
 double noise_through(const Response& r) {
   if (r.filter == FrameFilter::kRecursive) return std::sqrt(r.alpha / (2.0 - r.alpha));
   return r.filter == FrameFilter::kBox ? std::hypot(r.alpha, 1.0 - r.alpha) : 1.0;
@@ -63,7 +63,7 @@ Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit)
   a.corrected.assign(fit.session.recordings.size(), 0);
   for (const Jump& jump : fit.jumps) a.corrected[jump.recording] = 1;
   if (n.corner_hz.z > kClearCorner) {
-    // Noise slower than a capture looks fixed in it.
+    // Noise slower than a capture acts as a fixed pattern.
     const double decade = 2.0 * n.corner_hz.value * fit.session.period_s * kDecade;
     a.slow_noise = kSlowWidening;
     a.pattern = std::hypot(a.pattern, kSlowMargin * std::sqrt(decade) * n.white_k / noise.floor_k);
@@ -83,14 +83,14 @@ Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit)
   return a;
 }
 
-// Sum over groups of a product whose mean is zero when nothing is left, with its error from its scatter over groups and
-// from the noise.
+// Sum over groups of residual times basis, of mean zero without a remainder; its error is from the scatter over groups
+// and from the noise.
 struct Probe {
   std::string stage;
   std::string where;
   std::vector<double> product{};  // of each group
   double information = 0.0;       // sum of the squared basis
-  double values = 0.0;            // that were looked at
+  double values = 0.0;            // number of values
 
   void add(double basis, double value) {
     product.back() += value * basis;
@@ -100,7 +100,7 @@ struct Probe {
   double z() const {
     const double sum = sum_of(product);
     const double squares = sum_of(product, [](double p) { return p * p; });
-    // Group scatter is the honest error when frames share noise; the noise's own when few groups carry all.
+    // The groups' scatter covers noise common to frames; the noise's error is better with few groups.
     const double own = std::sqrt(std::max(information, 1e-12));
     const double between = std::sqrt(squares);
     if (information <= 0.0 || std::abs(sum) < kLeastAmplitude * own * std::sqrt(values)) return 0.0;
@@ -123,15 +123,14 @@ Probes all_probes() {
            {"readout", "the residual is one-sided at the coldest values"}}};
 }
 
-// Sums over the first and over the second half of the cells, of each place.
+// Sums at each position over both halves of the cells.
 struct Halves {
   explicit Halves(Index n) : sum(Eigen::ArrayX2d::Zero(n, 2)), count(sum) {}
   void add(Index at, bool is_second, double value) {
     sum(at, is_second ? 1 : 0) += value;
     count(at, is_second ? 1 : 0) += 1.0;
   }
-  // What two independent means of each place share is fixed: their correlation, in standard errors; 0 when what they
-  // share is smaller than `allowed`.
+  // Correlation of both halves' means, due to a fixed pattern, in standard errors; 0 if its rms is below `allowed`.
   double z(double allowed) const {
     ArrayXd x(sum.rows());
     ArrayXd y(sum.rows());
@@ -155,7 +154,7 @@ struct Halves {
   Eigen::ArrayX2d count;
 };
 
-// One recording's residual, and what its tests need of the prediction.
+// One recording's residual, and data of the prediction for its tests.
 struct Examined {
   const FitData& data;
   const Recording& recording;
@@ -185,7 +184,7 @@ Examined examine(const FitData& data, const State& state, std::size_t i) {
   return x;
 }
 
-// What each probe looks for at one value, in floors.
+// The probes' bases at one value, in floors.
 std::array<double, kProbes> basis_at(const Examined& x, Index frame, Index column, int sensor_row) {
   const Session& session = x.data.session;
   const double s = 2.0 * x.recording.time_of(frame) / std::max(1e-9, x.recording.t.back()) - 1.0;
@@ -204,7 +203,7 @@ std::array<double, kProbes> basis_at(const Examined& x, Index frame, Index colum
           about + x.mean < x.low + kColdest * x.span ? 1.0 : 0.0};
 }
 
-// Means of the residual by place, and by frame.
+// Sums of the residual by position and frame.
 struct Tallies {
   Halves pixel;
   Halves row;
@@ -225,7 +224,7 @@ void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
   for (std::size_t j = 0; j < x.data.all_pixels.size(); ++j) {
     const auto c = static_cast<Index>(j);
     const double value = x.residual(k, c);
-    // One outlier of one pixel is no frame that does not fit.
+    // Clipped: one outlier pixel is no misfit of its frame.
     square += std::min(value * value, kMostOfOne);
     sum += value;
     const int pixel = x.data.all_pixels[j];
@@ -247,7 +246,7 @@ void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
   tallies.frame_square.push_back(square / static_cast<double>(x.data.all_pixels.size()) - mean_left * mean_left);
 }
 
-// Collects what one recording's tests find.
+// Collects one recording's remainders.
 struct Collector {
   const Recording& recording;
   std::vector<Remainder>& found;
@@ -285,14 +284,14 @@ void test_frames(const Examined& x, const Tallies& tallies, const Allowance& all
   const bool chopper = x.recording.kind == Kind::kChopper;
   const bool edges = allowance.times_free && chopper;
   const bool still = x.recording.kind == Kind::kUniform || x.recording.kind == Kind::kStillBars;
-  const bool hops = still && allowance.still_scatter > 1.0;  // from frame to frame, as the noise has it
+  const bool hops = still && allowance.still_scatter > 1.0;  // at random from frame to frame
   if (!edges && !hops) {
     out.add("transport", "single frames do not fit",
             sorted.back() > kWorseFrame * typical ? worst * kFrameWeight : 0.0);
   }
   out.add("pixel", "the prediction misses by more than the noise",
           (std::sqrt(sum_of(sorted) / frames) - (still ? allowance.still_scatter : 1.0)) / kMissError, true);
-  // Whole frames: flicker, the pixels' noise and what it does not blur of coarse steps move their means by this much.
+  // Variance of frame means by flicker, the pixels' noise, and rounding to coarse steps.
   const double expected = kFlickerMargin * allowance.flicker * allowance.flicker + kPixelMargin / pixels +
                           allowance.rounding * allowance.rounding;
   const double excess = std::sqrt(std::max(0.0, tallies.frame_mean2 / frames - expected));
@@ -321,7 +320,7 @@ void test_recording(const FitData& data, const State& state, const Allowance& al
   test_frames(x, tallies, allowance, corrected, out);
 }
 
-// A map of pixels that changes smoothly from row to row has another cause than pixels that differ.
+// A smooth trend over rows in a map of pixels is not due to differing pixels.
 void test_map(const Session& session, const Eigen::VectorXf& map, const std::string& what,
               std::vector<Remainder>& found) {
   const double z = row_trend_z(session, map);
@@ -356,12 +355,12 @@ std::string stage_of_misfits(std::span<const Remainder> remainders) {
   const auto misses = [&](Kind kind) {
     return largest([kind](const Remainder& r) { return *r.misfit == kind; }) > kRemainderLimit;
   };
-  // A flat field has neither edges nor changes: what it misses is added or multiplied after the pixel.
+  // A flat field has neither edges nor changes: its misfit arises after the pixel.
   if (misses(Kind::kUniform)) return "readout";
   // A chopper changes in time but not in space, still bars the other way round.
   if (misses(Kind::kChopper)) return misses(Kind::kStillBars) ? "readout" : "pixel";
-  if (!misses(Kind::kStillBars)) return "readout";  // rows at times of their own show in what moves only
-  // Far from the edges it is stray light; beside them the read-out smears.
+  if (!misses(Kind::kStillBars)) return "readout";  // row times affect moving scenes only
+  // Far from the edges: stray light; beside them: smear by the read-out.
   constexpr double kAtEdges = 15.0;
   return largest([](const Remainder& r) { return r.at_edges; }) > kAtEdges ? "readout" : "optics";
 }

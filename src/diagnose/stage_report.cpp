@@ -5,9 +5,9 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr double kPartly = 1.2;       // a gap above it is not explained
-constexpr double kNoGap = 1.001;      // below it there is nothing to close
-constexpr double kLargeStep = 8.0;    // in noise floors: of a lone pixel that jumps
+constexpr double kPartly = 1.2;       // a larger gap is not explained
+constexpr double kNoGap = 1.001;      // below it there is no gap
+constexpr double kLargeStep = 8.0;    // in noise floors: of a single jumping pixel
 constexpr double kStepScatter = 0.4;  // of the jumping pixels' steps, relative
 constexpr double kJumpError_k = 0.003;
 
@@ -18,13 +18,13 @@ void append(std::vector<T>& to, const std::vector<T>& from) {
   to.insert(to.end(), from.begin(), from.end());
 }
 
-// Whether one of these effects was found.
+// True if one of these effects was found.
 bool has(const Report& report, std::initializer_list<std::string_view> effects) {
   return std::ranges::any_of(report.effects,
                              [&](const FoundEffect& e) { return std::ranges::count(effects, e.name) != 0; });
 }
 
-// Effects that show in the values themselves.
+// Effects visible in the values themselves.
 Findings judge_values(const Events& events, const Noise& noise, const Options& options) {
   Findings out;
   const Session& session = events.session;
@@ -54,7 +54,7 @@ Findings judge_values(const Events& events, const Noise& noise, const Options& o
   return out;
 }
 
-// Jumps and freezes were taken out before the fits; they lie between the nominal camera and what is left.
+// Jumps and freezes, which were removed before the fits.
 Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const Report& report) {
   Findings out;
   const auto found = [&](const char* name, const char* where, Estimates parameters, double confidence) {
@@ -68,7 +68,7 @@ Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const
     found("offset_jump", "the offset jumps at one frame", {{"jump_k", interval(size, 0.01 * size + kJumpError_k)}},
           0.99);
   }
-  // A stream that is frozen to its end is no shutter that opened again.
+  // A freeze up to the end is not a shutter event.
   const auto freeze = std::ranges::find_if(events.freezes, [&events](const Freeze& f) {
     return f.last + 1 < static_cast<std::size_t>(events.session.recordings[f.recording].frames());
   });
@@ -81,9 +81,9 @@ Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const
   return out;
 }
 
-// The gaps of what was found, in the order of finding.
+// Gaps of the effects, in the order of selection.
 void add_chosen(const Fit& fit, Report& report) {
-  // Effects that were found by themselves lie between the nominal camera and the fit.
+  // Effects with their own statistics come between the nominal camera and the fit.
   double gap = report.gap_before;
   for (FoundEffect& e : report.effects) {
     if (e.of_noise) continue;
@@ -119,7 +119,7 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const State& s
     out["edge_px"] = state.edge_px;
     out["edge_ramp"] = state.edge_ramp;
   }
-  // Whole periods are no error.
+  // Modulo the period.
   const auto phase = [&r](double px) { return std::remainder(px, std::get<capture::BarTarget>(r.stimulus).period_px); };
   if (r.kind == Kind::kStillBars) out["phase_px"] = phase(s.phase_px);
   if (r.kind == Kind::kMovingBars) {
@@ -145,8 +145,8 @@ void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
   }
 }
 
-// Rounding to coarse steps takes the noise's colour away: then the edges, late by the filter, tell its weight, which is
-// fitted with the stimuli.
+// Rounding to coarse steps whitens the noise: then the filter's weight is that fitted with the stimuli, from delayed
+// edges.
 void take_filter_from_edges(const Fit& fit, Report& report) {
   constexpr double kError = 0.005;
   for (FoundEffect& e : report.effects) {
@@ -154,7 +154,7 @@ void take_filter_from_edges(const Fit& fit, Report& report) {
   }
 }
 
-// By how much the noise's variance, and its parts, differ from what is expected.
+// Gaps of the noise: deviations of its variance and components from the nominal ones.
 void fill_noise(const Noise& noise, Report& report) {
   const NoiseStatistics& n = noise.statistics;
   const double nominal = noise.nominal_k;
@@ -183,14 +183,14 @@ void fill_noise(const Noise& noise, Report& report) {
                   {"sigma_th (column)", n.columns.value, 0.0, striped ? n.columns.value : 0.0}};
 }
 
-// One figure: what the mean misses and what the noise's own statistics miss, in quadrature.
+// Joins the gaps of mean and noise in quadrature.
 void join_gaps(bool fitted, Report& report) {
   const auto both = [fitted](double mean, double noise) {
     return fitted ? std::sqrt(std::max(0.0, mean * mean + noise * noise - 1.0)) : noise;
   };
   report.gap_before = both(report.gap_before, report.noise_gap_before);
   report.gap_after = both(report.gap_after, report.noise_gap_after);
-  // The most telling effect first.
+  // The largest effect first.
   std::ranges::stable_sort(report.effects, std::greater{}, [](const FoundEffect& e) {
     return std::max(e.gap_before, 1.0) / std::max(e.gap_after, 0.5);
   });
@@ -216,14 +216,14 @@ void judge(std::vector<Remainder> left, Report& report) {
   report.location.stage = report.effects.empty() ? report.unexplained.stage : report.effects.front().stage;
 }
 
-// Whether the levels are off by more than they would be of a bench that is as it says.
+// True if the levels deviate by more than those of an accurate bench.
 bool levels_scatter(const Fit& fit) {
   constexpr double kOff_k = 0.02;
   const State files = nominal_state(fit.session, {});
   return level_error(nuisances(fit.session, files), fit.state) > kOff_k;
 }
 
-// Nothing was predicted, so that nothing can be said of how well, but what would test the simulator.
+// No prediction: gaps are NaN, and `needs` names captures that would test the simulator.
 void mark_not_testable(const Session& session, const Noise& noise, const std::string& why, Report& report) {
   report.verdict = "not_testable";
   report.needs =
@@ -239,7 +239,7 @@ void mark_not_testable(const Session& session, const Noise& noise, const std::st
   }
 }
 
-// Beside a description that does not fit nothing is said of the camera.
+// With a wrong description no effects of the camera are reported.
 void mark_wrong_description(const std::vector<std::string>& wrong, Report& report) {
   report.verdict = "bench_description";
   report.effects.clear();
@@ -312,7 +312,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   }
   report.scene = field.scene;
   append(all, left);
-  take(judge_jumps(events, fit.done ? fit.jumps : events.jumps, report));  // of a bench a prediction shows more
+  take(judge_jumps(events, fit.done ? fit.jumps : events.jumps, report));  // fits with a bench find more
   for (const auto* warnings : {&session.warnings, &events.warnings, &noise.findings.warnings, &fit.findings.warnings}) {
     append(report.warnings, *warnings);
   }
@@ -321,7 +321,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
       report.not_identifiable.push_back({effect.name, effect.needs});
     }
   }
-  // What a little reflection does to the levels, errors of the bench do, too.
+  // A small reflection is confounded with level errors of the bench.
   if (fit.done && allowed(options, "emissivity") && levels_scatter(fit) &&
       std::ranges::none_of(fit.selection.chosen,
                            [](const Chosen& c) { return c.choice.effect->name == "emissivity"; })) {

@@ -1,11 +1,11 @@
-// When frames were really taken: lost and inserted ones, jitter, and the speeds that follow.
+// True frame times: lost and inserted frames, jitter, and the resulting speeds.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
 // All limits are set by effect-free sessions and by sessions with one effect of realistic size (the blind check).
-constexpr double kNearWhole = 0.35;    // of a period, that a step of whole periods may be off by
+constexpr double kNearWhole = 0.35;    // of a period: tolerance of a step of whole periods
 constexpr double kBendVariance = 1.5;  // of x less the mean of its neighbours, over that of independent x
 constexpr double kLeastJitter_s = 4e-5;
 constexpr double kJitterOverMeasured = 2.0;
@@ -22,14 +22,14 @@ void count_periods(int periods, Transport& t) {
   if (periods < 0) t.inserted -= periods;
 }
 
-// Whole periods by which each frame of moving bars is late. What jitter makes of one frame the next takes back; a frame
-// that was lost or inserted shows in all that follow.
+// Delay of each frame of moving bars in whole periods. Jitter affects one frame; a lost or inserted frame all that
+// follow.
 void count_steps(const Session& session, std::size_t index, State& state, Transport& t) {
-  constexpr std::size_t kSide = 3;  // frames on either side that must agree
+  constexpr std::size_t kSide = 3;  // frames on either side for the median
   const Recording& r = session.recordings[index];
   StimulusState& s = state.stimuli[index];
   std::vector<std::size_t> seen;
-  std::vector<double> ahead_s;  // of the clock, as the target's place tells
+  std::vector<double> ahead_s;  // of the clock, by the target's position
   for (std::size_t k = 0; k < r.used.size(); ++k) {
     if (r.used[k] == 0) continue;
     double went = 0.0;
@@ -57,7 +57,7 @@ void count_steps(const Session& session, std::size_t index, State& state, Transp
   }
 }
 
-// Scatter of the shifts about a line through their neighbours, s, and what the noise alone makes of it.
+// Squared deviations of shifts from a line through their neighbours, s^2, and their part due to noise.
 struct JitterSums {
   double square = 0.0;
   double noise = 0.0;
@@ -83,16 +83,16 @@ struct JitterSums {
   }
 };
 
-// When each frame of one chopper was taken: by whole periods later than its number says, a step function of the number
-// that costs something for each step (Viterbi), for every start of the chopper. Lost and inserted frames, any number of
-// them at a time, are told from another start or clock by this alone.
+// Frame times of one chopper recording: delay in whole periods as a step function of the frame number with a cost of
+// each step (Viterbi), for every start of the chopper. Only this separates lost and inserted frames, any number at a
+// time, from another start or clock.
 struct ChopperClock {
   const Session& session;
   std::size_t index;
   State& state;
-  std::vector<int> few{};  // pixels that are looked at
+  std::vector<int> few{};  // evaluated pixels
   const Recording& r = session.recordings[index];
-  State believed = state;  // with the levels that the frames show
+  State believed = state;  // with levels fitted to the frames
   ArrayXd seen{};          // the pixels' mean in each frame
   double sigma_k = 1.0;
 
@@ -111,7 +111,7 @@ struct ChopperClock {
     }
     const std::vector<int>& late = best.late;
     if (late.empty() || std::ranges::count(late, late.front()) == std::ssize(late)) return;
-    // Before the first edge a lost frame and another start are the same.
+    // Before the first edge a lost frame is equivalent to another start.
     StimulusState& s = state.stimuli[index];
     s.delay_s -= best.later_s + late.front() * session.period_s;
     for (std::size_t k = 0; k < late.size(); ++k) {
@@ -122,9 +122,9 @@ struct ChopperClock {
 
   static constexpr int kMost = 8;  // periods, either way
   static constexpr int kPlaces = 2 * kMost + 1;
-  static constexpr double kMisfit = 0.03;     // of the contrast, that levels and time constants may be off by
-  static constexpr double kMostOfFrame = 25;  // of the cost of one frame
-  static constexpr double kStepCost = 20.0;   // and of one frame that was lost or inserted
+  static constexpr double kMisfit = 0.03;     // of the contrast: tolerance for levels and time constants
+  static constexpr double kMostOfFrame = 25;  // limit of a frame's cost
+  static constexpr double kStepCost = 20.0;   // of one lost or inserted frame
   static constexpr int kRounds = 3;           // of levels and path
 
   struct Path {
@@ -135,8 +135,8 @@ struct ChopperClock {
 
   VectorXd shown(const State& by) const { return predict(session, index, by, few).rowwise().mean().cast<double>(); }
 
-  // The levels as the frames show them at the path's times: what the files' are off by is as much as a frame that is
-  // late at an edge, and moves the path.
+  // Fits the levels at the path's times: errors of the files' levels equal those of a late frame at an edge and would
+  // bias the path.
   void take_levels(const Path& path) {
     StimulusState& s = believed.stimuli[index];
     State now = believed;
@@ -160,7 +160,7 @@ struct ChopperClock {
     for (std::size_t l = 0; l < s.level_k.size(); ++l) s.level_k[l] += off(static_cast<Index>(l), 0);
   }
 
-  // The cheapest of all starts.
+  // The path of least cost over all starts.
   Path best_path() const {
     Path best;
     for (double delay_s = -0.5; delay_s < 0.45; delay_s += 0.1) {
@@ -170,7 +170,7 @@ struct ChopperClock {
     return best;
   }
 
-  // What every frame would cost at every lateness.
+  // Cost of every frame at every delay.
   Eigen::ArrayXXd costs(double later_s) const {
     Eigen::ArrayXXd cost(seen.size(), kPlaces);
     State trial = believed;
@@ -227,7 +227,7 @@ void smooth_speeds(const Session& session, State& state) {
     StimulusState& s = state.stimuli[i];
     const auto frames = static_cast<long>(recording.frames());
     for (long k = 0; k < frames; ++k) {
-      // The slope of a straight line through the neighbours that were seen.
+      // The slope of a straight line through the used neighbours.
       const auto [from, to] = around(k, half, frames);
       Line line;
       for (long a = from; a <= to; ++a) {

@@ -1,5 +1,5 @@
-// What the diagnosis' tests share: recordings of a simulated bench, in memory or as files. The simulator and the
-// diagnosis share no code, so that each is a check of the other.
+// Recordings of a simulated bench for the diagnosis' tests, in memory or as files. Simulator and diagnosis share no
+// code, so that each checks the other.
 #pragma once
 
 #include "src/capture/capture.hpp"
@@ -11,7 +11,7 @@
 
 namespace bolo::diagnose::testing {
 
-// 32x24, without noise or quantisation: the mean that a pixel shows.
+// 32x24, without noise or quantisation: the mean of a pixel.
 sim::CameraSettings ideal_camera();
 // The same with 30 mK of noise and counts of 10 mK.
 sim::CameraSettings noisy_camera(std::uint64_t seed = 1);
@@ -21,14 +21,14 @@ capture::Chopper odd_chopper();
 // 290 and 315 K, period 20 px, slanted.
 capture::BarTarget slanted_bars(double velocity_px_s);
 
-// What the camera shows of the stimulus, whose true form differs by `error`. All pixels.
+// The camera's recording, of all pixels, of the stimulus with its true `error`.
 Recording record(const sim::CameraSettings& camera, const capture::Stimulus& stimulus, int frames,
                  const sim::StimulusError& error = {});
 
 // One camera's recordings, named recording-1 and so on.
 Session session_of(std::vector<Recording> recordings);
 
-// Their statistics once more, after values were changed.
+// Computes their statistics again, after a change of values.
 void measure(Session& session);
 
 // A closed shutter at 300 K: `value(frame, row, column)` is added, the sum rounded to 10 mK (`step`).
@@ -46,7 +46,7 @@ inline constexpr double kPeriodS = 0.005;
 
 inline bool go_on(const std::string&, double) { return true; }
 
-// What is diagnosed of captures; an empty report, and a failure of the test, where they cannot be.
+// The diagnosis of captures; on an error an empty report and a failure of the test.
 Report diagnosed(const std::vector<std::filesystem::path>& files, const Options& options = {});
 bool has(const Report& report, const std::string& effect);
 // "explained: tau_global iir"

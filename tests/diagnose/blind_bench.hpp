@@ -1,4 +1,4 @@
-// Sessions of the blind check as files, for tests that know what is hidden in them.
+// Sessions of the blind check as files, for tests that know the hidden effects.
 #pragma once
 
 #include "tests/diagnose/bench.hpp"
@@ -10,7 +10,7 @@ class BlindBench : public ::testing::Test {
  protected:
   using Kind = tools::blind::Kind;
 
-  // The first `captures` of a session's six; all that it draws, and `effects`, are at work in each of them.
+  // The first `captures` of a session's six; each has all drawn effects and `effects`.
   std::vector<std::filesystem::path> bench(const tools::blind::DrawOptions& options,
                                            const std::vector<std::string>& effects = {}, Kind kind = Kind::kEffectFree,
                                            std::size_t index = 0, std::size_t captures = 6) {

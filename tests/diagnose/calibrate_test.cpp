@@ -1,4 +1,4 @@
-// The fit of pulses on signals that are made here, by the closed form, and of still fields.
+// The fit of synthetic pulses, made by the closed form, and of still fields.
 #include "src/diagnose/calibrate.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
 #include "tests/refusal.hpp"
@@ -16,7 +16,7 @@ struct Pulses {
   std::vector<double> level{310.0, 295.0, 320.0, 295.0, 310.0, 295.0};
 };
 
-// The answer of a pixel to them. Exact.
+// The exact response of a pixel to them.
 double answer(double t_s, const Pulses& pulses = {}, double tau_s = kTau) {
   double value = pulses.base;
   double last = pulses.base;
@@ -65,7 +65,7 @@ FrameSeries series_of(const Made& made) {
 PulseFit fitted(const FrameSeries& series) { return fit_pulses(series, quiet).value(); }
 PulseFit fitted(const Made& made) { return fitted(series_of(made)); }
 
-// Whether the true value lies within the interval.
+// True if the true value lies within the interval.
 bool holds(const Estimate& estimate, double truth) { return estimate.low < truth && truth < estimate.high; }
 
 TEST(Intervals, CurvesMeetWhereTheInputSwitched) {
@@ -77,7 +77,7 @@ TEST(Intervals, CurvesMeetWhereTheInputSwitched) {
   const auto met = crossing(before, after, kTau, 0.03, 0.035);
   ASSERT_TRUE(met);
   EXPECT_NEAR(*met, at_s, 1e-12);
-  EXPECT_FALSE(crossing(before, after, kTau, 0.032, 0.035));  // not within these times
+  EXPECT_FALSE(crossing(before, after, kTau, 0.032, 0.035));  // outside of these times
 }
 
 TEST(Intervals, AreCutAtTheSwitches) {
@@ -148,7 +148,7 @@ TEST(FitPulses, FollowsABladeThatSweeps) {
 TEST(FitPulses, OnlyTakesThePixelsThatSeeThePulses) {
   const auto part = [](std::size_t p, double t) {
     const double seen = answer(t);
-    return p % 12 < 6 ? 299.0 : p % 12 == 6 ? 590.0 - seen : seen;  // a wall, an edge that is upside down, the board
+    return p % 12 < 6 ? 299.0 : p % 12 == 6 ? 590.0 - seen : seen;  // a wall, an edge of inverted response, the board
   };
   const PulseFit fit = fitted(Made{.value = part});
   EXPECT_EQ(fit.pixels, 54U);
@@ -189,7 +189,7 @@ TEST(FitPulses, LostFramesAreTimesWithoutASample) {
   EXPECT_NEAR(fit.tau_s.value, kTau, 3e-5);
 }
 
-// The interval of the estimate says how far off it is, at a noise where pixels alone say little.
+// The interval covers the error at a noise where single pixels are uninformative.
 TEST(FitPulses, TheIntervalHoldsInMostOfManyDraws) {
   int inside = 0;
   constexpr int kDraws = 40;

@@ -25,7 +25,7 @@ TEST(Catalogue, IsTheSimulatorsWithItsStages) {
   for (const char* none : {"tau_globl", ""}) EXPECT_EQ(find_effect(none), nullptr);
 }
 
-// A bench with everything that any effect needs.
+// A bench with the captures that any effect needs.
 const Session& bench() {
   const sim::CameraSettings camera = testing::noisy_camera();
   static const Session full = testing::session_of(
@@ -54,7 +54,7 @@ TEST(Catalogue, EveryEffectIsToldByAFullBenchAndSaysWhatItNeeds) {
     ASSERT_TRUE(effect.told_by) << effect.name;
     EXPECT_TRUE(effect.told_by(full)) << effect.name;
     EXPECT_FALSE(effect.needs.empty()) << effect.name;
-    static_cast<void>(effect.told_by(nothing));  // says no or yes, but does not break
+    static_cast<void>(effect.told_by(nothing));  // either value, without a crash
   }
 }
 
@@ -83,7 +83,7 @@ TEST(Catalogue, AnEffectAtItsTypicalSizeChangesThePrediction) {
     if (!effect.parameters) continue;
     State plain = nominal_state(full, {});
     State state = nominal(effect);
-    // The reference of gains is that of a pattern.
+    // A reference of gains has an effect only with gains.
     if (effect.map == MapKind::kGain) {
       plain.camera.gain = state.camera.gain = Eigen::VectorXf::Constant(full.grid.pixels(), 0.01F);
     }
@@ -98,11 +98,11 @@ TEST(Catalogue, AnEffectAtItsTypicalSizeChangesThePrediction) {
   }
 }
 
-// The keys of the report are those of `bolo simulate --effect`, so that what was diagnosed can be simulated.
+// The keys of the report are those of `bolo simulate --effect`, so that a diagnosis can be simulated.
 TEST(Catalogue, ReportsParametersThatTheSimulatorKnows) {
   const Session& full = bench();
-  // A drift over a session is not told from its shape in a capture: what is reported is the change that was seen.
-  // The simulator's non-linearity is all or nothing; how much of it was seen is of use all the same.
+  // Drift: a capture does not give the session's amplitude, so the observed change is reported. Non-linearity: its
+  // amount is reported, which the simulator does not have.
   const std::set<std::string> own{"drift", "radiometric_nonlinearity"};
   for (const Effect& effect : catalogue()) {
     if (!effect.report || own.contains(effect.name)) continue;

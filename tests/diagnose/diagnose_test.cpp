@@ -35,7 +35,7 @@ struct Case {
   std::string name;
   std::string key;
   double truth = 0.0;
-  double tolerance = 0.0;  // of the estimate, as a share
+  double tolerance = 0.0;  // relative, of the estimate
 };
 
 class OneEffect : public Diagnosis, public ::testing::WithParamInterface<Case> {};
@@ -52,7 +52,7 @@ TEST_P(OneEffect, IsNamedFirstWithItsSize) {
   EXPECT_NEAR(e.value / c.truth, 1.0, c.tolerance);
   EXPECT_LE(e.low, e.value);
   EXPECT_GE(e.high, e.value);
-  // The interval is of use: neither a point nor everything.
+  // The interval is neither empty nor too wide.
   EXPECT_GT(e.high - e.low, 0.0);
   EXPECT_LT(e.high - e.low, 0.6 * std::abs(c.truth));
   EXPECT_LT(report.gap_after, 1.1) << told(report);
@@ -73,7 +73,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{"fpn_offset:pixel_k=0.03,column_k=0.015", "fpn_offset", "pixel_k", 0.03, 0.1}),
     [](const auto& made) { return made.param.name; });
 
-// Levels that are off have emissivity tried in both of its forms.
+// With deviating levels both forms of emissivity are tried.
 TEST_F(Diagnosis, NamesEachAlternativeOnce) {
   const Report report = diagnosed(bench({.seed = 12, .geometry = {64, 24}}, {"slow_pole:share=0.05,slow_tau_s=0.15"}));
   ASSERT_FALSE(report.effects.empty()) << told(report);
@@ -104,7 +104,7 @@ INSTANTIATE_TEST_SUITE_P(OfTheCatalogue, Withheld,
                            return std::string(made.param, std::string_view(made.param).find(':'));
                          });
 
-// Heat that grows evenly comes to no end in the frame, as that of the effect's usual form does.
+// Heat that grows linearly, unlike the effect's standard form, which saturates within the frame.
 class EvenHeat : public Diagnosis {
  protected:
   static constexpr double kHeat_k = 0.1;
@@ -138,14 +138,14 @@ TEST_F(EvenHeat, IsNoPatternOfPixels) {
   EXPECT_NEAR(0.95 * report.effects[0].parameters.at("amplitude_k").value, kHeat_k, 0.02 * kHeat_k);
 }
 
-// The map of which had taken up most of it.
+// The pattern's map had absorbed most of it.
 TEST_F(EvenHeat, IsToldFromAPattern) {
   const Report report = heated(0.03);
   ASSERT_EQ(told(report), "explained: fpn_offset self_heating") << report.unexplained.where;
   EXPECT_NEAR(0.95 * report.effects[1].parameters.at("amplitude_k").value, kHeat_k, 0.1 * kHeat_k);
 }
 
-// Steps take the noise's colour away, and move whole frames where little noise is left to blur them.
+// Coarse steps whiten the noise, and shift whole frames with little noise alike.
 TEST_F(Diagnosis, TellsAFilterBehindCoarseStepsByLateEdges) {
   const Report report = diagnosed(bench({.seed = 90417}, {}, Kind::kPair, 1));
   const auto& hidden = session_.effects;
@@ -157,7 +157,7 @@ TEST_F(Diagnosis, TellsAFilterBehindCoarseStepsByLateEdges) {
   EXPECT_NEAR(iir->parameters.at("alpha").value, hidden[1].values.at("alpha"), 0.01);
 }
 
-// Levels that are off by a twentieth of the contrast move a path through lost frames, if they are believed.
+// Level errors of 5 % of the contrast bias the path through lost frames unless the levels are fitted.
 TEST_F(Diagnosis, FindsLossesBeforeABenchWhoseLevelsAreOff) {
   const Report report = diagnosed(bench({.seed = 90417, .imperfect = true}, {}, Kind::kSingle, 9));
   ASSERT_EQ(session_.effects.front().name, "frame_loss");
@@ -183,17 +183,17 @@ TEST_F(Diagnosis, OfAShutterAloneSaysWhatItCannotTell) {
   EXPECT_FALSE(missing->needs.empty());
 }
 
-// --- What is learned of a camera against what the simulator was given.
+// --- Learned corrections against the simulator's settings.
 
 class Learning : public testing::BlindBench {
  protected:
-  // The first captures of a bench session with these effects, learned from.
+  // Learns from the first captures of a bench session with these effects.
   Learned learn(const std::vector<std::string>& effects, Geometry geometry, std::size_t captures) {
     const auto files = bench({.seed = 9, .geometry = geometry}, effects, Kind::kEffectFree, 0, captures);
     return testing::diagnosed(files, {.maps = true}).learned;
   }
 
-  // What the camera shows of a flat field, without noise.
+  // The camera's frame of a flat field, without noise.
   std::vector<float> shown(double kelvin) const {
     sim::CameraSettings camera;
     camera.geometry = session_.geometry;
@@ -206,7 +206,7 @@ class Learning : public testing::BlindBench {
     return plane;
   }
 
-  // Standard deviation over the pixels of what the maps make of a flat field, K.
+  // Standard deviation over the pixels of a flat field corrected by the maps, K.
   double unevenness(const model::PixelMaps& maps, double kelvin) const {
     const std::vector<float> plane = shown(kelvin);
     double sum = 0.0;
@@ -225,7 +225,7 @@ class Learning : public testing::BlindBench {
   }
 };
 
-// A frame of more pixels than the grid of the diagnosis has.
+// A frame larger than the diagnosis' grid.
 TEST_F(Learning, OffsetsOfEveryPixelOfALargeFrame) {
   const Learned learned = learn({"fpn_offset:pixel_k=0.05,column_k=0.02"}, {100, 60}, 2);
   ASSERT_EQ(learned.maps.geometry, (Geometry{100, 60}));

@@ -1,4 +1,4 @@
-// Events that are made here, and what is found of them.
+// Detection of synthetic events.
 #include "src/diagnose/stages.hpp"
 
 #include <Eigen/Dense>
@@ -121,7 +121,7 @@ TEST_F(Events, AJumpAfterAFreezeBelongsToIt) {
   EXPECT_EQ(found[0].frame, 150U);
 }
 
-// A fit of two levels, each of which only a part of the frames shows, has taken up what it could of the jump.
+// A fit of two levels, each of a part of the frames, has absorbed a part of the jump.
 TEST_F(Events, AJumpIsFoundThatLevelsHaveTakenUpInPart) {
   MatrixXd levels = MatrixXd::Zero(kFrames, 2);
   for (int k = 0; k < kFrames; ++k) levels(k, k % 40 < 16 || k >= 190 ? 1 : 0) = 1.0;
@@ -134,7 +134,7 @@ TEST_F(Events, AJumpIsFoundThatLevelsHaveTakenUpInPart) {
   ASSERT_TRUE(jump);
   EXPECT_EQ(jump->frame, 120U);
   EXPECT_NEAR(jump->global_k, 0.5, 0.02);
-  VectorXd shown = VectorXd::Zero(kFrames);  // leaps by far more in the very frame
+  VectorXd shown = VectorXd::Zero(kFrames);  // leaps by far more in the same frame
   shown.tail(kFrames - 120).setConstant(10.0);
   EXPECT_FALSE(find_jump(session, 0, session.recordings[0].values, {}, levels, shown));
   remove_jump(session, *jump, session.recordings[0].values, levels);
@@ -196,7 +196,7 @@ TEST_F(Events, PixelsThatJumpBetweenTwoLevelsAreFound) {
   EXPECT_TRUE(bad.stuck.empty());
 }
 
-// Slow drift takes pixels over the border between two multiples: one hop there and back, and no telegraph.
+// Slow drift takes pixels over the border between two multiples: one hop and back is no telegraph signal.
 TEST_F(Events, PixelsThatHopBetweenTwoCoarseValuesDoNotJump) {
   const auto rounded = [this](int k, int, int c) {
     return 0.1 * std::round(10.0 * (noise(0.022) + (c == 7 && (k / 50) % 2 == 1 ? 0.09 : 0.0)));

@@ -1,5 +1,4 @@
-// Simulated recordings without a bench: a street that a hand or a drive passes by, with or without something that moves
-// by itself.
+// Simulated recordings without a bench: a street passed by hand or by car, with or without a moving object.
 #pragma once
 
 #include "src/sim/field.hpp"
@@ -7,7 +6,7 @@
 
 namespace bolo::diagnose::bed {
 
-// A warm box with a pattern on it that crosses the picture, over what is behind it.
+// A warm box with a pattern that crosses the picture, over a background.
 class WithMover final : public sim::Field {
  public:
   WithMover(std::unique_ptr<const sim::Field> behind, Geometry view, double speed_px_s)
@@ -44,7 +43,7 @@ class WithMover final : public sim::Field {
   capture::Stimulus stimulus(double, double) const override { return capture::NoStimulus{}; }
 
  private:
-  // Of a pixel about `at`, between two borders.
+  // Covered share of a pixel about `at` by the range between two borders.
   static double cover(double at, double low, double high) {
     return std::clamp(std::min(at + 0.5, high) - std::max(at - 0.5, low), 0.0, 1.0);
   }
@@ -58,11 +57,11 @@ struct Shot {
   int frames = 400;
   double tau_s = 0.011;
   sim::Path path = sim::steady_pan(300.0);
-  double mover_px_s = 0.0;  // 0: nothing moves by itself
+  double mover_px_s = 0.0;  // 0: no moving object
   std::vector<std::string> effects{};
   double period_s = testing::kPeriodS;
   bool sky = false;         // above some roofs, instead of the street
-  std::vector<int> lost{};  // frames that never come, though the counter of those that do runs on
+  std::vector<int> lost{};  // lost frames, without a gap in the counter
 };
 
 // A path that starts, stops and turns, up to 750 px/s, and rests before a time.
@@ -76,7 +75,7 @@ inline sim::Path restless(double from_s = -10.0) {
   return sim::Path(std::move(points));
 }
 
-// A hand that rests, but for some moves of about four times `rise_s`.
+// A hand at rest except for some moves of about four times `rise_s`.
 inline sim::Path jerks(double rise_s = 0.008) {
   std::vector<sim::PathPoint> points;
   const auto moved = [rise_s](double t, double at_s) { return 1.0 / (1.0 + std::exp((at_s - t) / rise_s)); };

@@ -1,4 +1,4 @@
-// What is said of simulated recordings without a bench, with and without a fault.
+// Diagnoses of simulated recordings without a bench, with and without a fault.
 #include "src/diagnose/field.hpp"
 #include "tests/diagnose/field_bed.hpp"
 
@@ -29,7 +29,7 @@ bool untold(const Report& report, const std::string& effect) {
   return std::ranges::find(report.not_identifiable, effect, &NotIdentifiable::effect) != report.not_identifiable.end();
 }
 
-// What stillness cannot tell is listed, and what motion tells is not.
+// Effects that a still recording cannot identify are listed, those from motion are not.
 TEST_F(FieldRecording, WithoutAnEffectThereIsNoGapAndItSaysWhatItCannotTell) {
   for (const bool moves : {false, true}) {
     const Report report = diagnosed(moves ? hand() : still());
@@ -41,7 +41,7 @@ TEST_F(FieldRecording, WithoutAnEffectThereIsNoGapAndItSaysWhatItCannotTell) {
   }
 }
 
-// A scene that the camera sweeps over is followed all the same; before a still camera it is the only thing that moves.
+// A panned scene is tracked despite the object; before a still camera the object is the only motion.
 TEST_F(FieldRecording, WhatMovesByItselfIsNoEffect) {
   for (Shot shot : {still(), hand()}) {
     const bool stands = shot.view.width == 64;
@@ -71,7 +71,7 @@ TEST_F(FieldRecording, NamesTheEffectOrSaysThatSomethingIsLeft) {
 
 TEST_F(FieldRecording, NamesTheFrameThatJumped) {
   for (Shot shot : {still(), hand()}) {
-    // Far below what moves before each pixel.
+    // Far below the scene's changes at each pixel.
     shot.effects = {"offset_jump:jump_k=-0.4,at_s=0.75"};
     const Report report = diagnosed(shot);
     EXPECT_EQ(told(report), "explained: offset_jump");
@@ -80,7 +80,7 @@ TEST_F(FieldRecording, NamesTheFrameThatJumped) {
   }
 }
 
-// All pixels of an uneven sky change alike when a hand that rests jerks, over some frames; an offset does so at once.
+// At a jerk of the hand, all pixels of an uneven sky change alike, but over some frames, unlike an offset.
 TEST_F(FieldRecording, AJerkOverAnUnevenSkyIsNoJump) {
   for (const bool jumps : {false, true}) {
     Shot shot{.view = {96, 72}, .frames = 220, .path = bed::jerks(), .sky = true};
@@ -93,7 +93,7 @@ TEST_F(FieldRecording, AJerkOverAnUnevenSkyIsNoJump) {
   }
 }
 
-// What was before the pixels of a scene that rests but for some jerks is before them in both halves of the data.
+// A scene at rest except for some jerks is at the same pixels in both halves of the data.
 TEST_F(FieldRecording, AJerkTellsNoPattern) {
   for (Shot shot : {Shot{.view = {96, 72}, .period_s = 1.0 / 30.0}, Shot{.view = {128, 96}, .period_s = 1.0 / 60.0},
                     Shot{.view = {128, 96}, .sky = true}}) {
@@ -105,7 +105,7 @@ TEST_F(FieldRecording, AJerkTellsNoPattern) {
   }
 }
 
-// The scene leaps within a frame, and is another picture then.
+// The scene leaps within a frame and is then another picture.
 TEST_F(FieldRecording, AJerkThatIsNotFollowedIsNoJump) {
   for (const bool sky : {false, true}) {
     const Report report =
@@ -114,8 +114,8 @@ TEST_F(FieldRecording, AJerkThatIsNotFollowedIsNoJump) {
   }
 }
 
-// Offsets of pixels that grow with the package's temperature are no fixed pattern, also where they are seen for a part
-// of the time only.
+// Offsets of pixels that grow with the package's temperature are no fixed pattern, even if observable only for a part
+// of the time.
 TEST_F(FieldRecording, NamesAPatternThatGrowsADrift) {
   for (const double from_s : {-10.0, 0.8}) {
     Shot shot = hand();
@@ -128,7 +128,7 @@ TEST_F(FieldRecording, NamesAPatternThatGrowsADrift) {
   }
 }
 
-// The offsets that a shutter leaves are its own: no fixed pattern of the camera.
+// Offsets after a NUC belong to it: no fixed pattern of the camera.
 TEST_F(FieldRecording, NamesTheShutterAlone) {
   for (const char* when : {"1.2", "0.5"}) {
     Shot shot = hand();
@@ -138,7 +138,7 @@ TEST_F(FieldRecording, NamesTheShutterAlone) {
   }
 }
 
-// The second loss is one of two frames, and each is named by the frame after it.
+// The second loss is of two frames; each is reported by the frame after it.
 TEST_F(FieldRecording, NamesTheFramesBeforeWhichOthersWereLost) {
   Shot shot = pan();
   shot.lost = {60, 120, 121};
@@ -147,7 +147,7 @@ TEST_F(FieldRecording, NamesTheFramesBeforeWhichOthersWereLost) {
   EXPECT_EQ(report.observations.front().lost_before, (std::vector<std::size_t>{60, 119}));
 }
 
-// Also where all of the recording's frames would not fit into memory.
+// Also with too many frames for memory.
 TEST_F(FieldRecording, FollowsTheWholeOfALargeRecording) {
   Shot shot = pan();
   shot.view = {640, 240};

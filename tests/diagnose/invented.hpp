@@ -1,4 +1,4 @@
-// Reports of invented but plausible content, for the tests of what is made of a report.
+// Reports of invented but plausible content, for tests of their output.
 #pragma once
 
 #include "src/diagnose/report.hpp"
@@ -9,10 +9,10 @@ namespace bolo::diagnose::test {
 // Row delay as the only effect, six captures with plots.
 Report invented_row_delay();
 
-// Three effects, one of them of the noise, an imperfect stimulus, something left unexplained, warnings.
+// Three effects, one of them of the noise, an imperfect stimulus, an unexplained remainder, warnings.
 Report invented_mixture();
 
-// A session in which nothing is wrong.
+// A session without any effect.
 Report invented_clean();
 
 }  // namespace bolo::diagnose::test

@@ -1,4 +1,4 @@
-// What is left: trends in maps of pixels, and the stage that misfits point to.
+// Remainders: trends in maps of pixels, and the stage indicated by misfits.
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"

@@ -1,4 +1,4 @@
-// Noise that is made here, by the standard library's generators, and what the statistics say of it.
+// Noise statistics of synthetic noise from the standard library's generators.
 #include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"
 
@@ -123,7 +123,7 @@ TEST_P(FrameFilterOf, ARecursiveFilterIsSeenInTheColour) {
     s += alpha * (draws.normal() - s);
     return s;
   });
-  // Weak filters of both forms are nearly the same.
+  // Weak filters of both forms are nearly equal.
   EXPECT_TRUE(n.filter == FrameFilter::kRecursive || alpha > 0.85);
   EXPECT_NE(n.filter, FrameFilter::kNone);
   EXPECT_NEAR(n.alpha.value, alpha, 0.02);

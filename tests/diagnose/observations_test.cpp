@@ -1,4 +1,4 @@
-// What is told of captures that no model predicts, simulated and real, and of every pixel of a large frame.
+// Observations on captures without a model, simulated and real, and on every pixel of a large frame.
 #include "src/diagnose/stages.hpp"
 
 #include <nlohmann/json.hpp>
@@ -86,7 +86,7 @@ TEST_F(Observations, AStreetWithAJumpOfFiveKelvinShowsTheJump) {
   EXPECT_EQ(json.at("observations").at("street.h5").at("jumps").at(0).at("frame"), kJumpAt);
 }
 
-// Also one that shows one value everywhere, as a camera without power may send.
+// Also one of a single value, as a camera without power may send.
 TEST_F(Observations, AFrozenStreamIsNotTestable) {
   Frame noisy(32 * 24);
   flat(0, noisy);
@@ -171,7 +171,7 @@ TEST_F(Observations, PatternsOutliersFlickerAndNoiseOfAField) {
   EXPECT_EQ(seen.outliers, (std::vector<PixelPlace>{{40, 30}}));
 }
 
-// A camera of tau 12.1 ms, where the profile says 11, that looks at a street.
+// A street, by a camera of tau 12.1 ms with a profile of 11.
 bed::Shot hand(int frames, sim::Path path) {
   return {.view = {240, 120}, .frames = frames, .tau_s = 0.0121, .path = std::move(path)};
 }
@@ -195,7 +195,7 @@ TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
   const auto json = nlohmann::json::parse(report_json(report)).at("observations").begin()->at("motion");
   EXPECT_EQ(json.at("tau_s").at("value"), motion.tau_s->value.value);
   EXPECT_EQ(json.at("row_delay_s").at("ci95").size(), 2U);
-  // The profile says 11 ms and no delay.
+  // The profile has 11 ms and no delay.
   const auto scale_of = [&](const char* effect, const char* key) {
     const auto found = std::ranges::find(report.effects, effect, &FoundEffect::name);
     return found == report.effects.end() ? 0.0 : found->parameters.at(key).value;
@@ -205,7 +205,7 @@ TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
   EXPECT_EQ(report.effects.size(), 2U);
 }
 
-// A pan blurs all frames alike: what it shows may be a soft scene as well as a slow pixel.
+// A pan blurs all frames alike: a soft scene is equivalent to a slow pixel.
 TEST_F(Observations, AnEvenPanTellsNoTimeConstant) {
   const Report report = diagnosed({bed::shoot(hand(400, sim::steady_pan(500.0)), scratch_ / "pan.h5")});
   ASSERT_TRUE(only(report).motion);
@@ -215,7 +215,7 @@ TEST_F(Observations, AnEvenPanTellsNoTimeConstant) {
   expect_said(report, "too evenly");
 }
 
-// Motion is known from the second full window on: of one frame here.
+// Motion is known from the second full window on: here of one frame.
 TEST_F(Observations, AFewFramesTellNothingOfTime) {
   const Report report = diagnosed({bed::shoot(hand(18, bed::restless()), scratch_ / "few.h5")});
   ASSERT_TRUE(only(report).motion);
@@ -251,7 +251,7 @@ TEST_F(Observations, OfRealBlackBodiesInCounts) {
   const Report flat = diagnosed({real("atto320_blackbody_25C.h5")});
   EXPECT_TRUE(has(flat, "flicker")) << told(flat);
   EXPECT_FALSE(has(flat, "tau_global"));
-  // The same without a word of what it looks at.
+  // The same without a stimulus.
   const Report report = diagnosed({altered("atto320_blackbody_25C.h5", [](std::size_t) { return 0; })});
   EXPECT_EQ(report.verdict, "not_testable");
   const Observation& seen = only(report);

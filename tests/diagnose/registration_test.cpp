@@ -1,4 +1,4 @@
-// Where the stimulus is and when frames were taken, from simulated recordings whose truth is known.
+// Registration of stimuli and frame times on simulated recordings of known truth.
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"
@@ -13,7 +13,7 @@ using testing::slanted_bars;
 constexpr double kFloorK = 0.03;
 constexpr double kPeriodPx = 20.0;
 
-// Distance of two places of the target, whose pattern repeats.
+// Distance of two phases of the periodic target.
 double apart(double a, double b) { return std::abs(a - b - kPeriodPx * std::round((a - b) / kPeriodPx)); }
 
 // The recording without frame `lost`; its times go on as if nothing had happened.
@@ -38,7 +38,7 @@ Registered registered(const Session& session) {
   return out;
 }
 
-// Of a session's only recording, and where its frames turned out to be.
+// Judges a session's only recording; `state` gets its frame times.
 Transport judged(Recording recording, State& state) {
   const Session session = testing::session_of({std::move(recording)});
   state = registered(session).state;
@@ -124,7 +124,7 @@ TEST(JudgeTransport, FindsLostFramesOfAChopper) {
   }
 }
 
-// Two frames of strong jitter may be a whole period further apart than they should be; no frame is lost.
+// Two frames of strong jitter may be a whole period too far apart without a loss.
 TEST(JudgeTransport, MeasuresJitter) {
   for (const double rms_s : {5e-4, 8e-4}) {
     sim::CameraSettings camera = noisy_camera();

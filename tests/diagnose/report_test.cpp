@@ -156,7 +156,7 @@ std::size_t count(const std::string& text, const std::string& part) {
   return found;
 }
 
-// Every element that must be closed is.
+// Every element is closed that must be.
 void expect_balanced(const std::string& page) {
   for (const std::string name : {"div", "figure", "svg", "details", "table", "section", "ul", "ol", "p", "h1", "h2",
                                  "h3", "h4", "span", "b", "main", "body", "html"}) {
@@ -239,7 +239,7 @@ TEST(ReportHtml, WhatCouldNotBeMeasuredDoesNotSpoilThePage) {
   report.noise[0].measured = nan;
   report.effects[0].parameters["scale"].low = nan;
   report.captures[2].plots[2].series[0].y[3] = nan;
-  report.captures[3].plots[0].plane.values.pop_back();  // not as many as its size says
+  report.captures[3].plots[0].plane.values.pop_back();  // fewer than its size
   for (float& value : report.captures[4].plots[1].plane.values) value = std::numeric_limits<float>::quiet_NaN();
   report.captures[5] = {};
   const std::string page = report_html(report);

@@ -150,7 +150,7 @@ TEST(BarTable, HasTheBarsMeanAndTheirPeriod) {
   }
 }
 
-// Bars whose edges are part Gaussian, part straight ramp, and which lean within a pixel: point by point.
+// Bars whose edges are part Gaussian, part ramp, and which are slanted within a pixel: numerically integrated.
 TEST(BarTable, EdgesAreRampsAndGaussians) {
   Bars bars{.period_px = 20.0, .bar_width_px = 8.0, .edge_px2 = 0.04, .ramp_px = 0.7, .lean_px = 0.3};
   const auto hot = [&](double u) {  // its Gaussian by its distribution

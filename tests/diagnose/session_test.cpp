@@ -1,4 +1,4 @@
-// Sessions with something wrong: one clear line for each, and no verdict that blames the camera for it.
+// Faulty sessions: one clear line for each fault, and no verdict against the camera.
 #include "src/diagnose/session.hpp"
 #include "tests/diagnose/bench.hpp"
 #include "tests/refusal.hpp"
@@ -16,7 +16,7 @@ class SessionFiles : public ::testing::Test {
     return testing::write(record(noisy_camera(seed), capture::Uniform{300.0}, frames), scratch_ / name);
   }
 
-  // Two good shutters and `bad`: it is left out with one line that says `why`, the others stay.
+  // Two good shutters and `bad`: it is excluded with one line that contains `why`.
   void expect_left_out(const std::filesystem::path& bad, const std::vector<std::string>& why) {
     SCOPED_TRACE(bad.filename());
     for (const auto& [name, seed] : {std::pair{"good-1.h5", 1U}, {"good-2.h5", 2U}}) {
@@ -29,14 +29,14 @@ class SessionFiles : public ::testing::Test {
     EXPECT_EQ(line.find('\n'), std::string::npos) << line;
     EXPECT_NE(line.find(bad.filename().string()), std::string::npos) << line;
     for (const std::string& word : why) EXPECT_NE(line.find(word), std::string::npos) << line << " lacks: " << word;
-    // By itself it is no session.
+    // Alone it is no session.
     const auto alone = read_session({bad}, go_on);
     if (!alone) {
       EXPECT_EQ(alone.error().kind, ErrorKind::kBadInput);
     }
   }
 
-  // A capture written by hand: `value(frame, pixel)` in counts, or kelvin for float.
+  // A raw capture: `value(frame, pixel)` in counts, or kelvin for float.
   template <typename T, typename Value>
   std::filesystem::path raw(const std::string& name, Geometry geometry, Value value, double period_s = 0.005) {
     const auto fill = [&](int k, std::vector<T>& plane) {
@@ -97,7 +97,7 @@ TEST_F(SessionFiles, AnEffectToWithholdMustBeKnown) {
   expect_refused(diagnose({shutter("a.h5")}, {.withheld = {"tau_globl"}}, go_on), {"tau_globl"});
 }
 
-// The chopper of the file never ran: one warning, and the camera is not blamed.
+// The chopper of the file never ran: one warning, and no effect of the camera.
 TEST_F(SessionFiles, AStimulusThatDoesNotMatchItsCapture) {
   Recording wrong = record(noisy_camera(3), capture::Uniform{300.0}, 240);
   wrong.stimulus = testing::odd_chopper();
@@ -108,7 +108,7 @@ TEST_F(SessionFiles, AStimulusThatDoesNotMatchItsCapture) {
   EXPECT_EQ(testing::told(report), "no_gap:");
 }
 
-// A level that is off by a kelvin is the bench's error, not the camera's.
+// A level error of 1 K is the bench's, not the camera's.
 TEST_F(SessionFiles, ALevelThatIsOff) {
   sim::StimulusError error;
   error.level_k = 0.8;

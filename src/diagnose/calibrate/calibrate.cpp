@@ -8,10 +8,10 @@ namespace {
 
 constexpr double kNoisy = 4.0;    // times the usual noise
 constexpr double kFrozen = 0.1;   // of the usual noise
-constexpr double kStill = 3.0;    // what a frame's mean may scatter by, in units of a pixel's noise
-constexpr double kSlow = 1.5;     // what a pixel's slow changes may come to, in units of its noise
-constexpr double kUneven = 3.0;   // times the usual noise: more than one pixel in twenty has it where a scene moves
-constexpr double kFarOff = 12.0;  // scatters of the fixed pattern: a pixel that says something else
+constexpr double kStill = 3.0;    // scatter of frame means, in units of a pixel's noise
+constexpr double kSlow = 1.5;     // slow changes of a pixel, in units of its noise
+constexpr double kUneven = 3.0;   // times the usual noise: exceeded by over 5 % of the pixels if a scene moves
+constexpr double kFarOff = 12.0;  // scatters of the fixed pattern: an outlier
 
 // Sums over time; `rough` are those of differences between neighbouring frames, less the frame's own.
 struct Moments {
@@ -44,8 +44,8 @@ Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) 
   return m;
 }
 
-// Whether the camera saw something move: the frames' mean, the pixels slowly, or some pixels more than others.
-// Variances of each pixel, between its neighbouring frames (`own`), and of the frames' means.
+// True if the scene changed: by the frames' mean, slow changes of pixels, or more noise of some pixels. Variances of
+// each pixel, between its neighbouring frames (`own`), and of the frames' means.
 bool moves(const std::vector<double>& variance, const std::vector<double>& own, double of_means, double least) {
   const double usual = std::max(median(own), least * least);
   const double slow = median(variance) - usual - of_means;
@@ -57,9 +57,9 @@ double mean_over(const std::vector<double>& values, const std::vector<std::size_
   return sum_of(pixels, [&](std::size_t p) { return values[p]; }) / std::max(1.0, static_cast<double>(pixels.size()));
 }
 
-constexpr std::size_t kKeptBytes = std::size_t{512} << 20U;  // a recording up to this size is read once
+constexpr std::size_t kKeptBytes = std::size_t{512} << 20U;  // recordings up to this size are kept in memory
 
-// A capture as frames, in memory when it fits.
+// A capture as frames, in memory up to kKeptBytes.
 Result<FrameSeries> open_series(const std::filesystem::path& file, const capture::CaptureReader& reader) {
   const StreamFormat& format = reader.info().format;
   FrameSeries series;
@@ -117,7 +117,7 @@ Result<std::vector<Source>> open_sources(const std::vector<std::filesystem::path
   return sources;
 }
 
-// Several still fields: the noise of all, offsets by their mean, a pixel that one of them calls dead is dead.
+// Merges still fields: noise in rms, offsets by their mean, a pixel is dead if dead in any of them.
 void merge(StillFit& all, const StillFit& more, double before) {
   const auto blend = [before](double a, double b) { return (a * before + b) / (before + 1.0); };
   for (double StillFit::*const rms : {&StillFit::noise_k, &StillFit::pixel_noise_k, &StillFit::offset_rms_k}) {
@@ -217,7 +217,7 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
   const double error2 = std::pow(fit.pixel_noise_k, 2) / n;
   const double own2 = std::max(0.0, pattern2 - error2);
   fit.offset_rms_k = std::sqrt(own2);
-  // A pattern is there when the levels scatter by more than chance lets them.
+  // A pattern exists if the levels' scatter is significant.
   if (own2 > 4.0 * error2 * std::sqrt(2.0 / std::max(1.0, good)) + 1e-12) {
     const double reliability = own2 / (own2 + error2);
     fit.offset_k.assign(pixels, 0.0F);

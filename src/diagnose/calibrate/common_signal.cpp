@@ -1,4 +1,4 @@
-// What the pixels of a recording have in common.
+// The common signal of a recording's pixels.
 #include "src/diagnose/calibrate/pulses.hpp"
 #include "src/diagnose/session.hpp"
 
@@ -6,7 +6,7 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr std::size_t kGridValues = 16'000'000;
-constexpr double kLeastCorrelation = 0.5;  // with the common shape, of a pixel that follows
+constexpr double kLeastCorrelation = 0.5;  // with the common shape: minimum of a responding pixel
 
 Grid grid_of(const FrameSeries& frames) {
   const auto limit = std::max<std::size_t>(1, kGridValues / frames.t_s.size());
@@ -53,8 +53,7 @@ Eigen::VectorXf leading(Series values) {
   return shape;
 }
 
-// Pile-ups at a limit: values at the highest, against those a step below. Of values with their sign changed: the
-// lowest.
+// Counts at the highest value and one step below, to detect clipping. With negated values: the lowest.
 struct Extreme {
   float highest = -std::numeric_limits<float>::infinity();
   std::uint32_t at = 0;
@@ -101,8 +100,8 @@ Result<std::vector<SignalSums>> sum_up(const FrameSeries& frames, const Eigen::V
   return sums;
 }
 
-// A pixel's values pile up at its highest or lowest: many are there, few a step inside, where noise would have spread
-// them. Only where there is noise to see: elsewhere values hardly ever repeat from frame to frame.
+// True if a pixel is clipped: many values at its highest or lowest, few a step inside despite noise. Only with visible
+// noise: without, nearly all values repeat from frame to frame.
 bool piled_up(const SignalSums& sums, double frames) {
   return std::ranges::any_of(std::array{sums.high, sums.low}, [&](const Extreme& e) {
     return e.at > 0.03 * frames + 3.0 && e.at > 6.0 * (e.near + 1.0) && sums.repeated < e.at + 0.2 * (frames - e.at);

@@ -6,25 +6,25 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kMostClipped = 0.2;      // of the pixels that follow
+constexpr double kMostClipped = 0.2;      // of the responding pixels
 constexpr double kLeastExplained = 0.98;  // of the mean signal's variance, by curves between switches
-constexpr double kLeastUsed = 0.4;        // of the frames, in intervals long enough to tell tau
+constexpr double kLeastUsed = 0.4;        // of the frames, in intervals long enough for tau
 constexpr double kWorstError = 0.1;       // of tau
-constexpr double kTooFast = 0.5;          // of a frame period: a tau below it is hardly seen
-constexpr double kMostLeft = 0.35;        // of a pixel's deviation, that curves may leave
-constexpr double kLeastGap = 0.7;         // below it, intervals follow the noise
-constexpr double kMapError = 0.05;        // median error of a pixel's tau, below which pixels are taken one by one
+constexpr double kTooFast = 0.5;          // of a frame period: a smaller tau is hardly observable
+constexpr double kMostLeft = 0.35;        // of a pixel's deviation: maximum residual of the curves
+constexpr double kLeastGap = 0.7;         // below it, intervals overfit the noise
+constexpr double kMapError = 0.05;        // median error of a pixel's tau: below it pixels are fitted individually
 constexpr double kLeastSpread = 1e-3;     // of tau
 constexpr double kSignificant = 4.0;      // standard errors
 
 // All limits are set by simulated choppers with and without dead pixels and spread (tests/diagnose/calibrate_test.cpp).
-constexpr double kPrior = 200.0;       // frames, as which the usual noise counts beside a pixel's own
-constexpr double kMostError = 4.0;     // times the usual standard error of a pixel that is trusted
-constexpr double kMostScatters = 6.0;  // of the taus, that a trusted one may lie off the middle
+constexpr double kPrior = 200.0;       // weight of the usual noise beside a pixel's own, frames
+constexpr double kMostError = 4.0;     // times the usual standard error: maximum of a trusted pixel
+constexpr double kMostScatters = 6.0;  // of the taus: maximum deviation of a trusted pixel
 constexpr double kNoisyPixel = 4.0;    // times the usual residual, and
-constexpr double kNoisySwing = 0.003;  // of the usual deviation, for what the model is off by
+constexpr double kNoisySwing = 0.003;  // of the usual deviation, for the model's error
 constexpr double kWeakPixel = 0.15;    // of the usual deviation
-constexpr double kLoudPixel = 0.5;     // the same, of a pixel that does not follow
+constexpr double kLoudPixel = 0.5;     // the same, of a pixel that does not respond
 
 using plot::format;
 
@@ -38,7 +38,7 @@ double student(double degrees) {
 
 double period_of(const FrameSeries& frames) { return median(gaps_of(frames.t_s)); }
 
-// Whether curves between switches are what the mean signal is made of.
+// Checks that the mean signal consists of curves between switches.
 Status check(const FrameSeries& frames, const CommonSignal& common, const std::optional<SignalFit>& fit) {
   if (common.clipped_share > kMostClipped) {
     return bad_input(frames.name +
@@ -73,7 +73,7 @@ Status check(const FrameSeries& frames, const CommonSignal& common, const std::o
                             "new level already; record at a higher frame rate",
                             1e3 * period_s));
   }
-  // Where tau is real, some interval lasts long enough to come near its level.
+  // For a true tau, intervals last long enough to approach their levels.
   const auto lasting = std::ranges::count_if(
       telling, [&](const Interval& i) { return frames.t_s[i.end() - 1] - frames.t_s[i.first] > 1.5 * fit->tau_s; });
   if (vague || lasting < 2) {
@@ -84,7 +84,7 @@ Status check(const FrameSeries& frames, const CommonSignal& common, const std::o
   return {};
 }
 
-// Whether each pixel is what the mean is.
+// Checks that single pixels have the curves of the mean.
 Status check_pixels(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
   const double left = median(mapped(following(common.follows), [&](std::size_t p) {
     return static_cast<double>(taus.sigma[p] / common.deviation[p]);
@@ -95,8 +95,8 @@ Status check_pixels(const FrameSeries& frames, const CommonSignal& common, const
                    "higher contrast, or hold the camera still before a chopper");
 }
 
-// The interval of tau: what differs between pixels, and what all pixels share at a time (flicker, a level that drifts),
-// which shows as a difference between intervals.
+// The confidence interval of tau: independent errors of pixels, and common ones (flicker, drift of a level), estimated
+// from differences between intervals.
 Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, const SignalFit& fit, double bias) {
   const double shared2 = std::max(0.0, fit.interval_variance - noise_error * noise_error);
   const double error2 = pixel_error * pixel_error + shared2;
@@ -106,8 +106,7 @@ Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, cons
   return {tau_s, tau_s * (1.0 - half), tau_s * (1.0 + half)};
 }
 
-// A pixel's residual says what its noise is, but roughly in a short recording: the usual noise counts as so many frames
-// more.
+// A pixel's noise from its residual, inexact in short recordings, combined with the usual noise at the weight kPrior.
 void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& follows, PixelTaus& taus) {
   const double freedom = freedom_of(table.intervals());
   const std::vector<std::size_t> pixels = following(follows);
@@ -120,7 +119,7 @@ void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& foll
   }
 }
 
-// Pixels that follow too noisily or weakly, and those that don't although their neighbours do.
+// Pixels with too noisy or weak a response, and those without one although their neighbours respond.
 std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
   std::vector<DeadPixel> dead(frames.geometry.pixels(), DeadPixel::kGood);
   const std::vector<std::size_t> pixels = following(common.follows);
@@ -133,7 +132,7 @@ std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& 
       dead[p] = noisy ? DeadPixel::kNoisy : deviation < kWeakPixel * swing ? DeadPixel::kSilent : DeadPixel::kGood;
       continue;
     }
-    // It says nothing of the pulses: dead when its neighbours do, else it looks elsewhere.
+    // No response to the pulses: dead if its neighbours respond, else outside of their image.
     const PixelPlace at = place_of(p, frames.geometry.width);
     int seen = 0;
     int follow = 0;
@@ -149,7 +148,7 @@ std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& 
   return dead;
 }
 
-// Pixels that are good, as well known as most, and not far off the others.
+// Good pixels of a usual standard error that are no outliers.
 std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPixel>& dead) {
   auto known = places_where(taus.tau_s.size(), [&](std::size_t p) {
     return dead[p] == DeadPixel::kGood && std::isfinite(taus.error[p]) && std::isfinite(taus.tau_s[p]);
@@ -167,7 +166,7 @@ std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPi
 struct Population {
   double mean_s = 0.0;
   double error = 0.0;        // of the mean, relative
-  double noise_error = 0.0;  // the share of it that comes from the pixels' errors
+  double noise_error = 0.0;  // its part due to the pixels' errors
   double spread = 0.0;       // rms, relative
   double spread_z = 0.0;
 };
@@ -213,9 +212,8 @@ double rms_left(const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
   return std::sqrt(sum / std::max(1.0, static_cast<double>(pixels.size())));
 }
 
-// Noise of the pixels, from what two frames say about the third: between switches L + A exp(-t / tau) leaves nothing of
-// (y2 - y1) - r (y1 - y0). In the late half of each interval, so that a small
-// error of tau doesn't count.
+// Noise of the pixels by prediction of each frame from two: between switches, L + A exp(-t / tau) cancels in (y2 - y1)
+// - r (y1 - y0). In the late half of each interval, where a small error of tau is negligible.
 Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, const PixelTaus& taus,
                           const std::vector<std::size_t>& pixels, const Progress& progress) {
   std::array<std::vector<float>, 3> last;
@@ -249,17 +247,17 @@ Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, co
   return std::sqrt(sum / std::max(1.0, static_cast<double>(pixels.size())));
 }
 
-// The steps of one fit, in their order; what one leaves the next ones use.
+// The steps of one fit, in their order, and their results.
 struct PulseFitter {
   const FrameSeries& frames;
   const Progress& progress;
   CommonSignal common;
   SignalFit signal;
-  std::vector<std::int8_t> follows = common.follows;  // those that are not dead
+  std::vector<std::int8_t> follows = common.follows;  // without dead pixels
   DecayTable table{frames.t_s, signal.intervals, signal.tau_s};
   std::vector<SwitchBetween> switches{};
   PixelTaus taus{};
-  std::vector<std::size_t> pixels{};  // that are trusted
+  std::vector<std::size_t> pixels{};  // trusted ones
   double usual_error = 0.0;           // of a pixel's ln tau
   PulseFit fit{};
 
@@ -279,7 +277,7 @@ struct PulseFitter {
     return done;
   }
 
-  // Where the switches run over the frame; the samples that they spoil go.
+  // Fits the sweep of the switches over the frame, and trims samples within it.
   Status find_sweep() {
     const double period_s = period_of(frames);
     switches = between(frames, table, signal, period_s);
@@ -296,8 +294,7 @@ struct PulseFitter {
     return {};
   }
 
-  // All good pixels together, as if they shared one tau: no pixel's error is in it, but the curvature of their spread
-  // is.
+  // One tau for all good pixels: free of bias by single pixels' errors, but biased by the curvature of their spread.
   Status share_tau() {
     RETURN_IF_ERROR(pass_with({}));
     RETURN_IF_ERROR(check_pixels(frames, common, taus));
@@ -328,7 +325,7 @@ struct PulseFitter {
     if (!fit.spread_significant) return {};
     fit.tau_spread = all.spread;
     fit.tau_map_s = shrunk_map(taus, pixels, all);
-    // What is nonlinear in a pixel's error shifts the mean by some of its square.
+    // The mean's bias is of second order in a pixel's error.
     fit.tau_s = tau_estimate(all.mean_s, all.error, all.noise_error, signal, 0.5 * usual_error * usual_error);
     return {};
   }

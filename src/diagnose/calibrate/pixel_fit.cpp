@@ -7,14 +7,14 @@ namespace {
 
 constexpr double kLongestStep = 0.3;  // of ln tau in one pass
 
-// Sums of one pixel over one interval, of values less the first one, and what is kept from interval to interval.
+// Sums of one pixel over one interval, of values less the first one, and results kept between intervals.
 struct IntervalSums {
   double y = 0.0, yy = 0.0, ey = 0.0, uy = 0.0;
   float base = 0.0F;
 };
 struct Kept {
   double score = 0.0, information = 0.0, squares = 0.0;
-  double by_noise = 0.0;  // what noise of variance 1 adds to the information
+  double by_noise = 0.0;  // contribution to the information of noise of variance 1
   double delay = 0.0, weight = 0.0;
   Decay last;
 };
@@ -55,7 +55,7 @@ struct Pass {
     }
   }
 
-  // The interval's share of the pixel's fit, and its switch since the interval before.
+  // Adds the interval to the pixel's fit, and the switch since the interval before.
   void end(std::size_t i, std::size_t p) {
     const Interval& interval = table.intervals()[i];
     const auto n = static_cast<double>(interval.count);
@@ -88,7 +88,7 @@ struct Pass {
     taus = {std::move(taus.node), all(kNone), all(kInfinity), all(0.0F), all(kNone)};
     for (const std::size_t p : pixels) {
       const Kept& kept = all_kept[p];
-      // What is left at the pixel's own tau, which lies between two nodes.
+      // Residual at the pixel's own tau, which lies between two nodes.
       const double taken = kept.information > 0.0 ? kept.score * kept.score / kept.information : 0.0;
       const double sigma = std::sqrt(std::max(0.0, kept.squares - taken) / std::max(1.0, freedom));
       taus.sigma[p] = static_cast<float>(sigma);

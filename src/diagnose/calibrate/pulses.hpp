@@ -1,5 +1,5 @@
-// tau from pulses, step by step: one signal cut into intervals, the signal that pixels have in common, every pixel's
-// own fit, judgements of these, and what is shown of it.
+// Steps of the fit of tau to pulses: cutting a signal into intervals, the pixels' common signal, each pixel's fit, the
+// sweep of the switches, and the reported switches and trace.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,17 +23,17 @@ struct Decay {
   double at(double t_s, double tau_s) const;
 };
 
-// The least number of samples that say something about tau.
+// The minimum number of samples to estimate tau.
 inline constexpr std::size_t kLeastCount = 4;
 
-// How many samples all intervals that tell tau have, less the fit's freedom: a level and an amplitude each, and tau.
+// Degrees of freedom: samples of the intervals used for tau, less a level and an amplitude each, and tau.
 double freedom_of(const std::vector<Interval>& intervals);
 
 // Between two frames, s.
 std::vector<double> gaps_of(std::span<const double> t_s);
 
-// Of one interval and one tau: e = exp(-t / tau), less its mean, and u, its derivative by ln tau, less what 1 and e
-// explain.
+// Of one interval and one tau: e = exp(-t / tau), less its mean, and u, its derivative by ln tau, orthogonal to 1 and
+// e.
 struct Regressors {
   Regressors(std::span<const double> t_s, const Interval& interval, double tau_s);
   std::vector<double> e;
@@ -42,21 +42,21 @@ struct Regressors {
   double ee = 0.0;  // sum of e^2
 };
 
-// The best cut for a known tau, by dynamic programming: an interval more must pay kIntervalCost in squared residuals
-// over sigma^2. A sample that is taken while the input changes ends up in an interval of its own. Thread: any.
+// The best cut for a known tau, by dynamic programming: each interval costs kIntervalCost in squared residuals over
+// sigma^2. A sample that is taken while the input changes gets its own interval. Thread: any.
 std::vector<Interval> cut(std::span<const double> t_s, std::span<const double> y, double tau_s, double sigma);
 
 inline constexpr double kIntervalCost = 25.0;
 
-// Least squares in one interval. One sample: the level alone. `squares`, when asked for, gets the residual's sum.
+// Least squares in one interval. One sample: the level alone. `squares`, if not null, gets the residual's sum.
 Decay fit_decay(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s,
                 double* squares = nullptr);
 
 struct SignalFit {
   double tau_s = 0.0;
-  double sigma = 0.0;              // rms of the residual, corrected for the fit's freedom
+  double sigma = 0.0;              // rms of the residual, corrected for degrees of freedom
   double information = 0.0;        // of ln tau, in units of 1 / y^2: the variance of ln tau is sigma^2 / information
-  double interval_variance = 0.0;  // of ln tau, from how much the intervals differ (a sandwich)
+  double interval_variance = 0.0;  // of ln tau, from differences between intervals (a sandwich)
   double effective_intervals = 0.0;
   std::vector<Interval> intervals;  // all, in order
   std::vector<Decay> decays;        // of each
@@ -64,30 +64,29 @@ struct SignalFit {
   std::size_t informative_samples = 0;
 };
 
-// Cut and tau of a signal of which neither is known. Nothing when no tau makes sense of it. Thread: any.
+// Cut and tau of a signal, both unknown. Nothing when no tau fits. Thread: any.
 std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const double> y);
 
-// tau, and what is known of it, with the cut held fixed, by Gauss and Newton (variable projection). Thread: any.
+// tau and its errors with the cut held fixed, by Gauss-Newton (variable projection). Thread: any.
 void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fit);
 
-// When the input switched between two curves that follow one another: where they meet, in [from_s, to_s]. Nothing when
-// they don't. Thread: any.
+// Switching time between two consecutive curves: their intersection in [from_s, to_s], if any. Thread: any.
 std::optional<double> crossing(const Decay& before, const Decay& after, double tau_s, double from_s, double to_s);
 
 struct CommonSignal {
-  std::vector<std::int8_t> follows;  // of each pixel of the frame: 1, or -1 where it is upside down, 0: does not follow
-  std::vector<double> mean;          // one value a frame: the mean of the pixels that follow (signs taken out)
+  std::vector<std::int8_t> follows;  // of each pixel of the frame: 1, -1: inverted response, 0: none
+  std::vector<double> mean;          // one value a frame: the mean of the responding pixels (signs removed)
   std::vector<float> deviation;      // of each pixel: rms about its own mean
-  std::size_t pixels = 0;            // that follow
-  double clipped_share = 0.0;  // of the values of pixels that follow: at the end of 16 bits, or piled up at one level
+  std::size_t pixels = 0;            // responding
+  double clipped_share = 0.0;        // of the responding pixels' values: at the end of 16 bits, or clipped at one level
 };
 
-// The strongest common shape on a grid of pixels, each scaled to its own deviation so that no single one rules (power
-// iteration), then every pixel of the frame by its correlation with it. kBadInput when nothing is in common, or frames
-// have values that are no numbers. Thread: setup.
+// The strongest common shape on a grid of pixels, each scaled to its own deviation so that none dominates (power
+// iteration), then every pixel of the frame by its correlation with it. kBadInput without a common shape, or with
+// values that are not finite. Thread: setup.
 Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progress& progress);
 
-// What 1 and exp(-t / tau) leave in each interval, for taus near a middle one: the regressors of amplitude and ln tau.
+// Regressors of amplitude and ln tau in each interval, for taus near a middle one.
 class DecayTable {
  public:
   static constexpr int kNodes = 61;
@@ -120,14 +119,14 @@ class DecayTable {
   std::vector<Norm> norms_;
 };
 
-// What is known of each pixel of the frame after a pass.
+// Estimates of each pixel of the frame after a pass.
 struct PixelTaus {
-  std::vector<std::int8_t> node;  // of DecayTable, that the pass was made with
+  std::vector<std::int8_t> node;  // of DecayTable, used by the pass
   std::vector<float> tau_s;
-  std::vector<float> error;    // standard error of ln tau; infinite where nothing is known
+  std::vector<float> error;    // standard error of ln tau; infinite if unknown
   std::vector<float> sigma;    // rms of the residual
-  std::vector<float> delay_s;  // how much later than the mean the pixel's input switches; NaN: not known
-  // Of ln tau, when all pixels share one: the step to it is score / information, its variance score2 / information^2.
+  std::vector<float> delay_s;  // delay of the pixel's switches after the mean's; NaN: unknown
+  // Of ln tau, common to all pixels: its step is score / information, its variance score2 / information^2.
   double score = 0.0;
   double score2 = 0.0;
   double information = 0.0;
@@ -137,16 +136,16 @@ struct PixelTaus {
 struct SwitchBetween {
   std::size_t before = 0;
   double t_s = 0.0;
-  double from_s = 0.0;  // where a pixel's own switch is looked for
+  double from_s = 0.0;  // range of a pixel's own switch
   double to_s = 0.0;
 };
 
-// One pass. `taus.node` says which node each pixel uses (empty: the middle one); the next pass' nodes are
-// nearest_nodes(). Thread: setup.
+// One pass. `taus.node` is the node of each pixel (empty: the middle one); the next pass' nodes are nearest_nodes().
+// Thread: setup.
 Status pass(const FrameSeries& frames, const DecayTable& table, const std::vector<SwitchBetween>& switches,
             const std::vector<std::int8_t>& follows, PixelTaus& taus, const Progress& progress);
 
-// The pixels that follow.
+// The responding pixels.
 std::vector<std::size_t> following(const std::vector<std::int8_t>& follows);
 
 std::vector<std::int8_t> nearest_nodes(const DecayTable& table, const PixelTaus& taus);
@@ -162,16 +161,16 @@ struct Sweep {
 // Delays of the last pass. Thread: any.
 Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s);
 
-// Switches of the mean signal between neighbouring intervals of the table; a pixel's own is looked for up to `reach_s`
+// Switches of the mean signal between neighbouring intervals of the table; a pixel's own is searched up to `reach_s`
 // beyond the samples on either side. Thread: any.
 std::vector<SwitchBetween> between(const FrameSeries& frames, const DecayTable& table, const SignalFit& fit,
                                    double reach_s);
 
-// Samples that some pixel takes while its input is changing belong to no interval. Thread: any.
+// Removes samples from intervals during which any pixel's input switches. Thread: any.
 void trim(const FrameSeries& frames, const std::vector<SwitchBetween>& switches, const DecayTable& table,
           const Sweep& sweep, SignalFit& fit);
 
-// When the mean signal's input switched, and to which levels. Thread: any.
+// Switching times and levels of the mean signal's input. Thread: any.
 void describe_switches(std::span<const double> t_s, const SignalFit& signal, PulseFit& fit);
 
 // Measured and simulated values of one pixel. `signal` has the intervals; levels and amplitudes are the pixel's own.

@@ -4,13 +4,13 @@
 namespace bolo::diagnose {
 namespace {
 
-// Reports one number, made of the first parameter.
+// Reports one number derived from the first parameter.
 template <typename Of>
 EffectReport reported_as(const std::string& key, Of of) {
   return [key, of](const Fitted& f) { return Estimates{{key, of(f.value[0], f.error[0])}}; };
 }
 
-// A target with soft edges looks the same: what they may be of the whole blur, the interval leaves open.
+// Soft edges of the target are equivalent: the interval includes their possible share of the total blur.
 Estimates report_blur(const Fitted& f) {
   const double whole = f.value[0] + f.state.edge_px * f.state.edge_px;
   Estimate sigma = root_interval(f.value[0], f.error[0]);
@@ -34,7 +34,7 @@ Estimates report_drift(const Fitted& f) {
   return {{"change_k", interval(largest, error)}};
 }
 
-// A temperature at which gains make no difference, less the one that it is looked for about.
+// A reference temperature of gains, relative to kReference.
 Parameter about_reference(const char* name, double CameraModel::*member) {
   constexpr double kReach = 60.0;  // K
   return number_at(
@@ -42,7 +42,7 @@ Parameter about_reference(const char* name, double CameraModel::*member) {
       [](double kelvin) { return kelvin - kReference; }, [](double v) { return kReference + v; });
 }
 
-// Where a camera's gains were last made equal is its own affair: no pattern of offsets is needed for it.
+// The gains' reference differs between cameras: fitted, else it would appear as a pattern of offsets.
 Estimates report_gains(const Fitted& f) {
   Estimates out = rms_of(MapKind::kGain)(f);
   out["reference_k"] = interval(kReference + f.value[0], f.error[0]);
@@ -71,7 +71,7 @@ Form slow_from(const char* name, double tau_s) {
 
 // Optics, radiometry, the pixel's response in time, and heat that flows between pixels.
 std::vector<Effect> scene_and_pixel_effects() {
-  constexpr double kSlowTau_s = 0.15;  // about which the second time constant is looked for
+  constexpr double kSlowTau_s = 0.15;  // centre of the search for the second time constant
   const Predicate bars = any_of({Kind::kStillBars, Kind::kMovingBars});
   const Predicate changes = any_of({Kind::kChopper, Kind::kMovingBars});
   // Pixels at the target's edges average over radiance, or over temperature.
@@ -87,7 +87,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .parameters = always({number_of("blur_px2", 0.1, 0.0, 9.0, &Response::blur_px2)}),
        .least = 0.015,
        .report = report_blur},
-      // The gain falls towards the corners, about with the square of the radius: what is smooth is no map of pixels.
+      // The gain falls towards the corners, about with the square of the radius: smooth, unlike a map of pixels.
       {.name = "vignetting",
        .stage = "optics",
        .words = {"Vignetting", "Corners receive [{corner_loss} ]less than the middle"},
@@ -178,8 +178,8 @@ std::vector<Effect> scene_and_pixel_effects() {
 
 // The read-out and the package: times of rows and frames, offsets and gains.
 std::vector<Effect> readout_effects() {
-  constexpr double kHeatingRate = 3.0;   // about which it is looked for
-  constexpr double kHeatingReach = 4.0;  // of its logarithm: down to heat that grows evenly but for 1 %
+  constexpr double kHeatingRate = 3.0;   // centre of its search
+  constexpr double kHeatingReach = 4.0;  // of its logarithm: down to linear growth within 1 %
   const Predicate changes = any_of({Kind::kChopper, Kind::kMovingBars});
   return {
       {.name = "row_delay",
@@ -192,7 +192,7 @@ std::vector<Effect> readout_effects() {
        .forms = {{"rolling", [](State& s) { s.camera.two_halves = false; }},
                  {"halves", [](State& s) { s.camera.two_halves = true; }}},
        .report = first_as("row_delay_s")},
-      // The read-out averages over a part of the frame. Its mean delay is a start phase; its square is what shows.
+      // The read-out averages over a part of the frame. Its mean delay is a start phase: only its square shows.
       {.name = "integration_window",
        .stage = "readout",
        .words = {"Integration window",
@@ -203,7 +203,7 @@ std::vector<Effect> readout_effects() {
            "window_s2", 4e-6, 4e-5, [](auto& s) -> auto& { return s.camera.response.window_s; })}),
        .least = 4e-08,
        .report = reported_as("window_s", root_interval)},
-      // The frame period is not the nominal one. Pans cannot tell it from their own speed; a chopper can.
+      // The frame period is not the nominal one. Pans confound it with their speed; a chopper does not.
       {.name = "clock_skew",
        .stage = "transport",
        .words = {"Clock skew",
@@ -252,7 +252,7 @@ std::vector<Effect> readout_effects() {
                 "log_rate", 0.1, kHeatingReach, kHeatingRate, [](auto& s) -> auto& { return s.camera.heating_rate; })}),
        .least = 0.001,
        .hides_in = MapKind::kOffset,
-       // As the simulator states it, whose last row gets 1 - exp(-rate) of the amplitude.
+       // By the simulator's definition: the last row gets 1 - exp(-rate) of the amplitude.
        .report = reported_as("amplitude_k",
                              [](double v, double e) {
                                const double share = -std::expm1(-kHeatingRate);
@@ -270,7 +270,7 @@ std::vector<Effect> readout_effects() {
   };
 }
 
-// Effects without a model of the mean: statistics of their own find them, in events.cpp, noise.cpp and transport.cpp.
+// Effects without a model of the mean, found by the statistics in events.cpp, noise.cpp and transport.cpp.
 std::vector<Effect> statistical_effects() {
   using enum WithoutBench;
   const Predicate flat = any_of({Kind::kUniform});

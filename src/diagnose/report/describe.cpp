@@ -1,4 +1,4 @@
-// The report in sentences and numbers that a person would say.
+// The report as sentences and readable numbers.
 #include "src/diagnose/effect.hpp"
 #include "src/report/text.hpp"
 
@@ -7,7 +7,7 @@ namespace {
 
 using plot::format;
 
-// A unit in which a value is read easily.
+// A unit that gives readable numbers.
 struct ShownUnit {
   double factor = 1.0;
   const char* text = "";
@@ -29,7 +29,7 @@ ShownUnit unit_of(std::string_view key, double value, Wording wording) {
   return std::ranges::count(kShares, key) != 0 ? ShownUnit{100.0, " %"} : ShownUnit{};
 }
 
-// Three significant digits, without an exponent for what a person may meet.
+// Three significant digits, without an exponent for usual values.
 std::string digits(double value) {
   if (!std::isfinite(value)) return "?";
   const double size = std::abs(value);
@@ -37,7 +37,7 @@ std::string digits(double value) {
   return size >= 99.95 ? format("%.0f", value) : format("%.3g", value);
 }
 
-// Decimals that show three digits of the value, and the first of its uncertainty.
+// Decimals for three digits of the value, or the first of its uncertainty if that is finer.
 int decimals_for(double value, double half) {
   const auto place = [](double size) { return -static_cast<int>(std::floor(std::log10(size))); };
   int decimals = 0;
@@ -48,7 +48,7 @@ int decimals_for(double value, double half) {
 
 std::string fixed(double value, int decimals) { return std::isfinite(value) ? format("%.*f", decimals, value) : "?"; }
 
-// The text for what stands between the braces, or nothing when the parameter is missing.
+// The text for a place in braces, or nothing when the parameter is missing.
 std::optional<std::string> place(const FoundEffect& effect, const std::string& inner, Wording wording) {
   const std::string key = inner.substr(0, inner.find_first_of("~?%"));
   const auto found = effect.parameters.find(key);
@@ -66,7 +66,7 @@ std::optional<std::string> place(const FoundEffect& effect, const std::string& i
   return quantity(key, is_signless ? std::abs(value) : value, wording);
 }
 
-// What the words become when each part between these brackets is what `inner` makes of it.
+// Replaces each part between these brackets by `inner` of it.
 template <typename Inner>
 std::optional<std::string> replaced(std::string_view words, char open, char close, const Inner& inner) {
   std::string out;
@@ -100,7 +100,7 @@ std::string lower_first(std::string text) {
   return text;
 }
 
-// What adding the effects achieves.
+// Reduction of the gap by the effects.
 std::string closing(const Report& report) {
   const std::string these = report.effects.size() == 1 ? "this" : "these";
   if (std::ranges::all_of(report.effects, &FoundEffect::of_noise) || !(report.gap_before > 1.0)) {

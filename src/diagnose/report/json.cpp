@@ -1,5 +1,5 @@
-// The report as files. report.json: the table in ARCHITECTURE.md, key for key. JSON has no NaN and no infinity: what
-// could not be measured is null.
+// The report as files. report.json: the table in ARCHITECTURE.md, key for key. JSON has no NaN and no infinity:
+// unmeasured values are null.
 #include <algorithm>
 
 #include <nlohmann/json.hpp>
@@ -49,7 +49,7 @@ static void to_json(ordered_json& out, const Observation::Jump& jump) {
   out = {{"frame", jump.frame}, {"size", jump.size}};
 }
 
-// Places [x, y]: not more than tell where to look, beside their number.
+// The first places [x, y], and their number.
 static ordered_json pixels_of(const std::vector<PixelPlace>& pixels) {
   constexpr std::size_t kMostPlaces = 256;
   ordered_json places = ordered_json::array();

@@ -1,5 +1,5 @@
-// report.html: its parts in the order in which a person wants to know them.
-#include "report_text.hpp"  // report.css: how the parts look that only this page has
+// report.html: its parts in order of importance.
+#include "report_text.hpp"  // report.css: styles of this page's own parts
 #include "src/core/statistics.hpp"
 #include "src/diagnose/report.hpp"
 #include "src/report/plot_area.hpp"
@@ -77,7 +77,7 @@ std::string gap_row(const plot::Scale& axis, const std::string& name, const char
   return bar_row(axis, name, look, 1.0, gap, gap_text(gap));
 }
 
-// What the nominal simulator misses, what each effect takes away of it, and what is left.
+// Waterfall of gaps: the nominal simulator's, its reduction by each effect, and the remaining one.
 std::string waterfall(const Report& report, const plot::Scale& axis, bool of_noise) {
   std::string out = of_noise ? gap_row(axis, "Nominal noise", "start", report.noise_gap_before)
                              : gap_row(axis, "Nominal simulator", "start", report.gap_before);
@@ -122,7 +122,7 @@ std::string chain(const Report& report) {
 
 std::string head_part(const Report& report) {
   const std::string words = unbroken(escaped(headline(report, true)));
-  const std::size_t end = words.find(". ");  // the first sentence is said louder
+  const std::size_t end = words.find(". ");  // the first sentence becomes the heading
   std::string out = pill(report.verdict) + "<h1>" + words.substr(0, end == std::string::npos ? end : end + 1) + "</h1>";
   if (end != std::string::npos) out += "<p class=lead>" + words.substr(end + 2) + "</p>";
   out += format("<p class=soft>%zu captures, %zu frames, diagnosed in %s s.", report.captures.size(), report.frames,

@@ -1,4 +1,4 @@
-// What is drawn: of each capture, of the noise, of single pixels.
+// Plots of each capture, of the noise and of single pixels.
 #include <algorithm>
 
 #include "src/diagnose/report.hpp"
@@ -13,7 +13,7 @@ using plot::figure_html;
 using plot::format;
 using plot::number_text;
 
-constexpr double kWorthOpening = 1.1;  // gap of a capture that is shown at once
+constexpr double kWorthOpening = 1.1;  // minimum gap of a capture that is shown unfolded
 
 std::string figures(const std::vector<plot::Plot>& plots) {
   std::string out;
@@ -33,7 +33,7 @@ std::string capture_part(const CapturePlots& one) {
          "</details>";
 }
 
-// The statistics stand on one logarithmic axis, all below this at its left end.
+// Lower end of the statistics' logarithmic axis.
 constexpr double kLeastK = 1e-4;
 
 double largest(const NoiseStatistic& one) {

@@ -1,4 +1,4 @@
-// The diagnosis on cameras and benches of the blind check's second reality, which share nothing with the simulator.
+// The diagnosis on cameras and benches of the blind check's second reality, which is independent of the simulator.
 #include "tests/diagnose/blind_bench.hpp"
 
 namespace bolo::diagnose::reality_test {
@@ -13,7 +13,7 @@ class SecondReality : public testing::BlindBench {
   }
 };
 
-// Its bars lean within the height of a pixel.
+// Its bars are slanted within a pixel's height.
 TEST_F(SecondReality, WithoutAnEffectShowsNoGap) { EXPECT_EQ(told(diagnosed(Kind::kEffectFree, 0)), "no_gap:"); }
 
 // The edges of its target are straight ramps.
@@ -21,17 +21,17 @@ TEST_F(SecondReality, AnImperfectBenchIsNotTheCameras) {
   EXPECT_EQ(told(diagnosed(Kind::kEffectFree, 1, {}, true)), "no_gap:");
 }
 
-// Its loss towards the corners is a cosine law about a place of its own.
+// Its loss towards the corners is a cosine law about another centre.
 TEST_F(SecondReality, WhatIsSmoothIsNoMapOfPixels) {
   EXPECT_EQ(told(diagnosed(Kind::kSingle, 0, "vignetting")), "explained: vignetting");
 }
 
-// Levels that are free would swallow it.
+// Free levels would absorb it.
 TEST_F(SecondReality, LevelsOfAGoodBenchTellTheEmissivity) {
   EXPECT_EQ(told(diagnosed(Kind::kSingle, 0, "emissivity")), "explained: emissivity");
 }
 
-// Its gains were made equal at 298.15 K.
+// Its gains are equalised at 298.15 K.
 TEST_F(SecondReality, GainsNeedNoOffsets) {
   const Report report = diagnosed(Kind::kSingle, 0, "fpn_gain");
   ASSERT_EQ(told(report), "explained: fpn_gain");

@@ -38,10 +38,10 @@ Result<std::string> fresh_nonce() {
 struct Request {
   DrawOptions draw;
   std::vector<Session> sessions;  // drawn
-  fs::path program;               // whose `diagnose` is checked
+  fs::path program;               // with the checked `diagnose`
   fs::path keep;                  // empty: captures and reports are deleted
   int jobs = 2;
-  Replace replace = Replace::kNothing;  // of what is kept
+  Replace replace = Replace::kNothing;  // of kept files
   bool json = false;
 
   fs::path kept(const Session& session) const {
@@ -121,7 +121,7 @@ Status draw_sessions(const Given& given, Request& request) {
   return {};
 }
 
-// Makes the folder that is to keep everything, and sees that nothing stands there in the way.
+// Makes the folder of kept files, and checks that nothing in it would be overwritten.
 Status prepare_kept(const Request& request) {
   if (request.keep.empty()) return {};
   RETURN_IF_ERROR(make_folder(request.keep));
@@ -150,20 +150,20 @@ Result<Request> read_request(const Given& given) {
   return request;
 }
 
-// Gives the folder a name instead of removing it.
+// Renames the folder instead of removing it.
 Status keep_as(ScratchFolder& folder, const fs::path& target, Replace replace) {
   std::error_code error;
   if (replace == Replace::kExisting) fs::remove_all(target, error);
   fs::rename(folder.path(), target, error);
-  // Somebody else has just kept the same session there, which is as good.
+  // Another process has kept the same session meanwhile.
   if (error == std::errc::directory_not_empty || error == std::errc::file_exists) return {};
   if (error) return failed(target.string() + ": cannot be made: " + error.message());
   folder.keep();
   return {};
 }
 
-// Simulates and diagnoses one session in a folder that only this user can enter, named after nothing. A diagnosis that
-// broke is a trial without a finding; kFailed: the disk, the simulator, or an interrupt.
+// Simulates and diagnoses one session in a private folder of a random name. A failed diagnosis is a trial without a
+// finding; kFailed: the disk, the simulator, or an interrupt.
 Result<Trial> run_trial(const Session& session, const Request& request) {
   ASSIGN_OR_RETURN(auto folder, request.keep.empty() ? ScratchFolder::make() : ScratchFolder::make(request.keep));
   ASSIGN_OR_RETURN(const auto captures, write_captures(session, folder.path()));
@@ -195,7 +195,7 @@ Status keep_answers(const Request& request, const Opened& opened) {
   return write_file({request.keep / kKeptFiles[1], request.replace}, opened.nonce);
 }
 
-// The seal is shown before anything is diagnosed, beside the JSON, which is alone on stdout.
+// Prints the seal before any diagnosis; with --json to stderr, as stdout has the JSON only.
 Status draw_and_score(const Request& request) {
   const auto started = std::chrono::steady_clock::now();
   ASSIGN_OR_RETURN(const auto seal, Seal::close(request.sessions));
@@ -228,7 +228,7 @@ std::vector<std::string> environment() {
   return out;
 }
 
-// The last line that says something.
+// The last line that is not empty.
 std::string last_line(const std::filesystem::path& log) {
   std::ifstream in(log);
   std::string last;
@@ -240,7 +240,7 @@ std::string last_line(const std::filesystem::path& log) {
 
 using nlohmann::json;
 
-// null stands for what could not be measured.
+// null: unmeasured.
 double number(const json& value) {
   return value.is_number() ? value.get<double>() : std::numeric_limits<double>::quiet_NaN();
 }

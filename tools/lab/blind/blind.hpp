@@ -1,18 +1,17 @@
-// The blind check: answers are sealed, captures diagnosed in a process of its own, answers opened, and scored.
+// The blind check: answers are sealed, captures diagnosed in another process, answers opened, and the diagnoses scored.
 #pragma once
 
 #include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools::blind {
 
-// --- Answers that cannot be changed after the question was asked: their digest is published before anything is
-// diagnosed, and tells nobody the answers. Nonce and answers are in this process's memory alone until they are opened,
-// and the diagnosis is told of neither.
+// --- Sealed answers (a commitment): their digest is published before any diagnosis and does not reveal them. Until
+// they are opened, nonce and answers are in this process's memory only, unknown to the diagnosis.
 
 // SHA-256 in 64 hexadecimal digits. Thread: any.
 std::string sha256(const std::string& text);
 
-// What was sealed, in the open: anybody can compute the digest again from it.
+// The opened seal, from which the digest can be recomputed.
 struct Opened {
   std::string answers;  // JSON with sorted keys and without blanks
   std::string nonce;    // 64 hexadecimal digits
@@ -24,7 +23,7 @@ class Seal {
   // kFailed when the system gives no random nonce.
   static Result<Seal> close(const std::vector<Session>& sessions);
   const std::string& digest() const { return digest_; }
-  // Opens the seal for `sessions`; kFailed when they are not those that were sealed.
+  // Opens the seal for `sessions`; kFailed when they differ from the sealed ones.
   Result<Opened> open(const std::vector<Session>& sessions) const;
 
  private:
@@ -32,20 +31,20 @@ class Seal {
   std::string digest_;
 };
 
-// --- The diagnosis, and what its report says as far as the score needs it.
+// --- The diagnosis, and the scored part of its report.
 
 struct ChildWork {
-  std::filesystem::path program;  // `bolo`, or what answers to `diagnose` as it does
+  std::filesystem::path program;  // `bolo`, or a program with the same `diagnose`
   std::vector<std::filesystem::path> captures;
   std::filesystem::path folder;  // for the report
   std::string withheld;          // empty: none
-  double limit_s = 900.0;        // it is ended when it takes longer
+  double limit_s = 900.0;        // longer runs are terminated
 };
 
-// Runs `program diagnose CAPTURES -o FOLDER --threads 1 [--withhold EFFECT]` to its end. The child gets these words, an
-// environment of PATH, HOME, TMPDIR and the sanitizers' options alone, no open file of this process, and the folder
-// above FOLDER as its working directory. All names must be absolute. kFailed with what it
-// said when it does not end with 0; kFailed on `stop`, then the child is ended. Thread: any.
+// Runs `program diagnose CAPTURES -o FOLDER --threads 1 [--withhold EFFECT]` to its end. The child gets these
+// arguments, an environment of PATH, HOME, TMPDIR and the sanitizers' options only, no open file of this process, and
+// FOLDER's parent as its working directory. All names must be absolute. kFailed with its output when its exit code is
+// not 0; kFailed on `stop`, after terminating it. Thread: any.
 Status run_child(const ChildWork& work, const std::atomic<bool>& stop);
 
 struct Interval {
@@ -68,47 +67,47 @@ struct Finding {
 Result<Finding> read_finding(const std::filesystem::path& file);
 Result<Finding> parse_finding(const std::string& text);
 
-// --- How well the hidden effects were told.
+// --- The score.
 
-// One session with what the diagnosis made of it.
+// One session and its diagnosis.
 struct Trial {
   Session session;
-  std::optional<Finding> finding;  // none: the diagnosis broke
-  std::string error;               // why it broke
+  std::optional<Finding> finding;  // none: the diagnosis failed
+  std::string error;               // reason of its failure
 };
 
-// Which of these hold is a matter of the session's kind; what does not apply is false.
+// Judgement by the session's kind; inapplicable members are false.
 struct Judgement {
-  bool passed = false;        // what the kind asks for
+  bool passed = false;        // by the kind's criterion
   bool broken = false;        // no report
   bool right_first = false;   // the hidden effect is named first
-  bool exact = false;         // just the hidden effects are named
-  bool all_right = false;     // all of them
-  bool false_effect = false;  // an effect is named that was not there
-  bool flagged = false;       // it says that something unknown is left
-  bool blamed = false;        // explained by what was not there, and nothing unknown said
-  bool doubted = false;       // what /stimulus says does not fit
-  bool nothing = false;       // neither an effect nor anything unknown
+  bool exact = false;         // exactly the hidden effects are named
+  bool all_right = false;     // all hidden effects are named
+  bool false_effect = false;  // an effect that is not hidden is named
+  bool flagged = false;       // an unknown remainder is reported
+  bool blamed = false;        // explained by a false effect, without an unknown remainder
+  bool doubted = false;       // /stimulus is reported as wrong
+  bool nothing = false;       // neither an effect nor an unknown remainder
 };
 
-// What counts as passed: effect-free: nothing said; single: right first; pair: both named; outside: flagged; withheld:
+// Criteria of `passed`: effect-free: nothing; single: right first; pair: both named; outside: flagged; withheld:
 // flagged; forms: right first, or flagged. Thread: any.
 Judgement judge(const Trial& trial);
 
-// How to draw the same sessions again.
+// Parameters to draw the same sessions again.
 struct Setting {
   DrawOptions draw;
   std::string digest;
   double seconds = 0.0;  // of the whole check
 };
 
-// As the verb prints it with --json. Of each kind: sessions, and in how many what a judgement tells holds.
-// `confusion`, of sessions with one hidden effect: [hidden][first named], "-" for nothing, "?" for something unknown;
-// not of withheld ones, whose name cannot come: of those and of effects outside the catalogue `said_instead`.
-// `intervals`: by "effect.key", those that held the true value, of all given for effects that were named. Thread: any.
+// The verb's --json output. Of each kind: sessions, and counts by Judgement's members. `confusion`, of sessions with
+// one hidden effect: [hidden][first named], "-" for nothing, "?" for something unknown; withheld ones, which cannot be
+// named, and effects outside the catalogue are in `said_instead`. `intervals`: of named effects, by "effect.key":
+// number of those with the true value, and of all. Thread: any.
 Json score(const std::vector<Trial>& trials, const Setting& setting);
 
-// The words that draw one session again. Thread: any.
+// The arguments that draw one session again. Thread: any.
 std::string rerun_words(Kind kind, std::size_t index, const DrawOptions& draw);
 
 }  // namespace bolo::tools::blind

@@ -28,7 +28,7 @@ class Inverse {
   std::array<double, kPoints + 1> table_{};
 };
 
-// The heat equation of all pixels by an explicit rule of third order, and its past.
+// The heat equation of all pixels by an explicit third-order Runge-Kutta method, and its history.
 struct Array {
   const Scene& scene;
   const Hidden& hidden;
@@ -50,7 +50,7 @@ struct Array {
       const double smooth = std::sqrt(2.0) * std::sin(4.0 * (x * std::cos(turn) + y * std::sin(turn)) + turn);
       tau[p] = 0.8 * luck.even(-1.732, 1.732) + 0.6 * smooth;
     }
-    // A spread is one about the mean.
+    // The spread is about the mean.
     const double mean = std::accumulate(tau.begin(), tau.end(), 0.0) / static_cast<double>(tau.size());
     for (double& one : tau) one = kTauS * scale * (1.0 + spread * (one - mean));
     scene(begin_s, input);
@@ -58,12 +58,12 @@ struct Array {
     past.assign(kPast, input);
   }
 
-  // Goes on until the state at `t_s` is known.
+  // Steps until the state at `t_s` is known.
   void reach(double t_s) {
     while (begin_s + static_cast<double>(steps) * kSubstepS < t_s) step();
   }
 
-  // What a pixel shows at t, or on average over [t, t + window).
+  // A pixel's signal at t, or its mean over [t, t + window).
   double at(std::size_t pixel, double t_s, double window_s) const {
     if (window_s <= 0.0) return instant(pixel, t_s);
     constexpr int kPoints = 24;
@@ -123,8 +123,7 @@ struct Array {
   }
 };
 
-// When each stored frame was truly taken: lost frames, another clock, jitter. A frame that repeats the one before has
-// no time of its own: -1.
+// True times of the stored frames, with lost frames, clock skew and jitter; -1: repeats the frame before.
 std::vector<double> frame_times(const CapturePlan& plan, const Hidden& hidden, Luck& luck) {
   const double rate = hidden.number("frame_loss", "per_thousand", 0.0) / 1000.0;
   const bool burst = hidden.has("frame_loss", "burst");
@@ -148,7 +147,7 @@ std::vector<double> frame_times(const CapturePlan& plan, const Hidden& hidden, L
   return times;
 }
 
-// From what the pixels show to counts.
+// The read-out, from the pixels' signals to counts.
 struct Readout {
   struct Slow {
     double keep;
@@ -166,7 +165,7 @@ struct Readout {
   double flicker = 0.0;
   Plane filtered{}, last{};
 
-  // `shown`: one plane, as the array gives it.
+  // `shown`: one plane from the array.
   void frame(std::size_t k, Plane shown, Plane& out) {
     const double t_s = static_cast<double>(k) * kFrameS;
     amplify(t_s, shown);
@@ -259,7 +258,7 @@ struct Readout {
     }
   }
 
-  // Longer at the lower level than at the upper one.
+  // Random telegraph signal, longer at the lower level.
   void hop(std::size_t p, double& value) {
     const double rate = hidden.number("rts", "rate_hz", 0.0) * kFrameS;
     if (luck.chance(up[p] != 0 ? 1.3 * rate : 0.8 * rate)) up[p] = up[p] != 0 ? 0 : 1;
@@ -297,7 +296,7 @@ struct Readout {
   }
 };
 
-// When a row is read after its frame's time.
+// Delay of a row's read-out after its frame's time.
 double row_time(const Hidden& hidden, int row, int height) {
   if (hidden.has("split_readout")) {
     const int from_end = std::min(row, height - 1 - row);
@@ -310,7 +309,7 @@ double row_time(const Hidden& hidden, int row, int height) {
 }  // namespace
 
 std::vector<std::uint16_t> film(const Session& session, const CapturePlan& plan) {
-  constexpr double kBeforeS = 1.5;  // the bench has been running
+  constexpr double kBeforeS = 1.5;  // the bench runs before the first frame
   const Hidden hidden{plan.effects};
   const Geometry g = session.geometry;
   const Scene scene = scene_of(plan, hidden, g);

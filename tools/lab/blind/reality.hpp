@@ -1,4 +1,4 @@
-// What the parts of the second reality share.
+// Common parts of the second reality.
 #pragma once
 
 #include <numbers>
@@ -13,7 +13,7 @@ using Plane = std::vector<double>;
 inline constexpr double kSubstepS = 1.25e-4;
 inline constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
-// A number of an effect that is at work in the capture; `absent` where it is not.
+// The effects in a capture. number(): a parameter of an effect, or `absent`.
 struct Hidden {
   const std::vector<sim::EffectSpec>& effects;
   const sim::EffectSpec* find(std::string_view name) const {
@@ -34,7 +34,7 @@ struct Hidden {
 struct Luck {
   explicit Luck(std::uint64_t seed) : of(seed) {}
   double normal() { return gauss(of); }
-  double normal(double sigma) { return std::normal_distribution<double>(0.0, sigma)(of); }  // of two words, each time
+  double normal(double sigma) { return std::normal_distribution<double>(0.0, sigma)(of); }  // without cached values
   double even(double low, double high) { return std::uniform_real_distribution<double>(low, high)(of); }
   bool chance(double p) { return even(0.0, 1.0) < p; }
   std::size_t below(std::size_t n) { return std::uniform_int_distribution<std::size_t>(0, n - 1)(of); }
@@ -43,12 +43,11 @@ struct Luck {
   std::normal_distribution<double> gauss;
 };
 
-// Radiance of a black body from 8 to 12 um, in units in which it is 300 with slope 1 at 300 K, and the other way round.
+// Radiance of a black body from 8 to 12 um, scaled to 300 with slope 1 at 300 K, and its inverse.
 double radiance_of(double kelvin);
 double temperature_of(double radiance);
 
-// What falls on each pixel before the bench of a capture: the mean over [t, t + kSubstepS). Plan and effects outlive
-// it.
+// Irradiance of each pixel by a capture's bench: the mean over [t, t + kSubstepS). Plan and effects outlive it.
 using Scene = std::function<void(double t_s, Plane& out)>;
 Scene scene_of(const CapturePlan& plan, const Hidden& hidden, Geometry geometry);
 

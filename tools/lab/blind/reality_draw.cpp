@@ -1,4 +1,4 @@
-// What the second reality hides, and before what bench.
+// Draws of the second reality's hidden effects and bench.
 #include "tools/lab/blind/reality.hpp"
 
 namespace bolo::tools::blind::second {
@@ -11,7 +11,7 @@ struct Number {
   bool signed_too = false;
 };
 
-// An effect in one of its forms. The first form of a name is the usual one.
+// An effect in one of its forms. The first form of a name is the standard one.
 struct Entry {
   const char* name;
   const char* form;
@@ -124,7 +124,7 @@ capture::Stimulus stimulus_of(std::size_t i, double duration_s, double slant) {
   }
 }
 
-// How the bench truly is: start phases always, the rest of an imperfect one.
+// The bench's true errors: start phases always, others if imperfect.
 void draw_bench(bool imperfect, double edge_px, CapturePlan& plan, Luck& lot) {
   auto& bench = plan.bench;
   const bool bars = std::holds_alternative<capture::BarTarget>(plan.stimulus);

@@ -13,7 +13,7 @@ constexpr double kHotK = 325.0;
 constexpr double kChopperColdK = 295.0;
 constexpr std::array<double, 2> kChopperLevelsK{305.0, 320.0};
 constexpr std::array<double, 5> kPulsesS{0.012, 0.030, 0.060, 0.120, 0.300};
-constexpr double kGapS = 0.0837;  // no multiple of a frame: pulses begin at many phases of it
+constexpr double kGapS = 0.0837;  // no multiple of a frame, to vary the pulses' phases
 constexpr double kBarsColdK = 290.0;
 constexpr double kBarsHotK = 315.0;
 
@@ -21,7 +21,7 @@ constexpr std::array<int, 6> kFrames{380, 240, 400, 340, 340, 300};  // of the c
 
 bool is_moment(const sim::EffectSpec& effect) { return effect.name == "nuc_freeze" || effect.name == "offset_jump"; }
 
-// Every length at every height, as many as end within the capture.
+// Every length at every height, within the capture.
 capture::Chopper chopper(double duration_s) {
   capture::Chopper out;
   out.cold_k = kChopperColdK;
@@ -60,7 +60,7 @@ capture::Stimulus stimulus_of(std::size_t i, const Geometry& geometry, double du
   }
 }
 
-// What is the same in all captures of a session: one target, one room.
+// Errors common to all captures of a session: one target, one room.
 struct Bench {
   bool imperfect = false;
   double edge_px = 0.0;
@@ -71,7 +71,7 @@ Bench draw_bench(bool imperfect, Dice& dice) {
   return imperfect ? Bench{true, dice.between(0.0, 0.3), dice.between(0.0, 0.01)} : Bench{};
 }
 
-// Where the stimulus truly starts is never known; the rest of its errors only of an imperfect bench.
+// The stimulus' errors: its start always, others if the bench is imperfect.
 sim::StimulusError draw_faults(const capture::Stimulus& stimulus, const Bench& bench, Dice& dice) {
   sim::StimulusError faults;
   const bool is_chopper = std::holds_alternative<capture::Chopper>(stimulus);
@@ -91,7 +91,7 @@ sim::StimulusError draw_faults(const capture::Stimulus& stimulus, const Bench& b
   if (target->velocity_px_s == 0.0) return faults;
   faults.velocity = dice.signed_between(0.0, 0.01);
   faults.uneven = dice.between(0.0, 0.01);
-  faults.uneven_period_s = dice.between(1.0, 3.0);  // slow: a capture is about one swing
+  faults.uneven_period_s = dice.between(1.0, 3.0);  // slow: a capture is about one period
   faults.uneven_phase = dice.unit();
   return faults;
 }
@@ -101,7 +101,7 @@ void add_effect(std::vector<CapturePlan>& plans, const sim::EffectSpec& effect, 
     for (CapturePlan& plan : plans) plan.effects.push_back(effect);
     return;
   }
-  // Often the same one twice: then it happens once.
+  // One or two captures.
   const std::set<std::size_t> where{dice.below(plans.size()), dice.below(plans.size())};
   for (const std::size_t i : where) {
     sim::EffectSpec placed = effect;
@@ -110,7 +110,7 @@ void add_effect(std::vector<CapturePlan>& plans, const sim::EffectSpec& effect, 
   }
 }
 
-// What an effect needs to know of the stimuli: the level of a clipping.
+// Sets the levels of clipping effects within the stimuli's range.
 void place_in_scene(sim::EffectSpec& effect, Dice& dice) {
   const double cut = dice.between(0.05, 0.25);
   if (effect.name == "saturation") {
@@ -119,7 +119,7 @@ void place_in_scene(sim::EffectSpec& effect, Dice& dice) {
   if (effect.name == "clipped_range") effect.values["level_k"] = kBarsColdK + cut * (kBarsHotK - kBarsColdK);
 }
 
-// The six captures. An effect that happens at one moment (a shutter, a jump) is at work in one or two of them.
+// The six captures. A momentary effect (a shutter, a jump) is in one or two of them.
 std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::vector<sim::EffectSpec>& effects,
                                        Dice& dice) {
   std::vector<CapturePlan> plans;
@@ -150,7 +150,7 @@ struct Choice {
   std::string_view form;
 };
 
-// What a session of this kind may hide, in the order of the turns.
+// The effects for sessions of this kind, in the order of their turns.
 std::vector<Choice> choices(Kind kind) {
   std::vector<Choice> out;
   for (const sim::EffectDescription& effect : sim::effect_descriptions()) {
@@ -163,7 +163,7 @@ std::vector<Choice> choices(Kind kind) {
   return out;
 }
 
-// Words that depend on the session's place and on `what` is drawn with them.
+// Seed by the session's kind and index.
 std::uint64_t session_seed(const DrawOptions& options, Kind kind, std::size_t index) {
   using splitmix::key;
   return key(key(key(options.seed, 0) + static_cast<std::uint64_t>(kind), 0) + index, 0);
@@ -209,7 +209,7 @@ Json json_of(const sim::EffectSpec& effect) {
   return {{"name", effect.name}, {"form", effect.form}, {"values", std::move(values)}};
 }
 
-// The HDF5 library is not made for two threads.
+// The HDF5 library is not thread-safe.
 std::mutex& hdf5_mutex() {
   static std::mutex mutex;
   return mutex;
@@ -233,7 +233,7 @@ sim::CameraSettings camera_of(const Session& session, const CapturePlan& plan) {
   return camera;
 }
 
-// What the file says of the bench, wrong in one way.
+// The file's description of the bench, with one error.
 capture::Stimulus described(capture::Stimulus stimulus, std::string_view wrong) {
   if (auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
     if (wrong == "slant") bars->slant_px_per_row *= -1.0;
@@ -250,7 +250,7 @@ capture::Stimulus described(capture::Stimulus stimulus, std::string_view wrong) 
   return stimulus;
 }
 
-// Without the attributes that sim::write_capture() adds: they tell seeds.
+// Without the attributes of sim::write_capture(), which reveal seeds.
 Status write_planes(const std::filesystem::path& file, const StreamFormat& format, const CapturePlan& plan,
                     std::string_view misdescribed, const std::vector<std::uint16_t>& counts) {
   const std::lock_guard lock(hdf5_mutex());

@@ -1,4 +1,4 @@
-// Sessions of the blind check: what is hidden in them, drawn from a seed.
+// Sessions of the blind check with hidden effects, drawn from a seed.
 #pragma once
 
 #include <array>
@@ -16,13 +16,13 @@ enum class Kind {
   kSingle,    // one effect of the catalogue, each in turn
   kPair,      // two of them
   kOutside,   // one that is not in the catalogue
-  kWithheld,  // one of the catalogue, which the diagnosis may not use
+  kWithheld,  // one of the catalogue, withheld from the diagnosis
   kForms,     // one of the catalogue in another physical form than the standard one
-  kBench,     // no effect, but a /stimulus that describes another bench
+  kBench,     // no effect, but a wrong /stimulus
 };
 inline constexpr std::size_t kKinds = 7;
 
-// What makes the captures: the project's simulator, or a camera that shares nothing with it (namespace second).
+// Source of the captures: the project's simulator, or an independent one (namespace second).
 enum class Reality { kFirst, kSecond };
 
 // "effect-free", "single" ... Thread: any.
@@ -32,38 +32,38 @@ std::optional<Kind> kind_named(std::string_view name);
 struct DrawOptions {
   std::uint64_t seed = 1;
   Geometry geometry{32, 24};
-  double frames_scale = 1.0;  // of the captures' lengths
+  double frames_scale = 1.0;  // factor on the captures' lengths
   bool imperfect = false;     // the stimuli have errors
   std::string only{};         // the effect of every session; empty: all in turn
   Reality reality = Reality::kFirst;
 };
 
 struct CapturePlan {
-  std::string file;            // says nothing of the effects
+  std::string file;            // does not reveal the effects
   capture::Stimulus stimulus;  // nominal, as the file has it
   std::size_t frames = 0;
   double session_start_s = 0.0;
   std::uint64_t noise_seed = 0;
-  std::vector<sim::EffectSpec> effects;                // those at work in this capture
-  sim::StimulusError faults;                           // how the true stimulus differs from the nominal one
+  std::vector<sim::EffectSpec> effects;                // in this capture
+  sim::StimulusError faults;                           // deviations of the true stimulus from the nominal one
   std::map<std::string, double, std::less<>> bench{};  // the same, of the second reality
 };
 
-// The answer to one question of the check.
+// One session of the check: the hidden answer.
 struct Session {
   Kind kind = Kind::kEffectFree;
   std::size_t index = 0;  // among its kind
   Reality reality = Reality::kFirst;
-  std::uint64_t seed = 0;  // of everything in it
+  std::uint64_t seed = 0;  // of the whole session
   std::vector<sim::EffectSpec> effects;
   std::string withheld;
-  std::string misdescribed;  // what /stimulus has wrong
+  std::string misdescribed;  // the error in /stimulus
   Geometry geometry;
   std::uint64_t camera_seed = 0;
   std::vector<CapturePlan> captures;
 };
 
-// The names among which the sessions of a kind go in turn. Thread: any.
+// The effects of a kind's sessions, in turn. Thread: any.
 std::vector<std::string> effects_of(Kind kind, Reality reality = Reality::kFirst);
 
 // Six captures: closed shutter, hot flat, chopper, slow pan, fast pan the other way, static target; 10 mK a count.
@@ -71,32 +71,32 @@ std::vector<std::string> effects_of(Kind kind, Reality reality = Reality::kFirst
 // effect of the kind. Thread: any.
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index);
 
-// What /stimulus may have wrong, in turn.
+// The possible errors in /stimulus, in turn.
 inline constexpr std::array<const char*, 6> kMisdescribed{"slant", "velocity", "period", "width", "speed", "on_off"};
 
 // Everything that was drawn. Thread: any.
 nlohmann::json to_json(const Session& session);
 
-// Simulates all captures of a session and writes them to `folder`; the files say nothing of effects, seeds, or how
-// the stimulus really was. Returns the files. Thread: any; writing is serialised inside.
+// Simulates all captures of a session and writes them to `folder`; the files do not reveal effects, seeds, or the
+// stimulus' true errors. Returns the files. Thread: any; writing is serialised inside.
 Result<std::vector<std::filesystem::path>> write_captures(const Session& session, const std::filesystem::path& folder);
 
 // --- A second reality for the blind check: another camera before another bench, made without src/sim and src/diagnose.
-// It steps the equations of the effects in time, explicitly and slowly, with forms, signs, references, centres and
-// draws of its own, so that what simulator and diagnosis share by habit shows as an error of the diagnosis.
+// It steps the effects' equations in time explicitly, with different forms, signs, references, centres and draws, to
+// reveal assumptions that simulator and diagnosis share.
 //
-// Its conventions, where they differ: pixels cover [x, x + 1) and bars lean within a row; gains are corrected at
-// 298.15 K; the camera's housing is at 301 K; vignetting is a cosine law about a centre of its own; rows may be read
-// from the bottom; values are cut, not rounded, to counts; a window of integration begins at the frame's time; a frame
-// sent twice stands in the place of the next one; lost frames come in bursts; a frame filter starts at its first frame.
+// Its conventions, where they differ: pixels cover [x, x + 1) and bars lean within a row; gains are corrected at 298.15
+// K; the camera's housing is at 301 K; vignetting is a cosine law about another centre; rows may be read from the
+// bottom; values are truncated, not rounded, to counts; the integration window begins at the frame's time; a repeated
+// frame replaces the next one; lost frames come in bursts; a frame filter starts at its first frame.
 
 namespace second {
 
-// The names among which the sessions of a kind go in turn. Thread: any.
+// The effects of a kind's sessions, in turn. Thread: any.
 std::vector<std::string> effects_of(Kind kind);
 
-// A session of six captures; its effects are hidden by name, with the numbers of this reality. kBadInput when `only`
-// names no effect of the kind. Thread: any.
+// A session of six captures; the hidden effects have the usual names, with this reality's parameters. kBadInput when
+// `only` names no effect of the kind. Thread: any.
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index);
 
 // All frames of a capture, row-major, 10 mK a count. Thread: any.

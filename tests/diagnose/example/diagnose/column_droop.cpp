@@ -3,7 +3,7 @@
 namespace bolo::diagnose {
 namespace {
 
-// What one unit (1 K) of the effect adds to a value.
+// Contribution of one unit (1 K) of the effect to a value.
 CameraModel::Term droop() {
   return {0.0, [](const Place& place, double) { return -place.column; }};
 }

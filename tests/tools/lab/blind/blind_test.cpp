@@ -1,4 +1,4 @@
-// How a blind check is scored, sealed, and its diagnosis run.
+// The blind check's score, its seal, and the process of its diagnosis.
 #include "tools/lab/blind/blind.hpp"
 
 #include "tests/refusal.hpp"
@@ -149,7 +149,7 @@ TEST(BlindSeal, TheSameAnswersHaveAnotherDigestEachTime) {
   EXPECT_NE(Seal::close(sessions)->digest(), Seal::close(sessions)->digest());
 }
 
-// --- the process that diagnoses
+// --- the diagnosing process
 
 // A program of one shell line in `folder`.
 ChildWork work_of(const Scratch& folder, const std::string& line) {

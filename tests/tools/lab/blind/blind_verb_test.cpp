@@ -26,7 +26,7 @@ TEST_F(BlindVerb, SealsDiagnosesOpensAndScores) {
 TEST_F(BlindVerb, ScoresEveryKindAsJson) {
   const json score = json::parse(printed(words("--sessions 1 --json --imperfect")));
   EXPECT_EQ(score.at("kinds").size(), blind::kKinds);
-  EXPECT_EQ(score.at("kinds").at("effect-free").at("false_effect"), 1);  // the made-up diagnosis always says row_delay
+  EXPECT_EQ(score.at("kinds").at("effect-free").at("false_effect"), 1);  // made-up diagnosis: row_delay
   EXPECT_EQ(score.at("kinds").at("withheld").at("flagged"), 1);
   EXPECT_EQ(score.at("imperfect"), true);
   EXPECT_EQ(score.at("sealed_sha256").get<std::string>().size(), 64U);
@@ -39,7 +39,7 @@ TEST_F(BlindVerb, TheChildCannotSeeTheAnswers) {
   for (const char* hint : {"iir", "single", "424242", "answers"}) {
     EXPECT_EQ(seen.find(hint), std::string::npos) << hint << " in\n" << seen;
   }
-  // Its own three, what it reads of /proc, and the file in which it writes this down.
+  // Standard streams, /proc, and its output file.
   std::size_t open_files = 0;
   for (std::size_t at = seen.find("fd "); at != std::string::npos; at = seen.find("fd ", at + 1)) ++open_files;
   EXPECT_LE(open_files, 6U) << seen;
@@ -103,7 +103,7 @@ TEST_F(DiagnoseVerb, APlaceThatTakesNoReportIsRefusedAtOnce) {
   }
 }
 
-// A file's name may have a comma and blanks.
+// A file's name may contain a comma and blanks.
 TEST_F(DiagnoseVerb, PrintsTheReportAsJson) {
   const std::string file = folder_ / "a, b.h5";
   std::filesystem::copy_file(files_[0], file);
@@ -125,7 +125,7 @@ TEST_F(DiagnoseVerb, WritesAProfileWithWhatItFound) {
   const auto maps = must(capture::read_profile_maps(*profile));
   EXPECT_EQ(maps->offset, (std::vector<float>{0.25F, -0.5F}));
   EXPECT_EQ(maps->row_delay_s, 2.8e-5);
-  expect_parts(test::contents(file), {"maps = \"learned-maps.h5\""});  // both files can be moved together
+  expect_parts(test::contents(file), {"maps = \"learned-maps.h5\""});  // relative: both files can be moved
 }
 
 TEST_F(DiagnoseVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {

@@ -1,4 +1,4 @@
-// A diagnosis that always says the same, and writes down what its process can see.
+// A diagnosis of a constant result, which records its process' environment.
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -15,7 +15,7 @@ std::string contents(const char* file) {
   return text.str();
 }
 
-// Beside the captures: words, environment, open files, and the files in the folder.
+// Records arguments, environment, open files, and the files in the captures' folder.
 void write_down(const std::filesystem::path& folder) {
   std::ofstream out(folder / "seen.txt");
   out << contents("/proc/self/cmdline") << '\n' << contents("/proc/self/environ") << '\n';

@@ -49,7 +49,7 @@ TEST(SecondReality, EveryEffectOfTheCatalogueIsHidden) {
   }
 }
 
-// Were it to use them, it would be no second one.
+// Using them would make it dependent.
 TEST(SecondReality, UsesNeitherSimulatorNorDiagnosis) {
   for (const char* name : {"reality.cpp", "reality_draw.cpp", "reality_scene.cpp", "reality.hpp"}) {
     const std::string text = test::contents(std::filesystem::path(BOLO_SOURCE_DIR) / "tools/lab/blind" / name);

@@ -96,7 +96,7 @@ TEST(BlindSession, OnlyAnImperfectBenchHasErrors) {
   EXPECT_NE(perfect.captures[5].faults.phase, 0.0);
   EXPECT_GT(imperfect.captures[2].faults.sweep_s, 0.0);
   EXPECT_EQ(imperfect.captures[3].faults.edge_px, imperfect.captures[5].faults.edge_px);  // the same target
-  EXPECT_EQ(imperfect.captures[5].faults.velocity, 0.0);                                  // it stands still
+  EXPECT_EQ(imperfect.captures[5].faults.velocity, 0.0);                                  // a still target
 }
 
 TEST(BlindSession, WhatHappensOnceHappensInOneOrTwoCaptures) {
@@ -147,12 +147,12 @@ TEST(BlindCaptures, SayNothingOfWhatIsHidden) {
     EXPECT_EQ(reader->info().format.scale.scale, 0.01);
   }
   const auto chopper = must(CaptureReader::open((*files)[2])->stimulus());
-  EXPECT_EQ(std::get<capture::Chopper>(*chopper).cold_k, 295.0);  // nominal, not as it really was
+  EXPECT_EQ(std::get<capture::Chopper>(*chopper).cold_k, 295.0);  // nominal, without the true errors
 }
 
 TEST(BlindCaptures, TheStimulusStartsWhereItWasDrawn) {
   Session session = short_session(Kind::kEffectFree, "");
-  session.captures = {session.captures[5]};  // the target that stands still
+  session.captures = {session.captures[5]};  // the still target
   const auto at_phase = [&session](double phase) {
     const Scratch folder;
     session.captures[0].faults.phase = phase;
