@@ -13,7 +13,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
-// What an update needs besides the pixel's own values.
+// Constants of an update.
 struct Weights {
   Vec keep;
   Vec left;
@@ -153,7 +153,7 @@ constexpr int first_tree() {
   return log2_of(kBins) % 2 == 1 ? 2 : 4;
 }
 
-// No part of what calls it: that would be compiled for admm and dual alike.
+// Not inlined: it would be compiled for admm and dual alike.
 template <int kBins, bool kFirst, typename T>
 HWY_NOINLINE void sweep(const DualPlan& plan, Dual<kBins, T>& m) {
   sweep_sum<kBins, kFirst>(plan, m);
@@ -166,8 +166,8 @@ HWY_NOINLINE void sweep_near(const DualPlan& plan, const Published& bins, Dual<k
   sweep_near_levels<kBins, kBins, first_tree<kBins>()>(plan, bins, m);
 }
 
-// Before sweep `next`, counted from 0, or, where `next` is kLast, after the last: what no sweep sets, the lost samples
-// of pairs. Before the first sweep these are right as they are. What sweep_near() does not reach has settled before it.
+// Moves lost samples before sweep `next`, counted from 0, or after the last (kLast), then those of pairs only, which no
+// sweep sets. Before the first sweep these are right. Those out of sweep_near()'s reach have converged before it.
 template <int kBins>
 HWY_NOINLINE void balance(const DualRun& run, int next, Dual<kBins>& m) {
   const DualPlan& plan = run.plan;
@@ -190,7 +190,7 @@ HWY_NOINLINE void balance(const DualRun& run, int next, Dual<kBins>& m) {
   }
 }
 
-// What the estimate takes of t and of the jumps.
+// Adds the terms of t and of the jumps to the estimate.
 template <int kBins>
 HWY_INLINE void finish_dual(const DualRun& run, std::size_t first, const Dual<kBins>& m) {
   const std::size_t terms = run.estimate.terms;

@@ -109,7 +109,7 @@ HWY_INLINE void move_sum(const ShortWeights& w, std::size_t v, Dual<kBins, Short
   end = hn::Add(end, moved);
 }
 
-// What the estimate takes of t and of the jumps.
+// Adds the terms of t and of the jumps to the estimate.
 template <int kBins>
 HWY_INLINE void finish_dual(const DualRun& run, std::size_t first, const Dual<kBins, Short>& m) {
   const std::size_t terms = run.estimate.terms;

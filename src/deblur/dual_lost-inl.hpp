@@ -1,4 +1,4 @@
-// Where lost samples are moved between sweeps (LostSample in dual_plan.hpp). Included once for every instruction set.
+// Moves lost samples between sweeps (LostSample in dual_plan.hpp). Included once for every instruction set.
 #if defined(BOLO_DEBLUR_DUAL_LOST_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_DUAL_LOST_INL
 #undef BOLO_DEBLUR_DUAL_LOST_INL
@@ -15,7 +15,7 @@ inline constexpr int kLast = 1000;     // after the last sweep
 inline constexpr int kMostSteps = 20;  // along a line of lost samples' values
 inline constexpr float kFar = 1e20F;
 
-// Where what a part needs of the pixels stands.
+// Addresses of the pixels' values for one part (LostMove::Part).
 struct PartRows {
   const float* t;
   float* c;
@@ -27,15 +27,15 @@ struct PartRows {
   float keep;
   float twice;  // 2 where the part has a middle
 
-  // Where t would go without its bound.
+  // The next value of t without its bound.
   HWY_INLINE Vec unbounded(std::size_t v) const {
     const Vec rest = hn::MulAdd(all(keep), at(t + v), at(c + v));
     return hn::Add(rest, hn::NegMulAdd(all(twice), at(middle + v), hn::Add(at(begin + v), at(end + v))));
   }
 };
 
-// What the steps along a line of lost samples' values need of a few vectors of pixels: where each t would go and how
-// far it moves with y, the place on the line; between which bounds that is.
+// State of the line search over lost samples' values, for a few vectors of pixels: y, the position on the line, and its
+// bracket [low, high]; each t without its bound at y = 0 (rest), and its slope over y (move).
 template <int kBins>
 struct Steps {
   static constexpr std::size_t kPixels = std::min(2 * kLanes, Dual<kBins>::kPixels);
@@ -71,14 +71,14 @@ struct Steps {
   }
 };
 
-// How far a part's t moves with y.
+// Slope of a part's t over y.
 template <bool kTwo, int kBins>
 HWY_INLINE Vec move_of(const LostMove& lost, std::size_t k, std::size_t v, const Steps<kBins>& s) {
   return kTwo ? at(s.move[k] + v) : all(lost.part[k].move);
 }
 
-// From where the sample is, or, the first time, from the middle one of the places where the three parts that weigh the
-// most would be 0.
+// Starts at the sample's present value, or, the first time, at the median of the zeros of the three parts with the
+// largest weights.
 template <int kBins>
 HWY_INLINE bool begin_one(const DualRun& run, const LostMove& lost, bool first, std::size_t from, std::size_t v,
                           const Dual<kBins>& m, Steps<kBins>& s) {
@@ -96,8 +96,8 @@ HWY_INLINE bool begin_one(const DualRun& run, const LostMove& lost, bool first, 
   return true;
 }
 
-// At Newton's step of two samples, to which the line leads: their equations' slopes are those of the t that are free.
-// Pixels whose equations hold stay where they are; false when all do.
+// Starts at Newton's step for two samples, which gives the line's direction; slopes count the t within their bounds.
+// Pixels whose equations hold are not moved. Returns false if all hold.
 template <int kBins>
 HWY_INLINE bool begin_two(const DualRun& run, const LostMove& lost, std::size_t from, std::size_t v,
                           const Dual<kBins>& m, Steps<kBins>& s) {
@@ -135,8 +135,8 @@ HWY_INLINE bool begin_two(const DualRun& run, const LostMove& lost, std::size_t 
   return !hn::AllFalse(Float(), off);
 }
 
-// Where a part's t would be 0 between y and the bound: the nearest such place of one sample, the mean of two; half-way
-// where none is.
+// A zero of some part's t between y and the bracket's end: the nearest for one sample, a weighted mean for two; the
+// bracket's middle if there is none.
 template <bool kTwo, int kBins>
 HWY_INLINE Vec hop(const LostMove& lost, hn::Mask<Float> below, std::size_t v, const Steps<kBins>& s) {
   const Vec y = at(s.y + v);
@@ -167,8 +167,8 @@ HWY_INLINE Vec hop(const LostMove& lost, hn::Mask<Float> below, std::size_t v, c
   return hn::IfThenElse(hn::And(hn::Gt(next, low), hn::Lt(next, high)), next, halfway);
 }
 
-// A step of Newton's method in the pixels from `from`; from part to part where it leads out of the bounds or no t is
-// free to follow. Pixels whose equation holds stay; false when all do.
+// A step of Newton's method in the pixels from `from`; hop() replaces a step that leaves the bracket or has slope 0.
+// Pixels whose equation holds are not moved. Returns false if all hold.
 template <bool kTwo, int kBins>
 HWY_INLINE bool step(const LostMove& lost, std::size_t from, Steps<kBins>& s) {
   constexpr std::size_t kVectors = Steps<kBins>::kVectors;
@@ -212,12 +212,12 @@ HWY_INLINE bool step(const LostMove& lost, std::size_t from, Steps<kBins>& s) {
   return any;
 }
 
-// Moves a lost sample, or two, to where sweep `next` would keep their equations.
+// Moves a lost sample, or two, to the values at which sweep `next` would satisfy their equations.
 template <bool kTwo, int kBins>
 HWY_INLINE void solve_lost(const DualRun& run, const LostMove& lost, int next, Dual<kBins>& m) {
   const bool first = next == run.plan.first_balance;
   Steps<kBins> s(run.plan, lost, m);
-  // The last group's vectors that are not in use hold what they held, which is harmless.
+  // Unused vectors of the last group hold old values, which is harmless.
   for (std::size_t from = 0; from < m.end; from += Steps<kBins>::kPixels) {
     for (std::size_t k = 0; k < lost.parts; ++k) {
       const PartRows& part = s.part[k];
@@ -249,7 +249,7 @@ HWY_INLINE void solve_lost(const DualRun& run, const LostMove& lost, int next, D
   }
 }
 
-// Sets t of a pair's wavelet to what the lost sample's equation asks for, and the sample to what holds it there.
+// Sets t of a pair's wavelet from the lost sample's equation, and the sample to the value that keeps t there.
 template <int kBins>
 HWY_INLINE void solve_pair(const DualRun& run, const LostMove& lost, Dual<kBins>& m) {
   constexpr std::size_t kParts = log2_of(kBins) + 1;

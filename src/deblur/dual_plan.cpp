@@ -6,13 +6,13 @@
 namespace bolo::deblur {
 namespace {
 
-// How well a lost sample's equation must hold, in lambdas: more shows in the estimate beside it.
+// Tolerance of a lost sample's equation, in lambdas: more is visible in the estimate beside it.
 constexpr double kTolerance = 0.001;
-// What a t at its bound adds to the slopes of two samples' equations, of what it would if it were free: enough for a
-// direction where too few are.
+// Share of its slope that a t at its bound keeps in the equations of two samples: enough for a direction where too few
+// are free.
 constexpr double kBoundSlope = 1e-4;
-// How much of what two lost samples move both move, from which on they move together: neighbours but one, and those
-// whose coefficients reach each other, share 0.37 and more, all others less than 0.24.
+// Overlap of two lost samples' coefficients from which on they move together: neighbours but one, and those whose
+// coefficients reach each other, overlap by 0.37 and more, all others by less than 0.24.
 constexpr double kShared = 0.3;
 
 // Q_ii: a wavelet's squared jumps are 1 + 4 + 1; the one at the begin of the window counts 1 - a.
@@ -26,7 +26,7 @@ double curvature_of(int i, int bins, double decay) {
 
 int level_of(int i, int bins) { return static_cast<int>(std::lround(std::log2(support_of(i, bins)))) - 1; }
 
-// How much bin `bin` counts in coefficient i, without normalisation: 1, -1 or 0.
+// Weight of bin `bin` in coefficient i, without normalisation: 1, -1 or 0.
 double sign_of(int i, int bin, int bins) {
   if (bin >= bins) return 0.0;
   if (i == 0) return 1.0;
@@ -35,14 +35,14 @@ double sign_of(int i, int bin, int bins) {
   return bin < i ? 1.0 : -1.0;
 }
 
-// The most that t of a pair's wavelet must be is tanh(T / 2 tau) times what all other coefficients can add up to.
+// The largest |t| of a pair's wavelet is tanh(T / 2 tau) times the largest sum of all other coefficients.
 bool stays_in_bound(const Grid& grid) {
   double sum = 1.0 / std::sqrt(grid.bins);
   for (int support = 4; support <= grid.bins; support *= 2) sum += 1.0 / std::sqrt(support);
   return std::tanh(grid.ratio / 2.0) * sum < std::sqrt(0.5);
 }
 
-// Fills a plan's lost samples and what moves them.
+// Fills a plan's lost samples and their moves.
 class GapBuilder {
  public:
   GapBuilder(DualPlan& plan, const Grid& grid)
@@ -64,7 +64,7 @@ class GapBuilder {
     ++plan_.lost;
   }
 
-  // Each by itself, but for those in no pair that share much: every two of them together.
+  // Each alone, except those in no pair that overlap much: every two of them together.
   void add_moves() noexcept {
     std::size_t pairs = 0;
     for (; pairs < plan_.lost && plan_.gap[pairs].pair; ++pairs) add_move(pairs, pairs);
@@ -85,7 +85,7 @@ class GapBuilder {
  private:
   using Bins = std::array<double, kMaxDualBins>;
 
-  // How far coefficient i moves with lost sample k.
+  // Slope of coefficient i over lost sample k.
   double move_of(int i, std::size_t k) const noexcept {
     double move = 0.0;
     for (int bin = 0; bin < plan_.bins; ++bin) {
@@ -94,7 +94,7 @@ class GapBuilder {
     return std::abs(move) < 1e-9 ? 0.0 : move;
   }
 
-  // How much of what one of two lost samples moves the other moves as well; of one with itself: all that it moves.
+  // Overlap of two lost samples' coefficients; of one with itself: their weight.
   double shared(std::size_t first, std::size_t second) const noexcept {
     double sum = 0.0;
     for (int i = 0; i < plan_.bins; ++i) {
@@ -103,7 +103,7 @@ class GapBuilder {
     return sum;
   }
 
-  // Lets lost sample k, of a pair, move with the newest, so that the pair's coefficient does not.
+  // Moves lost sample k, of a pair, along with the newest, so that the pair's coefficient stays.
   void add_along(std::size_t k) noexcept {
     const int i = plan_.gap[k].slot;
     const double by = -move_of(i, plan_.lost) / move_of(i, k);
@@ -154,10 +154,9 @@ class GapBuilder {
   std::array<Bins, kMostLost> shifts_;
 };
 
-// Lost samples and sweeps wait for each other, more so where several move together, or one is near the published time
-// or at the window's begin. One needs no sweep of its own if it is moved early enough and a sweep over everything
-// stands for one over the near bins; where it is far from these, the last of two may be near instead. Found by search,
-// as tuning.cpp's tables.
+// Moves and sweeps converge together, slower where several samples move, or one is near the published time or at the
+// window's begin. One needs no extra sweep if it is moved early enough and a full sweep replaces one over the near
+// bins; far from these, the last of two full ones may be near instead. Found by search, as tuning.cpp's tables.
 void balance_sweeps(DualPlan& plan, const Pattern& pattern) noexcept {
   const auto lost = [&](int slot) { return !pattern.received[static_cast<std::size_t>(slot)]; };
   bool near = false;
@@ -183,8 +182,8 @@ void balance_sweeps(DualPlan& plan, const Pattern& pattern) noexcept {
   plan.first_balance = several || pairs_only || late ? 1 : 0;
 }
 
-// A window that begins at a later sample has neither input nor residual before it: the jump to its first bin weighs
-// what the one at the begin of the whole window does.
+// A window that begins at a later sample has neither input nor residual before it: the jump to its first bin has the
+// weight of the one at the whole window's begin.
 void begin_at(DualPlan& plan, int first) noexcept {
   const float p = 1.0F / plan.inverse_p;
   if (first == 1) {

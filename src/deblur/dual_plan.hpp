@@ -1,4 +1,4 @@
-// Everything about the problem's dual that is the same for all pixels.
+// The part of the dual problem that all pixels share.
 //
 // Without lost frames the response G of N frames is square, G^-1 = B / p with B bidiagonal, and the
 // dual of  minimise 1/2 ||G x - Y||^2 + lambda ||H x||_1  is
@@ -30,7 +30,7 @@ inline constexpr std::size_t kMostTerms = 2 * (kMaxDualLevels + 2);
 // and t_i stands divided by sqrt(support), an update is t_i = clip(keep t_i + c_i + begin - 2 middle + end) with c the
 // transform of p times the inverse filter's x, and the jumps scaled by p c.
 struct DualCoefficients {
-  float keep = 0.0F;    // 1 - omega / Q_ii, less what the middle adds where its jump is not kept
+  float keep = 0.0F;    // 1 - omega / Q_ii, less the middle's share where its jump is not kept
   float left = 0.0F;    // by which the jump at the begin moves with -t_i
   float right = 0.0F;   // the same at the end
   float middle = 0.0F;  // by which the jump in the middle moves with t_i
@@ -39,14 +39,14 @@ struct DualCoefficients {
 
 constexpr int support_of(int i, int bins) { return i == 0 ? bins : 2 * (i & -i); }
 
-// Where the bound of t_i stands; wavelets at the begin of the window have their own. `level`: log2 of the support,
-// less 1.
+// Index of t_i's bound in DualPlan::bound; wavelets at the begin of the window have their own. `level`: log2 of the
+// support, less 1.
 constexpr std::size_t bound_of(int i, int level) {
   return static_cast<std::size_t>(i == 0 ? 2 * level + 2 : 2 * level + (i == 1 << level ? 1 : 0));
 }
 
-// The value that stands for a slot: the received sample itself (before == after), or, where the frame is lost, what an
-// input that is constant between its neighbours makes of them: before + weight (after - before).
+// The value of a slot: the received sample itself (before == after), or, for a lost frame, the response to an input
+// that is constant between its neighbours: before + weight (after - before).
 struct SlotValue {
   int before = 0;
   int after = 0;
@@ -65,12 +65,12 @@ struct SlotValue {
 //    holds. Those that share little move one after the other.
 struct LostSample {
   int slot = 0;
-  SlotValue value;  // at first
+  SlotValue value;  // initial
   bool pair = false;
-  std::array<float, kMostLost> along{};  // how far each of the window's lost samples moves with y
+  std::array<float, kMostLost> along{};  // slope of each of the window's lost samples over y
 };
 
-// What moves one of them, or two together.
+// A move of one of them, or of two together.
 struct LostMove {
   struct Part {
     int row = 0;
@@ -95,11 +95,11 @@ struct LostMove {
 struct FixedPlan {
   struct Row {
     std::int16_t keep = 0;  // times 2^15
-    std::int16_t pull = 0;  // what the jumps do to t, times 2^15
+    std::int16_t pull = 0;  // weight of the jumps in t, times 2^15
     std::int16_t bound = 0;
   };
   float unit = 0.0F;       // of t for a lambda_half of 1; 0: it is solved in floats
-  std::int16_t begin = 0;  // what the jump at the window's begin counts, times 2^15
+  std::int16_t begin = 0;  // weight of the jump at the window's begin, times 2^15
   std::array<Row, kMaxDualBins> row{};
 };
 inline constexpr float kSmallestUnit = 1e-20F;
@@ -107,14 +107,14 @@ inline constexpr float kSmallestUnit = 1e-20F;
 struct DualPlan {
   int bins = 0;
   int sweeps = 0;
-  // Sweeps after those over only the trees that hold the published bins and their ancestors: what is far away has
-  // settled well enough for them by then.
+  // Sweeps after those over only the trees of the published bins and their ancestors: by then the rest has converged
+  // well enough.
   int near_sweeps = 0;
   int first_balance = 1;     // the first sweep, counted from 0, before which lost samples are moved
-  float lambda = 0.0F;       // lambda_half of pixels that bring none of their own
+  float lambda = 0.0F;       // lambda_half of pixels without one of their own
   float decay = 0.0F;        // a
   float inverse_p = 0.0F;    // 1 / (1 - a)
-  float mean_to_sum = 0.0F;  // what the mean is of c_0
+  float mean_to_sum = 0.0F;  // the mean over c_0
   std::array<float, 2 * kMaxDualLevels + 1> bound{};  // of t_i for a lambda_half of 1
   std::array<DualCoefficients, kMaxDualBins> row{};
   FixedPlan fixed{};
@@ -126,7 +126,7 @@ struct DualPlan {
   std::array<LostMove, kMostLost> move{};
 };
 
-// How the published value follows from what a kernel has of a pixel.
+// The published value as a linear function of samples and kernel state.
 struct Estimate {
   struct Term {
     std::size_t row = 0;
@@ -139,16 +139,16 @@ struct Estimate {
   std::array<float, kMaxDualBins> coefficient{};  // of ADMM's z - u
 };
 
-// What stands in for the samples of lost frames. Thread: pipeline.
+// Initial values for the samples of lost frames. Thread: pipeline.
 void fill_lost(const Grid& grid, const Pattern& pattern, std::array<SlotValue, kMaxSlots>& values) noexcept;
 
-// Where it applies: bins are as long as frames. Thread: any.
+// True if bins are as long as frames, as the dual needs. Thread: any.
 bool dual_applies(const Grid& grid);
 
 // Thread: setup.
 DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning);
 
-// Whether the sweeps can do without the lost frames: none, or up to kMostLost, of which at most two are the oldest.
+// True if the sweeps support these lost frames: none, or up to kMostLost, at most two of them the oldest.
 // Thread: any.
 bool dual_bridges(const Pattern& pattern);
 

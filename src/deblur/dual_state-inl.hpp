@@ -1,4 +1,4 @@
-// What the sweeps on the dual work in (dual-inl.hpp): the memory of a few vectors of pixels, and how it is loaded.
+// Working memory of the sweeps on the dual (dual-inl.hpp) for a few vectors of pixels, and how it is loaded.
 // Included once for every instruction set.
 //
 //   c_i        transform of p times the inverse filter's x
@@ -18,8 +18,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
-// Vectors that are solved side by side, so that the processor always finds one that does not wait for its own results;
-// fewer where their memory would leave the first cache.
+// Vectors that are solved side by side to hide latency; fewer where their memory would not fit the L1 cache.
 constexpr std::size_t vectors_of(int bins) {
   const std::size_t most = kLanes >= 16 ? 4 : 8;
   return bins > 32 ? most / 4 : bins > 16 ? most / 2 : most;
@@ -47,7 +46,7 @@ struct Dual : Limits<kBins, vectors_of(kBins) * hn::MaxLanes(hn::ScalableTag<T>(
 
   HWY_ALIGN Wide state[state_rows(kBins)];  // t, then the jumps
   HWY_ALIGN Wide c[std::size_t{kBins}];
-  HWY_ALIGN float estimate[kPixels];  // what the samples alone make of it
+  HWY_ALIGN float estimate[kPixels];  // the samples' part
   std::size_t end = 0;                // of the pixels in use, whole vectors
 
   HWY_INLINE T* t(int i) { return state[i]; }
@@ -65,16 +64,16 @@ HWY_INLINE void put(hn::Vec<hn::ScalableTag<T>> x, T* to) {
 HWY_INLINE void put(Pair x, float* to) { store(x, to); }
 HWY_INLINE Vec clip(Vec x, const float* low, const float* high) { return hn::Min(hn::Max(x, at(low)), at(high)); }
 
-// A run with what all its pixels share.
+// A run and the constants that its pixels share.
 struct DualRun {
   const DualPlan& plan;
   const PixelRun& pixels;
   const Estimate& estimate;
   HWY_ALIGN float weight[kMaxSlots][kLanes];  // of each sample in the estimate
   HWY_ALIGN float term[kMostTerms][kLanes];   // and of the state's rows
-  float lost[std::size_t{kMostLost}];         // what the estimate moves by with each lost sample
+  float lost[std::size_t{kMostLost}];         // change of the estimate with each lost sample
 
-  // Whether one of those that move together is beside what sweep_near() sweeps.
+  // True if a sample of the move is next to the bins of sweep_near().
   bool near(const LostMove& move) const {
     const auto beside = [&](std::size_t k) {
       const int slot = plan.gap[k].slot;
@@ -183,7 +182,7 @@ HWY_INLINE void load_vector(const DualRun& run, const P* const* planes, std::siz
   put_at(0, fnma(all(plan.mean_to_sum), mean, sums[0]));
 }
 
-// What stands in for a lost sample at first.
+// Writes the initial value of a lost sample.
 template <typename T>
 HWY_INLINE void stand_in(const DualRun& run, const SlotValue& value, std::size_t first, std::size_t count, T* to) {
   for (std::size_t v = 0; v < count; v += kLanes) {
