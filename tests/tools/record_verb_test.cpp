@@ -191,21 +191,22 @@ TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
   }
 }
 
-// Recordings of earlier drives, whole and cut off: their numbers are passed over, and no frame is lost for them.
+// Recordings of earlier drives, whole and cut off, and links of others: their numbers are skipped, and no frame is lost.
 TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
   ASSERT_TRUE(writer_.open());
   write("a_002.h5", "earlier");
   write("a_003.h5.part", "unrecovered");
+  std::filesystem::create_symlink("a_002.h5", file("a_004.h5.part.journal"));
   Program program = record({"--frames", "300", "--planes", "deblurred", "--split-minutes", "0.01"});
-  const json report = end_of(program, "a_005.h5");
+  const json report = end_of(program, "a_006.h5");
   EXPECT_EQ(test::contents(file("a_002.h5")), "earlier");
   EXPECT_EQ(test::contents(file("a_003.h5.part")), "unrecovered");
   EXPECT_EQ(report["frames"], 300);
   EXPECT_EQ(report["lost"]["unwritten"], 0);
-  for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_004.h5", 120U}, {"a_005.h5", 60U}}) {
+  for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_005.h5", 120U}, {"a_006.h5", 60U}}) {
     expect_recorded(file(part), frames, 1);
   }
-  expect_parts(program.err(), {"a_002.h5 is there already, and stays: going on with a_004.h5"});
+  expect_parts(program.err(), {"a_002.h5 is there already, and stays: going on with a_005.h5"});
 }
 
 TEST_F(RecordVerb, WaitsForADaemonThatIsNotThereYet) {

@@ -30,10 +30,9 @@ std::size_t slots_for(const FileWriterOptions& options) {
 
 bool is_taken(const std::filesystem::path& file) {
   std::error_code ignored;
-  const auto there = [&](const std::filesystem::path& name) {
-    return std::filesystem::exists(std::filesystem::symlink_status(name, ignored));
-  };
-  return there(file) || there(file.string() + ".part");
+  return std::ranges::any_of(std::array{"", ".part", ".part.journal", ".part.live"}, [&](const char* suffix) {
+    return std::filesystem::exists(std::filesystem::symlink_status(file.string() + suffix, ignored));
+  });
 }
 
 // When, where and by what a file was begun.
