@@ -191,7 +191,7 @@ TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
   }
 }
 
-// Recordings of earlier drives, whole and cut off, and links of others: their numbers are skipped, and no frame is lost.
+// Recordings of earlier drives, whole and cut off, and links of others: their numbers are skipped, no frame is lost.
 TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
   ASSERT_TRUE(writer_.open());
   write("a_002.h5", "earlier");
