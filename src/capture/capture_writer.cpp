@@ -205,7 +205,7 @@ Status CaptureWriter::Impl::write_attribute(const Attribute& attribute) {
   return broken("root attribute '" + attribute.name + "' cannot be written");
 }
 
-// Reported at the next commit, not only at the end: all later frames would be lost, too.
+// Checked before each frame and commit, not only at the end: all later frames would be lost, too.
 Status CaptureWriter::Impl::check_file() const {
   if (driven->file->is_ours()) return {};
   return failed(part_name.string() + ": was removed, renamed or cut off by another program");
