@@ -105,7 +105,6 @@ void ConnectionManager::run() {
     serve_requests();
     check_scene();
     report_transport();
-    check_period();
   }
   take_session();
 }
@@ -272,17 +271,6 @@ void ConnectionManager::report_transport() {
   status_->received_packets.set(stats.received_packets);
   status_->missing_packets.set(stats.missing_packets);
   status_->resent_packets.set(stats.resent_packets);
-}
-
-// Reports that the camera's clock has another period than its settings, or than before.
-void ConnectionManager::check_period() {
-  const double measured_s = status_->measured_period_s.value();
-  const double before_s = period_change_.update(measured_s, info_.format.frame_period_s, monotonic_ns());
-  if (before_s == 0.0) return;
-  report(true,
-         fmt::format("by the camera's clock {0:.5g} frames come a second, not {1:.5g}, and they are solved so from "
-                     "now on; set source.true_rate_hz = {0:.5g}, or find out why",
-                     1.0 / measured_s, 1.0 / before_s));
 }
 
 // Once a connection: checks that its values can be temperatures. Every 10 s: reads the temperature of the camera.

