@@ -5,25 +5,30 @@
 
 namespace bolo {
 
+// How finely rows are divided: one part a worker where parts cost something beside their rows; else several, so that
+// one who is held up holds up none.
+enum class Parts { kOneEach, kMany };
+
 // Calls work(self, begin, end) for parts of [0, rows) that together are all of it, at the same time or one after the
 // other, and returns when all are done. A row's result must not depend on its part. Thread: pipeline.
 class Crew {
  public:
+  using Work = void (*)(void* self, int begin, int end) noexcept;
   virtual ~Crew() = default;
-  virtual void run(int rows, void (*work)(void* self, int begin, int end) noexcept, void* self) noexcept = 0;
+  virtual void run(int rows, Parts parts, Work work, void* self) noexcept = 0;
 };
 
 // The calling thread alone.
 class Alone final : public Crew {
  public:
-  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override { work(self, 0, rows); }
+  void run(int rows, Parts /*parts*/, Work work, void* self) noexcept override { work(self, 0, rows); }
 };
 
 // work(begin, end) for parts of [0, rows).
 template <typename Work>
-void for_parts(Crew& crew, int rows, Work&& work) noexcept {
+void for_parts(Crew& crew, int rows, Work&& work, Parts parts = Parts::kOneEach) noexcept {
   crew.run(
-      rows,
+      rows, parts,
       [](void* self, int begin, int end) noexcept {
         if (begin < end) (*static_cast<std::remove_reference_t<Work>*>(self))(begin, end);
       },
@@ -33,9 +38,10 @@ void for_parts(Crew& crew, int rows, Work&& work) noexcept {
 // work(row) for each of [0, rows).
 template <typename Work>
 void for_rows(Crew& crew, int rows, Work&& work) noexcept {
-  for_parts(crew, rows, [&](int begin, int end) {
+  auto each = [&](int begin, int end) {
     for (int row = begin; row < end; ++row) work(row);
-  });
+  };
+  for_parts(crew, rows, each, Parts::kMany);
 }
 
 }  // namespace bolo

@@ -95,7 +95,8 @@ bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   if (!given_up.load(std::memory_order_relaxed)) {
     if (solves()) prepare(frame.view);
     if (quality < QualityLevel::kInverse) {
-      team.run([](void* self, int worker) { static_cast<Impl*>(self)->work(worker); }, this);
+      team.run(
+          team.size(), [](void* self, int part) { static_cast<Impl*>(self)->work(part); }, this);
     } else {
       work_alone();
     }
@@ -114,7 +115,7 @@ bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
 
 // Without the other workers, whose threads may be what it waits for.
 void Pipeline::Impl::work_alone() noexcept {
-  for (int worker = 0; worker < team.size(); ++worker) work(worker);
+  for (int part = 0; part < team.size(); ++part) work(part);
 }
 
 void Pipeline::Impl::read_clock(std::int64_t now_ns) noexcept {
@@ -170,10 +171,10 @@ void Pipeline::Impl::publish_ready() noexcept {
   for (const std::uint32_t slot : window.released()) inlet.give_back(slot);
 }
 
-PixelRange Pipeline::Impl::share_of_pixels(int worker) const noexcept {
+PixelRange Pipeline::Impl::share_of_pixels(int part) const noexcept {
   const std::size_t pixels = info.format.geometry.pixels();
-  const auto begin = [&](int w) { return pixels * static_cast<std::size_t>(w) / workers(); };
-  return {begin(worker), begin(worker + 1)};
+  const auto begin = [&](int p) { return pixels * static_cast<std::size_t>(p) / workers(); };
+  return {begin(part), begin(part + 1)};
 }
 
 // The plane that the window gets.
@@ -184,9 +185,10 @@ const void* Pipeline::Impl::corrected(const rt::FrameSlot& slot, bool restart_wi
   for (pass = 0; pass < corrections->passes(); ++pass) {
     corrections->begin_pass(pass);
     team.run(
-        [](void* self, int worker) {
+        team.size(),
+        [](void* self, int part) {
           auto* const impl = static_cast<Impl*>(self);
-          impl->corrections->apply(impl->pass, impl->share_of_pixels(worker));
+          impl->corrections->apply(impl->pass, impl->share_of_pixels(part));
         },
         this, true);
   }

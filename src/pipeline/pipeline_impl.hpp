@@ -122,9 +122,9 @@ struct Pipeline::Impl {
   const void* corrected(const rt::FrameSlot& slot, bool restart_window) noexcept;
 
   // --- each worker ---
-  PixelRange share_of_pixels(int worker) const noexcept;
+  PixelRange share_of_pixels(int part) const noexcept;
   void work_alone() noexcept;
-  void work(int worker) noexcept;
+  void work(int part) noexcept;
   bool converges() const noexcept {
     return quality == QualityLevel::kFull && settings.method == deblur::Method::kExact;
   }
@@ -151,7 +151,7 @@ struct Pipeline::Impl {
   std::vector<FrameSink*> all_sinks;  // also when they are closed
   rt::WorkerTeam team;
 
-  // Written by the pipeline thread before the team runs, read by the workers; the team's barrier orders both.
+  // Written by the pipeline thread before the team runs, read by the workers; the team orders both.
   const deblur::Window::Ready* job = nullptr;
   std::size_t pass = 0;                        // of the corrections
   QualityLevel quality = QualityLevel::kFull;  // for the job
@@ -162,7 +162,7 @@ struct Pipeline::Impl {
   struct alignas(rt::kCacheLine) Flag {
     bool value = false;
   };
-  std::vector<Flag> band_saturated;  // one a worker, written by it
+  std::vector<Flag> band_saturated;  // one a part
   const void* raw = nullptr;         // of the job's frame, as it came
   std::vector<const void*> raw_of;   // of each pool slot in the window, by token
   bool restart_window_next = false;  // a frame that was dropped had begun a new window

@@ -19,18 +19,19 @@ constexpr std::size_t kExactPointsAtOnce = 512;
 
 }  // namespace
 
-// Each worker owns a contiguous band of rows, the same for every frame: its window stays in its core's cache.
-void Pipeline::Impl::work(int worker) noexcept {
-  bool& saturation = band_saturated[static_cast<std::size_t>(worker)].value;
+// A part is a band of rows, the same for every frame: a worker mostly has the same one, whose window stays in its
+// core's cache.
+void Pipeline::Impl::work(int part) noexcept {
+  bool& saturation = band_saturated[static_cast<std::size_t>(part)].value;
   saturation = false;
   if (!options.points.empty()) {
-    const auto share = [&](int w) { return options.points.size() * static_cast<std::size_t>(w) / workers(); };
-    saturation = solve_points(share(worker), share(worker + 1));
+    const auto share = [&](int p) { return options.points.size() * static_cast<std::size_t>(p) / workers(); };
+    saturation = solve_points(share(part), share(part + 1));
     return;
   }
   const Region all = options.region.value_or(Region{0, 0, info.format.geometry.width, info.format.geometry.height});
-  const int first_row = all.height * worker / team.size();
-  const int end_row = all.height * (worker + 1) / team.size();
+  const int first_row = all.height * part / team.size();
+  const int end_row = all.height * (part + 1) / team.size();
   if (first_row < end_row) saturation = solve_part({all.x, all.y + first_row, all.width, end_row - first_row});
 }
 

@@ -4,6 +4,7 @@
 #include <sched.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <cstring>
 #include <system_error>
 
@@ -63,12 +64,14 @@ void relax() noexcept {
 #endif
 }
 
-// A signal must not end the wait.
-void wait(sem_t& sem, int spins) noexcept {
+// Returns the value once it is another one.
+template <typename T>
+T wait_for_change(const std::atomic<T>& value, T old, int spins) noexcept {
   for (; spins > 0; --spins, relax()) {
-    if (sem_trywait(&sem) == 0) return;
+    if (const T now = value.load(std::memory_order_acquire); now != old) return now;
   }
-  while (sem_wait(&sem) != 0) continue;
+  value.wait(old, std::memory_order_acquire);
+  return value.load(std::memory_order_acquire);
 }
 
 ThreadOptions named(const ThreadOptions& options, int worker) {
@@ -90,9 +93,7 @@ Status apply_to_this_thread(const ThreadOptions& options) {
 WorkerTeam::WorkerTeam(int workers, const ThreadOptions& options)
     : spins_(static_cast<unsigned>(workers) <= std::thread::hardware_concurrency() ? kSpins : 0) {
   const auto helpers = static_cast<std::size_t>(workers > 1 ? workers - 1 : 0);
-  gates_ = std::make_unique<Gate[]>(helpers);
-  for (std::size_t i = 0; i < helpers; ++i) sem_init(&gates_[i].start, 0, 0);
-  sem_init(&done_, 0, 0);
+  shares_ = std::make_unique<Share[]>(helpers + 1);
   threads_.reserve(helpers);
   std::vector<Status> applied(helpers);
   try {
@@ -105,52 +106,88 @@ WorkerTeam::WorkerTeam(int workers, const ThreadOptions& options)
     status_ = failed("worker thread " + std::to_string(threads_.size() + 1) + " of " + std::to_string(helpers) + ": " +
                      describe_exception(e));
   }
-  for (std::size_t i = 0; i < threads_.size(); ++i) wait(done_, 0);  // each has applied its options
+  for (int ready = 0; ready < size() - 1;) ready = wait_for_change(done_, ready, 0);  // their options are applied
   for (const Status& result : applied) {
     if (!result && status_) status_ = result;
   }
 }
 
 WorkerTeam::~WorkerTeam() {
-  job_ = nullptr;
-  for (std::size_t i = 0; i < threads_.size(); ++i) sem_post(&gates_[i].start);
+  ended_.store(true, std::memory_order_relaxed);
+  round_.fetch_add(1);
+  round_.notify_all();
   for (std::thread& thread : threads_) thread.join();
-  sem_destroy(&done_);
 }
 
-void WorkerTeam::run(Job job, void* context, bool more) noexcept {
-  job_ = job;
-  context_ = context;
-  more_ = more;
-  for (std::size_t i = 0; i < threads_.size(); ++i) sem_post(&gates_[i].start);
-  job(context, 0);
-  for (std::size_t i = 0; i < threads_.size(); ++i) wait(done_, spins_);
+void WorkerTeam::run(int parts, Job job, void* context, bool more) noexcept {
+  parts_.store(parts, std::memory_order_release);
+  job_.store(job, std::memory_order_release);
+  context_.store(context, std::memory_order_release);
+  more_.store(more, std::memory_order_relaxed);
+  done_.store(0, std::memory_order_relaxed);
+  const std::uint32_t round = round_.load(std::memory_order_relaxed) + 1;
+  const std::uint64_t number = std::uint64_t{round} << 32U;
+  for (int w = 0; w < size(); ++w) {
+    const auto first = static_cast<std::uint64_t>(parts * w / size());
+    shares_[static_cast<std::size_t>(w)].next.store(number | first, std::memory_order_release);
+  }
+  round_.store(round);
+  round_.notify_all();
+  take_parts(0);
+  for (int done = done_.load(std::memory_order_acquire); done < parts;) done = wait_for_change(done_, done, spins_);
+  for (int w = 0; w < size(); ++w) {
+    shares_[static_cast<std::size_t>(w)].next.store(number | kClosed, std::memory_order_relaxed);
+  }
+}
+
+// Those of the worker's own share that nobody has taken, and then the others'.
+void WorkerTeam::take_parts(int worker) noexcept {
+  for (int i = 0; i < size(); ++i) take_share((worker + i) % size());
+}
+
+void WorkerTeam::take_share(int of) noexcept {
+  std::atomic<std::uint64_t>& share = shares_[static_cast<std::size_t>(of)].next;
+  std::uint64_t next = share.load(std::memory_order_acquire);
+  for (;;) {
+    const int parts = parts_.load(std::memory_order_acquire);
+    const Job job = job_.load(std::memory_order_acquire);
+    void* const context = context_.load(std::memory_order_acquire);
+    const std::uint64_t part = next & kClosed;
+    if (part >= static_cast<std::uint64_t>(parts * (of + 1) / size())) return;
+    if (!share.compare_exchange_weak(next, next + 1, std::memory_order_acq_rel, std::memory_order_acquire)) continue;
+    job(context, static_cast<int>(part));
+    if (done_.fetch_add(1) + 1 == parts) done_.notify_one();
+    ++next;
+  }
 }
 
 void WorkerTeam::work(int worker, const ThreadOptions& options, Status& applied) noexcept {
   applied = apply_to_this_thread(options);
-  sem_post(&done_);
-  sem_t& start = gates_[static_cast<std::size_t>(worker) - 1].start;
-  for (int spins = 0; wait(start, spins), job_ != nullptr;) {
-    job_(context_, worker);
-    spins = more_ ? spins_ : 0;
-    sem_post(&done_);
+  done_.fetch_add(1);
+  done_.notify_one();
+  std::uint32_t round = 0;
+  for (;;) {
+    round = wait_for_change(round_, round, more_.load(std::memory_order_relaxed) ? spins_ : 0);
+    if (ended_.load(std::memory_order_relaxed)) return;
+    take_parts(worker);
   }
 }
 
-void TeamCrew::run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept {
-  constexpr int kFewestRows = 8;  // less is done before the others are awake
+void TeamCrew::run(int rows, Parts parts, Work work, void* self) noexcept {
+  constexpr int kFewestRows = 8;    // less is done before the others are awake
+  constexpr int kPartsAWorker = 8;  // where they are many
   struct Call {
-    void (*work)(void*, int, int) noexcept;
+    Work work;
     void* self;
     int rows;
     int parts;
-  } call{work, self, rows, team_.size()};
-  if (call.parts == 1 || rows < kFewestRows) return work(self, 0, rows);
+  } call{work, self, rows, std::min(rows, team_.size() * (parts == Parts::kMany ? kPartsAWorker : 1))};
+  if (team_.size() == 1 || rows < kFewestRows) return work(self, 0, rows);
   team_.run(
-      [](void* context, int worker) {
+      call.parts,
+      [](void* context, int part) {
         const Call& c = *static_cast<const Call*>(context);
-        c.work(c.self, c.rows * worker / c.parts, c.rows * (worker + 1) / c.parts);
+        c.work(c.self, c.rows * part / c.parts, c.rows * (part + 1) / c.parts);
       },
       &call, true);
 }

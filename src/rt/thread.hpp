@@ -1,13 +1,13 @@
 // Threads: their names, priorities and places, and teams of them.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
 #include <vector>
-
-#include <semaphore.h>
 
 #include "src/core/crew.hpp"
 #include "src/core/result.hpp"
@@ -25,11 +25,11 @@ struct ThreadOptions {
 // names the limit to raise; the thread goes on without it. Thread: the thread concerned.
 Status apply_to_this_thread(const ThreadOptions& options);
 
-// --- A fixed team of threads that all do one job on their own share, then meet: one barrier a frame.
+// --- A fixed team of threads that share the parts of a job.
 
 class WorkerTeam {
  public:
-  // The caller of run() is worker 0; workers - 1 threads are started here, named options.name-1, -2 ... Refusals by the
+  // The caller of run() is a worker; workers - 1 threads are started here, named options.name-1, -2 ... Refusals by the
   // system (a thread, a priority, a CPU) are in status(); the team then works with what it got. Thread: setup.
   WorkerTeam(int workers, const ThreadOptions& options);
   ~WorkerTeam();
@@ -41,33 +41,42 @@ class WorkerTeam {
   // The first refusal, if any. Thread: setup.
   const Status& status() const noexcept { return status_; }
 
-  // Calls job(context, worker) once on each worker and returns when all have. `more`: another call follows at once, and
-  // the workers stay awake for it. No allocation. Thread: pipeline.
-  using Job = void (*)(void* context, int worker);
-  void run(Job job, void* context, bool more = false) noexcept;
+  // Calls job(context, part) once for each part of [0, parts) and returns when all are done. Each worker has its share
+  // of them, the same in each call, and takes over others' when it is done: on a busy computer nobody waits for a
+  // thread that comes late, but only for the parts that it has begun. The caller has the first share. `more`: another
+  // call follows at once, and the workers stay awake for it. No allocation. Thread: pipeline.
+  using Job = void (*)(void* context, int part);
+  void run(int parts, Job job, void* context, bool more = false) noexcept;
 
  private:
   void work(int worker, const ThreadOptions& options, Status& applied) noexcept;
+  void take_parts(int worker) noexcept;
+  void take_share(int of) noexcept;
 
-  // run() writes job_, context_ and more_, then posts start: sem_post/sem_wait order them. done_ orders the way back.
-  struct alignas(kCacheLine) Gate {
-    sem_t start;
+  // run() writes the job and opens all shares for its round; when all parts are done it closes them. A worker that has
+  // read the job of one round and the share of another takes no part: the share was closed in between, and has changed.
+  static constexpr std::uint64_t kClosed = 0xFFFFFFFF;
+  struct alignas(kCacheLine) Share {
+    std::atomic<std::uint64_t> next{kClosed};  // round, 32 bits; the part that is taken next
   };
-  int spins_;                      // before a thread that waits goes to sleep; 0 where the team has to share processors
-  std::unique_ptr<Gate[]> gates_;  // gates_[i] starts worker i + 1
-  sem_t done_{};
-  Job job_ = nullptr;  // nullptr: the threads end
-  void* context_ = nullptr;
-  bool more_ = false;
+  int spins_;                        // before a thread that waits goes to sleep; 0 where the team shares processors
+  std::unique_ptr<Share[]> shares_;  // one a worker
+  std::atomic<int> parts_{0};
+  std::atomic<Job> job_{nullptr};
+  std::atomic<void*> context_{nullptr};
+  std::atomic<bool> more_{false};
+  std::atomic<bool> ended_{false};
+  alignas(kCacheLine) std::atomic<std::uint32_t> round_{0};  // workers wait for the next one
+  alignas(kCacheLine) std::atomic<int> done_{0};  // parts of this round; before the first, threads that have started
   std::vector<std::thread> threads_;
   Status status_;
 };
 
-// The team as a crew: shares rows out among its workers. Thread: pipeline.
+// The team as a crew. Thread: pipeline.
 class TeamCrew final : public Crew {
  public:
   explicit TeamCrew(WorkerTeam& team) : team_(team) {}
-  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override;
+  void run(int rows, Parts parts, Work work, void* self) noexcept override;
 
  private:
   WorkerTeam& team_;

@@ -304,10 +304,10 @@ void EffectCamera::take() {
   const Flight& flight = flights_.front();
   if (!settled_) settle(probes_.front().t_s);
   plan_steps(flight.last_s);
-  team_.run(integrate_job, this);
+  team_.run(team_.size(), integrate_job, this);
   std::erase_if(probes_, [this](const Probe& probe) { return probe.t_s <= now_s_; });
   for (const PlacedEffect& placed : effects_) placed.effect->begin(flight.instant);
-  team_.run(render_job, this);
+  team_.run(team_.size(), render_job, this);
   flights_.pop_front();
   ++taken_;
 }
@@ -351,7 +351,7 @@ void EffectCamera::settle(double first_s) {
   for (double i = 0.0; i < steps; i += 1.0) {
     steps_.push_back({begin_s + (fine_s - begin_s) * i / steps, begin_s + (fine_s - begin_s) * (i + 1.0) / steps});
   }
-  team_.run(integrate_job, this);
+  team_.run(team_.size(), integrate_job, this);
   now_s_ = steps_.back().to_s;
 }
 
@@ -368,18 +368,18 @@ void EffectCamera::plan_steps(double to_s) {
   }
 }
 
-void EffectCamera::integrate_job(void* self, int worker) {
+void EffectCamera::integrate_job(void* self, int part) {
   auto& camera = *static_cast<EffectCamera*>(self);
-  const auto i = static_cast<std::size_t>(worker);
+  const auto i = static_cast<std::size_t>(part);
   if (i < camera.bands_.size()) camera.bands_[i].run(camera.steps_, camera.probes_);
 }
 
-void EffectCamera::render_job(void* self, int worker) {
+void EffectCamera::render_job(void* self, int part) {
   auto& camera = *static_cast<EffectCamera*>(self);
   const int height = camera.model_.geometry.height;
   const int threads = camera.settings_.threads;
-  for (int row = height * worker / threads; row < height * (worker + 1) / threads; ++row) {
-    camera.render(row, camera.noise_[static_cast<std::size_t>(worker)]);
+  for (int row = height * part / threads; row < height * (part + 1) / threads; ++row) {
+    camera.render(row, camera.noise_[static_cast<std::size_t>(part)]);
   }
 }
 

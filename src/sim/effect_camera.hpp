@@ -105,8 +105,8 @@ class EffectCamera {
   void plan_steps(double to_s);
   void render(int row, std::span<double> noise) noexcept;
   void add_noise(int row, std::span<double> kelvin, std::span<double> noise) const noexcept;
-  static void integrate_job(void* self, int worker);
-  static void render_job(void* self, int worker);
+  static void integrate_job(void* self, int part);
+  static void render_job(void* self, int part);
 
   const CameraSettings& settings_;
   const Field& field_;
@@ -115,7 +115,7 @@ class EffectCamera {
   CameraModel model_;
   ReadoutSettings silent_;  // the read-out without its noise, which is added before
   std::vector<PixelBand> bands_;
-  std::vector<std::vector<double>> noise_;  // one row a worker
+  std::vector<std::vector<double>> noise_;  // one row a part
 
   std::uint64_t sent_ = 0;
   std::int64_t taken_ = 0;    // index of the frame that is taken next

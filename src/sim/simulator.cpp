@@ -170,7 +170,8 @@ void Simulator::next(void* plane, float* truth) {
   plane_ = plane;
   truth_ = truth;
   plan();
-  team_.run([](void* self, int worker) { static_cast<Simulator*>(self)->work(worker); }, this);
+  team_.run(
+      team_.size(), [](void* self, int part) { static_cast<Simulator*>(self)->work(part); }, this);
   ++frame_;
 }
 
@@ -205,10 +206,10 @@ void Simulator::plan() {
   if (!bolometer) steps_.front().weights.keep = 0.0;
 }
 
-void Simulator::work(int worker) noexcept {
-  const int first = settings_.geometry.height * worker / settings_.threads;
-  const int end = settings_.geometry.height * (worker + 1) / settings_.threads;
-  Scratch& scratch = scratch_[static_cast<std::size_t>(worker)];
+void Simulator::work(int part) noexcept {
+  const int first = settings_.geometry.height * part / settings_.threads;
+  const int end = settings_.geometry.height * (part + 1) / settings_.threads;
+  Scratch& scratch = scratch_[static_cast<std::size_t>(part)];
   for (int row = first; row < end; ++row) {
     integrate(row, scratch);
     read_out(row, scratch);

@@ -100,7 +100,7 @@ class Simulator {
     double end_s = 0.0;
     StepWeights weights;
   };
-  struct Scratch {  // one a worker: rows of T_ss, and of the read-out
+  struct Scratch {  // one a part: rows of T_ss, and of the read-out
     std::vector<float> start;
     std::vector<float> middle;
     std::vector<float> end;
@@ -110,7 +110,7 @@ class Simulator {
 
   Simulator(const CameraSettings& settings, std::unique_ptr<const Field> field);
   void plan();
-  void work(int worker) noexcept;
+  void work(int part) noexcept;
   void integrate(int row, Scratch& scratch) noexcept;
   void read_out(int row, Scratch& scratch) noexcept;
   void next_with_effects(void* plane, float* truth);
@@ -118,7 +118,7 @@ class Simulator {
   CameraSettings settings_;
   std::unique_ptr<const Field> field_;
   std::uint64_t frame_ = 0;
-  std::vector<double> shown_;  // what each pixel shows, K; rows belong to their worker
+  std::vector<double> shown_;  // what each pixel shows, K; rows belong to their part
   std::vector<Scratch> scratch_;
   rt::WorkerTeam team_;
   std::unique_ptr<EffectCamera> effects_;  // in place of the rest when there are effects

@@ -180,7 +180,7 @@ TEST(MotionSafety, ANewSceneIsSharpAtOnce) {
 class Threads final : public Crew {
  public:
   explicit Threads(int count) : count_(count) {}
-  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override {
+  void run(int rows, Parts /*parts*/, Work work, void* self) noexcept override {
     std::vector<std::jthread> threads;
     for (int i = 0; i < count_; ++i) threads.emplace_back(work, self, rows * i / count_, rows * (i + 1) / count_);
   }

@@ -8,64 +8,95 @@
 
 namespace bolo::rt::worker_team_test {
 
-TEST(WorkerTeam, RunsTheJobOnceOnEachWorkerAndEachOnItsOwnThread) {
+TEST(WorkerTeam, RunsEachPartOnce) {
   for (const int workers : {1, 2, 5}) {
     WorkerTeam team(workers, {});
     ASSERT_TRUE(team.status());
     ASSERT_EQ(team.size(), workers);
-    struct Seen {
-      std::array<int, 5> calls{};
-      std::array<std::thread::id, 5> thread{};
-    } seen;
-    team.run(
-        [](void* context, int worker) {
-          auto& s = *static_cast<Seen*>(context);
-          ++s.calls[static_cast<std::size_t>(worker)];
-          s.thread[static_cast<std::size_t>(worker)] = std::this_thread::get_id();
-        },
-        &seen);
-    std::set<std::thread::id> threads;
-    for (std::size_t w = 0; w < static_cast<std::size_t>(workers); ++w) {
-      EXPECT_EQ(seen.calls[w], 1);
-      threads.insert(seen.thread[w]);
+    for (const int parts : {1, workers, 9}) {
+      std::array<int, 9> calls{};
+      team.run(
+          parts, [](void* context, int part) { ++static_cast<int*>(context)[part]; }, calls.data());
+      EXPECT_EQ(std::count(calls.begin(), calls.begin() + parts, 1), parts) << workers;
+      EXPECT_EQ(std::count(calls.begin() + parts, calls.end(), 0), 9 - parts) << workers;
     }
-    EXPECT_EQ(threads.size(), static_cast<std::size_t>(workers));
-    EXPECT_EQ(seen.thread[0], std::this_thread::get_id());
   }
 }
 
-// Plain, not atomic: the barrier alone orders the rounds, which the thread sanitizer checks.
-TEST(WorkerTeam, TenThousandRoundsMeetAtTheBarrier) {
-  constexpr int kWorkers = 3;
-  constexpr long kRounds = 10'000;
-  WorkerTeam team(kWorkers, {});
+// Plain, not atomic: the team alone orders the rounds, which the thread sanitizer checks.
+TEST(WorkerTeam, TwentyThousandRoundsAreOneAfterTheOther) {
+  constexpr int kMostParts = 7;
+  constexpr long kRounds = 20'000;
+  WorkerTeam team(3, {});
   struct Shared {
-    std::array<long, kWorkers> sum{};
+    std::array<long, kMostParts> sum{};
     long input = 0;
   } shared;
-  long expected = 0;
+  std::array<long, kMostParts> expected{};
   for (long round = 0; round < kRounds; ++round) {
     shared.input = round;
+    const auto parts = static_cast<std::size_t>(1 + round % kMostParts);  // fewer or more than the round before had
     team.run(
-        [](void* context, int worker) {
+        static_cast<int>(parts),
+        [](void* context, int part) {
           auto& s = *static_cast<Shared*>(context);
-          s.sum[static_cast<std::size_t>(worker)] += s.input;
+          s.sum[static_cast<std::size_t>(part)] += s.input;
         },
         &shared, round % 3 != 0);
-    expected += round;
-    for (const long sum : shared.sum) ASSERT_EQ(sum, expected);
+    for (std::size_t i = 0; i < parts; ++i) expected[i] += round;
+    ASSERT_EQ(shared.sum, expected) << round;
+  }
+}
+
+// The thread that was started holds one part for as long as there are others: they are all done all the same.
+TEST(WorkerTeam, NobodyWaitsForAWorkerThatIsHeldUp) {
+  constexpr int kParts = 8;
+  struct Shared {
+    std::thread::id caller = std::this_thread::get_id();
+    std::atomic<int> by_caller{0};
+    std::atomic<bool> helped{false};
+  };
+  WorkerTeam team(2, {});
+  for (int round = 0; round < 20; ++round) {
+    Shared shared;
+    team.run(
+        kParts,
+        [](void* context, int /*part*/) {
+          auto& s = *static_cast<Shared*>(context);
+          const auto held = [&] { return s.by_caller.load() < kParts - 1; };
+          if (std::this_thread::get_id() == s.caller) {
+            s.by_caller.fetch_add(1);
+            while (s.by_caller.load() == kParts - 1 && !s.helped.load()) std::this_thread::yield();
+          } else {
+            s.helped.store(true);
+            const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+            while (held() && std::chrono::steady_clock::now() < end) std::this_thread::yield();
+          }
+        },
+        &shared);
+    ASSERT_EQ(shared.by_caller.load(), kParts - 1) << round;
   }
 }
 
 TEST(WorkerTeam, NamesItsThreads) {
   WorkerTeam team(2, {.name = "solve"});
-  std::array<char, 16> name{};
+  struct Seen {
+    std::thread::id caller = std::this_thread::get_id();
+    std::array<char, 16> name{};
+    std::atomic<bool> there{false};
+  } seen;
   team.run(
-      [](void* context, int worker) {
-        if (worker == 1) pthread_getname_np(pthread_self(), static_cast<char*>(context), 16);
+      2,
+      [](void* context, int /*part*/) {
+        auto& s = *static_cast<Seen*>(context);
+        if (std::this_thread::get_id() != s.caller) {
+          pthread_getname_np(pthread_self(), s.name.data(), s.name.size());
+          s.there.store(true);
+        }
+        while (!s.there.load()) std::this_thread::yield();
       },
-      name.data());
-  EXPECT_STREQ(name.data(), "solve-1");
+      &seen);
+  EXPECT_STREQ(seen.name.data(), "solve-1");
 }
 
 // The options would stay on the thread that runs the tests.
