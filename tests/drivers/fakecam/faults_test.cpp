@@ -248,6 +248,13 @@ TEST(ControlFaults, NothingHappensBeforeTheFirstStream) {
   EXPECT_EQ(camera.reboots, 0);
 }
 
+TEST(ControlFaults, FreezeLeavesCommandsWaiting) {
+  ControlledCamera camera("freeze:at=1,for=0.5");
+  EXPECT_EQ(camera.at(1200), Commands::kFrozen);
+  EXPECT_EQ(camera.at(1501), Commands::kAnswered);
+  EXPECT_EQ(camera.dropped + camera.reboots, 0);
+}
+
 TEST(ControlFaults, RequestsForPacketsAreLeftUnansweredAndCounted) {
   ControlledCamera camera("resend_unanswered:at=1,for=1");
   EXPECT_TRUE(camera.faults.answers_resend(kStart));
