@@ -177,6 +177,30 @@ TEST(ShmReader, AnotherReaderDelaysItByLittleMoreThanAPeriod) {
   EXPECT_LT(late_ms[kRounds / 2], 50.0) << "of a period of 5 ms; without a bound of its own it sleeps for 100";
 }
 
+TEST(ShmReader, TimesOutWithoutAFrameAndWakesWithOne) {
+  Stream stream("wait");
+  ReadFrame frame;
+  EXPECT_EQ(stream.reader->read(0, frame, 0), Outcome::kTimeout);
+  EXPECT_EQ(stream.reader->read(0, frame, 5), Outcome::kTimeout);
+  std::thread later([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    stream.writer.publish();
+  });
+  EXPECT_EQ(stream.reader->read(0, frame, 60'000), Outcome::kFrame);
+  later.join();
+  EXPECT_TRUE(intact(frame, 0));
+}
+
+TEST(ShmReader, NamesWhatExistsWhenTheNameIsUnknown) {
+  const std::string name = unique_name("names");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  expect_refused(ShmReader::open("no-such-camera"), {"no shared memory named 'no-such-camera'", name});
+  writer.sink.close();
+  const auto left = ShmReader::names();
+  EXPECT_EQ(std::count(left.begin(), left.end(), name), 0) << "an orderly end leaves nothing behind";
+}
+
 TEST(ShmReader, RefusesNamesThatAreNoNames) {
   for (const std::string name : {"", "a/b", "../passwd", "a b", "caf\xc3\xa9"}) {
     expect_refused(ShmReader::open(name), {"is no name for shared memory"});
