@@ -54,4 +54,14 @@ Answer must(Answer answer, const char* file = __builtin_FILE(), int line = __bui
   return answer;
 }
 
+// Tries until it is true; false when it never was for a minute, which only a hang can take.
+template <typename Condition>
+bool eventually(Condition condition) {
+  for (int i = 0; i < 6000; ++i) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
 }  // namespace bolo

@@ -6,7 +6,9 @@ import pathlib
 import subprocess
 import sys
 import tempfile
-import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "tools"))
+from programs import wait_for  # noqa: E402
 
 TOTAL, FRAMES = 8, 60
 # Slow enough that a run can be met in its middle.
@@ -20,25 +22,12 @@ def run(*command, **options):
     return done.stdout
 
 
-def wait_for(condition, what, seconds=60):
-    end = time.monotonic() + seconds
-    while not (found := condition()):
-        if time.monotonic() > end:
-            raise AssertionError(f"{what} did not come in {seconds} s")
-        time.sleep(0.02)
-    return found
-
-
-def skip(why):
-    print(f"skipped: {why}")
-    sys.exit(77)
-
-
 def set_up(*command):
     """Runs what makes a cluster, or skips where it says that it can't."""
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=60)
     if done.returncode == 77:
-        skip(done.stderr.strip())
+        print(f"skipped: {done.stderr.strip()}")
+        sys.exit(77)
     if done.returncode != 0:
         raise SystemExit(f"{command[0]}: exit code {done.returncode}: {done.stderr.strip()}")
     return done.stdout.split()

@@ -16,9 +16,7 @@ PRINTS = "#!/bin/sh\nprintf '%s\\n' \"$@\"\n"
 
 class Script(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="bolo-sbatch-")
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
+        self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
         for name in ("b.h5", "a b.h5"):
             (self.folder / name).touch()
         self.program("bolo", PRINTS)

@@ -11,13 +11,9 @@ import sys
 import tempfile
 import unittest
 
-try:
-    import h5py
-    import numpy as np
-except ImportError as missing:
-    print(f"skipped: {missing}")
-    sys.exit(77)
+from programs import needed
 
+h5py, np = needed("h5py", "numpy")
 BOLO = sys.argv.pop(1)
 WIDTH, HEIGHT = 7, 5
 ZERO = np.zeros((HEIGHT, WIDTH), np.uint16)
@@ -61,9 +57,7 @@ def frame(plane, before, time_ms, ffc_ms=100, background=False, bits=None):
 
 class Cptv(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="bolo-cptv-")
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
+        self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
         random = np.random.default_rng(5)
         self.planes = [random.integers(low, high, (HEIGHT, WIDTH), dtype=np.uint16)
                        for low, high in ((3000, 3010), (2990, 3050), (0, 65535), (65535 - 9, 65535), (30000, 30001), (7, 9))]

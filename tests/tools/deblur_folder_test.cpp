@@ -1,7 +1,4 @@
 // `bolo deblur` of many captures: what is done is not done again, and processes share what is not.
-#include <nlohmann/json.hpp>
-
-#include "src/capture/capture.hpp"
 #include "tests/tools/deblur_verb.hpp"
 #include "tools/deblur/request.hpp"
 
@@ -9,11 +6,7 @@ namespace bolo::tools::deblur_folder_test {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-using test::Blurred;
-using test::contents;
-using test::Outcome;
-using test::Program;
-using test::write_blurred;
+using namespace test;
 using Variables = std::map<std::string, std::string>;
 
 // --- which share ---
@@ -85,7 +78,7 @@ TEST(ShareOfVariables, ThreadsAreSharedByTheRanksOfAHost) {
 
 // --- the verb ---
 
-class DeblurFolder : public test::ProgramTest {
+class DeblurFolder : public ProgramTest {
  protected:
   DeblurFolder() : ProgramTest({BOLO_PROGRAM, "deblur"}) {}
   void SetUp() override {
@@ -94,12 +87,7 @@ class DeblurFolder : public test::ProgramTest {
       write_blurred(file("archive/" + std::string(name) + ".h5"), capture(name[0]));
   }
 
-  static Blurred capture(char name) {
-    Blurred one;
-    one.frames = 40 + static_cast<std::size_t>(name - 'a');
-    one.lost = {10, 11};
-    return one;
-  }
+  static Blurred capture(char name) { return {.frames = 40 + static_cast<std::size_t>(name - 'a'), .lost = {10, 11}}; }
 
   // Runs, expects success, and reads what --json says.
   json done(const std::string& line) const { return json::parse(printed(words(line + " --json"))); }
@@ -127,7 +115,7 @@ TEST_F(DeblurFolder, BecomesAFolderOfTheSameFrames) {
     const auto one = capture::CaptureReader::open(file("one-" + name));
     const auto sharp = capture::CaptureReader::open(file("sharp/" + name));
     ASSERT_TRUE(one && sharp) << name;
-    test::expect_same_frames(*one, *sharp);
+    expect_same_frames(*one, *sharp);
     EXPECT_FALSE(fs::exists(file("sharp/" + name + ".part")));
   }
   EXPECT_EQ(summary.at("frames_out"), frames);
@@ -174,9 +162,7 @@ TEST_F(DeblurFolder, OtherSettingsMakeItAgain) {
   EXPECT_EQ(did(archive("--points @points.csv")), "abc") << "the same file's other points";
   // Without --overwrite what was made otherwise stays.
   const auto before = contents(file("sharp/a.h5"));
-  const Outcome outcome = run(words("@archive -o @sharp --lambda 0.5"));
-  EXPECT_EQ(outcome.exit_code, 2);
-  expect_parts(outcome.err, {"--overwrite"});
+  ended(2, words("@archive -o @sharp --lambda 0.5"), {"--overwrite"});
   EXPECT_TRUE(contents(file("sharp/a.h5")) == before);
 }
 
@@ -212,7 +198,7 @@ TEST_F(DeblurFolder, RanksTakeTheirPartsFromTheirVariables) {
     const json summary = archive();
     EXPECT_EQ(summary.at("shard").at("count"), 2);
     all += did(summary);
-    EXPECT_EQ(run(words(std::string("@archive/a.h5 -o @one-") + rank + ".h5")).exit_code, 0);
+    ended(0, words(std::string("@archive/a.h5 -o @one-") + rank + ".h5"));
   }
   unsetenv("OMPI_COMM_WORLD_RANK");
   unsetenv("OMPI_COMM_WORLD_SIZE");
@@ -242,10 +228,8 @@ TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
   write_blurred(file("archive/b.h5"), {.type = PixelType::kFloat32,
                                        .scale = {Unit::kKelvin, 1.0, 0.0},
                                        .odd = {40, std::numeric_limits<float>::quiet_NaN()}});
-  const Outcome outcome = run(words("@archive -o @sharp --json"));
-  EXPECT_EQ(outcome.exit_code, 2);
-  expect_parts(outcome.err, {"b.h5: frame 540, column 1, row 1 of /frames is nan"});
-  const json summary = json::parse(outcome.out);
+  const json summary =
+      json::parse(ended(2, words("@archive -o @sharp --json"), {"b.h5: frame 540, column 1, row 1 of /frames is nan"}));
   EXPECT_EQ(did(summary), "ac");
   ASSERT_EQ(summary.at("failed").size(), 1U);
   EXPECT_FALSE(fs::exists(file("sharp/b.h5")));
@@ -269,14 +253,12 @@ TEST_F(DeblurFolder, ARecordingThatWasCutOffIsNotBegunAgain) {
   fs::create_directory(file("sharp"));
   const std::string part = file("sharp/b.h5.part");
   {
-    test::SmallCapture recording(file("sharp/b.h5"), test::small_info({2, 1}));
+    SmallCapture recording(file("sharp/b.h5"), small_info({2, 1}));
     ASSERT_TRUE(recording->write_attribute("recorded_at", std::string("2020-01-01T00:00:00Z")));
     recording.append(0.0, 0, [](std::size_t) { return 7; });
   }
   const std::string before = contents(part);
-  const Outcome outcome = run(words("@archive -o @sharp"));
-  EXPECT_EQ(outcome.exit_code, 2);
-  expect_parts(outcome.err, {"b.h5.part is there: an unfinished recording"});
+  ended(2, words("@archive -o @sharp"), {"b.h5.part is there: an unfinished recording"});
   EXPECT_TRUE(contents(part) == before);
   EXPECT_TRUE(fs::exists(file("sharp/c.h5")));
 }

@@ -1,6 +1,4 @@
 // `bolo deblur`: parts of the frame, single pixels, their motion and their maps.
-#include <nlohmann/json.hpp>
-
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/tools/deblur_verb.hpp"
 
@@ -122,7 +120,6 @@ INSTANTIATE_TEST_SUITE_P(Solvers, DeblurVerbPoints, testing::Values("admm", "dua
                          [](const auto& each) { return std::string(each.param); });
 
 TEST_F(DeblurVerb, TakesMapsFromTheProfileAndFillsDeadPixels) {
-  write_blurred(file("in.h5"), {});
   const auto plain = deblurred("--solver inverse", "plain.h5");
   model::PixelMaps maps;
   maps.geometry = {kWidth, kHeight};

@@ -1,8 +1,6 @@
 // `bolo deblur` as its user meets it: the program itself, its files, messages and exit codes.
-#include <nlohmann/json.hpp>
-
-#include "src/capture/pixel_maps_io.hpp"
 #include "tests/tools/deblur_verb.hpp"
+#include "src/capture/pixel_maps_io.hpp"
 
 namespace bolo::tools::deblur_verb_test {
 
@@ -12,7 +10,6 @@ using namespace test;
 constexpr std::size_t kWindow = 17;
 
 TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
-  write_blurred(file("in.h5"), {});
   const auto out = deblurred();
   EXPECT_EQ(out.info().frames, 60U - (kWindow - 1));
   EXPECT_EQ(out.info().format.type, PixelType::kFloat32);
@@ -59,7 +56,6 @@ TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
 }
 
 TEST_F(DeblurVerb, TheRmseIsThatOfTheFilesAndTheTruthIsCopied) {
-  write_blurred(file("in.h5"), {});
   const auto out = deblurred("--lambda 0.05");
   ASSERT_TRUE(out.info().has_truth);
   const auto in = capture::CaptureReader::open(file("in.h5"));
@@ -84,7 +80,6 @@ TEST_F(DeblurVerb, TheRmseIsThatOfTheFilesAndTheTruthIsCopied) {
 }
 
 TEST_F(DeblurVerb, SettingsStandInTheOutput) {
-  write_blurred(file("in.h5"), {});
   const auto out =
       deblurred("--solver exact --kappa 0.2 --lambda 0.01 --window 9 --levels 5 --lookahead 2 --tau 0.012");
   EXPECT_EQ(attribute<std::string>(out, "solver"), "exact");
@@ -106,12 +101,10 @@ TEST_F(DeblurVerb, SettingsStandInTheOutput) {
 }
 
 TEST_F(DeblurVerb, ThreadsChangeNoBit) {
-  write_blurred(file("in.h5"), {});
   expect_same_frames(deblurred("--threads 1", "one.h5"), deblurred("--threads 4", "four.h5"));
 }
 
 TEST_F(DeblurVerb, LambdaMayBeAutomaticAndNoiseGiven) {
-  write_blurred(file("in.h5"), {});
   (void)deblurred("--lambda auto --noise 0.05");
   EXPECT_EQ(report()["settings"]["auto_lambda"], true);
   EXPECT_EQ(report()["settings"]["noise_k"], 0.05);
@@ -119,7 +112,6 @@ TEST_F(DeblurVerb, LambdaMayBeAutomaticAndNoiseGiven) {
 }
 
 TEST_F(DeblurVerb, AnInstructionSetCanBeChosen) {
-  write_blurred(file("in.h5"), {});
   const Outcome refused = run(words("@in.h5 -o @out.h5 --isa none"));
   ASSERT_EQ(refused.exit_code, 2);
   std::string slowest = refused.err.substr(refused.err.rfind(' ') + 1);  // the last of those it offers
@@ -175,7 +167,6 @@ TEST_F(DeblurVerb, ALostFrameIsAGapAndEventsStartAgain) {
 }
 
 TEST_F(DeblurVerb, LookaheadLeavesOutFramesAtBothEnds) {
-  write_blurred(file("in.h5"), {});
   const auto out = deblurred("--lookahead 2");
   ASSERT_EQ(out.info().frames, 60U - (kWindow - 1));
   EXPECT_EQ(out.frame_id().front(), 500U + kWindow - 1 - 2);
@@ -240,17 +231,6 @@ TEST_F(DeblurVerb, AnInterruptionIsHeardInTheMiddleOfAFrame) {
   EXPECT_LT(took.count(), 5.0) << "1 s is promised; a busy machine takes longer, all frames far longer";
 }
 
-TEST_F(DeblurVerb, AnOutputThatStoodThereBeforeSurvivesAFailure) {
-  write_blurred(file("in.h5"), {.frames = 5});
-  write("out.h5", "older");
-  for (const char* how : {"--json", "--overwrite"}) {
-    EXPECT_EQ(run({file("in.h5"), "-o", file("out.h5"), how}).exit_code, 2);
-    EXPECT_EQ(test::contents(file("out.h5")), "older");
-  }
-}
-
-using namespace test;
-
 // --- What `bolo deblur` refuses, and in which words.
 
 struct Refusal {
@@ -304,7 +284,6 @@ const std::vector<Refusal> kRefusals{
     {kUsual + "--profile @none.toml", "none.toml"}};
 
 TEST_F(DeblurVerb, RefusesInOneLineWithExitCode2AndNoOutput) {
-  write_blurred(file("in.h5"), {});
   write_blurred(file("few.h5"), {.frames = 16});
   Blurred floats{.type = PixelType::kFloat32, .scale = {Unit::kKelvin, 1.0, 0.0}};
   write_blurred(file("float.h5"), floats);

@@ -134,22 +134,18 @@ class Tools(unittest.TestCase):
 class Filter(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.capture = os.path.join(cls.folder.name, "in.h5")
+        cls.folder = cls.enterClassContext(tempfile.TemporaryDirectory())
+        cls.capture = os.path.join(cls.folder, "in.h5")
         simulate(cls.capture, "--width", "70", "--height", "33", "--frames", "60", "--rate", "60", "--speed", "120")
-        cls.lossy = os.path.join(cls.folder.name, "lossy.h5")
+        cls.lossy = os.path.join(cls.folder, "lossy.h5")
         with h5py.File(cls.capture) as whole, h5py.File(cls.lossy, "w") as lossy:
             kept = [i for i in range(60) if i not in (25, 26, 40)]
             for name in ("frames", "t", "frame_id"):
                 lossy[name] = whole[name][kept]
             lossy.attrs.update(dict(whole.attrs))
 
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
     def deblurred(self, capture, *options):
-        out = os.path.join(self.folder.name, "out.h5")
+        out = os.path.join(self.folder, "out.h5")
         subprocess.run([BOLO, "deblur", capture, "-o", out, "--overwrite", "--type", "uint16", *options], check=True,
                        capture_output=True)
         with h5py.File(out) as f:
@@ -242,9 +238,8 @@ class Source(unittest.TestCase):
     """A second process replays a capture for ever."""
 
     def setUp(self):
-        self.folder = tempfile.TemporaryDirectory()
-        self.addCleanup(self.folder.cleanup)
-        self.capture = os.path.join(self.folder.name, "in.h5")
+        self.folder = self.enterContext(tempfile.TemporaryDirectory())
+        self.capture = os.path.join(self.folder, "in.h5")
         simulate(self.capture, "--width", "66", "--height", "24", "--frames", "150", "--rate", "50")
         self.name = f"test-gst-{os.getpid()}-{self._testMethodName}"[:40]
         self.daemon = None
@@ -327,7 +322,7 @@ class Source(unittest.TestCase):
             self.assertGreater(greys.max() - greys.min(), 100)
 
     def test_it_goes_on_after_a_restart_with_another_size(self):
-        other = os.path.join(self.folder.name, "other.h5")
+        other = os.path.join(self.folder, "other.h5")
         simulate(other, "--width", "40", "--height", "32", "--frames", "100", "--rate", "100")
         with Pipeline(f"bolosrc camera={self.name} restart-timeout=60000") as live:
             self.assertIsNotNone(live.pull())

@@ -12,22 +12,17 @@ import sys
 import tempfile
 import unittest
 
-try:
-    import h5py
-    import numpy as np
-except ImportError:
-    sys.exit(77)
-
 from mcap_file import MAGIC, File, pack
+from programs import needed
 
+h5py, np = needed("h5py", "numpy")
 BOLO = os.path.abspath(sys.argv.pop(1))
 
 
 class Mcap(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.scratch = tempfile.TemporaryDirectory()
-        cls.folder = cls.scratch.name
+        cls.folder = cls.enterClassContext(tempfile.TemporaryDirectory())
         cls.capture("counts.h5", np.random.default_rng(1).integers(0, 65536, (90, 120, 160), np.uint16),
                     {"unit": "count", "scale": 1.0, "offset": 0.0}, events=[(5.0, "nuc"), (5.113, "gap")])
         ramp = 300.0 + np.linspace(0, 5, 20 * 6 * 10, dtype=np.float32).reshape(20, 6, 10)
@@ -39,10 +34,6 @@ class Mcap(unittest.TestCase):
                     events=[(5.05, "nuc")], utc=True)
         cls.capture("sharp.h5", (ramp[4:] * 100).astype(np.uint16), {
             "unit": "kelvin", "scale": 0.01, "offset": -0.25, "solver": "admm", "tau_s": 0.011}, first=4)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.scratch.cleanup()
 
     @classmethod
     def path(cls, name):

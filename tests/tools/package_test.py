@@ -15,16 +15,11 @@ BUILD, SOURCE = (pathlib.Path(path) for path in sys.argv[1:3])
 class Installed(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="bolo-installed-")
-        cls.root = pathlib.Path(cls.folder.name)
+        cls.root = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory()))
         run = ["cmake", "--install", BUILD, "--component", "bolo", "--prefix", "/usr"]
         done = subprocess.run(run, capture_output=True, text=True, env={**os.environ, "DESTDIR": str(cls.root)})
         if done.returncode != 0:
             raise AssertionError(done.stderr)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def test_dpkg_knows_every_configuration_file(self):
         listed = (SOURCE / "cmake/packaging/bolo/conffiles").read_text().split()
@@ -64,9 +59,7 @@ class Scripts(unittest.TestCase):
     """Maintainer scripts, in a root of our own with stand-ins for programs that change the system."""
 
     def setUp(self):
-        self.folder = tempfile.TemporaryDirectory(prefix="bolo-scripts-")
-        self.addCleanup(self.folder.cleanup)
-        self.root = pathlib.Path(self.folder.name)
+        self.root = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
         for name in ("usr", "dev/shm", "etc/systemd/system", "proc/sys/net/core", "run/systemd/system", "stand-ins"):
             (self.root / name).mkdir(parents=True)
         for name in ("bin", "lib", "lib64", "sbin"):

@@ -96,16 +96,6 @@ class Program {
   int code_ = -1;
 };
 
-// Tries until it is true; false when it never was for a minute, which only a hang can take.
-template <typename Condition>
-bool eventually(Condition condition) {
-  for (int i = 0; i < 6000; ++i) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  return false;
-}
-
 // Waits for words on its standard error: a daemon's log is written by a thread of its own, behind what it tells of.
 inline bool logged(const Program& program, const std::string& words) {
   return eventually([&] { return program.err().find(words) != std::string::npos; });
@@ -130,15 +120,16 @@ class ProgramTest : public ::testing::Test {
   Outcome run(const std::vector<std::string>& more) const { return start(more).outcome(); }
 
   // Its standard output; expects success.
-  std::string printed(const std::vector<std::string>& more) const {
+  std::string printed(const std::vector<std::string>& more) const { return ended(0, more); }
+  // The same of one that prints nothing of interest.
+  void done(const std::vector<std::string>& more) const { ended(0, more); }
+  // Expects this exit code, and these parts in what is said on standard error. Its standard output.
+  std::string ended(int exit_code, const std::vector<std::string>& more,
+                    std::initializer_list<std::string> parts = {}) const {
     const Outcome outcome = run(more);
-    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_EQ(outcome.exit_code, exit_code) << outcome.err;
+    expect_parts(outcome.err, parts);
     return outcome.out;
-  }
-  // Expects success.
-  void done(const std::vector<std::string>& more) const {
-    const Outcome outcome = run(more);
-    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   }
   // Expects the exit code 2 and one line of error that says `part`.
   void refused(const std::vector<std::string>& more, const std::string& part = "") const {

@@ -1,11 +1,22 @@
 """Shared by tests of running programs: waiting for effects, addresses of a test's own, camera and daemon."""
 
 import atexit
+import importlib
 import os
 import pathlib
 import socket
 import subprocess
+import sys
 import time
+
+
+def needed(*names):
+    """These modules. Where one is missing, the test is skipped: exit code 77."""
+    try:
+        return [importlib.import_module(name) for name in names]
+    except ImportError as missing:
+        print(f"skipped: {missing}")
+        sys.exit(77)
 
 
 def own_address(number=0):

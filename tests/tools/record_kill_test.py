@@ -14,15 +14,9 @@ import sys
 import tempfile
 import time
 
-from programs import wait_for
+from programs import needed, wait_for
 
-try:
-    import h5py
-    import numpy as np
-except ImportError:
-    print("skipped: python3-h5py is not installed")
-    sys.exit(77)
-
+h5py, np = needed("h5py", "numpy")
 WIDTH, HEIGHT, RATE = (int(v) for v in os.environ.get("BOLO_KILL_FORMAT", "64,24,200").split(","))
 
 
@@ -49,7 +43,6 @@ def newest(name):
             return 0, 0
         f.seek(slots_offset + (published - 1) % slot_count * slot_stride + 8)
         return int.from_bytes(f.read(8), "little"), sum(struct.unpack_from("<16Q", header, 384))
-
 
 
 def run_bolo(*arguments):

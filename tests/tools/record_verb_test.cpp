@@ -1,7 +1,5 @@
 // `bolo record` and `bolo recover` as their users meet them; the daemon is a writer of shared memory fed by the test.
 #include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <regex>
 
@@ -11,12 +9,10 @@
 #include "tests/tools/program.hpp"
 #include "tests/tools/small_capture.hpp"
 
-namespace bolo::tools::record_verb_test {
+namespace bolo::tools::test::record_verb_test {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-using test::Outcome;
-using test::Program;
 
 bool exists(const std::string& file) { return fs::exists(file); }
 
@@ -40,7 +36,7 @@ void expect_recorded(const std::string& file, std::size_t frames, std::size_t pl
   expect_published(reader, plane_index);
 }
 
-class RecordVerb : public test::ProgramTest {
+class RecordVerb : public ProgramTest {
  protected:
   RecordVerb() : ProgramTest({BOLO_PROGRAM}) {}
 
@@ -199,8 +195,8 @@ TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
   std::filesystem::create_symlink("a_002.h5", file("a_004.h5.part.journal"));
   Program program = record({"--frames", "300", "--planes", "deblurred", "--split-minutes", "0.01"});
   const json report = end_of(program, "a_006.h5");
-  EXPECT_EQ(test::contents(file("a_002.h5")), "earlier");
-  EXPECT_EQ(test::contents(file("a_003.h5.part")), "unrecovered");
+  EXPECT_EQ(contents(file("a_002.h5")), "earlier");
+  EXPECT_EQ(contents(file("a_003.h5.part")), "unrecovered");
   EXPECT_EQ(report["frames"], 300);
   EXPECT_EQ(report["lost"]["unwritten"], 0);
   for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_005.h5", 120U}, {"a_006.h5", 60U}}) {
@@ -211,7 +207,7 @@ TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
 
 TEST_F(RecordVerb, WaitsForADaemonThatIsNotThereYet) {
   Program program = start({"record", name_, "-o", file("a.h5"), "--frames", "20", "--wait", "60"});
-  ASSERT_TRUE(test::logged(program, "waiting for the daemon"));
+  ASSERT_TRUE(logged(program, "waiting for the daemon"));
   ASSERT_TRUE(writer_.open());
   writer_.publish_until([&] { return exists(file("a.h5")); });
   EXPECT_EQ(program.wait(), 0);
@@ -221,7 +217,7 @@ TEST_F(RecordVerb, WaitsForADaemonThatIsNotThereYet) {
 TEST_F(RecordVerb, SecondsWithoutAFrameEnd) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--seconds", "0.3", "--wait", "0.2"});
-  EXPECT_TRUE(test::eventually([&] {
+  EXPECT_TRUE(eventually([&] {
     writer_.sink.idle(writer_.stats);  // its signs of life
     return program.err().find("runs, but no frame came from it; no file was finished") != std::string::npos;
   }));
@@ -283,9 +279,9 @@ TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
     if (writer->open()) publish_at_its_rate(*writer, 60 * 200);
     _exit(1);
   }
-  EXPECT_TRUE(test::eventually([&] { return shm::ShmReader::open(name_).has_value(); }));
+  EXPECT_TRUE(eventually([&] { return shm::ShmReader::open(name_).has_value(); }));
   Program program = record({});
-  EXPECT_TRUE(test::eventually([&] { return exists(file("a.h5.part")); }));
+  EXPECT_TRUE(eventually([&] { return exists(file("a.h5.part")); }));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   kill(killed, SIGKILL);
   ASSERT_EQ(waitpid(killed, nullptr, 0), killed);
@@ -384,7 +380,7 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
 
 // A capture that was cut off: frames up to the cut are saved, the file stays as it is.
 TEST_F(RecordVerb, ACutOffCaptureIsRecovered) {
-  test::SmallCapture capture(file("a.h5"), test::small_info({64, 48}));
+  SmallCapture capture(file("a.h5"), small_info({64, 48}));
   for (std::uint64_t i = 0; i < 400; ++i) {
     capture.append(static_cast<double>(i) * 0.005, 2 * i, [i](std::size_t p) { return shm::pattern(i, 0, p); });
   }
@@ -399,4 +395,4 @@ TEST_F(RecordVerb, ACutOffCaptureIsRecovered) {
   expect_published(opened(file("b.h5")));
 }
 
-}  // namespace bolo::tools::record_verb_test
+}  // namespace bolo::tools::test::record_verb_test

@@ -18,17 +18,11 @@ import time
 import unittest
 import zlib
 
-from programs import wait_for
+from programs import needed, wait_for
 
+h5py, np = needed("h5py", "numpy")
 BOLO, BOLOD, SUBSCRIBER = sys.argv[1:4]
 del sys.argv[1:4]
-try:
-    import h5py
-    import numpy as np
-except ImportError as error:
-    print("skipped:", error)
-    sys.exit(77)
-
 DOMAIN = 1 + os.getpid() % 100
 FRAMES = 600
 SECONDS = 8  # the subscriber's: until it knows the topics, and while they run
@@ -41,19 +35,13 @@ def running(parent):
     return [int(line) for line in found.stdout.split()]
 
 
-
 class Ros2(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.scratch = tempfile.TemporaryDirectory()
-        cls.folder = pathlib.Path(cls.scratch.name)
+        cls.folder = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory()))
         cls.capture = cls.folder / "drive.h5"
         subprocess.run([BOLO, "simulate", "-o", cls.capture, "--no-truth", "--frames", str(FRAMES)],
                        check=True, capture_output=True)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.scratch.cleanup()
 
     def setUp(self):
         self.name = f"-ros2-{os.getpid()}"  # a name that is no option

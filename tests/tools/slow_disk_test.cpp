@@ -44,8 +44,7 @@ extern "C" int stat(const char* path, struct stat* about) {
   return errno != 0 ? -1 : fstatat(AT_FDCWD, path, about, 0);
 }
 
-namespace bolo::tools {
-namespace {
+namespace bolo::tools::slow_disk_test {
 
 constexpr int kSlowWrite_ms = 30;  // a frame comes every 2 ms
 constexpr std::uint64_t kFramesWhileSlow = 300;
@@ -58,11 +57,9 @@ class SlowDisk : public ::testing::Test {
   // Records into file_ until `publish` has done, and is stopped.
   template <typename Publish>
   RecordResult record_while(Publish publish, double split_s = 0.0) {
-    RecordRequest request;
-    request.name = name_;
-    request.file = file_;
-    request.split_s = split_s;
-    request.buffer_bytes = kBufferFrames * writer_.format.source.format.geometry.pixels() * sizeof(std::uint16_t);
+    const std::size_t plane_bytes = writer_.format.source.format.geometry.pixels() * sizeof(std::uint16_t);
+    const RecordRequest request{
+        .name = name_, .file = file_, .split_s = split_s, .buffer_bytes = kBufferFrames * plane_bytes};
     Result<RecordResult> result = failed("not run");
     std::thread recorder([&] {
       result = record(request, stop_, [this](std::uint64_t frames) { written_ = frames; });
@@ -148,11 +145,8 @@ TEST_F(SlowDisk, WhatCannotBeBegunIsNoUnfinishedRecording) {
 
 // Wherever one read or write fails (a bad sector, a network): what got its name can be read, what did not be saved.
 TEST_F(SlowDisk, OneErrorCostsNoFrameThatWasCommitted) {
-  capture::CaptureInfo info;
-  info.format.geometry = {16, 8};
-  info.format.frame_period_s = 0.01;
-  capture::WriterOptions how;
-  how.survives_power_cut = how.times = true;
+  const capture::CaptureInfo info{.format = {.geometry = {16, 8}, .frame_period_s = 0.01}};
+  const capture::WriterOptions how{.survives_power_cut = true, .times = true};
   const std::vector<std::uint16_t> plane(info.format.geometry.pixels(), 7);
   const capture::FrameTimes times{};
   bool erred = true;
@@ -181,5 +175,4 @@ TEST_F(SlowDisk, OneErrorCostsNoFrameThatWasCommitted) {
   }
 }
 
-}  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::slow_disk_test

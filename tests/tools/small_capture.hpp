@@ -8,11 +8,7 @@ namespace bolo::tools::test {
 
 // 200 frames a second of this size, in hundredths of a kelvin.
 inline capture::CaptureInfo small_info(Geometry geometry) {
-  capture::CaptureInfo info;
-  info.format.geometry = geometry;
-  info.format.scale = {Unit::kKelvin, 0.01, 0.0};
-  info.format.frame_period_s = 0.005;
-  return info;
+  return {.format = {.geometry = geometry, .scale = {Unit::kKelvin, 0.01, 0.0}, .frame_period_s = 0.005}};
 }
 
 // A capture of uint16 that is being written; close() makes it whole.

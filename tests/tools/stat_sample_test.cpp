@@ -3,7 +3,6 @@
 #include "src/rt/counters.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/refusal.hpp"
-#include "tests/test.hpp"
 #include "tools/bolo/stat_history.hpp"
 
 namespace bolo::tools::stat_sample_test {

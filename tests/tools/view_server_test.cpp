@@ -60,6 +60,17 @@ class ViewServer : public testing::Test {
   std::string cookie(const std::string& token = kToken) const {
     return "Cookie: bolo_view_" + std::to_string(server_->port()) + "=" + token + "\r\n";
   }
+  // A request by a browser that was let in, on a connection of its own.
+  std::string request_for(const std::string& path) const {
+    return "GET " + path + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + cookie() + "\r\n";
+  }
+  // Expects that somebody who comes now is served soon.
+  void expect_room() const {
+    const UniqueFd fd = test::patient_socket(AF_INET, 5);
+    ASSERT_TRUE(test::connect_to(fd, "127.0.0.1", server_->port()));
+    send_text(fd, request_for("/icon.svg"));
+    EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 200"));
+  }
   // The whole answer to a request line and headers; the connection is closed after it.
   std::string ask_bare(const std::string& request, const std::string& headers, const std::string& host) {
     const UniqueFd fd = connected(server_->port());
@@ -241,8 +252,7 @@ TEST_F(ViewServer, RequestsThatWaitAreBounded) {
   std::vector<UniqueFd> asked;
   for (int i = 0; i < 5; ++i) {
     asked.push_back(connected(server_->port()));
-    send_text(asked.back(), "GET /api/frame?epoch=0&after=0 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" +
-                                cookie() + "\r\n");
+    send_text(asked.back(), request_for("/api/frame?epoch=0&after=0"));
   }
   int refused = 0;
   int without_frame = 0;
@@ -280,10 +290,7 @@ TEST_F(ViewServer, WhoIsSilentMakesRoom) {
       const std::string_view begun = "GET / HTTP/1.1\r\nHost: ";
       send(silent.back().get(), begun.data(), begun.size(), MSG_NOSIGNAL);
     }
-    const UniqueFd fd = test::patient_socket(AF_INET, 5);
-    ASSERT_TRUE(test::connect_to(fd, "127.0.0.1", server_->port()));
-    send_text(fd, "GET /icon.svg HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + cookie() + "\r\n");
-    EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 200"));
+    expect_room();
   }
 }
 
@@ -299,10 +306,7 @@ TEST_F(ViewServer, WhoTakesNoAnswerMakesRoom) {
       ASSERT_GE(send(takes.fd, request.data(), request.size(), MSG_NOSIGNAL | MSG_DONTWAIT), 0) << i;
     }
   }
-  const UniqueFd fd = test::patient_socket(AF_INET, 5);
-  ASSERT_TRUE(test::connect_to(fd, "127.0.0.1", server_->port()));
-  send_text(fd, "GET /icon.svg HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + cookie() + "\r\n");
-  EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 200"));
+  expect_room();
 }
 
 TEST(ViewListen, SaysWhyAnAddressCannotBeListenedOn) {

@@ -5,7 +5,6 @@
 
 namespace bolo::view::view_stream_test {
 
-using tools::test::eventually;
 FrameHead head_of(const std::string& frame) {
   FrameHead head;
   std::memcpy(&head, frame.data(), sizeof head);
@@ -22,10 +21,12 @@ std::uint16_t value_at(const std::string& frame, std::size_t plane, std::size_t 
 
 class ViewStream : public testing::Test {
  protected:
-  void start_writer(bool motion = false) {
+  // A writer that has published so many frames.
+  void start_writer(int frames, bool motion = false) {
     writer_ = std::make_unique<shm::Writer>(name_);
     writer_->format.motion = motion;
     ASSERT_TRUE(writer_->open());
+    publish(frames);
   }
   void publish(int count) {
     for (int i = 0; i < count; ++i) writer_->publish();
@@ -53,8 +54,7 @@ class ViewStream : public testing::Test {
 
 TEST_F(ViewStream, GivesTheNewestFrameOnce) {
   EXPECT_EQ(stream_.newest_frame({}), nullptr) << "no writer yet";
-  start_writer();
-  publish(3);
+  start_writer(3);
   const auto frame = frame_after({});
   ASSERT_NE(frame, nullptr);
   const FrameHead head = head_of(*frame);
@@ -76,8 +76,7 @@ TEST_F(ViewStream, GivesTheNewestFrameOnce) {
 }
 
 TEST_F(ViewStream, SendsTheMotionBehindThePlanes) {
-  start_writer(true);
-  publish(3);
+  start_writer(3, true);
   const auto frame = frame_after({});
   const FrameHead head = head_of(*frame);
   ASSERT_EQ(head.number, 2U);
@@ -97,8 +96,7 @@ TEST_F(ViewStream, SendsTheMotionBehindThePlanes) {
 }
 
 TEST_F(ViewStream, ATraceHasEveryFrameFromTheRingOn) {
-  start_writer();
-  publish(5);
+  start_writer(5);
   frame_after({});
   EXPECT_EQ(trace_up_to(4, 2, 5, {})["raw"].size(), 5U);
   publish(40);
@@ -113,8 +111,7 @@ TEST_F(ViewStream, ATraceHasEveryFrameFromTheRingOn) {
 }
 
 TEST_F(ViewStream, ATraceIsTenSecondsLongAtMost) {
-  start_writer();
-  publish(1);
+  start_writer(1);
   frame_after({});
   for (std::uint64_t next = 1; next < 2400;) {
     publish(30);  // less than the ring holds
@@ -126,8 +123,7 @@ TEST_F(ViewStream, ATraceIsTenSecondsLongAtMost) {
 
 TEST_F(ViewStream, RefusesPixelsOutsideAndTooMany) {
   EXPECT_FALSE(stream_.trace(0, 0, {})) << "no stream";
-  start_writer();
-  publish(1);
+  start_writer(1);
   frame_after({});
   EXPECT_FALSE(stream_.trace(33, 0, {}));
   EXPECT_FALSE(stream_.trace(0, 7, {}));
@@ -138,8 +134,7 @@ TEST_F(ViewStream, RefusesPixelsOutsideAndTooMany) {
 }
 
 TEST_F(ViewStream, FollowsTheNextWriter) {
-  start_writer();
-  publish(4);
+  start_writer(4);
   const FrameHead before = head_of(*frame_after({}));
   trace_up_to(1, 1, 4, {});
   EXPECT_EQ(stream_.status()["view"]["stream"], "live");
@@ -148,8 +143,7 @@ TEST_F(ViewStream, FollowsTheNextWriter) {
     const auto view = stream_.status()["view"];
     return view["stream"] == "gone" && view["obstacle"] != "";
   }));
-  start_writer();
-  publish(4);
+  start_writer(4);
   const FrameHead after = head_of(*frame_after({before.epoch, before.number}));
   EXPECT_EQ(after.number, before.number) << "counted anew";
   EXPECT_GT(after.epoch, before.epoch);

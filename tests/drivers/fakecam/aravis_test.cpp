@@ -42,7 +42,7 @@ TEST(FakeCameraAravis, GetsEveryFramePixelExact) {
   const auto address = test::fresh_address();
   constexpr Geometry kGeometry{640, 120};
   constexpr std::size_t kFrames = 60;
-  const auto fake = test::serve(test::provider_of(test::synthetic(kGeometry, kFrames)), {.address = address});
+  const auto fake = test::serve(test::synthetic(kGeometry, kFrames), {.address = address});
   Client client(address);
   ASSERT_TRUE(client.camera);
   arv_camera_gv_set_packet_size(client.camera.get(), 9000, nullptr);
@@ -67,7 +67,7 @@ TEST(FakeCameraAravis, GetsEveryFramePixelExact) {
 
 TEST(FakeCameraAravis, EachFeatureOfTheDescriptionCanBeRead) {
   const auto address = test::fresh_address();
-  const auto fake = test::serve(test::provider_of(test::synthetic({64, 32}, 2)), {.address = address});
+  const auto fake = test::serve(test::synthetic({64, 32}, 2), {.address = address});
   Client client(address);
   ASSERT_TRUE(client.camera);
   ArvDevice* device = arv_camera_get_device(client.camera.get());

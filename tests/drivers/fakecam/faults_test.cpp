@@ -3,7 +3,6 @@
 #include "drivers/fakecam/fault_script.hpp"
 #include "drivers/fakecam/frames.hpp"
 #include "tests/refusal.hpp"
-#include "tests/test.hpp"
 
 namespace bolo::fakecam::faults_test {
 
@@ -49,12 +48,6 @@ std::vector<std::uint32_t> in_order(std::uint32_t packets = kPackets) {
   return all;
 }
 
-TEST(PacketFaults, WithoutFaultsAllArriveInOrder) {
-  Line line({});
-  EXPECT_EQ(line.ids(3), in_order());
-  EXPECT_EQ(line.faults.lost(), 0U);
-}
-
 TEST(PacketFaults, LosesTheShareThatIsAskedForAndCountsIt) {
   Line line({"loss:rate=0.05"});
   std::uint64_t lost = 0;
@@ -97,19 +90,6 @@ TEST(PacketFaults, StrikeOnlyWhileTheyLast) {
   for (std::uint64_t s = 0; s < 20; ++s) EXPECT_EQ(line.ids(s).empty(), s >= 10 && s < 13) << s;
   EXPECT_EQ(line.tally().frames, 3U);
   EXPECT_EQ(line.tally().packets, 3U * kPackets);
-}
-
-TEST(PacketFaults, ReorderKeepsEveryPacket) {
-  Line line({"reorder:rate=0.3,by=4"});
-  std::uint64_t disordered = 0;
-  for (std::uint64_t s = 0; s < 100; ++s) {
-    auto ids = line.ids(s);
-    disordered += std::ranges::is_sorted(ids) ? 0U : 1U;
-    std::ranges::sort(ids);
-    EXPECT_EQ(ids, in_order());
-  }
-  EXPECT_GT(disordered, 90U);
-  EXPECT_EQ(line.tally().frames, disordered);
 }
 
 TEST(PacketFaults, ReorderOfAllMovesEachBehindTheLastAndDuplicatesComeRightBehind) {
@@ -194,28 +174,6 @@ class FrameCamera {
   std::uint64_t sequence_ = 0;
 };
 
-TEST(FrameFaults, IdGapMovesTheCounterAndNotTheClock) {
-  FrameCamera camera({"id_gap:at=0.01,ids=7"});
-  for (std::uint64_t s = 0; s < 5; ++s) {
-    const WireFrame frame = camera.next();
-    EXPECT_EQ(frame.block.block_id, block_id_of(s < 2 ? s : s + 7)) << s;
-    EXPECT_EQ(frame.block.timestamp_ns, s * static_cast<std::uint64_t>(kPeriodNs));
-  }
-  EXPECT_EQ(camera.tally().times, 1U);
-  EXPECT_EQ(camera.tally().frames, 7U);
-}
-
-TEST(FrameFaults, TimeJumpMovesTheClockAndNotTheCounter) {
-  FrameCamera camera({"time_jump:at=0.01,by=-0.5,every=0.01"});
-  for (std::uint64_t s = 0; s < 6; ++s) {
-    const WireFrame frame = camera.next();
-    const auto jumps = static_cast<std::int64_t>(s / 2);
-    EXPECT_EQ(static_cast<std::int64_t>(frame.block.timestamp_ns), frame.due_ns - jumps * 500'000'000) << s;
-    EXPECT_EQ(frame.block.block_id, block_id_of(s));
-  }
-  EXPECT_EQ(camera.tally().times, 2U);
-}
-
 TEST(FrameFaults, StallWithholdsItsFramesWhileIdsGoOn) {
   for (const char* text : {"stall:at=0.01,frames=3", "freeze:at=0.01,for=0.015"}) {
     FrameCamera camera({text});
@@ -248,13 +206,6 @@ TEST(FrameFaults, NucAtTheFirstFrameHoldsThatOne) {
   EXPECT_EQ(camera.next().counts[0], 1003);
 }
 
-TEST(FrameFaults, ByteOrderSwapsEachPixel) {
-  FrameCamera camera({"byte_order:at=0.005,frames=1"});
-  EXPECT_EQ(camera.next().counts[0], 1000);
-  EXPECT_EQ(camera.next().counts[0], 0xe903);  // 1001 is 0x03e9
-  EXPECT_EQ(camera.next().counts[0], 1002);
-}
-
 TEST(FrameFaults, MetadataRowsHoldTheCounterInBytes12And13) {
   FrameCamera camera({"metadata_rows:rows=2"});
   camera.next();
@@ -279,7 +230,9 @@ constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kStart = 77'000 * kMs;
 
 struct ControlledCamera {
-  explicit ControlledCamera(std::initializer_list<std::string_view> texts) : tallies(script_of(texts)) {}
+  explicit ControlledCamera(std::string_view text, bool streams = true) : tallies(script_of({text})) {
+    if (streams) faults.begin(kStart);
+  }
   Commands at(std::int64_t ms) { return faults.update(kStart + ms * kMs); }
   InjectedFault tally() const { return tallies.read().front(); }
 
@@ -290,44 +243,20 @@ struct ControlledCamera {
 };
 
 TEST(ControlFaults, NothingHappensBeforeTheFirstStream) {
-  ControlledCamera camera({"reboot"});
+  ControlledCamera camera("reboot", false);
   EXPECT_EQ(camera.at(5000), Commands::kAnswered);
   EXPECT_EQ(camera.reboots, 0);
 }
 
-TEST(ControlFaults, RebootIsOffForItsTimeAndForgetsOnce) {
-  ControlledCamera camera({"reboot:at=1,for=0.5"});
-  camera.faults.begin(kStart);
-  EXPECT_EQ(camera.at(999), Commands::kAnswered);
-  EXPECT_EQ(camera.at(1001), Commands::kDropped);
-  EXPECT_EQ(camera.at(1400), Commands::kDropped);
-  EXPECT_EQ(camera.at(1501), Commands::kAnswered);
-  EXPECT_EQ(camera.reboots, 1);
-  camera.faults.begin(kStart + 1600 * kMs);  // the client's next stream
-  EXPECT_EQ(camera.at(2700), Commands::kAnswered);
-  EXPECT_EQ(camera.reboots, 1);
-  EXPECT_EQ(camera.tally().times, 1U);
-}
-
 TEST(ControlFaults, FreezeLeavesCommandsWaiting) {
-  ControlledCamera camera({"freeze:at=1,for=0.5"});
-  camera.faults.begin(kStart);
+  ControlledCamera camera("freeze:at=1,for=0.5");
   EXPECT_EQ(camera.at(1200), Commands::kFrozen);
   EXPECT_EQ(camera.at(1501), Commands::kAnswered);
   EXPECT_EQ(camera.dropped + camera.reboots, 0);
 }
 
-TEST(ControlFaults, ControlLossDropsTheClientEachTime) {
-  ControlledCamera camera({"control_loss:at=1,every=1"});
-  camera.faults.begin(kStart);
-  for (const std::int64_t ms : {500, 1000, 1500, 2100, 2900}) EXPECT_EQ(camera.at(ms), Commands::kAnswered);
-  EXPECT_EQ(camera.dropped, 2);
-  EXPECT_EQ(camera.tally().times, 2U);
-}
-
 TEST(ControlFaults, RequestsForPacketsAreLeftUnansweredAndCounted) {
-  ControlledCamera camera({"resend_unanswered:at=1,for=1"});
-  camera.faults.begin(kStart);
+  ControlledCamera camera("resend_unanswered:at=1,for=1");
   EXPECT_TRUE(camera.faults.answers_resend(kStart));
   EXPECT_FALSE(camera.faults.answers_resend(kStart + 1500 * kMs));
   EXPECT_TRUE(camera.faults.answers_resend(kStart + 2500 * kMs));
@@ -335,7 +264,7 @@ TEST(ControlFaults, RequestsForPacketsAreLeftUnansweredAndCounted) {
 }
 
 TEST(ControlFaults, AChangeOfWindowingDropsTheConnectionBeforeAnyStreamToo) {
-  ControlledCamera camera({"windowing_drop:for=4"});
+  ControlledCamera camera("windowing_drop:for=4", false);
   EXPECT_EQ(camera.at(0), Commands::kAnswered);
   camera.faults.windowing_changed(kStart);
   EXPECT_EQ(camera.dropped, 1);
@@ -345,11 +274,7 @@ TEST(ControlFaults, AChangeOfWindowingDropsTheConnectionBeforeAnyStreamToo) {
 
 // --- Faults as text: what is read, what is refused and how, and when faults strike.
 
-Fault fault(std::string_view text) {
-  auto parsed = parse_fault(text);
-  EXPECT_TRUE(parsed.has_value()) << text << ": " << parsed.error().message;
-  return parsed.value_or(Fault{fault_types().data(), {}});
-}
+Fault fault(std::string_view text) { return *must(parse_fault(text)); }
 
 TEST(FaultScript, KeysThatAreNotGivenStandAtTheirStandard) {
   const Fault loss = fault("loss:rate=0.05,at=1.5");

@@ -49,14 +49,6 @@ TEST(CountConverter, RadiometricCountsLeadBackToTheTemperature) {
   }
 }
 
-TEST(CountConverter, CropsRowsAndColumns) {
-  const StreamFormat format{{4, 3}, PixelType::kUint16, {Unit::kCount, 1.0, 0.0}};
-  const std::array<std::uint16_t, 12> plane{0, 1, 2, 3, 10, 11, 12, 13, 20, 21, 22, 23};
-  std::array<std::uint16_t, 4> counts{};
-  CountConverter(format, IrFormat::kRadiometric, {1, 1, 2, 2}).convert(plane.data(), counts.data());
-  EXPECT_EQ(counts, (std::array<std::uint16_t, 4>{11, 12, 21, 22}));
-}
-
 using Ids = std::vector<std::uint64_t>;
 using Times = std::vector<double>;
 
@@ -164,20 +156,6 @@ TEST(FrameRing, APinHoldsTheWriterBackAndASlotThatIsWrittenIsNotFound) {
   }
   writer.join();
   EXPECT_EQ(ring.find(1).frame(), nullptr);
-}
-
-TEST(FrameRing, FinishLetsTheSenderDrainAndClosingWakesBoth) {
-  FrameRing ring(2, 1, 4);
-  write_one(ring, 1);
-  ring.finish();
-  send_one(ring, 1);
-  EXPECT_EQ(ring.begin_send(), nullptr);
-
-  FrameRing other(1, 1, 4);
-  std::thread sender([&] { EXPECT_EQ(other.begin_send(), nullptr); });
-  other.close();
-  sender.join();
-  EXPECT_EQ(other.begin_write(), nullptr);
 }
 
 TEST(FrameRing, ThreeThreadsSeeOnlyWholeFrames) {

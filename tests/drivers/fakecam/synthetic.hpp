@@ -42,5 +42,8 @@ inline std::unique_ptr<FrameProvider> provider_of(MemoryFrames::Content content)
 inline std::unique_ptr<FakeCamera> serve(std::unique_ptr<FrameProvider> provider, const FakeCameraOptions& options) {
   return *must(FakeCamera::start(options, std::move(provider)));
 }
+inline std::unique_ptr<FakeCamera> serve(MemoryFrames::Content content, const FakeCameraOptions& options) {
+  return serve(provider_of(std::move(content)), options);
+}
 
 }  // namespace bolo::fakecam::test

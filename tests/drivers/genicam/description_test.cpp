@@ -211,9 +211,8 @@ TEST(DescriptionFile, ThatLeadsBeyondItselfIsRefused) {
                                {"what is packed", 20, 800, 4}}) {
     std::string file = with_entry();
     put(file, 700 + change.at, change.value, change.size);
-    const Status status = checked(place(file), "", file);
-    ASSERT_FALSE(status) << change.what;
-    EXPECT_NE(status.error().message.find("damaged ZIP"), std::string::npos) << status.error().message;
+    SCOPED_TRACE(change.what);
+    expect_error(checked(place(file), "", file), {"damaged ZIP"});
   }
   const std::string cut = with_entry().substr(0, 700 + 51 + 10);
   expect_refused(checked(place(cut), "", cut), {"damaged ZIP"});

@@ -1,10 +1,8 @@
 // Another process sends forged GVSP packets to a live stream: from addresses of its own, from the camera's address,
 // and, where this program may (CAP_NET_RAW), from the camera's address and port.
-#include <arpa/inet.h>
 #include <netinet/ip.h>
 #include <netinet/udp.h>
 #include <sys/prctl.h>
-#include <sys/socket.h>
 #include <sys/wait.h>
 
 #include "drivers/fakecam/camera_features.hpp"
@@ -84,9 +82,8 @@ TEST(ForgedPackets, EndNothingAndEveryFrameIsPublishedOrCounted) {
   const auto seconds = static_cast<std::uint64_t>(asked != nullptr ? std::max(1, std::atoi(asked)) : 5);
   const std::uint64_t frames = seconds * static_cast<std::uint64_t>(kRateHz);
   const std::string camera = fakecam::test::fresh_address();
-  const auto fake =
-      fakecam::test::serve(fakecam::test::provider_of(fakecam::test::synthetic(kFrame, kDistinct, 1.0 / kRateHz)),
-                           {.address = camera, .laps = frames / kDistinct});
+  const auto fake = fakecam::test::serve(fakecam::test::synthetic(kFrame, kDistinct, 1.0 / kRateHz),
+                                         {.address = camera, .laps = frames / kDistinct});
   GenicamSource source({.address = camera});
   const auto info = must(source.open());
   test::Collector collector(info->format, 200);
@@ -104,7 +101,7 @@ TEST(ForgedPackets, EndNothingAndEveryFrameIsPublishedOrCounted) {
 
   const auto& losses = collector.inlet().losses();
   while (fake->stats().streams_finished == 0 && !testing::Test::HasFailure()) usleep(50'000);
-  EXPECT_TRUE(test::eventually([&] { return collector.inlet().received() + losses.total() >= frames; }));
+  EXPECT_TRUE(eventually([&] { return collector.inlet().received() + losses.total() >= frames; }));
   kill(forger, SIGKILL);
   waitpid(forger, nullptr, 0);
   const TransportStats transport = source.transport_stats();

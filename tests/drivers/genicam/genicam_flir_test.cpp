@@ -114,7 +114,6 @@ TEST_F(GenicamFlirTest, CorrectsOnDemandAndKeepsThoseFramesApart) {
 TEST_F(GenicamFlirTest, CorrectsByTheClock) {
   start(with({.nuc = {.policy = NucPolicy::kTimed, .interval_s = 0.2, .hold_ms = 50}}));
   EXPECT_TRUE(eventually([&] { return source_->status()->corrections.value() >= 3; }));
-  source_->stop();
 }
 
 TEST_F(GenicamFlirTest, CorrectsWhenNothingMoves) {
@@ -126,7 +125,6 @@ TEST_F(GenicamFlirTest, CorrectsWhenNothingMoves) {
   EXPECT_TRUE(eventually([&] { return source_->status()->corrections.value() >= 2; }));
   EXPECT_EQ(fake_->read_register(kNucActionAt), 1U);
   EXPECT_TRUE(noticed("NUC (nothing moves)"));
-  source_->stop();
 }
 
 TEST_F(GenicamFlirTest, LeavesCorrectionsToTheCamera) {
@@ -170,7 +168,6 @@ TEST_F(GenicamFlirTest, TellsAPictureThatIsNoTemperature) {
   // Any value of the fake's pictures: 3,277 K at their middle.
   start(with({.ir_format = IrFormat::kTemperatureLinear100mK}));
   EXPECT_TRUE(eventually([&] { return noticed("no temperature of a scene"); }));
-  source_->stop();
 }
 
 TEST_F(GenicamFlirTest, MapsTheCamerasTimeToTheHosts) {
@@ -189,7 +186,6 @@ TEST_F(GenicamFlirTest, MeasuresThePeriodByTheCamerasClock) {
   EXPECT_NEAR(info_.format.frame_period_s, 1.0 / 185.0, 1e-9);
   EXPECT_TRUE(eventually([&] { return source_->status()->measured_period_s.value() > 0.0; }));
   EXPECT_NEAR(source_->status()->measured_period_s.value(), 0.005, 1e-6);
-  source_->stop();
 }
 
 // Also when another camera has its address meanwhile.

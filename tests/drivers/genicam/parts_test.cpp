@@ -1,7 +1,4 @@
 // Parts of the driver, each by itself.
-#include <arpa/inet.h>
-#include <sys/socket.h>
-
 #include "drivers/genicam/camera_frame.hpp"
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/network.hpp"
@@ -10,7 +7,6 @@
 #include "src/core/unique_fd.hpp"
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
-#include "tests/test.hpp"
 
 namespace bolo::genicam::parts_test {
 
@@ -133,8 +129,7 @@ namespace reg = fakecam::reg;
 class DeadProgram : public testing::Test {
  protected:
   void SetUp() override {
-    camera_ =
-        fakecam::test::serve(fakecam::test::provider_of(fakecam::test::synthetic({16, 8}, 4)), {.address = address_});
+    camera_ = fakecam::test::serve(fakecam::test::synthetic({16, 8}, 4), {.address = address_});
     program_.emplace(address_);
     ASSERT_EQ(program_->take_control(), fakecam::gvcp::Status::kSuccess);
   }
@@ -227,8 +222,7 @@ class Ptp : public testing::Test {
   // Runs a source on a fake camera until it has said `wanted`; what it said.
   std::string run(bool ptp, const std::string& wanted) {
     const std::string address = fakecam::test::fresh_address();
-    camera_ = fakecam::test::serve(fakecam::test::provider_of(fakecam::test::synthetic({64, 32}, 20)),
-                                   {.address = address, .laps = 0});
+    camera_ = fakecam::test::serve(fakecam::test::synthetic({64, 32}, 20), {.address = address, .laps = 0});
     GenicamSource source({.address = address, .ir_format = IrFormat::kLeave, .ptp = ptp});
     const auto info = must(source.open());
     pipeline::FrameInlet inlet(info->format, 4, 64);

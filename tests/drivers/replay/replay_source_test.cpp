@@ -7,6 +7,13 @@ namespace bolo::replay::replay_source_test {
 
 constexpr std::int64_t kHangGuardNs = 60'000'000'000;
 
+// 0 to 49.
+std::vector<std::uint64_t> fifty_ids() {
+  std::vector<std::uint64_t> ids(50);
+  std::iota(ids.begin(), ids.end(), 0U);
+  return ids;
+}
+
 // Value of pixel i of the frame with this id.
 std::uint16_t value(std::uint64_t id, std::size_t i) { return static_cast<std::uint16_t>(100 * id + i); }
 
@@ -147,9 +154,7 @@ TEST_F(ReplaySourceTest, NucAndReconnectStartANewWindowAtTheNextFrame) {
 }
 
 TEST_F(ReplaySourceTest, InRealTimeNothingWaitsAndEachLossIsCounted) {
-  std::vector<std::uint64_t> ids(50);
-  std::iota(ids.begin(), ids.end(), 0U);
-  ReplaySource source(write(ids, {}, 0.0005), Pace::kRealTime);
+  ReplaySource source(write(fifty_ids(), {}, 0.0005), Pace::kRealTime);
   pipeline::FrameInlet inlet(source.open()->format, 2, 4);
   const std::int64_t start_ns = monotonic_ns();
   ASSERT_TRUE(source.start(inlet));
@@ -157,13 +162,11 @@ TEST_F(ReplaySourceTest, InRealTimeNothingWaitsAndEachLossIsCounted) {
   source.stop();
   EXPECT_GE(monotonic_ns() - start_ns, 49 * 500'000);
   EXPECT_GT(inlet.losses().total(), 0U);
-  EXPECT_EQ(inlet.received() + inlet.losses().total(), ids.size());
+  EXPECT_EQ(inlet.received() + inlet.losses().total(), 50U);
 }
 
 TEST_F(ReplaySourceTest, StopEndsAReplayThatWaitsForASlot) {
-  std::vector<std::uint64_t> ids(50);
-  std::iota(ids.begin(), ids.end(), 0U);
-  ReplaySource source(write(ids), Pace::kAsFastAsPossible);
+  ReplaySource source(write(fifty_ids()), Pace::kAsFastAsPossible);
   pipeline::FrameInlet inlet(source.open()->format, 1, 2);
   ASSERT_TRUE(source.start(inlet));
   while (inlet.received() < 2) std::this_thread::yield();

@@ -1,15 +1,11 @@
 // Who may read: a reader in the stream's group, one outside it, and what neither can do.
 #include <fcntl.h>
-#include <grp.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include "src/capture/capture.hpp"
 #include "tests/drivers/shm/client_rig.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/drivers/shm/unprivileged.hpp"
-#include "tests/tools/program.hpp"
 
 namespace bolo::shm::client_access_test {
 
@@ -91,16 +87,14 @@ TEST_F(ClientAccess, AStrangersObjectIsNotBelieved) {
     return open_as("4321") == BOLO_CLIENT_OK ? 0 : 4;
   });
   EXPECT_EQ(as_nobody, 0) << "the number of the first thing that was wrong";
-  EXPECT_EQ(unprivileged(
-                {}, [&] { return open_as(""); }, kStranger),
-            BOLO_CLIENT_OK)
-      << "his own";
+  const auto stranger_gets = [&](const char* trusted) {
+    return unprivileged(
+        {}, [&] { return open_as(trusted); }, kStranger);
+  };
+  EXPECT_EQ(stranger_gets(""), BOLO_CLIENT_OK) << "his own";
   EXPECT_EQ(open_as(""), BOLO_CLIENT_DENIED) << "by root";
   ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), kNobody, group_), 0);
-  EXPECT_EQ(unprivileged(
-                {}, [&] { return open_as("nobody"); }, kStranger),
-            BOLO_CLIENT_OK)
-      << "named";
+  EXPECT_EQ(stranger_gets("nobody"), BOLO_CLIENT_OK) << "named";
   ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), 0, group_), 0);
   EXPECT_EQ(unprivileged({}, [&] { return open_as(""); }), BOLO_CLIENT_OK) << "root's";
   unsetenv("BOLO_USER");
@@ -117,70 +111,6 @@ TEST_F(ClientAccess, TheLibraryMapsReadOnly) {
   const auto page = reinterpret_cast<std::uintptr_t>(frame.raw) & ~std::uintptr_t{4095};
   EXPECT_NE(mprotect(reinterpret_cast<void*>(page), 4096, PROT_READ | PROT_WRITE), 0);  // NOLINT
   EXPECT_EQ(errno, EACCES);
-}
-
-// --- Readers and real daemons: one that is killed, its successor, and a rival.
-
-using tools::test::Program;
-
-void write_capture(const std::filesystem::path& file, Geometry geometry) {
-  auto writer = must(capture::CaptureWriter::create(file, {.format = {.geometry = geometry}}));
-  const std::vector<std::uint16_t> plane(geometry.pixels(), 30'000);
-  for (std::uint64_t id = 0; id < 100; ++id) {
-    ASSERT_TRUE(writer->append(static_cast<double>(id) * 0.005, id, plane.data()));
-  }
-  ASSERT_TRUE(writer->close());
-}
-
-class ClientDaemon : public testing::Test {
- protected:
-  ClientDaemon()
-      : name_(unique_name(testing::UnitTest::GetInstance()->current_test_info()->name())),
-        folder_(testing::TempDir() + name_) {
-    std::filesystem::create_directory(folder_);
-    setenv("RUNTIME_DIRECTORY", folder_.c_str(), 1);
-  }
-  ~ClientDaemon() override {
-    std::filesystem::remove_all(folder_);
-    shm_unlink(("/bolo." + name_).c_str());  // of a daemon that was killed
-  }
-
-  // The daemon with a capture of this size for a camera, again and again.
-  std::unique_ptr<Program> start(Geometry geometry, const std::string& log) {
-    const std::string capture = folder_ / (log + ".h5");
-    write_capture(capture, geometry);
-    return std::make_unique<Program>(
-        std::vector<std::string>{BOLO_PROGRAM, "replay", capture, "--name", name_, "--loop"}, folder_ / log);
-  }
-
-  std::string name_;
-  std::filesystem::path folder_;
-};
-
-TEST_F(ClientDaemon, AKilledDaemonsSuccessorIsFollowed) {
-  const auto first = start({16, 8}, "first");
-  const Client client = open_client(name_, 60'000);
-  ASSERT_TRUE(client) << bolo_client_error(nullptr) << first->err();
-  bolo_client_frame frame{};
-  for (int i = 0; i < 5; ++i) ASSERT_EQ(bolo_client_next(client.get(), 60'000, &frame), BOLO_CLIENT_OK);
-  first->signal(SIGKILL);
-  first->wait();
-  const std::int64_t killed_ns = monotonic_ns();
-  const auto second = start({8, 4}, "second");
-  int result = BOLO_CLIENT_OK;
-  while (result == BOLO_CLIENT_OK) result = bolo_client_next(client.get(), 60'000, &frame);
-  ASSERT_EQ(result, BOLO_CLIENT_RESTARTED) << second->err();
-  EXPECT_EQ(bolo_client_get_info(client.get())->width, 8U);
-  ASSERT_EQ(bolo_client_next(client.get(), 60'000, &frame), BOLO_CLIENT_OK);
-  RecordProperty("ms_from_kill_to_frame", static_cast<int>((monotonic_ns() - killed_ns) / 1'000'000));
-  EXPECT_EQ(frame.width, 8U);
-  EXPECT_EQ(frame.raw[0], 30'000U);
-  second->signal(SIGTERM);
-  EXPECT_EQ(second->wait(), 0) << second->err();
-  while (result != BOLO_CLIENT_ENDED) {
-    result = bolo_client_next(client.get(), 1000, &frame);
-    ASSERT_GE(result, 0);
-  }
 }
 
 }  // namespace bolo::shm::client_access_test

@@ -1,10 +1,9 @@
 // libbolo-client by its C functions, as other programs call them: one writer, fed by hand, and handles on it.
 #include "tests/drivers/shm/client_rig.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::shm::client_test {
-
-bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 class ClientTest : public testing::Test {
  protected:
@@ -15,6 +14,11 @@ class ClientTest : public testing::Test {
     writer_ = nullptr;
     writer_ = std::make_unique<Writer>(name_, geometry);
     ASSERT_TRUE(writer_->open());
+  }
+  Client open() const {
+    Client client = open_client(name_);
+    if (!client) throw std::runtime_error(bolo_client_error(nullptr));
+    return client;
   }
   void publish(int count) {
     for (int i = 0; i < count; ++i) writer_->publish();
@@ -34,8 +38,7 @@ bool intact(const bolo_client_frame& frame, std::uint64_t number) {
 }
 
 TEST_F(ClientTest, InfoSaysWhatTheStreamIs) {
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client) << bolo_client_error(nullptr);
+  const Client client = open();
   const auto* info = bolo_client_get_info(client.get());
   EXPECT_EQ(info->width, 33U);
   EXPECT_EQ(info->height, 7U);
@@ -57,8 +60,7 @@ TEST_F(ClientTest, FramesCarryTheirMotion) {
   writer_ = std::make_unique<Writer>(name_, Geometry{33, 20});
   writer_->format.motion = true;
   ASSERT_TRUE(writer_->open());
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  const Client client = open();
   for (std::uint64_t n = 0; n < 80; ++n) {
     publish(1);
     ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
@@ -90,8 +92,7 @@ TEST_F(ClientTest, FramesCarryTheirMotion) {
 
 TEST_F(ClientTest, FramesComeInOrderInPlace) {
   publish(3);
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  const Client client = open();
   ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
   EXPECT_TRUE(intact(frame_, 2)) << "a stream begins with its newest frame";
   EXPECT_EQ(frame_.missed, 0U);
@@ -117,8 +118,7 @@ TEST_F(ClientTest, FramesComeInOrderInPlace) {
 }
 
 TEST_F(ClientTest, TheLatestFrameCountsThoseBeforeItAsMissed) {
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  const Client client = open();
   publish(10);
   ASSERT_EQ(bolo_client_latest(client.get(), 0, &frame_), BOLO_CLIENT_OK);
   EXPECT_TRUE(intact(frame_, 9));
@@ -127,8 +127,7 @@ TEST_F(ClientTest, TheLatestFrameCountsThoseBeforeItAsMissed) {
 }
 
 TEST_F(ClientTest, AReaderThatFellBehindGoesOnInTheRingsMiddle) {
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  const Client client = open();
   const std::uint64_t slots = bolo_client_get_info(client.get())->slot_count;
   publish(static_cast<int>(3 * slots));
   ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
@@ -140,8 +139,7 @@ TEST_F(ClientTest, AReaderThatFellBehindGoesOnInTheRingsMiddle) {
 
 TEST_F(ClientTest, AFrameIsNoLongerValidOnceTheRingHasComeRound) {
   publish(1);
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  const Client client = open();
   ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
   std::vector<std::uint16_t> raw(frame_.width * frame_.height);
   std::vector<std::uint16_t> deblurred(raw.size());
@@ -162,8 +160,7 @@ TEST_F(ClientTest, AFrameIsNoLongerValidOnceTheRingHasComeRound) {
 }
 
 TEST_F(ClientTest, ValuesBecomeKelvinAndCountsDoNot) {
-  Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  Client client = open();
   const std::uint16_t values[] = {0, 1, 29'500, 65'535};
   float kelvin[4] = {};
   ASSERT_EQ(bolo_client_kelvin(client.get(), values, 4, kelvin), BOLO_CLIENT_OK);
@@ -175,12 +172,11 @@ TEST_F(ClientTest, ValuesBecomeKelvinAndCountsDoNot) {
   client = open_client(name_);
   ASSERT_TRUE(client);
   EXPECT_EQ(bolo_client_kelvin(client.get(), values, 4, kelvin), BOLO_CLIENT_UNSUPPORTED);
-  EXPECT_TRUE(contains(bolo_client_error(client.get()), "in counts"));
+  expect_parts(bolo_client_error(client.get()), {"in counts"});
 }
 
 TEST_F(ClientTest, StateTellsLossesAndLife) {
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  const Client client = open();
   writer_->inlet.count_loss(LossCause::kMissing, 3);
   writer_->inlet.count_loss(LossCause::kOutOfOrder, 2);
   writer_->stats.gap_frames.add(6);
@@ -199,8 +195,7 @@ TEST_F(ClientTest, StateTellsLossesAndLife) {
 }
 
 TEST_F(ClientTest, ARestartIsToldOnceAndFollowed) {
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  const Client client = open();
   publish(2);
   write_anew({16, 4});
   publish(3);
@@ -220,12 +215,11 @@ TEST_F(ClientTest, ARestartIsToldOnceAndFollowed) {
 }
 
 TEST_F(ClientTest, AnEndIsToldUntilAnotherWriterComes) {
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  const Client client = open();
   writer_ = nullptr;
   EXPECT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_ENDED);
   EXPECT_EQ(bolo_client_next(client.get(), 5, &frame_), BOLO_CLIENT_ENDED);
-  EXPECT_TRUE(contains(bolo_client_error(client.get()), "its writer has ended")) << bolo_client_error(client.get());
+  expect_parts(bolo_client_error(client.get()), {"its writer has ended"});
   std::thread later([&] {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     write_anew({33, 7});
@@ -238,8 +232,7 @@ TEST_F(ClientTest, AnEndIsToldUntilAnotherWriterComes) {
 
 TEST_F(ClientTest, AHoldKeepsOldFramesReadableAcrossARestart) {
   publish(1);
-  Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  Client client = open();
   ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
   bolo_client_hold* hold = bolo_client_hold_new(client.get());
   ASSERT_NE(hold, nullptr);
@@ -279,16 +272,15 @@ TEST_F(ClientTest, ManyHandlesReadAtTheSameTime) {
 }
 
 TEST_F(ClientTest, WrongArgumentsAreAnswersNotCrashes) {
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
+  const Client client = open();
   bolo_client* none = client.get();
   EXPECT_EQ(bolo_client_open(nullptr, 0, &none), BOLO_CLIENT_BAD_ARGUMENT);
   EXPECT_EQ(none, nullptr);
   EXPECT_EQ(bolo_client_open("x", 0, nullptr), BOLO_CLIENT_BAD_ARGUMENT);
   EXPECT_EQ(bolo_client_open("a/b", 0, &none), BOLO_CLIENT_BAD_ARGUMENT);
-  EXPECT_TRUE(contains(bolo_client_error(nullptr), "is no name"));
+  expect_parts(bolo_client_error(nullptr), {"is no name"});
   EXPECT_EQ(bolo_client_open("no-such-camera", 0, &none), BOLO_CLIENT_ABSENT);
-  EXPECT_TRUE(contains(bolo_client_error(nullptr), "no shared memory named 'no-such-camera'"));
+  expect_parts(bolo_client_error(nullptr), {"no shared memory named 'no-such-camera'"});
   EXPECT_EQ(bolo_client_next(nullptr, 0, &frame_), BOLO_CLIENT_BAD_ARGUMENT);
   EXPECT_EQ(bolo_client_next(client.get(), 0, nullptr), BOLO_CLIENT_BAD_ARGUMENT);
   EXPECT_EQ(bolo_client_latest(client.get(), 0, nullptr), BOLO_CLIENT_BAD_ARGUMENT);
@@ -297,7 +289,7 @@ TEST_F(ClientTest, WrongArgumentsAreAnswersNotCrashes) {
   float value = 0.0F;
   const bolo_client_point outside{33, 0};
   EXPECT_EQ(bolo_client_points(client.get(), 0, &outside, 1, &value), BOLO_CLIENT_BAD_ARGUMENT);
-  EXPECT_TRUE(contains(bolo_client_error(client.get()), "(33, 0) is not inside the frame of 33x7"));
+  expect_parts(bolo_client_error(client.get()), {"(33, 0) is not inside the frame of 33x7"});
   EXPECT_EQ(bolo_client_points(client.get(), 0, nullptr, 0, nullptr), BOLO_CLIENT_OK) << "no points, nothing to do";
   const bolo_client_point inside{32, 6};
   EXPECT_EQ(bolo_client_points(client.get(), 0, &inside, 1, &value), BOLO_CLIENT_NOT_YET);
@@ -309,24 +301,11 @@ TEST_F(ClientTest, WrongArgumentsAreAnswersNotCrashes) {
   bolo_client_close(nullptr);
 }
 
-TEST_F(ClientTest, PointsOfChangedFramesAreRefused) {
-  writer_->sink.close();
-  writer_->format.undone = true;
-  ASSERT_TRUE(writer_->open());
-  const Client client = open_client(name_);
-  ASSERT_TRUE(client);
-  publish(20);
-  const bolo_client_point point{1, 1};
-  float value = 0.0F;
-  EXPECT_EQ(bolo_client_points(client.get(), 18, &point, 1, &value), BOLO_CLIENT_UNSUPPORTED);
-  EXPECT_TRUE(contains(bolo_client_error(client.get()), "read the deblurred planes"));
-}
-
 TEST_F(ClientTest, StreamsAreListedAndCutToFit) {
   std::vector<char> text(1 << 16);
   const int all = bolo_client_streams(text.data(), text.size());
   ASSERT_GT(all, 0);
-  EXPECT_TRUE(contains(std::string("\n") + text.data(), "\n" + name_ + "\n"));
+  expect_parts(std::string("\n") + text.data(), {"\n" + name_ + "\n"});
   char few[4] = {'x', 'x', 'x', 'x'};
   EXPECT_GT(bolo_client_streams(few, sizeof(few)), 4);
   EXPECT_EQ(few[3], '\0');
@@ -346,7 +325,7 @@ TEST(ClientLibrary, ExportsItsFunctionsAndNothingElse) {
     const std::string name = symbol;
     if (name == "BOLO_CLIENT_0") continue;  // the version itself
     EXPECT_EQ(name.rfind("bolo_client_", 0), 0U) << name;
-    EXPECT_TRUE(contains(name, "@@BOLO_CLIENT_0")) << name;
+    expect_parts(name, {"@@BOLO_CLIENT_0"});
     ++functions;
   }
   EXPECT_EQ(pclose(symbols), 0);

@@ -2,7 +2,6 @@
 #include "drivers/shm/point_reader.hpp"
 
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include "drivers/shm/shm_reader.hpp"
 #include "drivers/shm/shm_sink.hpp"

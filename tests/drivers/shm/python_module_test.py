@@ -8,6 +8,7 @@ import ctypes
 import gc
 import math
 import os
+import pathlib
 import pickle
 import signal
 import subprocess
@@ -17,12 +18,10 @@ import threading
 import time
 import unittest
 
-try:
-    import numpy as np
-except ImportError:
-    print("skipped: python3-numpy is not installed")
-    sys.exit(77)
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "tools"))
+from programs import needed  # noqa: E402
 
+[np] = needed("numpy")
 BOLO, MODULE_FOLDER, LIBRARY = sys.argv[1:4]
 os.environ["BOLO_CLIENT_LIBRARY"] = LIBRARY
 sys.path.insert(0, MODULE_FOLDER)
@@ -51,14 +50,10 @@ class WithDaemon(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.capture = os.path.join(cls.folder.name, "in.h5")
+        cls.folder = cls.enterClassContext(tempfile.TemporaryDirectory())
+        cls.capture = os.path.join(cls.folder, "in.h5")
         subprocess.run([BOLO, "simulate", "-o", cls.capture, "--width", "64", "--height", "24", "--frames", "200"],
                        check=True, capture_output=True)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def setUp(self):
         self.name = f"test-python-{os.getpid()}-{self._testMethodName[:40]}"
@@ -119,10 +114,10 @@ class WithDaemon(unittest.TestCase):
 
     def test_motion_is_that_of_the_scene(self):
         self.end(signal.SIGTERM)
-        config = os.path.join(self.folder.name, "motion.toml")
+        config = os.path.join(self.folder, "motion.toml")
         with open(config, "w", encoding="utf-8") as f:
             f.write('name = "any"\n[deblur]\nsolver = "motion"\n')
-        capture = os.path.join(self.folder.name, "street.h5")
+        capture = os.path.join(self.folder, "street.h5")
         subprocess.run([BOLO, "simulate", "-o", capture, "--width", "160", "--height", "48", "--frames", "400",
                         "--speed", "300", "--no-truth"], check=True, capture_output=True)
         self.start(capture, "--config", config)

@@ -91,16 +91,6 @@ TEST(CopyWords, KeepsEveryByteAndTouchesNothingBehindAnOddEnd) {
   }
 }
 
-TEST(Slot, RefusesAnotherFrameThanTheOneItHolds) {
-  Slots slots;
-  EXPECT_FALSE(read_frame(slots, 0)) << "an empty slot holds no frame";
-  write_frame(slots, 2);
-  EXPECT_TRUE(read_frame(slots, 2));
-  EXPECT_FALSE(read_frame(slots, 2 + kSlots)) << "not written yet";
-  write_frame(slots, 2 + kSlots);
-  EXPECT_FALSE(read_frame(slots, 2)) << "overwritten";
-}
-
 TEST(Slot, RefusesAFrameThatIsBeingWritten) {
   Slots slots;
   write_frame(slots, 1);

@@ -2,7 +2,6 @@
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "drivers/shm/shm_gyro.hpp"
 #include "src/core/clock.hpp"

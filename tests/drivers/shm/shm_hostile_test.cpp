@@ -1,6 +1,5 @@
 // Objects that another program made, or damaged: the reader refuses them and never reads outside.
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "tests/drivers/shm/foreign_object.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"

@@ -3,7 +3,6 @@
 #include <signal.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_sink.hpp"

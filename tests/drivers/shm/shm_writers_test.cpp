@@ -4,8 +4,6 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include "drivers/shm/followed_stream.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
@@ -15,8 +13,6 @@
 namespace bolo::shm::shm_writers_test {
 
 using Outcome = ShmReader::Outcome;
-
-bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 // Sets the heartbeat of an existing object, as if its writer had stood still since then.
 void set_heartbeat(const std::string& name, std::uint64_t ns) {
@@ -116,7 +112,7 @@ TEST(ShmWriters, WhatOthersMadeIsInTheWayAndSaysWhose) {
       const Status status = writer.open();
       if (status || status.error().kind != ErrorKind::kFailed) return 1;
       const std::string wanted = "/dev/shm" + path + " is in the way: it belongs to user root (uid 0)";
-      return contains(status.error().message, wanted) ? 0 : 2;
+      return status.error().message.find(wanted) != std::string::npos ? 0 : 2;
     });
     shm_unlink(path.c_str());
     return result;
@@ -206,9 +202,7 @@ TEST(ShmWriters, ANameThatAnotherTookStaysHis) {
   ASSERT_TRUE(other.open());
   const auto notices = writer.sink.take_notices();
   ASSERT_EQ(notices.size(), 1U);
-  EXPECT_TRUE(
-      contains(notices[0].text, "was taken away or cut off: shared memory /bolo." + name + " is written by process"))
-      << notices[0].text;
+  expect_parts(notices[0].text, {"was taken away or cut off: shared memory /bolo." + name + " is written by process"});
   writer.publish();
   other.publish();
   EXPECT_EQ(ShmReader::open(name)->published(), 1U);
@@ -230,22 +224,20 @@ TEST(ShmWriters, BadOptionsAreNamed) {
   const std::string name = unique_name("options");
   Writer format(name);
   format.format.deblur.window = 17;
-  const auto message = [&](const ShmOptions& options) {
-    ShmSink sink(options);
-    const Status status = sink.open(format.format);
-    return status ? std::string("opened") : status.error().message;
-  };
-  EXPECT_TRUE(contains(message({name, 16, 0644, ""}), "shm.slots = 16 is out of range: 17"));
-  EXPECT_TRUE(contains(message({name, -1, 0644, ""}), "shm.slots"));
-  EXPECT_EQ(message({name, 17, 0644, ""}), "opened");
-  EXPECT_TRUE(contains(message({name, 0, 0444, ""}), "shm.mode"));
-  EXPECT_TRUE(contains(message({name, 0, 04644, ""}), "shm.mode"));
-  EXPECT_TRUE(contains(message({name, 0, 0664, ""}), "shm.mode lets others write"));
-  EXPECT_TRUE(contains(message({name, 0, 0646, ""}), "shm.mode lets others write"));
-  EXPECT_TRUE(contains(message({name, 0, 0644, "no-such-group-here"}), "no group 'no-such-group-here'"));
-  EXPECT_TRUE(contains(message({"a/b", 0, 0644, ""}), "is no name"));
+  for (const auto& [options, message] :
+       {std::pair{ShmOptions{name, 16, 0644, ""}, "shm.slots = 16 is out of range: 17"},
+        {ShmOptions{name, -1, 0644, ""}, "shm.slots"},
+        {ShmOptions{name, 0, 0444, ""}, "shm.mode"},
+        {ShmOptions{name, 0, 04644, ""}, "shm.mode"},
+        {ShmOptions{name, 0, 0664, ""}, "shm.mode lets others write"},
+        {ShmOptions{name, 0, 0646, ""}, "shm.mode lets others write"},
+        {ShmOptions{name, 0, 0644, "no-such-group-here"}, "no group 'no-such-group-here'"},
+        {ShmOptions{"a/b", 0, 0644, ""}, "is no name"}}) {
+    expect_error(ShmSink(options).open(format.format), {message});
+  }
+  EXPECT_TRUE(ShmSink({name, 17, 0644, ""}).open(format.format));
   format.format.source.format.type = PixelType::kFloat32;
-  EXPECT_TRUE(contains(message({name, 0, 0644, ""}), "16-bit"));
+  expect_error(ShmSink({name, 0, 0644, ""}).open(format.format), {"16-bit"});
   EXPECT_FALSE(ShmReader::open(name)) << "a refused writer leaves nothing behind";
 }
 

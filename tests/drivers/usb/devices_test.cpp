@@ -38,32 +38,19 @@ TEST(Devices, ReportHoldsEveryDescriptor) {
   MockCamera camera;
   camera.plug();
   const auto report = must(descriptor_report(flir()));
-  for (const char* part :
-       {"USB device 09cb:1007 at bus 1 address 1, port 1-2, 480 Mbit/s", "\"FLIR Systems\"", "USB release        2.10",
-        "configuration 1: attributes 0xc0, self-powered, at most 100 mA, 1 interfaces",
-        "interface 0, alternate setting 0: class 0xff (vendor specific), subclass 0x01, protocol 0x02, 0 endpoints",
-        "interface 0, alternate setting 1", "\"Thermal stream\"", "05 24 ab cd ef",
-        "endpoint 0x81: bulk in, packets of 512 bytes x 1, interval 0", "BOS: 1 capabilities",
-        "capability 0x02 (USB 2.0 extension)", "06 00 00 00"}) {
-    EXPECT_NE(report->find(part), std::string::npos) << part << " is not in\n" << *report;
-  }
+  expect_parts(
+      *report,
+      {"USB device 09cb:1007 at bus 1 address 1, port 1-2, 480 Mbit/s", "\"FLIR Systems\"", "USB release        2.10",
+       "configuration 1: attributes 0xc0, self-powered, at most 100 mA, 1 interfaces",
+       "interface 0, alternate setting 0: class 0xff (vendor specific), subclass 0x01, protocol 0x02, 0 endpoints",
+       "interface 0, alternate setting 1", "\"Thermal stream\"", "05 24 ab cd ef",
+       "endpoint 0x81: bulk in, packets of 512 bytes x 1, interval 0", "BOS: 1 capabilities",
+       "capability 0x02 (USB 2.0 extension)", "06 00 00 00"});
 }
 
 TEST(Devices, ReportOfNoneSaysWhichIsMissing) {
   MockCamera camera;
   expect_refused(descriptor_report(flir()), {"vendor 09cb"});
-}
-
-// False when it has not come true for 30 s, which only guards against hanging.
-template <typename Condition>
-bool wait_for(Condition condition) {
-  using Clock = std::chrono::steady_clock;
-  const Clock::time_point limit = Clock::now() + std::chrono::seconds(30);
-  while (!condition()) {
-    if (Clock::now() > limit) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return true;
 }
 
 class HotplugBy : public ::testing::TestWithParam<Hotplug::Means> {};
@@ -82,11 +69,11 @@ TEST_P(HotplugBy, TellsWhatIsThereComesAndLeaves) {
     seen.emplace_back(change, device);
   };
   auto hotplug = must(Hotplug::start(flir(), note, GetParam()));
-  ASSERT_TRUE(wait_for([&] { return count() == 1; }));
+  ASSERT_TRUE(eventually([&] { return count() == 1; }));
   camera.unplug();
-  ASSERT_TRUE(wait_for([&] { return count() == 2; }));
+  ASSERT_TRUE(eventually([&] { return count() == 2; }));
   camera.plug();
-  ASSERT_TRUE(wait_for([&] { return count() == 3; }));
+  ASSERT_TRUE(eventually([&] { return count() == 3; }));
   hotplug->reset();
   EXPECT_EQ(seen[0].first, Hotplug::Change::kArrived);
   EXPECT_EQ(seen[1].first, Hotplug::Change::kLeft);

@@ -48,11 +48,8 @@ TEST(Image, Y16IsInItsUnitAndWithin16Bits) {
   for (const Case& c : cases) EXPECT_EQ(words(image(PixelFormat::kY16, c.unit, c.scale, c.plane)), c.expected);
 }
 
-TEST(Image, GreyIsOneByteAPixel) {
+TEST(Image, GreyIsOneByteAPixelAndYuyvTheSameWithNeutralColour) {
   EXPECT_EQ(image(PixelFormat::kGrey, Y16Unit::k10mK, k10mK), (std::vector<int>{0, 0, 64, 128, 191, 255, 255, 255}));
-}
-
-TEST(Image, YuyvIsTheGreyWithNeutralColour) {
   EXPECT_EQ(image(PixelFormat::kYuyv, Y16Unit::k10mK, k10mK),
             (std::vector<int>{0, 128, 0, 128, 64, 128, 128, 128, 191, 128, 255, 128, 255, 128, 255, 128}));
 }

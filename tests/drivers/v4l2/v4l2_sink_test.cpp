@@ -80,6 +80,10 @@ class V4l2SinkTest : public testing::Test {
   void make(const V4l2Options& options = {}) {
     sink_ = std::make_unique<V4l2Sink>(options, std::make_unique<FakePort>(device_));
   }
+  void start(const V4l2Options& options = {}) {
+    make(options);
+    must(sink_->open(format()));
+  }
   // Frame `value`: raw planes hold it, sharp ones twice that.
   void publish(std::uint16_t value) {
     std::fill(raw_.begin(), raw_.end(), value);
@@ -118,16 +122,14 @@ class V4l2SinkTest : public testing::Test {
 };
 
 TEST_F(V4l2SinkTest, ShowsThePlaneThatWasAskedFor) {
-  make();
-  ASSERT_TRUE(sink_->open(format()));
+  start();
   publish(1000);
   EXPECT_TRUE(shows(2000));
   sink_->close();
   EXPECT_EQ(sink_->stats().written.value(), 1U);
   EXPECT_EQ(sink_->stats().dropped.value(), 0U);
 
-  make({.plane = Plane::kRaw});
-  ASSERT_TRUE(sink_->open(format()));
+  start({.plane = Plane::kRaw});
   publish(1000);
   EXPECT_TRUE(shows(1000));
 }
@@ -151,8 +153,7 @@ TEST_F(V4l2SinkTest, IsNotOpenedWithoutItsDevice) {
 
 TEST_F(V4l2SinkTest, ABusyDeviceCostsFramesAndNothingElse) {
   device_->answer = EAGAIN;
-  make();
-  ASSERT_TRUE(sink_->open(format()));
+  start();
   EXPECT_TRUE(publish_until([&] { return sink_->stats().dropped.value() >= 3; }));
   device_->set([&] { device_->answer = 0; });
   EXPECT_TRUE(publish_until([&] { return sink_->stats().written.value() >= 3; }));
@@ -161,8 +162,7 @@ TEST_F(V4l2SinkTest, ABusyDeviceCostsFramesAndNothingElse) {
 }
 
 TEST_F(V4l2SinkTest, AStuckDeviceHoldsUpNobodyAndGetsTheNewestFrameAfterwards) {
-  make();
-  ASSERT_TRUE(sink_->open(format()));
+  start();
   device_->set([&] { device_->stuck = true; });
   publish(1);
   ASSERT_TRUE(device_->await([&] { return device_->writes == 1; }));
@@ -175,8 +175,7 @@ TEST_F(V4l2SinkTest, AStuckDeviceHoldsUpNobodyAndGetsTheNewestFrameAfterwards) {
 }
 
 TEST_F(V4l2SinkTest, ADeviceThatNeverReturnsDoesNotHoldUpTheEnd) {
-  make();
-  ASSERT_TRUE(sink_->open(format()));
+  start();
   device_->set([&] { device_->stuck = true; });
   publish(1);
   ASSERT_TRUE(device_->await([&] { return device_->writes == 1; }));
@@ -187,8 +186,7 @@ TEST_F(V4l2SinkTest, ADeviceThatNeverReturnsDoesNotHoldUpTheEnd) {
 }
 
 TEST_F(V4l2SinkTest, ADeviceThatVanishesIsOpenedAgainWhenItIsBack) {
-  make();
-  ASSERT_TRUE(sink_->open(format()));
+  start();
   publish(1);
   ASSERT_TRUE(shows(2));
   device_->set([&] { device_->there = false; });
@@ -210,8 +208,7 @@ TEST_F(V4l2SinkTest, ADeviceThatVanishesIsOpenedAgainWhenItIsBack) {
 }
 
 TEST_F(V4l2SinkTest, TakesUpOtherTonesWhileItRuns) {
-  make({.format = PixelFormat::kGrey, .agc = {.gain = Gain::kFixed, .low_k = 0.0, .high_k = 100.0}});
-  ASSERT_TRUE(sink_->open(format()));
+  start({.format = PixelFormat::kGrey, .agc = {.gain = Gain::kFixed, .low_k = 0.0, .high_k = 100.0}});
   const auto grey_is = [&](int grey) {
     return publish_until([&] {
       const std::lock_guard lock(device_->mutex);

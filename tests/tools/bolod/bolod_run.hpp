@@ -3,6 +3,8 @@
 
 #include <sys/mman.h>
 
+#include <nlohmann/json.hpp>
+
 #include "drivers/shm/shm_reader.hpp"
 #include "tests/tools/program.hpp"
 #include "tests/tools/small_capture.hpp"
@@ -11,7 +13,6 @@ namespace bolo::daemon {
 
 using shm::ReadFrame;
 using shm::ShmReader;
-using tools::test::eventually;
 using tools::test::expect_good_end;
 using tools::test::logged;
 using tools::test::own_address;
@@ -85,10 +86,16 @@ class BolodRun : public tools::test::ProgramTest {
     return "address = '" + address + "'\nwidth = 64\nheight = 24\n" + more;
   }
 
-  Result<ShmReader> attach() const {
-    Result<ShmReader> reader = ShmReader::open(name_);
-    eventually([&] { return (reader = ShmReader::open(name_)).has_value(); });
+  // A reader of what this daemon publishes, once it does.
+  Result<ShmReader> attach(const Program& daemon) const {
+    Result<ShmReader> reader = failed("");
+    const bool attached = eventually([&] { return (reader = ShmReader::open(name_)).has_value(); });
+    if (!attached) throw std::runtime_error(reader.error().message + '\n' + daemon.err());
     return reader;
+  }
+  // What `bolo stat --json` says of it.
+  nlohmann::json stat() const {
+    return nlohmann::json::parse(printed({"stat", name_, "--once", "--json", "--interval", "0.3"}));
   }
 
   std::string name_;

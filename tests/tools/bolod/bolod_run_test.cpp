@@ -1,19 +1,14 @@
 // The whole way: a capture, bolod, shared memory, a reader; signals, names, `bolo stat`.
-#include <nlohmann/json.hpp>
-
-#include "drivers/shm/shm_reader.hpp"
+#include "tests/tools/bolod/bolod_run.hpp"
 #include "src/core/frame.hpp"
 #include "src/core/loss.hpp"
-#include "tests/tools/bolod/bolod_run.hpp"
-#include "tests/tools/program.hpp"
 #include "tests/tools/sockets.hpp"
 
 namespace bolo::daemon::bolod_run_test {
 
 TEST_F(BolodRun, FramesOfACaptureReachAReader) {
   const auto daemon = start(300);
-  auto reader = attach();
-  ASSERT_TRUE(reader) << reader.error().message << daemon->err();
+  auto reader = attach(*daemon);
   EXPECT_EQ(reader->header().width, 64U);
   EXPECT_EQ(reader->header().height, 24U);
   EXPECT_STREQ(reader->header().camera_model, "Test camera");
@@ -49,8 +44,7 @@ TEST_F(BolodRun, FramesOfACaptureReachAReader) {
 
 TEST_F(BolodRun, SigtermEndsItInGoodOrderAndSignalsThatMeanNothingDoNot) {
   const auto daemon = start(100'000 / 5);  // 100 s: it can only end by the signal
-  auto reader = attach();
-  ASSERT_TRUE(reader) << daemon->err();
+  auto reader = attach(*daemon);
   ReadFrame frame;
   ASSERT_NE(reader->read(5, frame, 60'000), Outcome::kTimeout);
   for (const int signal : {SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGIO, SIGPIPE, SIGXFSZ, SIGPWR, SIGRTMIN}) {
@@ -68,8 +62,7 @@ TEST_F(BolodRun, SigtermEndsItInGoodOrderAndSignalsThatMeanNothingDoNot) {
 
 TEST_F(BolodRun, ASecondDaemonOfTheSameNameIsRefused) {
   const auto first = start(20'000);
-  auto reader = attach();
-  ASSERT_TRUE(reader) << first->err();
+  auto reader = attach(*first);
   const auto second = start_again("", "second");
   EXPECT_EQ(second->wait(), 2);
   expect_parts(second->err(), {"is written by process"});
@@ -93,12 +86,12 @@ TEST_F(BolodRun, ALimitOnFilesIsAFullDisk) {
 TEST_F(BolodRun, AControlSocketThatWasTakenAwayIsMadeAgain) {
   const std::string socket = file("control");
   const auto daemon = start(20'000, "[control]\nsocket = '" + socket + "'\n");
-  ASSERT_TRUE(attach()) << daemon->err();
-  expect_parts(run({"nuc", name_}).err, {"no camera"});
+  attach(*daemon);
+  ended(1, {"nuc", name_}, {"no camera"});
   ASSERT_TRUE(std::filesystem::remove(socket));
   EXPECT_TRUE(eventually([&] { return std::filesystem::exists(socket); })) << daemon->err();
   EXPECT_TRUE(logged(*daemon, "was taken away; it is there again"));
-  expect_parts(run({"nuc", name_}).err, {"no camera"});
+  ended(1, {"nuc", name_}, {"no camera"});
   // Files of others are left alone.
   for (const char* which : {"the first time", "and again"}) {
     ASSERT_TRUE(eventually([&] { return std::filesystem::is_socket(socket); })) << daemon->err();
@@ -119,7 +112,7 @@ TEST_F(BolodRun, AControlSocketThatWasTakenAwayIsMadeAgain) {
 TEST_F(BolodRun, AStoppedDaemonIsNotWaitedForByOthers) {
   const std::string control = "[control]\nsocket = '" + file("control") + "'\n";
   const auto daemon = start(20'000, control);
-  ASSERT_TRUE(attach()) << daemon->err();
+  attach(*daemon);
   ASSERT_TRUE(daemon->stop());
   std::vector<UniqueFd> waiting;
   do {
@@ -158,7 +151,7 @@ TEST_F(BolodRun, NothingTakesThePlaceOfAClosedStream) {
     return true;
   };
   const auto daemon = start_closed({BOLOD_PROGRAM, "--config", configure(kReplay)});
-  ASSERT_TRUE(attach());
+  attach(*daemon);
   EXPECT_TRUE(held(*daemon));
   const auto recorder = start_closed({BOLO_PROGRAM, "record", name_, "-o", file("out.h5")});
   EXPECT_TRUE(eventually([&] { return std::filesystem::exists(file("out.h5.part")); }));
@@ -168,11 +161,10 @@ TEST_F(BolodRun, NothingTakesThePlaceOfAClosedStream) {
 
 TEST_F(BolodRun, StatShowsARunningDaemon) {
   const auto daemon = start(20'000);
-  auto reader = attach();
-  ASSERT_TRUE(reader) << daemon->err();
+  auto reader = attach(*daemon);
   ReadFrame frame;
   ASSERT_NE(reader->read(20, frame, 60'000), Outcome::kTimeout);
-  const auto object = nlohmann::json::parse(printed({"stat", name_, "--once", "--json", "--interval", "0.3"}));
+  const auto object = stat();
   EXPECT_EQ(object["name"], name_);
   EXPECT_EQ(object["state"], "running");
   EXPECT_EQ(object["width"], 64);
@@ -188,9 +180,7 @@ TEST_F(BolodRun, StatShowsARunningDaemon) {
   expect_parts(printed({"stat", name_, "--once", "--interval", "0.1"}),
                {"Test camera 42, 64x24 at 200 Hz", "\nlost     ", "effort   ", "stages   arrival"});
   refused({"stat", "no-such-daemon"}, name_);  // the names that exist
-  const auto nuc = run({"nuc", name_});
-  EXPECT_EQ(nuc.exit_code, 1);
-  expect_parts(nuc.err, {"no camera to correct"});
+  ended(1, {"nuc", name_}, {"no camera to correct"});
 }
 
 // Over the network, from the camera that replays: what it sends is what readers get, before it is lost and after.
@@ -199,8 +189,7 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   const std::string address = own_address();
   auto camera = start_camera(address);
   const auto daemon = start_with(configure(source_at(address, "reconnect_after_ms = 500\n")));
-  auto reader = attach();
-  ASSERT_TRUE(reader) << daemon->err();
+  auto reader = attach(*daemon);
 
   const auto good_frames = [&reader](int wanted) {
     return follow(*reader, [&wanted](const ReadFrame& frame) {
@@ -221,8 +210,7 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   EXPECT_TRUE(good_frames(50)) << daemon->err();
   ASSERT_TRUE(logged(*daemon, "camera opened again"));
   EXPECT_GT(reader->header().restarts, 0U);
-  const auto status =
-      nlohmann::json::parse(printed({"stat", name_, "--once", "--json", "--interval", "0.1"}))["camera"];
+  const auto status = stat()["camera"];
   EXPECT_EQ(status["state"], "streaming") << status;
   EXPECT_EQ(status["lost"]["no_answer"], 1) << status;
   EXPECT_EQ(status["reopened"], 1) << status;
@@ -242,8 +230,7 @@ TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
   const auto camera = start_camera(address, {"--rate", "180"});
   const auto daemon = start_with(
       configure(source_at(address, "true_rate_hz = 200\n"), "[deblur]\nsolver = 'inverse'\ntau_s = 0.011\n"));
-  auto reader = attach();
-  ASSERT_TRUE(reader) << daemon->err();
+  auto reader = attach(*daemon);
   const auto added = [](double rate_hz) {
     const double a = std::exp(-1.0 / (rate_hz * 0.011));
     return 100.0 * a / (1.0 - a);

@@ -1,12 +1,10 @@
-// Which keys a running daemon takes up, told from two readings of its file.
+// What the configuration says, and what of it a running daemon takes up.
 #include <prometheus/text_serializer.h>
 
 #include "drivers/shm/shm_sink.hpp"
 #include "drivers/v4l2/v4l2_sink.hpp"
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/pipeline/fakes.hpp"
-#include "tests/refusal.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/bolod/control.hpp"
@@ -265,22 +263,14 @@ TEST_F(Config, TheShippedFileIsTheDocumentedDefault) {
       << "config/bolod.toml is out of date: bolod --print-config > it";
 }
 
-using Keys = std::vector<std::string>;
-
 // --- Which keys a running daemon takes up, told from two readings of its file.
 
-class Reload : public testing::Test {
- protected:
-  DaemonConfig read(const std::string& text) const {
-    std::ofstream(folder_ / "bolod.toml") << text;
-    return *must(read_config(folder_ / "bolod.toml"));
-  }
+using Keys = std::vector<std::string>;
 
-  Scratch folder_;
-};
+class Reload : public Config {};
 
 TEST_F(Reload, TellsLiveKeysFromOthers) {
-  const ConfigChange change = compare(read(""), read("[source]\nwidth = 320\n[deblur]\nlambda = 0.5\n[log]\n"
+  const ConfigChange change = compare(good(""), good("[source]\nwidth = 320\n[deblur]\nlambda = 0.5\n[log]\n"
                                                      "level = 'debug'\n[nuc]\nhold_ms = 300\npolicy = 'timed'\n"
                                                      "[v4l2]\nplane = 'raw'\n[v4l2_second]\nlow_k = 200\n"));
   EXPECT_EQ(change.live, (Keys{"log.level", "nuc.hold_ms", "nuc.policy", "v4l2_second.low_k"}));
@@ -289,29 +279,29 @@ TEST_F(Reload, TellsLiveKeysFromOthers) {
 
 TEST_F(Reload, SeesNoChangeInOtherWords) {
   const ConfigChange change =
-      compare(read("[nuc]\ninterval_s = 60\n[source]\nwidth = 640\n"), read("[nuc]\ninterval_s = 60.0\n"));
+      compare(good("[nuc]\ninterval_s = 60\n[source]\nwidth = 640\n"), good("[nuc]\ninterval_s = 60.0\n"));
   EXPECT_EQ(change.live, Keys{});
   EXPECT_EQ(change.restart, Keys{}) << key_list(change.restart);
 }
 
 TEST_F(Reload, SeesAKeyWithoutDefaultComeAndGo) {
-  EXPECT_EQ(compare(read(""), read("[source]\nrate_hz = 200.0\n")).restart, Keys{"source.rate_hz"});
-  EXPECT_EQ(compare(read("[source]\npixel_order = 'big'\n"), read("")).restart, Keys{"source.pixel_order"});
-  EXPECT_EQ(compare(read("[source]\npixel_order = 'big'\n"), read("[source]\npixel_order = 'little'\n")).restart,
+  EXPECT_EQ(compare(good(""), good("[source]\nrate_hz = 200.0\n")).restart, Keys{"source.rate_hz"});
+  EXPECT_EQ(compare(good("[source]\npixel_order = 'big'\n"), good("")).restart, Keys{"source.pixel_order"});
+  EXPECT_EQ(compare(good("[source]\npixel_order = 'big'\n"), good("[source]\npixel_order = 'little'\n")).restart,
             Keys{"source.pixel_order"});
 }
 
 TEST_F(Reload, SeesAnotherContentOfTheProfile) {
   const std::string text = "profile = 'camera.toml'\n";
-  std::ofstream(folder_ / "camera.toml") << "tau_s = 0.011\n";
-  const DaemonConfig before = read(text);
-  EXPECT_EQ(compare(before, read(text)).restart, Keys{});
-  std::ofstream(folder_ / "camera.toml") << "tau_s = 0.012\n";
-  EXPECT_EQ(compare(before, read(text)).restart, Keys{"what the profile says"});
+  write("camera.toml", "tau_s = 0.011\n");
+  const DaemonConfig before = good(text);
+  EXPECT_EQ(compare(before, good(text)).restart, Keys{});
+  write("camera.toml", "tau_s = 0.012\n");
+  EXPECT_EQ(compare(before, good(text)).restart, Keys{"what the profile says"});
 }
 
 TEST_F(Reload, EveryLiveKeyExists) {
-  const DaemonConfig config = read("");
+  const DaemonConfig config = good("");
   for (const std::string& key : live_keys(config)) EXPECT_TRUE(config.texts.contains(key)) << key;
 }
 

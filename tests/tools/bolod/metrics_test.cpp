@@ -119,7 +119,7 @@ TEST_F(Metrics, ATakenPortOnlyWarnsAndIsTriedAgain) {
   ASSERT_TRUE(eventually([&] { return !scrape(address_).empty(); })) << first->err();
   name_ += "-second";
   const auto second = start_again(section(), "second");
-  ASSERT_TRUE(attach()) << second->err();
+  attach(*second);
   EXPECT_TRUE(logged(*second, "cannot listen at " + address_ + ":9464 (Address already in use)")) << second->err();
   expect_good_end(*first);
   EXPECT_TRUE(eventually([&] { return scrape(address_).find(name_) != std::string::npos; })) << second->err();

@@ -10,18 +10,17 @@ import collections
 import json
 import multiprocessing
 import os
+import pathlib
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 
-try:
-    import numpy  # noqa: F401 (the module needs it)
-except ImportError:
-    print("skipped: python3-numpy is not installed")
-    sys.exit(77)
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
+from programs import needed  # noqa: E402
 
+needed("numpy")  # of the module
 BOLO, MODULE_FOLDER, LIBRARY = sys.argv[1:4]
 SECONDS = float(sys.argv[4]) if len(sys.argv) > 4 else 3.0
 os.environ["BOLO_CLIENT_LIBRARY"] = LIBRARY

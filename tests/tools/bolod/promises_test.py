@@ -24,16 +24,11 @@ import tempfile
 import time
 import urllib.request
 
-try:
-    import numpy  # noqa: F401 (the modules need it)
-except ImportError:
-    print("skipped: python3-numpy is not installed")
-    sys.exit(77)
+sys.path += [str(pathlib.Path(__file__).parents[1]), str(pathlib.Path(__file__).parents[2] / "system" / "guest")]
+from programs import Programs, free_port, needed  # noqa: E402
 
-sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "system" / "guest"))
+needed("numpy")  # of the modules
 from frames import open_ring  # noqa: E402
-sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
-from programs import Programs, free_port  # noqa: E402
 
 BOLO, BOLOD, WHAT = sys.argv[1:4]
 PERIOD_S = 0.005

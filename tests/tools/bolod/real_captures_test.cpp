@@ -49,8 +49,7 @@ TEST_P(RealCaptures, ReachAReaderPixelByPixel) {
   const auto camera = start_camera(address, {"--rate", "100", "--crop", region}, capture_);
   const auto daemon = start_with(
       configure("address = '" + address + "'\nwidth = 0\nheight = 0\nrate_hz = 100.0\nir_format = 'leave'\n"));
-  auto reader = attach();
-  ASSERT_TRUE(reader) << daemon->err();
+  auto reader = attach(*daemon);
   EXPECT_EQ(reader->header().width, static_cast<std::uint32_t>(crop.width));
   EXPECT_EQ(reader->header().height, static_cast<std::uint32_t>(crop.height));
 

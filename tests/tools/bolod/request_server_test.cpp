@@ -3,11 +3,8 @@
 
 #include <sys/resource.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "tests/no_threads.hpp"
-#include "tests/refusal.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 #include "tests/tools/sockets.hpp"
 #include "tools/bolod/control.hpp"

@@ -91,7 +91,7 @@ TEST_F(Service, HearsThatItIsReadyThatItLivesAndThatItEnds) {
   expect_feeding(false);
   const auto daemon = start(20'000);
   ASSERT_TRUE(manager_.received("READY=1")) << daemon->err();
-  EXPECT_TRUE(attach()) << "frames can be read once it is ready";
+  attach(*daemon);  // frames can be read once it is ready
   EXPECT_TRUE(manager_.received("WATCHDOG=1", 5)) << daemon->err();
   EXPECT_TRUE(eventually([&] {
     return std::ranges::any_of(manager_.lines(), [](const std::string& line) {
@@ -144,8 +144,7 @@ TEST_F(Service, HearsOfAReload) {
   expect_feeding(true);
   const auto daemon = start(20'000, "[log]\nlevel = 'info'\n");
   ASSERT_TRUE(manager_.received("READY=1")) << daemon->err();
-  auto reader = attach();
-  ASSERT_TRUE(reader);
+  auto reader = attach(*daemon);
   const auto reload = [&](const std::string& more) {
     configure(kReplay, more);
     const std::size_t ready = manager_.count("READY=1");
@@ -224,33 +223,19 @@ TEST_F(Journal, GetsEventsWithTheirCounts) {
 // Each reload is a message; the journal's socket holds a few that nobody takes. Signs of life are no messages: they go
 // on.
 TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
-  const std::string manager_path = folder_ / "notify";
-  const UniqueFd manager = bound_at(manager_path, SOCK_DGRAM);
-  setenv("NOTIFY_SOCKET", manager_path.c_str(), 1);
+  NotifySocket manager(folder_ / "notify");
   setenv("WATCHDOG_USEC", "400000", 1);
   const auto daemon = start_with_journal(40'000);  // 200 s
-  unsetenv("NOTIFY_SOCKET");
-  unsetenv("WATCHDOG_USEC");
   if (daemon == nullptr) GTEST_SKIP() << "no /run of our own can be had here: " << problem_;
-  std::string messages;
-  const auto hears = [&](const std::string& word) {
-    return eventually([&] {
-      messages += datagrams(manager);
-      return messages.find(word) != std::string::npos;
-    });
-  };
-  ASSERT_TRUE(hears("WATCHDOG=1")) << daemon->err();
   int held = 0;
   std::ifstream("/proc/sys/net/unix/max_dgram_qlen") >> held;
+  ASSERT_TRUE(manager.received("WATCHDOG=1")) << daemon->err();
   for (int i = 0; i < held + 10; ++i) {
-    messages.clear();
+    const std::size_t before = manager.count("RELOADING=1");
     daemon->signal(SIGHUP);
-    ASSERT_TRUE(hears("RELOADING=1")) << "at message " << i;
+    ASSERT_TRUE(manager.received("RELOADING=1", before + 1)) << "at message " << i;
   }
-  for (int i = 0; i < 3; ++i) {
-    messages.clear();
-    ASSERT_TRUE(hears("WATCHDOG=1"));
-  }
+  EXPECT_TRUE(manager.received("WATCHDOG=1", manager.count("WATCHDOG=1") + 3));
   expect_good_end(*daemon);
 }
 

@@ -6,12 +6,11 @@
 #include "tools/lab/blind/blind.hpp"
 #include "tools/lab/blind/session.hpp"
 
-namespace bolo::tools::blind_verb_test {
+namespace bolo::tools::test::blind_verb_test {
 
 using nlohmann::json;
-using test::Outcome;
 
-struct BlindVerb : test::ProgramTest {
+struct BlindVerb : ProgramTest {
   BlindVerb()
       : ProgramTest({BOLO_PROGRAM, "blind", "--bolo", BOLO_PROGRAM, "--width", "8", "--height", "8", "--frames-scale",
                      "0.1"}) {}
@@ -34,7 +33,7 @@ TEST_F(BlindVerb, ScoresEveryKindAsJson) {
 
 TEST_F(BlindVerb, TheChildCannotSeeTheAnswers) {
   done(words("--kind single --only iir --sessions 1 --seed 424242 --keep @kept"));
-  const std::string seen = test::contents(folder_ / "kept/single-0/seen.txt");
+  const std::string seen = contents(folder_ / "kept/single-0/seen.txt");
   expect_parts(seen, {"capture-1.h5"});
   for (const char* hint : {"iir", "single", "424242", "answers"}) {
     EXPECT_EQ(seen.find(hint), std::string::npos) << hint << " in\n" << seen;
@@ -43,7 +42,7 @@ TEST_F(BlindVerb, TheChildCannotSeeTheAnswers) {
   std::size_t open_files = 0;
   for (std::size_t at = seen.find("fd "); at != std::string::npos; at = seen.find("fd ", at + 1)) ++open_files;
   EXPECT_LE(open_files, 6U) << seen;
-  expect_parts(test::contents(folder_ / "kept/answers.json"), {"iir"});
+  expect_parts(contents(folder_ / "kept/answers.json"), {"iir"});
 }
 
 TEST_F(BlindVerb, KeptAnswersMatchTheSeal) {
@@ -51,7 +50,7 @@ TEST_F(BlindVerb, KeptAnswersMatchTheSeal) {
   const Outcome outcome = run(words("--kind effect-free --sessions 1 --json --keep @kept"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const std::string digest = json::parse(outcome.out).at("sealed_sha256");
-  EXPECT_EQ(blind::sha256(test::contents(keep / "answers.json") + test::contents(keep / "nonce.txt")), digest);
+  EXPECT_EQ(blind::sha256(contents(keep / "answers.json") + contents(keep / "nonce.txt")), digest);
   EXPECT_NE(outcome.err.find(digest), std::string::npos);  // shown before
   EXPECT_TRUE(std::filesystem::exists(keep / "effect-free-0" / "report" / "report.html"));
 }
@@ -59,23 +58,18 @@ TEST_F(BlindVerb, KeptAnswersMatchTheSeal) {
 TEST_F(BlindVerb, OneSessionDrawnAgainIsTheSame) {
   done(words("--kind pair --sessions 3 --keep @a"));
   done(words("--kind pair --first 2 --sessions 1 --keep @b"));
-  EXPECT_EQ(json::parse(test::contents(folder_ / "a/answers.json")).at(2),
-            json::parse(test::contents(folder_ / "b/answers.json")).at(0));
+  EXPECT_EQ(json::parse(contents(folder_ / "a/answers.json")).at(2),
+            json::parse(contents(folder_ / "b/answers.json")).at(0));
 }
 
 TEST_F(BlindVerb, WrongUsageIsRefused) {
   refused_each("", "--kind double", "--sessions 0", "--jobs 0", "--frames-scale 100", "--only nothing");
 }
 
-using nlohmann::json;
-using test::Outcome;
-
-class DiagnoseVerb : public test::ProgramTest {
+class DiagnoseVerb : public ProgramTest {
  protected:
   DiagnoseVerb() : ProgramTest({BOLO_PROGRAM, "diagnose"}) {
-    blind::DrawOptions options;
-    options.geometry = {8, 8};
-    options.frames_scale = 0.1;
+    const blind::DrawOptions options{.geometry = {8, 8}, .frames_scale = 0.1};
     files_ = blind::write_captures(blind::draw_session(options, blind::Kind::kEffectFree, 0).value(), folder_).value();
   }
 
@@ -88,7 +82,7 @@ TEST_F(DiagnoseVerb, WritesTheReportAndSaysWhatItFound) {
   expect_parts(outcome.out, {"Rows are sampled 28 us after one another"});
   EXPECT_EQ(outcome.err, "diagnose:  60 %  noise\n");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "out/report.html"));
-  EXPECT_EQ(json::parse(test::contents(folder_ / "out/report.json")).at("inputs").size(), 2U);
+  EXPECT_EQ(json::parse(contents(folder_ / "out/report.json")).at("inputs").size(), 2U);
 }
 
 // Before any capture is read.
@@ -97,9 +91,7 @@ TEST_F(DiagnoseVerb, APlaceThatTakesNoReportIsRefusedAtOnce) {
   const Words profile{"-o", folder_ / "out", "--write-profile", folder_ / "missing" / "p.toml"};
   for (Words words : {Words{"-o", files_[0]}, profile}) {
     words.push_back(folder_ / "missing.h5");
-    const Outcome outcome = run(words);
-    EXPECT_EQ(outcome.exit_code, 2);
-    expect_parts(outcome.err, {"choose another"});
+    ended(2, words, {"choose another"});
   }
 }
 
@@ -111,7 +103,7 @@ TEST_F(DiagnoseVerb, PrintsTheReportAsJson) {
   EXPECT_EQ(told.at("withheld"), json::array({"row_delay"}));
   EXPECT_EQ(told.at("verdict"), "unknown_effect");
   EXPECT_EQ(told.at("inputs"), json::array({file}));
-  EXPECT_EQ(told, json::parse(test::contents(folder_ / "out/report.json")));
+  EXPECT_EQ(told, json::parse(contents(folder_ / "out/report.json")));
 }
 
 TEST_F(DiagnoseVerb, WritesAProfileWithWhatItFound) {
@@ -125,7 +117,7 @@ TEST_F(DiagnoseVerb, WritesAProfileWithWhatItFound) {
   const auto maps = must(capture::read_profile_maps(*profile));
   EXPECT_EQ(maps->offset, (std::vector<float>{0.25F, -0.5F}));
   EXPECT_EQ(maps->row_delay_s, 2.8e-5);
-  expect_parts(test::contents(file), {"maps = \"learned-maps.h5\""});  // relative: both files can be moved
+  expect_parts(contents(file), {"maps = \"learned-maps.h5\""});  // relative: both files can be moved
 }
 
 TEST_F(DiagnoseVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {
@@ -134,11 +126,8 @@ TEST_F(DiagnoseVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {
        {file /* no folder */, std::string("-o @out") /* no capture */, std::string("-o @out @missing.h5"),
         "-o @out --threads 0 " + file, "-o @out --profile @none.toml " + file,
         "-o " + files_[1].string() + "/sub " + file /* a folder in a file */}) {
-    const Outcome outcome = run(words(line));
-    EXPECT_EQ(outcome.exit_code, 2) << line;
-    EXPECT_TRUE(outcome.err.starts_with("bolo diagnose: ")) << outcome.err;
-    EXPECT_EQ(outcome.err.find('\n'), outcome.err.size() - 1) << outcome.err;
+    refused(words(line), "bolo diagnose: ");
   }
 }
 
-}  // namespace bolo::tools::blind_verb_test
+}  // namespace bolo::tools::test::blind_verb_test

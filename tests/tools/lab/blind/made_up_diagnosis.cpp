@@ -1,10 +1,13 @@
-// A diagnosis of a constant result, which records its process' environment.
+// `bolo` with two verbs, on a diagnosis of a constant result, which records its process' environment.
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "src/capture/capture.hpp"
 #include "src/diagnose/diagnose.hpp"
+#include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/lab/verbs.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -61,3 +64,11 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
 }
 
 }  // namespace bolo::diagnose
+
+int main(int argc, char** argv) {
+  const std::string_view verb = argc > 1 ? argv[1] : "";
+  if (verb == "diagnose") return bolo::tools::diagnose_main(argc - 1, argv + 1);
+  if (verb == "blind") bolo::tools::set_program_name("bolo-lab");
+  if (verb == "blind") return bolo::tools::blind_main(argc - 1, argv + 1);
+  return 2;
+}

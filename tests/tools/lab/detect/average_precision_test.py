@@ -6,15 +6,14 @@ for the best one at or beyond each recall, instead of the running maximum and bi
 
 usage: average_precision_test.py PROGRAM
 """
+import pathlib
 import subprocess
 import sys
 
-try:
-    import numpy as np
-except ImportError:
-    print("skipped: numpy is missing (python3-numpy)")
-    sys.exit(77)
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2]))
+from programs import needed  # noqa: E402
 
+[np] = needed("numpy")
 THRESHOLDS = np.linspace(0.5, 0.95, 10)
 OBJECT, IGNORED, CROWD = range(3)
 

@@ -25,9 +25,8 @@ class Labels : public ::testing::Test {
 };
 
 TEST_F(Labels, AreSharesOfThePicture) {
-  const auto truth =
-      read_labels(file("3 0.5 0.25 0.1 0.5\n\n17 0.5 0.5 0.1 0.1\n1 0.05 0.9 0.1 0.2\r\n"), {640, 480}, classes_);
-  ASSERT_TRUE(truth) << truth.error().message;
+  const auto text = file("3 0.5 0.25 0.1 0.5\n\n17 0.5 0.5 0.1 0.1\n1 0.05 0.9 0.1 0.2\r\n");
+  const auto truth = must(read_labels(text, {640, 480}, classes_));
   ASSERT_EQ(truth->size(), 2U);
   EXPECT_EQ((*truth)[0].label, 1);
   EXPECT_NEAR(iou((*truth)[0].box, {288, 0, 64, 240}), 1.0, 1e-9);

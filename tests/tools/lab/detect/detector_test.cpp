@@ -4,7 +4,6 @@
 #include "tests/scratch.hpp"
 
 namespace bolo::tools::detect::detector_test {
-namespace {
 
 TEST(Picture, LevelsAreThoseOfAVideo) {
   const std::vector<float> kelvin{280.0F, 285.0F, 298.0F, 310.0F, 400.0F};
@@ -194,13 +193,10 @@ TEST_F(Description, RefusesWhatIsWrongInOneLineThatSaysWhere) {
 TEST(Descriptions, OfBoloAreGood) {
   int read = 0;
   for (const auto& entry : std::filesystem::directory_iterator(BOLO_DETECTORS)) {
-    const auto d = read_description(entry.path());
-    EXPECT_TRUE(d) << d.error().message;
+    must(read_description(entry.path()));
     ++read;
   }
   EXPECT_GE(read, 3);
 }
-
-}  // namespace
 
 }  // namespace bolo::tools::detect::detector_test

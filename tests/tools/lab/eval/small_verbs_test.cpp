@@ -3,8 +3,7 @@
 
 #include "tests/tools/program.hpp"
 
-namespace bolo::tools::test {
-namespace {
+namespace bolo::tools::test::small_verbs_test {
 
 using Json = nlohmann::json;
 
@@ -32,6 +31,4 @@ TEST_F(TrialsVerb, WhatTheLoopDiagnosesRecoversWhatTheTruthWould) {
   refused_each("", "loop --effects gremlins", "loop --threads 0", "loop --frames-scale 0", "loop x");
 }
 
-}  // namespace
-
-}  // namespace bolo::tools::test
+}  // namespace bolo::tools::test::small_verbs_test

@@ -55,10 +55,7 @@ TEST(PixelTrial, SamplesFollowTheInputExactly) {
 
 // With next to no prior, both explain the samples of an input that is constant in each frame, and find it.
 TEST(PixelTrial, BothFindAnInputThatJumpsAtFramesOnly) {
-  PixelTrial trial;
-  trial.levels = 4;
-  trial.switch_s = {0.010, 0.030, 0.045, 0.060};
-  trial.lambda = 1e-7;
+  const PixelTrial trial{.levels = 4, .lambda = 1e-7, .switch_s = {0.010, 0.030, 0.045, 0.060}};
   const auto samples = sample_pixel(trial);
   EXPECT_LT(rmse(least_squares(trial, samples), truth_of(trial)), 1e-6);
   EXPECT_LT(rmse(quadratic_programme(trial, samples), truth_of(trial)), 1e-3);
@@ -69,9 +66,7 @@ TEST(PixelTrial, TheQuadraticProgrammeIsTheSolvers) {
   const PixelTrial trial;
   std::vector<double> samples = sample_pixel(trial);
   for (std::size_t k = 0; k < samples.size(); ++k) samples[k] += 0.4 * std::sin(5.0 * static_cast<double>(k * k));
-  deblur::Settings settings;
-  settings.method = deblur::Method::kExact;
-  settings.lambda = trial.lambda;
+  const deblur::Settings settings{.method = deblur::Method::kExact, .lambda = trial.lambda};
   const auto solver = deblur::Solver::create(
       settings, {{1, 1}, PixelType::kFloat32, {Unit::kKelvin, 1.0, 0.0}, trial.period_s, 1}, PixelType::kFloat32);
   ASSERT_TRUE(solver) << solver.error().message;

@@ -1,6 +1,4 @@
 // The programs as their users meet them: `bolo fakecam --fault`, and bolod against such a camera.
-#include <nlohmann/json.hpp>
-
 #include "drivers/fakecam/fault_script.hpp"
 #include "src/core/loss.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
@@ -31,8 +29,7 @@ TEST_F(FaultPrograms, TheDaemonCountsWhatTheFakeCameraSaysItTook) {
   const auto camera =
       start_camera(address, {"--json", "--fault", "loss:at=0.2,for=0.3,rate=0.1", "--fault", "stall:at=0.7,frames=9"});
   const auto daemon = start_with(configure(source_at(address, "rate_hz = 200.0\npacket_size = 576\n")));
-  const auto reader = attach();
-  ASSERT_TRUE(reader) << daemon->err();
+  const auto reader = attach(*daemon);
   constexpr std::uint64_t kPastAll = 260;  // frames: 1.3 s and more
   ASSERT_TRUE(eventually([&] { return reader->header().published >= kPastAll; })) << daemon->err();
   expect_good_end(*daemon);

@@ -9,17 +9,15 @@
 namespace bolo::tools::faults {
 namespace {
 
-const Result<Stage>& stage() {
-  static const Result<Stage> kStage = make_stage();
+const Stage& stage() {
+  static const Stage kStage = *must(make_stage());
   return kStage;
 }
 
 class Faults : public testing::TestWithParam<Scenario> {};
 
 TEST_P(Faults, AreCountedAndOvercome) {
-  ASSERT_TRUE(stage().has_value()) << stage().error().message;
-  const auto outcome = play(GetParam(), *stage());
-  ASSERT_TRUE(outcome.has_value()) << outcome.error().message;
+  const auto outcome = must(play(GetParam(), stage()));
   EXPECT_EQ(unmet_demands(GetParam(), *outcome), "");
   for (const fakecam::InjectedFault& fault : outcome->run.injected) {
     EXPECT_GT(fault.times + fault.frames + fault.packets, 0U) << fault.fault << " never struck";
@@ -34,12 +32,11 @@ INSTANTIATE_TEST_SUITE_P(Of, Faults, testing::ValuesIn(scenarios()), [](const au
 });
 
 TEST(SeveralCameras, FailEachInItsOwnWay) {
-  ASSERT_TRUE(stage().has_value()) << stage().error().message;
   std::vector<std::thread> threads;
   for (const Scenario& one : scenarios()) {
     if (one.name != "loss" && one.name != "stall" && one.name != "time jump") continue;
     threads.emplace_back([&one] {
-      const auto outcome = play(one, *stage());
+      const auto outcome = play(one, stage());
       EXPECT_EQ(outcome ? unmet_demands(one, *outcome) : outcome.error().message, "") << one.name;
     });
   }
@@ -48,10 +45,8 @@ TEST(SeveralCameras, FailEachInItsOwnWay) {
 }
 
 TEST(AQuietCamera, LosesNothing) {
-  ASSERT_TRUE(stage().has_value()) << stage().error().message;
   const Scenario quiet{.name = "quiet", .faults = "", .seconds = 0.4};
-  const auto outcome = play(quiet, *stage());
-  ASSERT_TRUE(outcome.has_value()) << outcome.error().message;
+  const auto outcome = must(play(quiet, stage()));
   EXPECT_EQ(unmet_demands(quiet, *outcome), "");
   EXPECT_EQ(outcome->verdict.never_came, 0U);
   EXPECT_EQ(outcome->verdict.gap, 0U);

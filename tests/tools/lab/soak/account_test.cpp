@@ -17,15 +17,7 @@ Mark after(const Mark& from) {
   return to;
 }
 
-Mark first() {
-  Mark mark;
-  mark.passed = 500;
-  mark.frame_id = 600;
-  mark.published = 490;
-  mark.lost_total = 10;
-  mark.streams = 1;
-  return mark;
-}
+Mark first() { return {.passed = 500, .streams = 1, .frame_id = 600, .published = 490, .lost_total = 10}; }
 
 // Findings between first() and `to`.
 struct Judged : Findings {
@@ -86,10 +78,7 @@ TEST(SoakAccount, AnotherDaemonsNumbersAreNotCompared) {
 TEST(SoakCameraBook, SumsOverCameras) {
   CameraBook book;
   book.begin();
-  CameraAccount account;
-  account.passed = 100;
-  account.streams = 1;
-  account.injected = {{"stall:at=1", 1, 4, 0}};
+  CameraAccount account{.passed = 100, .streams = 1, .injected = {{"stall:at=1", 1, 4, 0}}};
   const auto quiet_after = [&] {
     book.add(account);
     return book.quiet();

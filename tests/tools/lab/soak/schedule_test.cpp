@@ -3,7 +3,6 @@
 #include "drivers/fakecam/fault_script.hpp"
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
-#include "tests/test.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/lab/soak/rig.hpp"
 
@@ -66,10 +65,7 @@ TEST(SoakSchedule, IsAScriptThatTheFakeCameraTakes) {
     const Schedule schedule = draw_schedule(request(seconds));
     for (const Round& round : schedule.rounds) {
       EXPECT_LE(round.faults().size(), fakecam::kMaxFaults);
-      for (const std::string& fault : round.faults()) {
-        const auto parsed = fakecam::parse_fault(fault);
-        EXPECT_TRUE(parsed.has_value()) << fault << ": " << (parsed ? "" : parsed.error().message);
-      }
+      for (const std::string& fault : round.faults()) must(fakecam::parse_fault(fault));
     }
   }
 }

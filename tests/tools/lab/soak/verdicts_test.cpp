@@ -4,18 +4,13 @@
 #include "tools/cli/process.hpp"
 
 namespace bolo::tools::soak::verdicts_test {
-namespace {
 
 // Ten quiet minutes of one daemon that uses the same all the time.
 SoakResult ten_minutes() {
   SoakResult result;
   for (int i = 1; i <= 600; ++i) {
-    Second second;
-    second.at_s = i;
-    second.quiet = true;
-    second.frames = 200;
-    second.daemon = Usage{.rss_mib = 170.0, .private_mib = 28.0, .descriptors = 14, .threads = 9};
-    result.timeline.push_back(second);
+    const Usage usage{.rss_mib = 170.0, .private_mib = 28.0, .descriptors = 14, .threads = 9};
+    result.timeline.push_back({.at_s = static_cast<double>(i), .quiet = true, .frames = 200, .daemon = usage});
   }
   return result;
 }
@@ -167,7 +162,5 @@ TEST(SoakProcess, ALineIsTakenWhenItIsWhole) {
   out << "ond\n" << std::flush;
   EXPECT_EQ(lines.take(), std::vector<std::string>{"second"});
 }
-
-}  // namespace
 
 }  // namespace bolo::tools::soak::verdicts_test
