@@ -21,7 +21,30 @@ class InputSource {
   InputSource(int slots, double ratio, std::uint32_t seed) : slots_(slots), ratio_(ratio), random_(seed) {}
 
   std::vector<double> pixel(Input input) {
-    std::vector<double> y = exact(input);
+    std::vector<double> y(static_cast<std::size_t>(slots_), 300.0);
+    switch (input) {
+      case Input::kSteps:
+        y = blurred(step(), 0.03);
+        break;
+      case Input::kNoise:
+        add_noise(y, 20.0);
+        break;  // 20 K white noise
+      case Input::kPulses:
+        y = blurred(pulse(), 0.03);
+        break;
+      case Input::kSpikes:
+        y[pick(slots_)] += 300.0;
+        break;  // a defect, not a scene: one sample jumps
+      case Input::kPan:
+        y = blurred(pan(), 0.03);
+        break;
+      case Input::kSaturated:
+        for (double& value : y) value = uniform(0.0, 1.0) < 0.5 ? 0.0 : 655.35;
+        break;
+      case Input::kConstant:
+        std::fill(y.begin(), y.end(), uniform(250.0, 400.0));
+        break;
+    }
     for (double& value : y) value = std::clamp(std::round(value * 100.0), 0.0, 65535.0) / 100.0;
     return y;
   }
@@ -31,31 +54,6 @@ class InputSource {
 
  private:
   static constexpr int kBefore = 40;  // frames before the window, so that it begins in the middle of the scene
-
-  std::vector<double> exact(Input input) {
-    std::vector<double> y(static_cast<std::size_t>(slots_), 300.0);
-    switch (input) {
-      case Input::kSteps:
-        return blurred(step(), 0.03);
-      case Input::kPulses:
-        return blurred(pulse(), 0.03);
-      case Input::kPan:
-        return blurred(pan(), 0.03);
-      case Input::kNoise:
-        add_noise(y, 20.0);  // white
-        break;
-      case Input::kSpikes:
-        y[pick(slots_)] += 300.0;  // a defect, not a scene: one sample jumps
-        break;
-      case Input::kSaturated:
-        for (double& value : y) value = uniform(0.0, 1.0) < 0.5 ? 0.0 : 655.35;
-        break;
-      case Input::kConstant:
-        std::fill(y.begin(), y.end(), uniform(250.0, 400.0));
-        break;
-    }
-    return y;
-  }
 
   std::vector<double> scene(double value) const {
     return std::vector<double>(static_cast<std::size_t>(slots_ + kBefore), value);
