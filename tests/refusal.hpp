@@ -13,6 +13,18 @@ inline void expect_parts(const std::string& text, std::initializer_list<std::str
   }
 }
 
+// Expects none of them.
+inline void expect_none(const std::string& text, std::initializer_list<std::string> parts) {
+  for (const std::string& part : parts) EXPECT_EQ(text.find(part), std::string::npos) << part << "\nis in: " << text;
+}
+
+// How often the part stands in the text.
+inline std::size_t count_of(const std::string& text, const std::string& part) {
+  std::size_t found = 0;
+  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + part.size())) ++found;
+  return found;
+}
+
 // Expects an error whose message has all these parts.
 template <typename T>
 void expect_error(const Result<T>& answer, std::initializer_list<std::string> parts) {

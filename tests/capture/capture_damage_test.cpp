@@ -3,11 +3,10 @@
 // HDF5 1.10 itself is not safe against every damage of its structures: attribute messages with a wrong length make
 // it read beyond its buffers, about once in a thousand damaged files. Damage of the structure is therefore tried in
 // processes of their own: none may hang, and all but a few must end well. Damage of values must always end well.
-#include <sys/wait.h>
-#include <unistd.h>
-
+#include "src/core/input_file.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
+#include "tests/child.hpp"
 
 namespace bolo::capture::capture_damage_test {
 
@@ -16,11 +15,6 @@ using namespace bolo::capture::testing;
 constexpr int kTrials = 100;
 constexpr int kMostLibraryFaults = 4;  // of 2 * kTrials; seen: 0 to 2 in 1,500
 constexpr unsigned kHang_s = 30;
-
-std::vector<char> bytes_of_file(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 void write_bytes(const std::filesystem::path& file, const std::vector<char>& bytes) {
   std::ofstream(file, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
@@ -33,7 +27,8 @@ std::vector<char> valid_bytes(const Scratch& scratch, int deflate_level) {
   EXPECT_TRUE(writer->add_event({0.001, "nuc"}));
   for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(append(*writer, i, true));
   EXPECT_TRUE(writer->close());
-  return bytes_of_file(scratch / "valid.h5");
+  const std::string bytes = *must(read_input(scratch / "valid.h5"));
+  return {bytes.begin(), bytes.end()};
 }
 
 // Reads all there is. A damaged file may still open: then its frames are read, or refused in one line.
@@ -56,18 +51,14 @@ void read_everything(const std::filesystem::path& file) {
 
 class CaptureDamage : public ::testing::TestWithParam<const char*> {};  // the name: a ".part" is read more leniently
 
-// Exit status of a process that reads the file: 0 when it read it or refused it.
+// In a process of its own: 0 when it read the file or refused it.
 int end_of_reader(const std::filesystem::path& file) {
-  const pid_t pid = fork();
-  if (pid == 0) {
+  return in_child([&] {
     static_cast<void>(std::freopen("/dev/null", "w", stderr));  // a sanitizer's report is not the test's output
     alarm(kHang_s);
     read_everything(file);
-    _exit(::testing::Test::HasFailure() ? 1 : 0);
-  }
-  int status = -1;
-  waitpid(pid, &status, 0);
-  return status;
+    return ::testing::Test::HasFailure() ? 1 : 0;
+  });
 }
 
 TEST_P(CaptureDamage, FlippedBytesNeverHangAndRarelyCrashTheLibrary) {
@@ -82,8 +73,7 @@ TEST_P(CaptureDamage, FlippedBytesNeverHangAndRarelyCrashTheLibrary) {
       for (int flips = 1 + trial % 4; flips > 0; --flips) bytes[position(random)] = static_cast<char>(random());
       write_bytes(scratch / GetParam(), bytes);
       const int status = end_of_reader(scratch / GetParam());
-      EXPECT_FALSE(WIFSIGNALED(status) && WTERMSIG(status) == SIGALRM)
-          << "hangs: level " << level << " trial " << trial;
+      EXPECT_NE(status, -SIGALRM) << "hangs: level " << level << " trial " << trial;
       if (status != 0) ++faults;
     }
   }
@@ -149,10 +139,8 @@ TEST(CaptureDamageLayout, ContiguousFramesAreWhole) {
   const auto file = scratch / "a.h5";
   constexpr std::size_t kFrames = 5;
   write_small(file, kFrames);
-  std::vector<std::uint16_t> all;
-  for (std::size_t i = 0; i < kFrames; ++i) std::ranges::copy(plane_of<std::uint16_t>(i, 21), std::back_inserter(all));
   edit(file, [&](hid_t f) {
-    set_dataset(f, "/frames", H5T_NATIVE_UINT16, {kFrames, 3, 7}, H5T_NATIVE_UINT16, all.data());
+    set_dataset(f, "/frames", H5T_NATIVE_UINT16, {kFrames, 3, 7}, H5T_NATIVE_UINT16, all_planes(kFrames).data());
   });
   std::filesystem::copy_file(file, scratch / "a.h5.part");
   Result<CaptureReader> readers[] = {CaptureReader::open(file), CaptureReader::open(scratch / "a.h5.part"),

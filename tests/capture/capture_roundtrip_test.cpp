@@ -67,42 +67,65 @@ INSTANTIATE_TEST_SUITE_P(Variants, CaptureRoundTrip,
                          ::testing::Combine(::testing::Values(PixelType::kUint16, PixelType::kFloat32),
                                             ::testing::Bool(), ::testing::Values(0, 4)));
 
+// Frames of 20x9 pixels, 3x2 blocks, with what stands beside them.
+const CaptureInfo kMoving = small_info(PixelType::kUint16, {20, 9});
+const std::vector<std::uint16_t> kPlane(20 * 9, 7);
+
 // UTC goes back where the host's clock was set.
 FrameTimes times_at(std::size_t i) {
   return {100.0 + 0.005 * static_cast<double>(i), 1.76e9 + (i < 4 ? 0.005 : -0.005) * static_cast<double>(i),
           i == 6 ? 0.2 : 0.1};
 }
 
-void append_timed(CaptureWriter& writer, std::size_t begin, std::size_t end) {
-  const std::vector<std::uint16_t> plane(21, 7);
+// Of every other frame the motion is not known.
+BlockMotion motion_at(std::size_t frame, std::size_t block) {
+  const auto value = static_cast<float>(10 * frame + block);
+  return frame % 2 == 0 ? BlockMotion{value, -value, 0.5F} : BlockMotion{};
+}
+
+void append_beside(CaptureWriter& writer, std::size_t begin, std::size_t end) {
   for (std::size_t i = begin; i < end; ++i) {
+    std::vector<BlockMotion> motion;
+    for (std::size_t b = 0; b < 6; ++b) motion.push_back(motion_at(i, b));
     const FrameTimes times = times_at(i);
-    ASSERT_TRUE(writer.append(0.005 * static_cast<double>(i), i, plane.data(), nullptr, nullptr, &times));
+    ASSERT_TRUE(writer.append(0.005 * static_cast<double>(i), i, kPlane.data(), nullptr,
+                              i % 2 == 0 ? motion.data() : nullptr, &times));
   }
 }
 
-void expect_times(const CaptureReader& reader) {
+void expect_beside(const CaptureReader& reader) {
   ASSERT_TRUE(reader.info().has_times);
-  ASSERT_EQ(reader.t_utc().size(), 9U);
-  for (std::size_t i = 0; i < 9; ++i) {
+  ASSERT_TRUE(reader.info().has_motion);
+  ASSERT_EQ(reader.info().frames, 30U);
+  for (std::size_t i = 0; i < reader.info().frames; ++i) {
     EXPECT_EQ(reader.t_host()[i], times_at(i).host_s);
     EXPECT_EQ(reader.t_utc()[i], times_at(i).utc_s);
+    std::vector<BlockMotion> motion(6);
+    ASSERT_TRUE(reader.read_motion(i, motion.data()));
+    for (std::size_t b = 0; b < 6; ++b) {
+      ASSERT_EQ(motion[b].x, motion_at(i, b).x) << i << ' ' << b;
+      ASSERT_EQ(motion[b].y, motion_at(i, b).y);
+      ASSERT_EQ(motion[b].confidence, motion_at(i, b).confidence);
+    }
   }
   EXPECT_EQ(std::get<double>(reader.attributes()->front().value), 0.2);
 }
 
-TEST(CaptureWriterTimes, ComeBackAlsoFromAnUnfinishedFile) {
-  const Scratch folder;
+TEST(CaptureWriterBeside, TimesAndMotionComeBackAlsoFromAnUnfinishedFile) {
+  const Scratch scratch;
   for (const bool whole : {false, true}) {
     {
-      auto writer =
-          must(CaptureWriter::create(folder / "a.h5", small_info(), {.replace = Replace::kExisting, .times = true}));
-      append_timed(*writer, 0, 5);
+      auto writer = must(CaptureWriter::create(scratch / "a.h5", kMoving,
+                                               {.replace = Replace::kExisting, .motion = true, .times = true}));
+      append_beside(*writer, 0, 5);
       ASSERT_TRUE(writer->commit()) << "what is worse comes later";
-      append_timed(*writer, 5, 9);
+      append_beside(*writer, 5, 30);
       ASSERT_TRUE(!whole || writer->close());
     }
-    with_reader(folder / (whole ? "a.h5" : "a.h5.part"), expect_times);
+    with_reader(scratch / (whole ? "a.h5" : "a.h5.part"), expect_beside);
+    if (whole) continue;
+    ASSERT_TRUE(recover_copy(scratch / "a.h5.part", {scratch / "b.h5"}, {}));
+    with_reader(scratch / "b.h5", expect_beside);
   }
 }
 
@@ -116,62 +139,12 @@ TEST(CaptureWriterTimes, ComeWithEveryFrameOrNone) {
   EXPECT_FALSE(with->append(0.0, 0, plane.data()));
 }
 
-BlockMotion motion_at(std::size_t frame, std::size_t block) {
-  const auto value = static_cast<float>(10 * frame + block);
-  return {value, -value, 0.5F};
-}
-
-// Frames of 20x9 pixels, 3x2 blocks; of every other one the motion is not known.
-void append_moving(CaptureWriter& writer, std::size_t frames) {
-  const std::vector<std::uint16_t> plane(20 * 9, 7);
-  for (std::size_t i = 0; i < frames; ++i) {
-    std::vector<BlockMotion> motion;
-    for (std::size_t b = 0; b < 6; ++b) motion.push_back(motion_at(i, b));
-    ASSERT_TRUE(
-        writer.append(0.005 * static_cast<double>(i), i, plane.data(), nullptr, i % 2 == 0 ? motion.data() : nullptr));
-  }
-}
-
-const CaptureInfo kMoving = small_info(PixelType::kUint16, {20, 9});
-
-void expect_moving(const CaptureReader& reader) {
-  ASSERT_TRUE(reader.info().has_motion);
-  ASSERT_EQ(reader.info().frames, 30U);
-  for (std::size_t i = 0; i < reader.info().frames; ++i) {
-    std::vector<BlockMotion> motion(6);
-    ASSERT_TRUE(reader.read_motion(i, motion.data()));
-    for (std::size_t b = 0; b < 6; ++b) {
-      const BlockMotion expected = i % 2 == 0 ? motion_at(i, b) : BlockMotion{};
-      ASSERT_EQ(motion[b].x, expected.x) << i << ' ' << b;
-      ASSERT_EQ(motion[b].y, expected.y);
-      ASSERT_EQ(motion[b].confidence, expected.confidence);
-    }
-  }
-}
-
-TEST(CaptureWriterMotion, ComesBackAlsoFromAnUnfinishedFile) {
-  const Scratch scratch;
-  for (const bool whole : {false, true}) {
-    {
-      auto writer =
-          must(CaptureWriter::create(scratch / "a.h5", kMoving, {.replace = Replace::kExisting, .motion = true}));
-      append_moving(*writer, 30);
-      ASSERT_TRUE(!whole || writer->close());
-    }
-    with_reader(scratch / (whole ? "a.h5" : "a.h5.part"), expect_moving);
-    if (whole) continue;
-    ASSERT_TRUE(recover_copy(scratch / "a.h5.part", {scratch / "b.h5"}, {}));
-    with_reader(scratch / "b.h5", expect_moving);
-  }
-}
-
 TEST(CaptureWriterMotion, IsAbsentUnlessAskedFor) {
   const Scratch scratch;
   auto writer = must(CaptureWriter::create(scratch / "a.h5", kMoving));
-  const std::vector<std::uint16_t> plane(20 * 9, 7);
   std::vector<BlockMotion> motion(6);
-  EXPECT_FALSE(writer->append(0.0, 0, plane.data(), nullptr, motion.data())) << "it was not begun with it";
-  ASSERT_TRUE(writer->append(0.0, 0, plane.data()));
+  EXPECT_FALSE(writer->append(0.0, 0, kPlane.data(), nullptr, motion.data())) << "it was not begun with it";
+  ASSERT_TRUE(writer->append(0.0, 0, kPlane.data()));
   ASSERT_TRUE(writer->close());
   with_reader(scratch / "a.h5", [&](const CaptureReader& reader) {
     EXPECT_FALSE(reader.info().has_motion);

@@ -92,11 +92,7 @@ void room(hid_t f, const char* path, hid_t type, hsize_t rows) {
 }
 void times_without_end(hid_t f) { room(f, "/t", H5T_NATIVE_DOUBLE, hsize_t{1} << 28); }
 void events_without_end(hid_t f) {
-  const h5::Handle text(H5Tcopy(H5T_C_S1));
-  H5Tset_size(text.get(), 8);
-  const h5::Handle type(H5Tcreate(H5T_COMPOUND, 16));
-  H5Tinsert(type.get(), "t", 0, H5T_NATIVE_DOUBLE);
-  H5Tinsert(type.get(), "kind", 8, text.get());
+  const h5::Handle type(event_type(8, 16));
   room(f, "/events", type.get(), hsize_t{1} << 25);
 }
 
@@ -136,15 +132,8 @@ void events_at_nan(hid_t f) {
     double t;
     char kind[8];
   };
-  const hid_t text = H5Tcopy(H5T_C_S1);
-  H5Tset_size(text, 8);
-  const hid_t type = H5Tcreate(H5T_COMPOUND, sizeof(Row));
-  H5Tinsert(type, "t", HOFFSET(Row, t), H5T_NATIVE_DOUBLE);
-  H5Tinsert(type, "kind", HOFFSET(Row, kind), text);
   const std::vector<Row> rows{{0.0, "nuc"}, {kNan, "gap"}};
-  set_dataset(f, "/events", type, {2}, type, rows.data());
-  H5Tclose(type);
-  H5Tclose(text);
+  set_events(f, 8, sizeof(Row), rows.size(), rows.data());
 }
 
 // One piece of 256 MiB, stored in 200,000 bytes.
@@ -159,15 +148,8 @@ void one_large_piece(hid_t f) {
 }
 
 void events_with_long_kinds(hid_t f) {
-  const hid_t kind = H5Tcopy(H5T_C_S1);
-  H5Tset_size(kind, 65'537);
-  const hid_t row = H5Tcreate(H5T_COMPOUND, 8 + 65'537);
-  H5Tinsert(row, "t", 0, H5T_NATIVE_DOUBLE);
-  H5Tinsert(row, "kind", 8, kind);
-  const std::vector<char> value(8 + 65'537, '\0');
-  set_dataset(f, "/events", row, {1}, row, value.data());
-  H5Tclose(row);
-  H5Tclose(kind);
+  const std::vector<char> row(8 + 65'537, '\0');
+  set_events(f, 65'537, row.size(), 1, row.data());
 }
 
 // A filter that nobody has: known to the library only while the file is written.

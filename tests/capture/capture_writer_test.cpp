@@ -1,10 +1,10 @@
 // The writer's promises: what it refuses, what a killed process and a full disk leave behind.
 #include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include "src/capture/recovery.hpp"
+#include "src/core/input_file.hpp"
 #include "tests/capture/small_captures.hpp"
+#include "tests/child.hpp"
 #include "tests/refusal.hpp"
 
 namespace bolo::capture::capture_writer_test {
@@ -126,8 +126,7 @@ TEST(CaptureWriterForeign, Hdf5ToolsReadTheFrames) {
   if (std::system("h5dump --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "h5dump is not installed";
   const Scratch scratch;
   write_small(scratch / "a.h5", 3, {.deflate_level = 5});
-  std::vector<std::uint16_t> expected;
-  for (std::size_t i = 0; i < 3; ++i) std::ranges::copy(plane_of<std::uint16_t>(i, 21), std::back_inserter(expected));
+  const std::vector<std::uint16_t> expected = all_planes(3);
   const std::string command = "h5dump -d /frames -b NATIVE -o " + (scratch / "raw").string() + " " +
                               (scratch / "a.h5").string() + " > /dev/null";
   ASSERT_EQ(std::system(command.c_str()), 0);
@@ -138,25 +137,17 @@ TEST(CaptureWriterForeign, Hdf5ToolsReadTheFrames) {
   EXPECT_EQ(dumped, expected);
 }
 
-int exit_code_of(pid_t pid) {
-  int status = 0;
-  EXPECT_EQ(waitpid(pid, &status, 0), pid);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
-}
-
 // Appends frames in a process of its own that ends by SIGKILL while the writer is open. `every`: it commits each.
 void append_and_die(const std::filesystem::path& file, std::size_t frames, const WriterOptions& options,
                     bool every = false) {
-  const pid_t pid = fork();
-  ASSERT_GE(pid, 0);
-  if (pid == 0) {
+  const int end = in_child([&] {
     auto writer = CaptureWriter::create(file, small_info(), options);
     for (std::size_t i = 0; i < frames; ++i) {
-      if (!append(*writer, i) || (every && !writer->commit())) _exit(1);
+      if (!append(*writer, i) || (every && !writer->commit())) return 1;
     }
-    kill(getpid(), SIGKILL);
-  }
-  ASSERT_EQ(exit_code_of(pid), -SIGKILL);
+    return kill(getpid(), SIGKILL);
+  });
+  ASSERT_EQ(end, -SIGKILL);
 }
 
 TEST(CaptureWriterKilled, CommittedFramesAreThere) {
@@ -182,24 +173,22 @@ TEST(CaptureWriterKilled, BeforeTheFirstCommitIsSaid) {
 TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
   const Scratch scratch;
   constexpr rlim_t kDisk = rlim_t{8} << 20;
-  const pid_t pid = fork();
-  ASSERT_GE(pid, 0);
-  if (pid == 0) {
+  const int end = in_child([&] {
     signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{kDisk, kDisk};
     setrlimit(RLIMIT_FSIZE, &limit);
     auto writer = CaptureWriter::create(scratch / "a.h5", kLarge);
-    if (!writer) _exit(10);
+    if (!writer) return 10;
     const std::vector<std::uint16_t> plane(640 * 120, 7);
     for (std::size_t i = 0; i < 100; ++i) {
       const Status status = writer->append(kPeriod * static_cast<double>(i), i, plane.data());
       if (status) continue;
       const bool named = status.error().message.find("a.h5.part: no room to write") != std::string::npos;
-      _exit(named && writer->close().has_value() ? 0 : 11);
+      return named && writer->close().has_value() ? 0 : 11;
     }
-    _exit(12);
-  }
-  ASSERT_EQ(exit_code_of(pid), 0) << "10: not created, 11: error unnamed or not closed, 12: no error";
+    return 12;
+  });
+  ASSERT_EQ(end, 0) << "10: not created, 11: error unnamed or not closed, 12: no error";
   const auto reader = must(CaptureReader::open(scratch / "a.h5"));
   EXPECT_GT(reader->info().frames, 40U);
   std::vector<std::uint16_t> plane(640 * 120);
@@ -231,10 +220,8 @@ TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
 TEST(CaptureWriterDisk, GivingUpOnAFullDiskIsNoCrash) {
   for (const bool sudden : {false, true}) {
     const Scratch scratch;
-    const pid_t pid = fork();
-    ASSERT_GE(pid, 0);
-    if (pid == 0) write_until_the_disk_is_full(scratch / "a.h5", rlim_t{6} << 20, sudden);
-    EXPECT_EQ(exit_code_of(pid), 0) << (sudden ? "within what was asked for" : "at a frame");
+    const int end = in_child([&]() -> int { write_until_the_disk_is_full(scratch / "a.h5", rlim_t{6} << 20, sudden); });
+    EXPECT_EQ(end, 0) << (sudden ? "within what was asked for" : "at a frame");
     EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
   }
 }
@@ -264,7 +251,6 @@ TEST(CaptureWriterName, ARecordingIsNotFinishedThroughOtherNames) {
   const Scratch scratch;
   const auto part = scratch / "a.h5.part";
   const auto user = scratch / "user";
-  const auto content = [&] { return std::string(std::istreambuf_iterator<char>(std::ifstream(user).rdbuf()), {}); };
   for (const char* ending : {"", ".journal", ".live"}) {
     for (const bool hard : {false, true}) {
       SCOPED_TRACE(std::string(ending) + (hard ? " hard" : " soft"));
@@ -274,9 +260,9 @@ TEST(CaptureWriterName, ARecordingIsNotFinishedThroughOtherNames) {
       const std::filesystem::path name = part.string() + ending;
       std::filesystem::rename(name, user);
       hard ? std::filesystem::create_hard_link(user, name) : std::filesystem::create_symlink(user, name);
-      const std::string before = content();
+      const std::string before = *must(read_input(user));
       expect_refused(recover_in_place(part, scratch / "a.h5"), {"is a link"});
-      EXPECT_EQ(content(), before);
+      EXPECT_EQ(*must(read_input(user)), before);
       EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
     }
   }
@@ -330,9 +316,7 @@ TEST(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
       symbolic ? std::filesystem::create_symlink(theirs, scratch / name)
                : std::filesystem::create_hard_link(theirs, scratch / name);
       expect_refused(CaptureWriter::create(scratch / "a.h5", small_info(), options), {name, "remove it"});
-      std::string content;
-      std::getline(std::ifstream(theirs), content);
-      EXPECT_EQ(content, "precious");
+      EXPECT_EQ(*must(read_input(theirs)), "precious");
       const std::filesystem::directory_iterator files(scratch.path());
       EXPECT_EQ(std::distance(begin(files), end(files)), 2) << "nothing is left";
     }

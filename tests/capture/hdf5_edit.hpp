@@ -84,6 +84,23 @@ inline void set_doubles(hid_t file, const char* path, const std::vector<double>&
   set_dataset(file, path, type, {values.size()}, H5T_NATIVE_DOUBLE, values.data());
 }
 
+// The type of a row of /events: seconds, and a kind of so many letters behind them, or of any length. To be closed.
+inline hid_t event_type(std::size_t letters, std::size_t row_bytes) {
+  const hid_t text = H5Tcopy(H5T_C_S1);
+  H5Tset_size(text, letters);
+  if (letters == H5T_VARIABLE) H5Tset_cset(text, H5T_CSET_UTF8);
+  const hid_t type = H5Tcreate(H5T_COMPOUND, row_bytes);
+  H5Tinsert(type, "t", 0, H5T_NATIVE_DOUBLE);
+  H5Tinsert(type, "kind", sizeof(double), text);
+  H5Tclose(text);
+  return type;
+}
+inline void set_events(hid_t file, std::size_t letters, std::size_t row_bytes, hsize_t count, const void* rows) {
+  const hid_t type = event_type(letters, row_bytes);
+  set_dataset(file, "/events", type, {count}, type, rows);
+  H5Tclose(type);
+}
+
 // Changes of an open file, as edit() takes them; attributes are the root's.
 using Change = std::function<void(hid_t)>;
 inline auto without(const char* name) {

@@ -20,16 +20,14 @@ model::PixelMaps some_maps() {
 
 class PixelMapsFile : public ::testing::Test {
  protected:
-  std::filesystem::path path(const std::string& name) const { return folder_ / name; }
-
- private:
-  Scratch folder_;
+  const Scratch folder_;
+  const std::filesystem::path file_ = folder_ / "maps.h5";
 };
 
 TEST_F(PixelMapsFile, IsReadAsWritten) {
-  ASSERT_TRUE(write_pixel_maps(path("maps.h5"), some_maps()));
-  EXPECT_FALSE(std::filesystem::exists(path("maps.h5.part")));
-  const auto maps = must(read_pixel_maps(path("maps.h5")));
+  ASSERT_TRUE(write_pixel_maps(file_, some_maps()));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "maps.h5.part"));
+  const auto maps = must(read_pixel_maps(file_));
   EXPECT_EQ(maps->geometry, (Geometry{3, 2}));
   EXPECT_EQ(maps->tau_s, some_maps().tau_s);
   EXPECT_EQ(maps->gain, some_maps().gain);
@@ -42,38 +40,22 @@ TEST_F(PixelMapsFile, MapsMayBeLeftOutAndStoredInOtherTypes) {
   model::PixelMaps maps;
   maps.geometry = {3, 2};
   maps.gain = some_maps().gain;
-  ASSERT_TRUE(write_pixel_maps(path("maps.h5"), maps));
-  edit(path("maps.h5"), with_dataset("/tau_s", H5T_NATIVE_DOUBLE, {2, 3}, std::vector<double>(6, 0.0125)));
-  const auto read = must(read_pixel_maps(path("maps.h5")));
+  ASSERT_TRUE(write_pixel_maps(file_, maps));
+  edit(file_, with_dataset("/tau_s", H5T_NATIVE_DOUBLE, {2, 3}, std::vector<double>(6, 0.0125)));
+  const auto read = must(read_pixel_maps(file_));
   EXPECT_EQ(read->tau_s, std::vector<float>(6, 0.0125F));
   EXPECT_TRUE(read->offset.empty());
   EXPECT_TRUE(read->dead.empty());
 }
 
 TEST_F(PixelMapsFile, BelongsToTheProfileThatNamesIt) {
-  ASSERT_TRUE(write_pixel_maps(path("maps.h5"), some_maps()));
-  std::ofstream(path("p.toml")) << "row_delay_s = 3.0e-5\nmaps = \"maps.h5\"\n";
-  const auto profile = must(model::read_profile(path("p.toml")));
+  ASSERT_TRUE(write_pixel_maps(file_, some_maps()));
+  std::ofstream(folder_ / "p.toml") << "row_delay_s = 3.0e-5\nmaps = \"maps.h5\"\n";
+  const auto profile = must(model::read_profile(folder_ / "p.toml"));
   const auto maps = must(read_profile_maps(*profile));
   EXPECT_EQ(maps->row_delay_s, 3.0e-5);
   EXPECT_EQ(maps->gain, some_maps().gain);
   EXPECT_TRUE(read_profile_maps(model::CameraProfile())->empty());
-}
-
-struct Damage {
-  const char* name;
-  Change spoil;
-  const char* message;
-};
-
-class PixelMapsRefused : public PixelMapsFile, public ::testing::WithParamInterface<Damage> {};
-
-TEST_P(PixelMapsRefused, ByFileDatasetAndPlace) {
-  ASSERT_TRUE(write_pixel_maps(path("maps.h5"), some_maps()));
-  edit(path("maps.h5"), GetParam().spoil);
-  const auto maps = read_pixel_maps(path("maps.h5"));
-  expect_refused(maps, {GetParam().message});
-  EXPECT_TRUE(!maps && maps.error().message.starts_with(path("maps.h5").string() + ": "));
 }
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -82,33 +64,45 @@ auto with_floats(const char* path, std::vector<hsize_t> dims, std::vector<double
   return with_dataset(path, H5T_NATIVE_FLOAT, std::move(dims), std::move(values));
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    All, PixelMapsRefused,
-    ::testing::Values(Damage{"Format", with_text("format", "bolo-capture"), "\"bolo-maps\""},
-                      Damage{"NoFormat", without("format"), "'format' is missing"},
-                      Damage{"Version", with("version", 2), "'version' is 2"},
-                      Damage{"Width", with("width", 2.5), "'width' is 2.5"},
-                      Damage{"Huge", with("height", 1e9), "'height' is 1e+09"},
-                      Damage{"Turned", with_floats("/gain", {3, 2}, {}), "/gain has the shape (3, 2); expected (2, 3)"},
-                      Damage{"Flat", with_floats("/tau_s", {6}, {}), "/tau_s has the shape (6)"},
-                      Damage{"Nan", with_floats("/offset_k", {2, 3}, {0, 0, 0, 0, kNan}), "/offset_k[1, 1] is nan"},
-                      Damage{"Tau", with_floats("/tau_s", {2, 3}, {0.01, 0.01, -0.01}), "/tau_s[0, 2] is -0.0"},
-                      Damage{"HugeGain", with_floats("/gain", {2, 3}, {1, 3e38F}), "/gain[0, 1] is 3"},
-                      Damage{"HugeOffset", with_floats("/offset_k", {2, 3}, {0, -3e38F}), "/offset_k[0, 1] is -3"},
-                      Damage{"Gain", with_floats("/gain", {2, 3}, {1, 1, 1, 0, 1, 1}), "/gain[1, 0] is 0; must be"},
-                      Damage{"Dead", with_dataset("/dead", H5T_NATIVE_UINT8, {2, 3}, {0, 0, 0, 0, 0, 7}),
-                             "/dead[1, 2] is 7; must be 0 or 1"}),
-    [](const auto& each) { return std::string(each.param.name); });
+TEST_F(PixelMapsFile, DamageIsRefusedByFileDatasetAndPlace) {
+  struct Damage {
+    const char* name;
+    Change spoil;
+    const char* message;
+  };
+  for (const Damage& damage : std::initializer_list<Damage>{
+           {"Format", with_text("format", "bolo-capture"), "\"bolo-maps\""},
+           {"NoFormat", without("format"), "'format' is missing"},
+           {"Version", with("version", 2), "'version' is 2"},
+           {"Width", with("width", 2.5), "'width' is 2.5"},
+           {"Huge", with("height", 1e9), "'height' is 1e+09"},
+           {"Turned", with_floats("/gain", {3, 2}, {}), "/gain has the shape (3, 2); expected (2, 3)"},
+           {"Flat", with_floats("/tau_s", {6}, {}), "/tau_s has the shape (6)"},
+           {"Nan", with_floats("/offset_k", {2, 3}, {0, 0, 0, 0, kNan}), "/offset_k[1, 1] is nan"},
+           {"Tau", with_floats("/tau_s", {2, 3}, {0.01, 0.01, -0.01}), "/tau_s[0, 2] is -0.0"},
+           {"HugeGain", with_floats("/gain", {2, 3}, {1, 3e38F}), "/gain[0, 1] is 3"},
+           {"HugeOffset", with_floats("/offset_k", {2, 3}, {0, -3e38F}), "/offset_k[0, 1] is -3"},
+           {"Gain", with_floats("/gain", {2, 3}, {1, 1, 1, 0, 1, 1}), "/gain[1, 0] is 0; must be"},
+           {"Dead", with_dataset("/dead", H5T_NATIVE_UINT8, {2, 3}, {0, 0, 0, 0, 0, 7}),
+            "/dead[1, 2] is 7; must be 0 or 1"}}) {
+    SCOPED_TRACE(damage.name);
+    ASSERT_TRUE(write_pixel_maps({file_, Replace::kExisting}, some_maps()));
+    edit(file_, damage.spoil);
+    const auto maps = read_pixel_maps(file_);
+    expect_refused(maps, {damage.message});
+    EXPECT_TRUE(!maps && maps.error().message.starts_with(file_.string() + ": "));
+  }
+}
 
 TEST_F(PixelMapsFile, NoFileAndNoMapsAreToldApart) {
-  EXPECT_NE(read_pixel_maps(path("none.h5")).error().message.find("none.h5"), std::string::npos);
-  std::ofstream(path("text.h5")) << "not HDF5\n";
-  EXPECT_NE(read_pixel_maps(path("text.h5")).error().message.find("text.h5"), std::string::npos);
+  EXPECT_NE(read_pixel_maps(folder_ / "none.h5").error().message.find("none.h5"), std::string::npos);
+  std::ofstream(folder_ / "text.h5") << "not HDF5\n";
+  EXPECT_NE(read_pixel_maps(folder_ / "text.h5").error().message.find("text.h5"), std::string::npos);
   model::PixelMaps wrong = some_maps();
   wrong.gain.pop_back();
-  EXPECT_FALSE(write_pixel_maps(path("maps.h5"), wrong));
-  EXPECT_FALSE(std::filesystem::exists(path("maps.h5")));
-  EXPECT_FALSE(std::filesystem::exists(path("maps.h5.part")));
+  EXPECT_FALSE(write_pixel_maps(file_, wrong));
+  EXPECT_FALSE(std::filesystem::exists(file_));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "maps.h5.part"));
 }
 
 }  // namespace bolo::capture::pixel_maps_test

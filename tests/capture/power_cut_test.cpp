@@ -9,12 +9,12 @@
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "src/capture/commit_records.hpp"
 #include "src/capture/recovery.hpp"
 #include "tests/capture/small_captures.hpp"
+#include "tests/child.hpp"
 
 namespace {
 
@@ -351,14 +351,10 @@ INSTANTIATE_TEST_SUITE_P(Compression, Ending, ::testing::Values(0, 1), ::testing
 
 // In a process of its own, which ends without cleaning up: HDF5 forgets to free what it read of a torn file.
 bool opens_with(const std::filesystem::path& file, std::size_t least) {
-  const pid_t pid = fork();
-  if (pid == 0) {
-    const auto reader = CaptureReader::open(file);
-    _exit(reader && reader->info().frames >= least ? 0 : 1);
-  }
-  int status = 0;
-  EXPECT_EQ(waitpid(pid, &status, 0), pid);
-  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  return in_child([&] {
+           const auto reader = CaptureReader::open(file);
+           return reader && reader->info().frames >= least ? 0 : 1;
+         }) == 0;
 }
 
 // The check itself: without syncs there are cuts that leave nothing usable.

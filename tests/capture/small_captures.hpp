@@ -24,6 +24,14 @@ std::vector<T> plane_of(std::size_t frame, std::size_t pixels) {
   return plane;
 }
 
+// Of the first frames of 7x3, one after the other.
+inline std::vector<std::uint16_t> all_planes(std::size_t frames) {
+  std::vector<std::uint16_t> values;
+  for (std::size_t i = 0; i < frames; ++i)
+    std::ranges::copy(plane_of<std::uint16_t>(i, 21), std::back_inserter(values));
+  return values;
+}
+
 // Frame i, at its time; with a truth where the writer wants one.
 inline Status append(CaptureWriter& writer, std::size_t i, bool truth = false) {
   const auto plane = plane_of<std::uint16_t>(i, 21);

@@ -1,10 +1,10 @@
 // The one rule of what is written, on real files: an input, a file that exists, a disk that takes nothing.
 #include <sys/resource.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
+#include "src/core/input_file.hpp"
 #include "src/core/output_file.hpp"
+#include "tests/child.hpp"
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 
@@ -12,11 +12,7 @@ namespace bolo::output_file_test {
 
 namespace fs = std::filesystem;
 
-std::string content_of(const fs::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
+std::string content_of(const fs::path& file) { return read_input(file).value_or(""); }
 
 std::ptrdiff_t files_in(const fs::path& folder) {
   return std::distance(fs::directory_iterator(folder), fs::directory_iterator());
@@ -131,17 +127,14 @@ TEST_F(OutputFileTest, WithoutPublishNothingStays) {
 
 // The limit on the size of files stands for a full disk.
 TEST_F(OutputFileTest, AFullDiskCostsNothing) {
-  const pid_t child = fork();
-  if (child == 0) {
+  const int end = in_child([&] {
     signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{1000, 1000};
     setrlimit(RLIMIT_FSIZE, &limit);
     const Status status = write_file({there_, Replace::kExisting}, std::string(100'000, 'x'));
-    _exit(!status && status.error().kind == ErrorKind::kFailed ? 0 : 1);
-  }
-  int status = -1;
-  waitpid(child, &status, 0);
-  EXPECT_EQ(status, 0);
+    return !status && status.error().kind == ErrorKind::kFailed ? 0 : 1;
+  });
+  EXPECT_EQ(end, 0);
   EXPECT_EQ(content_of(there_), "there");
   EXPECT_EQ(files_in(scratch_.path()), 2);
 }

@@ -149,19 +149,4 @@ INSTANTIATE_TEST_SUITE_P(Deblur, Adaptive,
                                            Estimator::kAutoExact),
                          name_of);
 
-// On a still scene averaging is all, on a fast one with much contrast the samples must be followed.
-TEST(LambdaRisk, FollowsTheMotion) {
-  Settings settings = settings_of(Estimator::kAutoAdmm);
-  settings.lambda = 0.1;
-  const StreamTask task{settings, testing::kelvin(kFrame), PixelType::kFloat32};
-  const MotionModels models(settings, {0.0});
-  const LambdaRisk risk(task, models);
-  Posteriors posteriors{};
-  posteriors.of[0][0] = 1.0F;
-  posteriors.of[kStatBlocks - 1][1 + 9 * 4 + 6] = 1.0F;  // 400 px/s, contrast 200 noises
-  const auto choice = risk.best(posteriors, kStatBlocks);
-  EXPECT_GE(kLambdaSteps[static_cast<std::size_t>(choice.front())], 0.7F);
-  EXPECT_LE(kLambdaSteps[static_cast<std::size_t>(choice.back())], 0.2F);
-}
-
 }  // namespace bolo::deblur::adaptive_test

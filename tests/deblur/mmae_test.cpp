@@ -249,28 +249,6 @@ TEST(MotionModels, ManyFramesInATimeConstantTakeNoLonger) {
   EXPECT_LT(ticks_with(10'000.0), 10 * ticks_with(64.0));
 }
 
-TEST(Mmae, IsSharperThanTheSamplesAndTheInverseFilter) {
-  const Geometry g{96, 40};
-  Settings settings = settings_with(0.0);
-  const Movie movie(g, 0.1);
-  const auto error_of = [&](Method method) {
-    settings.method = method;
-    const auto solver = make(settings, g);
-    const std::vector<float> out = whole_frame(*solver, movie.view(), g);
-    double sum = 0.0;
-    for (int y = 0; y < g.height; ++y) {
-      for (int x = 0; x < g.width; ++x) {
-        const double truth = Movie::scene(x - 0.7 * 16, y);
-        const double error = static_cast<double>(out[static_cast<std::size_t>(y * g.width + x)]) - truth;
-        sum += error * error;
-      }
-    }
-    return std::sqrt(sum / static_cast<double>(g.pixels()));
-  };
-  const double mmae = error_of(Method::kMmae);
-  EXPECT_LT(mmae, 0.95 * error_of(Method::kInverse));
-}
-
 TEST(NoiseMeter, FindsWhiteNoiseBehindMotion) {
   for (const double noise : {0.03, 0.1, 0.5}) {
     const Geometry g{320, 64};

@@ -137,19 +137,6 @@ TEST(StepTable, SeveralStepsWithinOneCellAddUp) {
   EXPECT_NEAR(table.at(0.03), expected, 1e-5);
 }
 
-TEST(BarTable, HasTheBarsMeanAndTheirPeriod) {
-  const Bars bars{.period_px = 20.0, .bar_width_px = 8.0, .velocity_px_s = 150.0};
-  const BarTable table(bars, {});
-  double mean = 0.0;
-  for (int i = 0; i < 2000; ++i) mean += table.at(i * 0.01) / 2000.0;
-  EXPECT_NEAR(mean, 0.4, 1e-4);
-  for (const double u : {0.3, 7.9, 12.1}) {
-    EXPECT_NEAR(table.at(u), table.at(u + 20.0), 1e-6);
-    EXPECT_NEAR(table.at(u), table.at(u - 60.0), 1e-6);
-    EXPECT_NEAR(table.slope(u), (table.at(u + 0.02) - table.at(u - 0.02)) / 0.04, 1e-5);
-  }
-}
-
 // Bars whose edges are part Gaussian, part ramp, and which are slanted within a pixel: numerically integrated.
 TEST(BarTable, EdgesAreRampsAndGaussians) {
   Bars bars{.period_px = 20.0, .bar_width_px = 8.0, .edge_px2 = 0.04, .ramp_px = 0.7, .lean_px = 0.3};

@@ -26,9 +26,9 @@ class SessionFiles : public ::testing::Test {
     EXPECT_EQ(session->recordings.size(), 2U);
     ASSERT_EQ(session->warnings.size(), 1U);
     const std::string& line = session->warnings[0];
-    EXPECT_EQ(line.find('\n'), std::string::npos) << line;
-    EXPECT_NE(line.find(bad.filename().string()), std::string::npos) << line;
-    for (const std::string& word : why) EXPECT_NE(line.find(word), std::string::npos) << line << " lacks: " << word;
+    expect_none(line, {"\n"});
+    expect_parts(line, {bad.filename().string()});
+    for (const std::string& word : why) expect_parts(line, {word});
     // Alone it is no session.
     const auto alone = read_session({bad}, go_on);
     if (!alone) {
@@ -103,8 +103,7 @@ TEST_F(SessionFiles, AStimulusThatDoesNotMatchItsCapture) {
   wrong.stimulus = testing::odd_chopper();
   const Report report = diagnosed({shutter("shutter.h5", 240), testing::write(wrong, scratch_ / "chopper.h5")});
   ASSERT_EQ(report.warnings.size(), 1U);
-  EXPECT_NE(report.warnings[0].find("chopper.h5"), std::string::npos);
-  EXPECT_NE(report.warnings[0].find("/stimulus"), std::string::npos);
+  expect_parts(report.warnings[0], {"chopper.h5", "/stimulus"});
   EXPECT_EQ(testing::told(report), "no_gap:");
 }
 

@@ -11,10 +11,6 @@ constexpr double kNoise = 0.03;
 constexpr double kPattern = 0.1;
 constexpr int kFrames = 60;
 
-Scene pan(double vx, double vy) {
-  return [texture = Texture(3), vx, vy](double x, double y, double t) { return texture(x - vx * t, y - vy * t); };
-}
-
 Picture some_pattern() {
   std::vector<Picture> one{Picture(kFrame.pixels(), 0.0)};
   add_noise(one, kPattern, 99);
@@ -54,23 +50,15 @@ double error(const FixedPattern& learnt, const Picture& pattern) { return rmse(p
 const Picture kNone(kFrame.pixels(), 0.0);
 
 TEST(FixedPattern, IsLearntWhileTheSceneMovesAcrossIt) {
-  const Picture pattern = some_pattern();
-  FixedPattern slow = learner();
-  show(slow, seen(pan(0.7, 0.3)), pattern);
-  EXPECT_LT(error(slow, pattern), 0.7 * kPattern);
-  FixedPattern fast = learner();
-  show(fast, seen(pan(2.3, 0.7)), pattern);
-  EXPECT_LT(error(fast, pattern), 0.55 * kPattern);
-}
-
-TEST(FixedPattern, IsLearntFromAHandAsWell) {
   const Scene hand = [texture = Texture(3)](double x, double y, double t) {
     return texture(x - 40.0 * std::sin(t / 9.0), y - 12.0 * std::cos(t / 5.0));
   };
   const Picture pattern = some_pattern();
-  FixedPattern learnt = learner();
-  show(learnt, seen(hand), pattern);
-  EXPECT_LT(error(learnt, pattern), 0.5 * kPattern);
+  for (const auto& [scene, left] : {std::pair{pan(0.7, 0.3), 0.7}, {pan(2.3, 0.7), 0.55}, {hand, 0.5}}) {
+    FixedPattern learnt = learner();
+    show(learnt, seen(scene), pattern);
+    EXPECT_LT(error(learnt, pattern), left * kPattern);
+  }
 }
 
 // Slow motion shows it seldom, so that what is learnt at first has the noise of few looks.

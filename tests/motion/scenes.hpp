@@ -40,6 +40,11 @@ class Texture {
 // The scene's value at a pixel and a time (in frames).
 using Scene = std::function<double(double x, double y, double t)>;
 
+// A texture that moves so many px a frame.
+inline Scene pan(double vx, double vy, std::uint32_t seed = 3) {
+  return [texture = Texture(seed), vx, vy](double x, double y, double t) { return texture(x - vx * t, y - vy * t); };
+}
+
 using Picture = std::vector<double>;
 
 inline Picture picture_of(const Scene& scene, Geometry g, double t) {

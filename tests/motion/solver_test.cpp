@@ -246,23 +246,6 @@ TEST(MotionOutput, AffineIsInPixelsAboutTheCentre) {
   EXPECT_NEAR(motion.affine[5], kZoom, 0.002);
 }
 
-TEST(MotionOutput, AMoverHasItsOwnVelocity) {
-  const Texture still(7);
-  const Texture mover(8);
-  const Scene scene = [&](double x, double y, double t) {
-    const double left = 20.0 + 2.5 * t;
-    const bool inside = x >= left && x < left + 48.0 && y >= 24.0 && y < 72.0;
-    return inside ? 6.0 + mover(x - 2.5 * t, y) : still(x, y);
-  };
-  Stream stream(scene, 0.03, 20);
-  const SceneMotion motion = motion_of(stream, 17, 0.03);  // it stands at 62 to 110
-  EXPECT_NEAR(motion.affine[0], 0.0, 0.15);
-  const BlockMotion& in_it = motion.blocks[6 * 17 + 11];
-  EXPECT_NEAR(in_it.x, 2.5, 0.3);
-  EXPECT_GT(in_it.confidence, 0.3F);
-  EXPECT_NEAR(motion.blocks[1 * 17 + 3].x, 0.0, 0.15);
-}
-
 TEST(MotionOutput, ConfidenceIsThatOfWhatIsSeen) {
   const auto mean_confidence = [](const SceneMotion& motion) {
     double sum = 0.0;

@@ -7,6 +7,7 @@
 namespace bolo::deblur::testing {
 
 using motion::testing::add_noise;
+using motion::testing::pan;
 using motion::testing::Picture;
 using motion::testing::picture_of;
 using motion::testing::rmse;
@@ -93,9 +94,5 @@ class Stream {
   std::vector<std::vector<std::uint16_t>> counts_;
   std::vector<const void*> planes_;
 };
-
-inline Scene pan(double vx, double vy, std::uint32_t seed = 3) {
-  return [texture = Texture(seed), vx, vy](double x, double y, double t) { return texture(x - vx * t, y - vy * t); };
-}
 
 }  // namespace bolo::deblur::testing

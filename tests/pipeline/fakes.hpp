@@ -2,6 +2,7 @@
 #pragma once
 
 #include "src/core/clock.hpp"
+#include "src/deblur/solver.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "src/pipeline/sink.hpp"
 #include "src/pipeline/source.hpp"
@@ -148,6 +149,21 @@ class MemorySink final : public FrameSink {
   int closed = 0;
   int idled = 0;
 };
+
+// The window that ends with frame `target`, of those that a sink kept of small_source(), as the solver alone makes it.
+inline std::vector<std::byte> solved(const std::vector<MemorySink::Frame>& frames, std::size_t target,
+                                     const deblur::Settings& settings, PixelType output = PixelType::kUint16) {
+  const StreamFormat format = small_source().format;
+  auto solver = must(deblur::Solver::create(settings, format, output));
+  std::vector<const void*> planes;
+  for (int k = 1 - settings.window; k <= 0; ++k)
+    planes.push_back(frames[target + static_cast<std::size_t>(k)].raw.data());
+  const deblur::WindowView window{planes, settings.window - 1};
+  std::vector<std::byte> plane(frames[target].deblurred.size());
+  (*solver)->prepare(window);
+  (*solver)->solve(window, {0, 0, format.geometry.width, format.geometry.height}, plane.data());
+  return plane;
+}
 
 inline Result<std::unique_ptr<Pipeline>> create(Script script, const std::vector<FrameSink*>& sinks,
                                                 const PipelineOptions& options = {},

@@ -8,6 +8,7 @@ namespace bolo::pipeline::gap_watch_test {
 
 using deblur::GapFigures;
 using deblur::GapMeter;
+using motion::testing::pan;
 using motion::testing::Scene;
 using motion::testing::Texture;
 
@@ -21,15 +22,12 @@ using Planes = std::vector<std::vector<std::uint16_t>>;
 
 constexpr StreamFormat kFormat{.geometry = kFrame, .scale = {Unit::kKelvin, kScale, 0.0}};
 
-// A texture before a hand that goes `reach` px to and fro, more across than down, or before a steady pan.
+// A texture before a hand that goes `reach` px to and fro, more across than down.
 Scene hand(std::uint32_t seed, double reach) {
   return [texture = Texture(seed), reach, seed](double x, double y, double t) {
     const double angle = 2.0 * std::numbers::pi * t / kSwing + seed;
     return texture(x - reach * std::sin(angle), y - 0.3 * reach * std::cos(angle));
   };
-}
-Scene pan(std::uint32_t seed, double speed) {
-  return [texture = Texture(seed), speed](double x, double y, double t) { return texture(x - speed * t, y); };
 }
 
 Planes planes_of(const Scene& scene, double tau, double noise_k, int count = GapMeter::kFrames) {
@@ -70,7 +68,7 @@ TEST(GapMeter, PredictionGetsWorseWithAWrongProfile) {
 }
 
 TEST(GapMeter, WhatRestsOrMovesSteadilyTellsNoiseAlone) {
-  for (const Scene& scene : {pan(31, 0.0), pan(32, 1.5), pan(33, 3.0)}) {
+  for (const Scene& scene : {pan(0.0, 0.0, 31), pan(1.5, 0.0, 32), pan(3.0, 0.0, 33)}) {
     const GapFigures f = measure(planes_of(scene, 1.3 * kTau, 0.1));
     EXPECT_EQ(f.tau_ratio, 0.0);
     EXPECT_EQ(f.ratio, 0.0);

@@ -1,5 +1,4 @@
 // Overload in a real pipeline: what is done to a frame is what its flag says.
-#include "src/deblur/solver.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
 #include "tests/refusal.hpp"
@@ -10,6 +9,7 @@ using test::MemorySink;
 using test::play;
 using test::run_of;
 using test::Script;
+using test::solved;
 
 constexpr int kWindow = 17;
 constexpr std::uint32_t kQualityFlags =
@@ -38,20 +38,6 @@ class Gate {
  private:
   std::atomic<std::uint64_t> allowed_{1};
 };
-
-std::vector<std::byte> solved(const std::vector<MemorySink::Frame>& frames, std::size_t target,
-                              const deblur::Settings& settings) {
-  auto solver = deblur::Solver::create(settings, test::small_source().format, PixelType::kUint16);
-  if (!solver) return {};
-  std::vector<const void*> planes;
-  for (std::size_t k = target + 1 - kWindow; k <= target; ++k) planes.push_back(frames[k].raw.data());
-  const deblur::WindowView window{planes, kWindow - 1};
-  const Geometry whole = test::small_source().format.geometry;
-  std::vector<std::byte> plane(frames[target].deblurred.size());
-  (*solver)->prepare(window);
-  (*solver)->solve(window, {0, 0, whole.width, whole.height}, plane.data());
-  return plane;
-}
 
 // Frame 17 is the last one in peace; behind the three after it 8, 16 and 32 wait.
 TEST(Overload, IsMetInOrderAndEachFrameTellsIt) {

@@ -1,11 +1,12 @@
 #include <png.h>
 
+#include "src/core/input_file.hpp"
 #include "src/report/drawing.hpp"
 #include "src/report/plot.hpp"
 #include "src/report/text.hpp"
+#include "tests/refusal.hpp"
 #include "tests/report/markup.hpp"
 #include "tests/scratch.hpp"
-#include "tests/test.hpp"
 
 namespace bolo::plot::plot_test {
 
@@ -68,7 +69,7 @@ TEST(Plot, DrawingsAreWellFormedAndEveryNumberIsFinite) {
     const std::string svg = to_svg({{plot}});
     EXPECT_FALSE(elements_of(svg).empty()) << plot.title;
     const std::string drawn = svg.substr(svg.find("</style>"));
-    for (const char* wrong : {"nan", "inf", "NaN", "-0.0\""}) EXPECT_EQ(drawn.find(wrong), std::string::npos) << wrong;
+    expect_none(drawn, {"nan", "inf", "NaN", "-0.0\""});
   }
 }
 
@@ -96,12 +97,6 @@ TEST(Plot, WordsStayWithinTheDrawing) {
   }
 }
 
-std::size_t count(const std::string& text, const std::string& part) {
-  std::size_t found = 0;
-  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + part.size())) ++found;
-  return found;
-}
-
 TEST(Plot, CurvesAreNamedAtTheirEndsAndInterruptedWhereNothingIs) {
   const auto elements = elements_of(to_svg({{latency()}}));
   int named = 0;
@@ -111,7 +106,7 @@ TEST(Plot, CurvesAreNamedAtTheirEndsAndInterruptedWhereNothingIs) {
       EXPECT_GT(element.x, 600.0);
     }
     if (element.name == "path" && element.attributes.at("class") == "line s-deblurred") {
-      EXPECT_EQ(count(element.attributes.at("d"), "M"), 2U);
+      EXPECT_EQ(count_of(element.attributes.at("d"), "M"), 2U);
     }
   }
   EXPECT_EQ(named, 2);
@@ -169,13 +164,6 @@ TEST(Plot, WithoutDataThereIsNothingToDraw) {
   EXPECT_TRUE(has_content(plane()));
 }
 
-std::string content(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
-
 TEST(Sheet, IsWrittenAsItsNameSays) {
   const Scratch scratch;
   Sheet sheet{.title = "A <sheet>",
@@ -184,22 +172,20 @@ TEST(Sheet, IsWrittenAsItsNameSays) {
               .how = "seed 7"};
   const auto svg = scratch / "sheet.svg";
   ASSERT_TRUE(save(sheet, svg));
-  EXPECT_FALSE(elements_of(content(svg)).empty());
+  EXPECT_FALSE(elements_of(*must(read_input(svg))).empty());
   EXPECT_FALSE(save(sheet, scratch / "sheet.png"));
   EXPECT_EQ(save(sheet, scratch / "none/sheet.svg").error().kind, ErrorKind::kBadInput);
 
   ASSERT_TRUE(save(sheet, scratch / "sheet.html"));
-  const std::string html = content(scratch / "sheet.html");
+  const std::string html = *must(read_input(scratch / "sheet.html"));
   ASSERT_TRUE(html.starts_with("<!doctype html>\n"));
   std::size_t figures = 0;  // the empty one is left out
   for (const auto& element : elements_of(html.substr(html.find("<html")))) figures += element.name == "figure";
   EXPECT_EQ(figures, 3U);
-  EXPECT_NE(html.find("seed 7"), std::string::npos);
-  EXPECT_NE(html.find("prefers-color-scheme:dark"), std::string::npos);
-  for (const char* outside : {"<script", "<link", "url("}) EXPECT_EQ(html.find(outside), std::string::npos) << outside;
+  expect_parts(html, {"seed 7", "prefers-color-scheme:dark"});
+  expect_none(html, {"<script", "<link", "url("});
   // Columns of numbers stand to the right.
-  EXPECT_NE(html.find("<td>missing</td><td class=\"n\">12</td>"), std::string::npos);
-  EXPECT_NE(html.find("<th>cause</th><th class=\"n\">frames</th>"), std::string::npos);
+  expect_parts(html, {"<td>missing</td><td class=\"n\">12</td>", "<th>cause</th><th class=\"n\">frames</th>"});
 }
 
 using Bytes = std::vector<unsigned char>;

@@ -33,15 +33,6 @@ TEST(SlowPole, AddsASecondExponential) {
       [](double t) { return 0.95 * chopped(t, kOn, kOff) + 0.05 * chopped(t, kOn, kOff, 0.2, 0.2); }, 1e-4);
 }
 
-// The slow part, too, was already looking before the first frame: moving bars average out.
-TEST(SlowPole, StartsWithWhatItRemembers) {
-  const auto frames = run({24, 4}, {"slow_pole:share=0.3,slow_tau_s=0.4"}, make_bars({285, 310, 12, 6, 0.0, 300}), 2);
-  const auto nominal = run(ideal_camera({24, 4}), make_bars({285, 310, 12, 6, 0.0, 300}), 2);
-  for (std::size_t x = 0; x < 24; ++x) {
-    EXPECT_NEAR(frames.shown[0][x], 0.7 * nominal.shown[0][x] + 0.3 * 297.5, 0.15) << x;
-  }
-}
-
 // A ramp lags by tau, so it shows each pixel's.
 std::vector<double> tau_map(std::string_view effect, std::uint64_t camera_seed = 1) {
   CameraSettings camera = with(ideal_camera({40, 30}), {effect});
@@ -97,49 +88,6 @@ TEST(Crosstalk, BalancesOnAStaticTarget) {
       }
     }
   }
-}
-
-// Moving bars against steps of a microsecond; the rows are read at times of their own.
-TEST(Crosstalk, MovingBarsFollowTheEquation) {
-  constexpr int kWidth = 9;
-  constexpr int kHeight = 4;
-  constexpr double kDelay = 1e-4;
-  const capture::BarTarget bars{285, 310, 7.3, 3.1, 0.7, 300};
-  const auto frames =
-      run({kWidth, kHeight}, {"crosstalk:coupling=0.1", "row_delay:row_delay_s=1e-4"}, make_bars(bars), 3);
-  const auto field = make_bars(bars);
-  constexpr double kStep = 2e-6;
-  std::vector<double> shown(kWidth * kHeight, 297.5);
-  std::vector<float> seen(kWidth * kHeight);
-  std::vector<double> expected(shown.size());
-  double now = -0.16;
-  for (int row = 0; row < kHeight; ++row) {
-    for (const double end = 2 * kPeriod + kDelay * row; now < end - kStep / 2; now += kStep) {
-      for (int y = 0; y < kHeight; ++y)
-        field->sample(now + kStep / 2, y, std::span(seen).subspan(static_cast<std::size_t>(y) * kWidth, kWidth));
-      std::vector<double> next = shown;
-      for (int y = 0; y < kHeight; ++y) {
-        for (int x = 0; x < kWidth; ++x) {
-          const auto i = static_cast<std::size_t>(y * kWidth + x);
-          double flow = static_cast<double>(seen[i]) - shown[i];
-          if (x > 0) flow += 0.1 * (shown[i - 1] - shown[i]);
-          if (x + 1 < kWidth) flow += 0.1 * (shown[i + 1] - shown[i]);
-          if (y > 0) flow += 0.1 * (shown[i - kWidth] - shown[i]);
-          if (y + 1 < kHeight) flow += 0.1 * (shown[i + kWidth] - shown[i]);
-          next[i] += kStep / kTau * flow;
-        }
-      }
-      shown = next;
-    }
-    for (std::size_t x = 0; x < kWidth; ++x)
-      expected[static_cast<std::size_t>(row) * kWidth + x] = shown[static_cast<std::size_t>(row) * kWidth + x];
-  }
-  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(frames.shown[2][i], expected[i], 5e-3) << i;
-}
-
-TEST(Crosstalk, DoesNothingToAUniformField) {
-  expect_step(
-      "crosstalk", [](double t) { return chopped(t, kOn, kOff); }, 1e-4);
 }
 
 // A static edge through a blur is the integral of the blur, over the pixel as well.
@@ -205,13 +153,6 @@ TEST(OpticalPsf, ADiscHasACompactEdge) {
     expected += (0.5 + (std::asin(d) + d * std::sqrt(1.0 - d * d)) / std::numbers::pi) / 1000.0;
   }
   EXPECT_NEAR(at(shown, 40, 1, 6), 285.0 + 25.0 * expected, 0.05);
-}
-
-TEST(OpticalPsf, LeavesAUniformFieldAlone) {
-  for (const auto& effect : {"optical_psf", "optical_psf:form=disc"}) {
-    expect_step(
-        effect, [](double t) { return chopped(t, kOn, kOff); }, 2e-4);
-  }
 }
 
 // Planck's law over the band, by itself.

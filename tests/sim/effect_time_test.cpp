@@ -19,17 +19,6 @@ TEST(RowDelay, RowsAreReadOneAfterAnother) {
   }
 }
 
-// Row r of one step is what row 0 shows later, exactly.
-TEST(RowDelay, IsALaterSampleOfTheSameExponential) {
-  const auto frames = run({2, 30}, {"row_delay:row_delay_s=1e-4"}, one_pulse(), 25);
-  for (std::size_t k = 0; k < 25; ++k) {
-    for (std::size_t y = 0; y < 30; ++y) {
-      const double t = kPeriod * static_cast<double>(k) + 1e-4 * static_cast<double>(y);
-      EXPECT_NEAR(at(frames.shown[k], 2, 1, y), chopped(t, kOn, kOff), 1e-4) << k << ' ' << y;
-    }
-  }
-}
-
 TEST(RowDelay, MayRunUpwardsAndInHalvesAndLongerThanAFrame) {
   const auto upwards = run({6, 9}, {"row_delay:row_delay_s=-3e-5"}, Ramp::field({6, 9}, 0.2), 4);
   EXPECT_NEAR(lateness(upwards, 6, 3, 8), -2.4e-4, 1e-6);

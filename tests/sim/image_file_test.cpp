@@ -1,8 +1,8 @@
 // Pictures of every kind that is read, and the refusal of others.
-#include <hdf5.h>
 #include <png.h>
 #include <turbojpeg.h>
 
+#include "tests/capture/hdf5_edit.hpp"
 #include "tests/sim/support.hpp"
 
 namespace bolo::sim::image_file_test {
@@ -88,20 +88,15 @@ TEST(ReadImage, Jpeg) {
   EXPECT_NEAR(image->kelvin[16 * 24 - 1], 170.0F, 2.0F);
 }
 
-void write_still(const std::filesystem::path& file, const std::vector<float>& kelvin) {
-  const hid_t h5 = H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
-  const hsize_t size[2] = {2, kelvin.size() / 2};
-  const hid_t space = H5Screate_simple(2, size, nullptr);
-  const hid_t data = H5Dcreate2(h5, "image_k", H5T_IEEE_F32LE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
-  EXPECT_GE(H5Dwrite(data, H5T_NATIVE_FLOAT, H5S_ALL, H5S_ALL, H5P_DEFAULT, kelvin.data()), 0);
-  H5Dclose(data);
-  H5Sclose(space);
-  H5Fclose(h5);
+void write_still(const std::filesystem::path& file, const std::vector<double>& kelvin) {
+  H5Fclose(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
+  capture::testing::edit(file,
+                         capture::testing::with_dataset("/image_k", H5T_IEEE_F32LE, {2, kelvin.size() / 2}, kelvin));
 }
 
 TEST(ReadImage, Hdf5IsInKelvinAlready) {
   const Scratch scratch;
-  write_still(scratch / "a.h5", {300.5F, 301, 302, 303, 304, 305});
+  write_still(scratch / "a.h5", {300.5, 301, 302, 303, 304, 305});
   const auto image = must(read_image(scratch / "a.h5", {}));
   EXPECT_EQ(image->width, 3);
   EXPECT_EQ(image->kelvin, (std::vector<float>{300.5F, 301, 302, 303, 304, 305}));
@@ -110,7 +105,7 @@ TEST(ReadImage, Hdf5IsInKelvinAlready) {
 
 TEST(ReadImage, RefusesValuesThatAreNoTemperatures) {
   const Scratch scratch;
-  for (const float wrong : {std::nanf(""), -1.0F, INFINITY}) {
+  for (const double wrong : {std::nan(""), -1.0, HUGE_VAL}) {
     write_still(scratch / "a.h5", {300, 301, wrong, 303});
     expect_refused(read_image(scratch / "a.h5", {}), {"a.h5: "});
   }

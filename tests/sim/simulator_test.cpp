@@ -71,26 +71,6 @@ TEST(Simulator, ARampLagsByTheTimeConstantFromTheFirstFrameOn) {
   }
 }
 
-TEST(Simulator, ASineLosesAmplitudeAndPhaseAsAFirstOrderSystem) {
-  constexpr double kWave = 400.0;  // px: the bilinear image is within 0.4 mK of the sine
-  constexpr double kSpeed = 6000.0;
-  constexpr double kOmega = 2.0 * std::numbers::pi * kSpeed / kWave;
-  const auto sine = [](double x) { return 300.0 + 10.0 * std::sin(2.0 * std::numbers::pi * x / kWave); };
-  const auto scene = make_still_scene(columns(2400, 1, sine));
-  auto field = pan_over(*scene, steady_pan(kSpeed), {1200, 0}, {10, 1}, -0.2, 0.15);
-  ASSERT_TRUE(field);
-  const auto frames = run(ideal_camera({10, 1}), std::move(*field), 30);
-  for (std::size_t k = 0; k < 30; ++k) {
-    for (std::size_t x = 0; x < 10; ++x) {
-      const double phase = kOmega * ((1200.0 + static_cast<double>(x)) / kSpeed - kPeriod * static_cast<double>(k));
-      // Time runs against the image's x.
-      const double lag = std::atan(kOmega * kTau);
-      const double answer = 300.0 + 10.0 / std::hypot(1.0, kOmega * kTau) * std::sin(phase + lag);
-      EXPECT_NEAR(frames.shown[k][x], answer, 1e-3);
-    }
-  }
-}
-
 // Frame 12 against one-microsecond steps over the whole history.
 TEST(Simulator, HardEdgesOnACrookedPathAreExactToATenthOfAMillikelvin) {
   const auto image = hard_edges(60, 40);
@@ -113,28 +93,22 @@ TEST(Simulator, HardEdgesOnACrookedPathAreExactToATenthOfAMillikelvin) {
   RecordProperty("worst_mk", std::to_string(1e3 * worst));
 }
 
-class MovingBars : public ::testing::TestWithParam<double> {};
-
-TEST_P(MovingBars, AreWithinTheStatedTolerance) {
-  const capture::BarTarget bars{285, 310, 17.3, 8.1, 0.27, GetParam()};
-  const auto frames = run(ideal_camera({20, 3}), make_bars(bars), 4);
-  const auto field = make_bars(bars);
-  double worst = 0.0;
-  for (const int x : {0, 1, 2, 3, 11, 12, 13, 19}) {
-    const auto input = [&](double t) {
-      std::vector<float> row(20);
-      field->sample(t, 2, row);
-      return static_cast<double>(row[static_cast<std::size_t>(x)]);
-    };
-    const double expected = brute_force(input, -0.154, 3 * kPeriod);
-    worst =
-        std::max(worst, std::abs(static_cast<double>(frames.shown[3][static_cast<std::size_t>(40 + x)]) - expected));
+TEST(Simulator, MovingBarsAreWithinTheStatedTolerance) {
+  for (const double velocity : {0.0, 60.0, 300.0, -1200.0}) {
+    const capture::BarTarget bars{285, 310, 17.3, 8.1, 0.27, velocity};
+    const auto frames = run(ideal_camera({20, 3}), make_bars(bars), 4);
+    const auto field = make_bars(bars);
+    for (const int x : {0, 1, 2, 3, 11, 12, 13, 19}) {
+      const auto input = [&](double t) {
+        std::vector<float> row(20);
+        field->sample(t, 2, row);
+        return static_cast<double>(row[static_cast<std::size_t>(x)]);
+      };
+      const double expected = brute_force(input, -0.154, 3 * kPeriod);
+      EXPECT_NEAR(frames.shown[3][static_cast<std::size_t>(40 + x)], expected, kStepToleranceK) << velocity << " px/s";
+    }
   }
-  EXPECT_LT(worst, kStepToleranceK);
-  RecordProperty("worst_mk", std::to_string(1e3 * worst));
 }
-
-INSTANTIATE_TEST_SUITE_P(Speeds, MovingBars, ::testing::Values(0.0, 60.0, 300.0, -1200.0));
 
 TEST(Simulator, AVisibleFrameIsTheMeanOverItsExposure) {
   CameraSettings camera = ideal_camera({12, 2});
@@ -246,22 +220,7 @@ TEST_P(BolometerStep, LeavesASteadyPixelAlone) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Durations, BolometerStep,
-                         ::testing::Values(1e-12, 1e-6, 0.01, 0.4545, 0.4999999, 0.5000001, 3.0, 14.0));
-
-TEST(BolometerStep, OfNoDurationChangesNothing) {
-  const StepWeights w = bolometer_step(0.0, 0.011);
-  EXPECT_EQ(w.keep, 1.0);
-  EXPECT_EQ(w.start, 0.0);
-  EXPECT_EQ(w.middle, 0.0);
-  EXPECT_EQ(w.end, 0.0);
-}
-
-TEST(ExposureStep, AddsTheMeanOfAQuadraticInput) {
-  const StepWeights w = exposure_step(0.002, 0.005);
-  const double mean = 300.0 + 12.0 / 2 - 31.0 / 3;
-  EXPECT_EQ(w.keep, 1.0);
-  EXPECT_NEAR(w.start * quadratic(0) + w.middle * quadratic(0.5) + w.end * quadratic(1), 0.4 * mean, 1e-12);
-}
+                         ::testing::Values(0.0, 1e-12, 1e-6, 0.01, 0.4545, 0.4999999, 0.5000001, 3.0, 14.0));
 
 using namespace testing;
 
@@ -323,14 +282,6 @@ TEST(ReadRow, FloatKeepsKelvinOrMultiplesOfTheStep) {
   EXPECT_EQ(stored<float>({0.0, 0.0, PixelType::kFloat32, 1}, {300.123456}), std::vector<float>{300.123456F});
   EXPECT_EQ(stored<float>({0.0, 0.1, PixelType::kFloat32, 1}, {300.16}), std::vector<float>{300.2F});
   EXPECT_EQ(readout_scale({0.0, 0.1, PixelType::kFloat32, 1}), (LinearScale{Unit::kKelvin, 1.0, 0.0}));
-}
-
-TEST(ReadRow, NoiseHasItsRmsBesideTheQuantisations) {
-  const ReadoutSettings settings{0.03, 0.01, PixelType::kUint16, 5};
-  const auto counts = stored<std::uint16_t>(settings, std::vector<double>(kMany, 300.0));
-  const Stats m = stats({counts.begin(), counts.end()});
-  EXPECT_NEAR(0.01 * m.mean, 300.0, 0.0004);
-  EXPECT_NEAR(0.01 * m.rms, std::sqrt(0.03 * 0.03 + 0.01 * 0.01 / 12.0), 0.0003);
 }
 
 }  // namespace bolo::sim::simulator_test
