@@ -112,8 +112,8 @@ Result<std::vector<Event>> read_events(hid_t file) {
   for (std::size_t i = 0; i < events.size(); ++i) {
     events[i].kind.resize(std::min(events[i].kind.size(), kLongestEventKind));
     if (std::abs(events[i].t_s) <= kLastTime_s) continue;
-    return bad_input(kPath + ": the time of event " + std::to_string(i) + " is not a number of seconds up to " +
-                     h5::text(kLastTime_s));
+    return bad_input(kPath + ": the time of event " + std::to_string(i) + " is not finite, or beyond " +
+                     h5::text(kLastTime_s) + " s");
   }
   std::erase_if(events, [](const Event& event) { return event.kind.empty(); });
   return events;
