@@ -21,10 +21,9 @@ constexpr std::size_t kMostDamaged = std::size_t{1} << 20;
 
 constexpr double kPeriodTolerance = 0.2;
 constexpr double kLongestPeriod_s = 1.0;  // no thermal camera streams slower than a frame a second
-// Bounds that keep counts of periods finite and times within nanoseconds.
+// Bounds that keep counts of periods finite.
 constexpr double kLeastPeriod_s = 1e-6;
 constexpr double kMostPeriod_s = 1e6;
-constexpr double kLastTime_s = 9e9;
 constexpr double kMostScale = 1e9;
 
 std::string value_at(std::size_t index, double value) {
@@ -171,8 +170,8 @@ Status check_other_times(Contents& contents) {
     return {};
   }
   for (const auto& [path, values] : {std::pair{"/t_host", &contents.t_host}, {"/t_utc", &contents.t_utc}}) {
-    if (std::all_of(values->begin(), values->end(), [](double t) { return std::isfinite(t); })) continue;
-    return bad_input(std::string(path) + " has a time that is not a finite number of seconds");
+    if (std::all_of(values->begin(), values->end(), [](double t) { return std::abs(t) <= kLastTime_s; })) continue;
+    return bad_input(std::string(path) + " has a time that is not a number of seconds up to " + text(kLastTime_s));
   }
   return {};
 }
@@ -269,6 +268,7 @@ std::vector<Attribute> other_attributes(hid_t file) {
   std::vector<Attribute> out;
   for (const std::string& name : names) {
     if (is_own_attribute(name)) continue;
+    if (out.size() == kMostOtherAttributes) break;
     if (Result<double> number = h5::number_attribute(root, name)) {
       out.push_back({name, *number});
     } else if (Result<std::string> string = h5::string_attribute(root, name)) {

@@ -33,10 +33,13 @@ struct Contents {
 // have are taken. Errors (kBadInput) name the item. Thread: any one at a time.
 Result<Contents> read_bolo_capture(hid_t file, Trust trust);
 
-// Root attributes beyond the format's own, which are for people: what cannot be read as number or string is left out.
+// Root attributes beyond the format's own, which are for people: what cannot be read as number or string is left out,
+// and what is beyond the first thousand, for HDF5 takes a time to write them that grows by the square.
+inline constexpr std::size_t kMostOtherAttributes = 1000;
 std::vector<Attribute> other_attributes(hid_t file);
 
-// Rules that both formats share. Thread: any.
+// Rules that both formats, and those who make captures of other files, share. Thread: any.
+inline constexpr double kLastTime_s = 9e9;  // on any clock: what keeps times within nanoseconds
 Status check_times(const std::vector<double>& t);
 double median_step(const std::vector<double>& t);  // s; 0 for a single time
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -109,9 +110,12 @@ Result<std::vector<Event>> read_events(hid_t file) {
   RETURN_IF_ERROR(H5Tis_variable_str(kind.get()) > 0 ? read_variable(dataset.get(), kind.get(), events)
                                                      : read_fixed(dataset.get(), kind.get(), events));
   for (std::size_t i = 0; i < events.size(); ++i) {
-    if (std::isfinite(events[i].t_s)) continue;
-    return bad_input(kPath + ": the time of event " + std::to_string(i) + " is not finite");
+    events[i].kind.resize(std::min(events[i].kind.size(), kLongestEventKind));
+    if (std::abs(events[i].t_s) <= kLastTime_s) continue;
+    return bad_input(kPath + ": the time of event " + std::to_string(i) + " is not finite, or beyond " +
+                     h5::text(kLastTime_s) + " s");
   }
+  std::erase_if(events, [](const Event& event) { return event.kind.empty(); });
   return events;
 }
 

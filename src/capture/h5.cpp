@@ -13,7 +13,6 @@ namespace {
 
 // The best ratio deflate can reach is 1032; shuffle and scale-offset don't go beyond by much.
 constexpr std::size_t kMostCompression = 2048;
-constexpr std::size_t kLongestString = std::size_t{1} << 20;
 
 // Before any other call of the library: at exit it would try to close objects of a damaged file that it could not open,
 // and print errors. All that is written here is closed here.
@@ -43,7 +42,7 @@ Result<Handle> open_attribute(const Owner& owner, const std::string& name) {
   return attribute;
 }
 
-tl::unexpected<Error> too_long(const std::string& where) { return bad_input(where + " is longer than 1 MiB"); }
+tl::unexpected<Error> too_long(const std::string& where) { return bad_input(where + " is longer than 65,000 bytes"); }
 
 Result<std::string> read_string(hid_t attribute, hid_t type, const std::string& where) {
   if (H5Tis_variable_str(type) > 0) {

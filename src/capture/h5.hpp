@@ -70,6 +70,9 @@ struct Owner {
   std::string name;
 };
 
+// Bytes that an attribute has room for in HDF5's oldest file format, which is written.
+inline constexpr std::size_t kLongestString = 65'000;
+
 // Attributes may be of any number or string type and scalar or of one element. Errors (kBadInput) name the attribute.
 // Thread: any one at a time.
 bool has_attribute(const Owner& owner, const std::string& name);

@@ -17,8 +17,8 @@ ATTRIBUTES = {"format": "bolo-capture", "version": 1, "unit": "kelvin", "scale":
               "frame_period_s": 0.005, "camera_model": "FLIR A655sc", "camera_serial": "1", "row_step": 1}
 
 
-def write_capture(path, frames, t, frame_id):
-    with h5py.File(path, "w") as f:
+def write_capture(path, frames, t, frame_id, **how):
+    with h5py.File(path, "w", **how) as f:
         f.attrs.update(ATTRIBUTES)
         f.create_dataset("frames", data=frames, chunks=(1, *frames.shape[1:]), compression="gzip", shuffle=True)
         f["t"] = t
@@ -68,6 +68,26 @@ def main(bolo):
         assert (told["width"], told["height"], told["frames"]) == (7, 3, 6), told
         assert told["lost_frames"]["count"] == 2, told
         assert abs(told["values"]["last"]["max"] - last.max()) < 1e-4, told
+
+        # What a capture has no room for is left out or cut off.
+        path = os.path.join(folder, "foreign.h5")
+        write_capture(path, frames, t, np.arange(6), libver="latest")
+        with h5py.File(path, "a", libver="latest") as f:
+            f.attrs["long"] = np.bytes_(b"v" * 200_000)
+            for i in range(1500):
+                f.attrs[f"k{i}"] = "v"
+            del f["events"]
+            f["events"] = np.array([(0.001, "n" * 100), (0.002, "")], dtype=[("t", "f8"), ("kind", h5py.string_dtype())])
+        for verb in ("convert", "recover"):
+            out = os.path.join(folder, verb + ".h5")
+            done = subprocess.run([bolo, verb, path, "-o", out], capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done
+            assert [event["kind"] for event in info(bolo, out)["events"]] == ["n" * 63]
+        with h5py.File(path, "a") as f:
+            f["t_host"] = f["t"]
+            f["t_utc"] = np.full(6, 1e300)
+        done = subprocess.run([bolo, "convert", path, "-o", os.path.join(folder, "far.mcap")], capture_output=True, text=True)
+        assert done.returncode == 2 and "/t_utc has a time that is not" in done.stderr, done
 
         path = os.path.join(folder, "bad.h5")
         write_capture(path, frames, t[::-1], np.arange(6))

@@ -124,6 +124,7 @@ class Cptv(unittest.TestCase):
         self.refused(film + b"G\x00", "something other than a frame")
         self.refused(film + frame(ZERO, ZERO, 9000, bits=40), "has 40 bits a pixel")
         self.refused(header() + frame(ZERO[:2], ZERO[:2], 1), "a frame of 7x5 with 1 bits a pixel has 6 bytes")
+        self.refused(header() + 17 * frame(ZERO, ZERO, 1, background=True), "has more than 16 background frames")
         over = frame(np.full((HEIGHT, WIDTH), 65535), np.full((HEIGHT, WIDTH), -1), 9000)
         self.refused(film + over, "frame 6 has a value beyond 16 bits")
         self.refused(film, "it is cut off", packs=lambda text: gzip.compress(text)[:-40])

@@ -6,10 +6,13 @@ usage: mcap_test.py BOLO. Exit code 77 where h5py is missing.
 
 import os
 import random
+import resource
+import signal
 import struct
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 from mcap_file import MAGIC, File, pack
@@ -56,8 +59,9 @@ class Mcap(unittest.TestCase):
                 kind = np.dtype([("t", "f8"), ("kind", h5py.string_dtype())])
                 f.create_dataset("events", data=np.array(list(events), dtype=kind))
 
-    def bolo(self, *words, code=0, says=""):
-        done = subprocess.run([BOLO, "convert", *words], capture_output=True, text=True, timeout=300)
+    def bolo(self, *words, code=0, says="", memory=None):
+        limit = (lambda: resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))) if memory else None
+        done = subprocess.run([BOLO, "convert", *words], capture_output=True, text=True, timeout=300, preexec_fn=limit)
         self.assertEqual(done.returncode, code, (words, done.stderr))
         if code != 0:
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
@@ -157,10 +161,11 @@ class Mcap(unittest.TestCase):
         for bad in ("", "9", "a//b", "a/", "é", "a b"):
             self.bolo(self.path("kelvin.h5"), "-o", self.path("n.mcap"), "--name", bad, code=2, says="--name")
 
-    def hostile(self, data, says=""):
+    def hostile(self, data, says="", memory=None):
         with open(self.path("hostile.mcap"), "wb") as f:
             f.write(data)
-        done = self.bolo(self.path("hostile.mcap"), "-o", self.path("hostile.h5"), "--overwrite", code=2, says=says)
+        done = self.bolo(self.path("hostile.mcap"), "-o", self.path("hostile.h5"), "--overwrite", code=2, says=says,
+                         memory=memory)
         self.assertIn("hostile.mcap: ", done.stderr)
 
     def test_damaged_files_are_refused_in_one_line(self):
@@ -178,22 +183,31 @@ class Mcap(unittest.TestCase):
             bad[random.randrange(8, data_end)] ^= 1 << random.randrange(8)
             self.hostile(bytes(bad))  # a checksum at the latest
 
-    def chunked(self, chunk, compression=b"zstd", size=None, crc=0):
-        def record(code, *fields):
-            data = b"".join(fields)
-            return struct.pack("<BQ", code, len(data)) + data
+    @staticmethod
+    def text(t):
+        return struct.pack("<I", len(t)) + t
 
-        def text(t):
-            return struct.pack("<I", len(t)) + t
+    @staticmethod
+    def record(code, *fields):
+        data = b"".join(fields)
+        return struct.pack("<BQ", code, len(data)) + data
 
+    def topic(self, number, name, kind):
+        return (self.record(3, struct.pack("<H", number + 1), self.text(kind), self.text(b"ros2msg"), self.text(b""))
+                + self.record(4, struct.pack("<HH", number, number + 1), self.text(name), self.text(b"cdr"), self.text(b"")))
+
+    def chunk(self, chunk, compression=b"zstd", size=None, crc=0):
         packed = pack(chunk) if compression == b"zstd" else chunk
-        return b"".join((
-            MAGIC, record(1, text(b"ros2"), text(b"x")),
-            record(3, struct.pack("<H", 1), text(b"sensor_msgs/msg/Image"), text(b"ros2msg"), text(b"")),
-            record(4, struct.pack("<HH", 0, 1), text(b"/a/image_raw"), text(b"cdr"), text(b"")),
-            record(6, struct.pack("<QQQI", 0, 0, len(chunk) if size is None else size, crc), text(compression),
-                   struct.pack("<Q", len(packed)), packed),
-            record(15, struct.pack("<I", 0))))
+        return self.record(6, struct.pack("<QQQI", 0, 0, len(chunk) if size is None else size, crc),
+                           self.text(compression), struct.pack("<Q", len(packed)), packed)
+
+    def recording(self, *records):
+        return b"".join((MAGIC, self.record(1, self.text(b"ros2"), self.text(b"x")),
+                         self.topic(0, b"/a/image_raw", b"sensor_msgs/msg/Image"), *records,
+                         self.record(15, struct.pack("<I", 0))))
+
+    def chunked(self, chunk, **how):
+        return self.recording(self.chunk(chunk, **how))
 
     @staticmethod
     def message(data, log=0, sequence=0, channel=0):
@@ -229,6 +243,46 @@ class Mcap(unittest.TestCase):
         self.hostile(self.chunked(message, crc=7), "checksum")
         self.hostile(self.chunked(message, compression=b"lz4"), "packed by 'lz4'")
         self.hostile(MAGIC + struct.pack("<BQ", 6, 2**40), "a record of")
+
+    def test_small_files_take_little_memory_and_can_be_interrupted(self):
+        names = [b"".join(self.record(3, struct.pack("<H", 30 * part + i), self.text(b"n" * 2**20), bytes(8))
+                          for i in range(30)) for part in range(10)]
+        self.hostile(self.recording(*(self.chunk(part) for part in names)), "has no images", memory=200 << 20)
+        message = self.message(self.image(1, 1, 2, bytes(2)))
+        self.hostile(self.chunked(message * 10**5), "more frames than its size can hold")
+        # Empty records: 128 MiB in 4 kB, again and again.
+        nothing = self.chunk(bytes((128 << 20) // 9 * 9))
+        with open(self.path("long.mcap"), "wb") as f:
+            f.write(self.recording(*[nothing] * 2000))
+        with subprocess.Popen([BOLO, "convert", self.path("long.mcap"), "-o", self.path("long.h5")]) as convert:
+            time.sleep(1)
+            convert.send_signal(signal.SIGINT)
+            try:
+                self.assertNotEqual(convert.wait(timeout=20), 0)
+            finally:
+                convert.kill()
+        self.assertEqual([name for name in os.listdir(self.folder) if name.startswith("long.h5")], [])
+
+    def test_times_and_scales_that_cannot_be_are_refused(self):
+        pictures = b"".join(self.message(self.image(1, 1, 2, bytes(2), sec=i), i, i) for i in range(4))
+        for key, value in ((b"scale", b"0"), (b"scale", b"1e300"), (b"frame_period_s", b"0"), (b"frame_period_s", b"-1")):
+            texts = b"".join(map(self.text, (b"topic", b"/a/image_raw", b"unit", b"kelvin", key, value)))
+            self.hostile(self.recording(self.record(12, self.text(b"bolo-capture"), self.text(texts)), pictures), key.decode())
+        for times in ((1e300, 1.0, 1.0), (1.0, float("inf"), 1.0), (1.0, 1e300, 1.0), (1.0, 1.0, float("nan"))):
+            head = b"\0\1\0\0" + struct.pack("<iII", 0, 0, 2) + b"c\0" + bytes(2)
+            frame = self.message(head + struct.pack("<Qddd", 0, *times), channel=1)
+            self.hostile(self.recording(self.topic(1, b"/a/frame", b"bolo_msgs/msg/Frame"), frame, pictures), "no clock shows")
+
+    def test_texts_that_no_capture_has_room_for_do_not_stop_the_pictures(self):
+        pictures = b"".join(self.message(self.image(1, 1, 2, bytes(2), sec=i), i, i) for i in range(4))
+        texts = {b"topic": b"/a/image_raw", b"text.long": b"v" * 200_000, b"text.twice": b"v", b"number.twice": b"1"}
+        texts.update((b"text.%d" % i, b"v") for i in range(3000))
+        map_of_texts = b"".join(self.text(key) + self.text(value) for key, value in texts.items())
+        with open(self.path("texts.mcap"), "wb") as f:
+            f.write(self.recording(self.record(12, self.text(b"bolo-capture"), self.text(map_of_texts)), pictures))
+        self.bolo(self.path("texts.mcap"), "-o", self.path("texts.h5"))
+        with h5py.File(self.path("texts.h5")) as f:
+            self.assertLessEqual(len(f.attrs), 1010)
 
     def test_other_programs_files_are_read(self):
         # Rows with padding, big-endian, uncompressed, stamps out of order, no counter.

@@ -203,7 +203,11 @@ Status convert(Footage& footage, FootageSink& sink) {
 Status run_convert(const cxxopts::ParseResult& given) {
   std::signal(SIGPIPE, SIG_IGN);  // an encoder that ends is an error, not the end
   ASSIGN_OR_RETURN(const auto request, convert_request(given));
+  // Films and recordings are unpacked as a whole first, perhaps for minutes. That leaves nothing: a signal may end it.
+  const auto kind = request.in.front().extension();
+  if (kind != ".cptv" && kind != ".mcap") catch_interrupts();
   ASSIGN_OR_RETURN(const auto footage, chosen_footage(request));
+  catch_interrupts();
   ASSIGN_OR_RETURN(const auto sink, open_sink(request.out, *footage));
   RETURN_IF_ERROR(convert(*footage, *sink));
   const Geometry size = footage->info().format.geometry;
@@ -217,6 +221,8 @@ Status run_convert(const cxxopts::ParseResult& given) {
 
 }  // namespace
 
-int convert_main(int argc, char** argv) { return run_verb("convert", convert_options(), argc, argv, run_convert); }
+int convert_main(int argc, char** argv) {
+  return run_verb("convert", convert_options(), argc, argv, run_convert, false);
+}
 
 }  // namespace bolo::tools

@@ -21,6 +21,7 @@ constexpr std::uint32_t kMostCptvSide = 1U << 14;
 constexpr std::size_t kMostPixelsOfAFrame = std::size_t{1} << 24;
 constexpr unsigned kMostBits = 32;
 constexpr std::size_t kMostFramesOfAFilm = 10'000'000;  // twelve days
+constexpr std::size_t kMostBackgrounds = 16;            // cameras write one, before the first frame
 constexpr std::uint32_t kCorrecting_ms = 2000;          // a correction is over by then
 constexpr double kUsualRate_hz = 9.0;                   // a Lepton's, where neither header nor times state one
 
@@ -195,11 +196,13 @@ class CptvFootage final : public Footage {
     ASSIGN_OR_RETURN(header_, scanned.read_header());
     plane_.resize(header_.geometry.pixels());
     std::vector<std::uint8_t> data;
-    for (;;) {
+    for (std::size_t backgrounds = 0;;) {
       ASSIGN_OR_RETURN(const auto frame, scanned.read_frame_head(header_.geometry));
       if (!frame) break;
       if (Status good = scanned.read_data(data, frame->bytes); !good) return good;
       if (!frame->background) heads_.push_back(*frame);
+      if (frame->background && ++backgrounds > kMostBackgrounds)
+        return scanned.wrong(fmt::format("it has more than {} background frames", kMostBackgrounds));
       if (heads_.size() > kMostFramesOfAFilm)
         return scanned.wrong(fmt::format("it has more than {} frames", kMostFramesOfAFilm));
     }

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "src/capture/contents.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/statistics.hpp"
 #include "src/core/text.hpp"
@@ -18,6 +19,8 @@ namespace bolo::tools {
 namespace {
 
 constexpr std::size_t kMostFrames = std::size_t{1} << 24U;  // 23 hours at 200 Hz
+// Of the file, however well packed: each has a time of its own. Without it a few kilobytes would fill all memory.
+constexpr std::uint64_t kLeastBytesOfAMessage = 2;
 
 struct Still {
   mcap::Message message;
@@ -35,11 +38,13 @@ struct Series {
 
 // Results of one pass through the file.
 struct Found {
+  std::size_t most = kMostFrames;                                         // of pictures, frames and events
   std::map<std::string, Series> images;                                   // by topic
   std::map<std::tuple<std::uint64_t, std::uint32_t>, ros::Frame> frames;  // by log time and sequence
   std::vector<capture::Event> events;
 
   Status see(const mcap::Topic& topic, const mcap::Message& message, std::string_view data) {
+    if (pictures_ + frames.size() + events.size() >= most) return bad_input("has more frames than its size can hold");
     if (topic.type == ros::kImage) return see_image(topic.name, message, data);
     if (topic.type == ros::kFrame) {
       ASSIGN_OR_RETURN(const auto frame, ros::read_frame(data));
@@ -48,10 +53,12 @@ struct Found {
       ASSIGN_OR_RETURN(auto event, ros::read_diagnostics(data));
       if (!event.kind.empty()) events.push_back(std::move(event));
     }
-    return frames.size() + events.size() <= kMostFrames ? Status{} : bad_input("has too many frames");
+    return {};
   }
 
  private:
+  std::size_t pictures_ = 0;
+
   Status see_image(const std::string& topic, const mcap::Message& message, std::string_view data) {
     ASSIGN_OR_RETURN(const auto image, at(topic, ros::read_image(data)));
     Series& series = images[topic];
@@ -62,7 +69,7 @@ struct Found {
     if (!(series.size == image.size) || series.type != image.type) {
       return bad_input(topic + ": its images are not all of one size and type");
     }
-    if (series.pictures.size() >= kMostFrames) return bad_input(topic + ": has too many images");
+    ++pictures_;
     series.pictures.push_back({.message = message, .stamp_ns = image.stamp_ns});
     return {};
   }
@@ -173,11 +180,14 @@ class McapFootage final : public Footage {
     Extras extras;
     extras.events = events_;
     for (const auto& [key, value] : texts_) {
+      if (extras.attributes.size() == capture::kMostOtherAttributes) break;
       if (const std::string name = mcap::attribute_in(key, mcap::kText); !name.empty()) {
-        extras.attributes.push_back({name, value.substr(0, value.find('\0'))});
+        extras.attributes.push_back({name, value.substr(0, std::min(value.find('\0'), capture::h5::kLongestString))});
       }
       const std::string name = mcap::attribute_in(key, mcap::kNumber);
-      if (const auto number = number_of(value); !name.empty() && number) extras.attributes.push_back({name, *number});
+      const bool is_text = texts_.contains(std::string(mcap::kText) + name);
+      const auto number = number_of(value);
+      if (!name.empty() && !is_text && number) extras.attributes.push_back({name, *number});
     }
     return extras;
   }
@@ -197,6 +207,7 @@ Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, co
   Result<mcap::Reader> reader = mcap::Reader::open(file);
   if (!reader) return named(reader.error());
   Found found;
+  found.most = std::min<std::uint64_t>(kMostFrames, reader->size() / kLeastBytesOfAMessage);
   const Status walked = reader->walk([&](const mcap::Topic& on, const mcap::Message& message, std::string_view data) {
     return found.see(on, message, data);
   });
@@ -206,7 +217,9 @@ Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, co
   Series& series = found.images[*chosen];
   number_pictures(found, series);
   if (Status good = check_times(series); !good) return at(file.string() + ": " + *chosen, good.error());
-  return std::make_unique<McapFootage>(std::move(*reader), std::move(found), *chosen, stated);
+  auto footage = std::make_unique<McapFootage>(std::move(*reader), std::move(found), *chosen, stated);
+  RETURN_IF_ERROR(at(file.string(), capture::check_format_values(footage->info().format)));
+  return footage;
 }
 
 }  // namespace bolo::tools

@@ -19,6 +19,7 @@ constexpr std::uint64_t kMostRecord = std::uint64_t{256} << 20U;
 constexpr std::uint64_t kPiece = std::uint64_t{1} << 20U;
 constexpr std::size_t kMessageHead = 22;  // of a message's fields, before its data
 constexpr std::size_t kMostTopics = 4096;
+constexpr std::size_t kLongestName = 200;
 
 tl::unexpected<Error> damaged(std::uint64_t at, const std::string& what) {
   return bad_input("damaged at byte " + std::to_string(at) + ": " + what);
@@ -91,7 +92,7 @@ Status Reader::see(Op op, std::string_view fields, std::uint64_t at, const Visit
   switch (op) {
     case Op::kSchema: {
       const auto id = reader.number<std::uint16_t>();
-      types_.insert_or_assign(id, std::string(reader.text().substr(0, kPiece)));
+      types_.insert_or_assign(id, std::string(reader.text().substr(0, kLongestName)));
       break;
     }
     case Op::kChannel:
@@ -122,7 +123,7 @@ Status Reader::see_channel(std::string_view fields) {
   const auto type = types_.find(schema);
   std::optional<Topic>& known = topics_[id];
   known.reset();
-  if (encoding == "cdr" && type != types_.end()) known = Topic{printable(topic.substr(0, 200)), type->second};
+  if (encoding == "cdr" && type != types_.end()) known = Topic{printable(topic.substr(0, kLongestName)), type->second};
   return {};
 }
 

@@ -177,6 +177,8 @@ class Reader {
   // The data of a message that was visited; good until the next call.
   Result<std::string_view> data(const Message& message);
 
+  std::uint64_t size() const { return size_; }  // of the file
+
   // After walk(): metadata records by name; of several of one name all.
   const std::multimap<std::string, Texts>& metadata() const { return metadata_; }
 

@@ -1,10 +1,12 @@
 #include "tools/convert/ros_messages.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <vector>
 
+#include "src/capture/contents.hpp"
 #include "src/core/byte_order.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
@@ -225,6 +227,9 @@ Result<Frame> read_frame(std::string_view message) {
   frame.utc_s = cdr.number<double>();
   frame.host_s = cdr.number<double>();
   RETURN_IF_ERROR(cdr.check("a frame's number"));
+  for (const double t_s : {frame.t_s, frame.utc_s, frame.host_s}) {
+    if (!(std::abs(t_s) <= capture::kLastTime_s)) return bad_input("a frame has a time that no clock shows");
+  }
   return frame;
 }
 
@@ -241,9 +246,9 @@ Result<capture::Event> read_diagnostics(std::string_view message) {
   const std::string_view kind_key = cdr.text();
   const std::string_view kind = cdr.text();
   RETURN_IF_ERROR(cdr.check("a diagnosis"));
-  if (time_key != "t" || !time || kind_key != "event") return event;
+  if (time_key != "t" || !time || std::abs(*time) > capture::kLastTime_s || kind_key != "event") return event;
   event.t_s = *time;
-  event.kind = printable(kind.substr(0, 200));
+  event.kind = printable(kind.substr(0, capture::kLongestEventKind));
   return event;
 }
 
