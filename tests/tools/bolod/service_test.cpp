@@ -52,6 +52,13 @@ pid_t thread_of(std::uint32_t pid, const std::string& name) {
   return 0;
 }
 
+bool asleep(std::uint32_t pid, pid_t thread) {
+  std::ifstream stat("/proc/" + std::to_string(pid) + "/task/" + std::to_string(thread) + "/stat");
+  std::string line;
+  std::getline(stat, line);
+  return line.find(") S ") != std::string::npos;
+}
+
 // Holds one thread of another process still, as a hang in it would.
 class HeldThread {
  public:
@@ -104,13 +111,13 @@ TEST_F(Service, HearsThatItIsReadyThatItLivesAndThatItEnds) {
   EXPECT_EQ(manager_.count("READY=1"), 1U);
 }
 
-TEST_F(Service, HearsNoSignOfLifeWhileAThreadOfThePipelineHangs) {
+TEST_F(Service, HearsNoSignOfLifeWhileThePipelineHangs) {
   expect_feeding(false);
   const auto daemon = start(20'000);
   ASSERT_TRUE(manager_.received("WATCHDOG=1", 3)) << daemon->err();
-  const pid_t worker = thread_of(daemon->pid(), "bolo-deblur-1");
-  ASSERT_NE(worker, 0);
-  HeldThread hang(worker);
+  const pid_t pipeline = thread_of(daemon->pid(), "bolo-deblur");
+  ASSERT_NE(pipeline, 0);
+  HeldThread hang(pipeline);
   if (!hang.held()) GTEST_SKIP() << "a thread of another process may not be held here: " << std::strerror(errno);
   ASSERT_TRUE(logged(*daemon, "no signs of life to the watchdog")) << daemon->err();
   expect_parts(daemon->err(), {"the pipeline has not moved"});
@@ -121,6 +128,21 @@ TEST_F(Service, HearsNoSignOfLifeWhileAThreadOfThePipelineHangs) {
   hang.release();
   EXPECT_TRUE(manager_.received("WATCHDOG=1", fed + 3)) << "the pipeline goes on";
   expect_good_end(*daemon);
+}
+
+// The others do the parts of a worker that does not wake up.
+TEST_F(Service, HearsSignsOfLifeWhileAWorkerHangs) {
+  expect_feeding(false);
+  const auto daemon = start(20'000);
+  ASSERT_TRUE(manager_.received("WATCHDOG=1", 3)) << daemon->err();
+  const pid_t worker = thread_of(daemon->pid(), "bolo-deblur-1");
+  ASSERT_NE(worker, 0);
+  ASSERT_TRUE(eventually([&] { return asleep(daemon->pid(), worker); }));
+  const HeldThread hang(worker);
+  if (!hang.held()) GTEST_SKIP() << "a thread of another process may not be held here: " << std::strerror(errno);
+  const std::size_t fed = manager_.count("WATCHDOG=1");
+  EXPECT_TRUE(manager_.received("WATCHDOG=1", fed + 30)) << daemon->err();  // longer than any patience with a hang
+  EXPECT_EQ(daemon->err().find("no signs of life"), std::string::npos) << daemon->err();
 }
 
 TEST_F(Service, HearsSignsOfLifeWhileALostCameraIsLookedFor) {
