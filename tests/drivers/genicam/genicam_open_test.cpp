@@ -207,6 +207,7 @@ class SwappingRelay {
     const sockaddr_in back = address_of(camera, kGvcpPort);
     EXPECT_EQ(bind(front_.get(), reinterpret_cast<const sockaddr*>(&front), sizeof front), 0);
     EXPECT_EQ(connect(back_.get(), reinterpret_cast<const sockaddr*>(&back), sizeof back), 0);
+    thread_ = std::jthread([this](const std::stop_token& end) { run(end); });
   }
   // Registers that were reversed.
   int swapped() const { return swapped_.load(); }
@@ -246,7 +247,7 @@ class SwappingRelay {
   const UniqueFd front_{socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)};  // towards programs
   const UniqueFd back_{socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)};   // towards the camera
   std::atomic<int> swapped_{0};
-  std::jthread thread_{[this](const std::stop_token& end) { run(end); }};
+  std::jthread thread_;
 };
 
 // A camera that sends its registers in another byte order than its description says, when they are read as memory.
