@@ -54,7 +54,8 @@ class WorkerTeam {
   void take_share(int of) noexcept;
 
   // run() writes the job and opens all shares for its round; when all parts are done it closes them. A worker that has
-  // read the job of one round and the share of another takes no part: the share was closed in between, and has changed.
+  // read the job of one round and the share of another takes no part: the share was closed in between, and has changed
+  // (tests/models/team.pml).
   static constexpr std::uint64_t kClosed = 0xFFFFFFFF;
   struct alignas(kCacheLine) Share {
     std::atomic<std::uint64_t> next{kClosed};  // round, 32 bits; the part that is taken next

@@ -32,6 +32,10 @@ MODELS = {
         ["", "THIEF"],
         ["PUBLISHED_FIRST", "WAKE_FIRST", "FORGETS_THE_REST", "THIEF SLEEPS_ON"],
     ),
+    "team": (
+        [""],
+        ["NEVER_CLOSES", "OPENS=RELAXED", "READS=RELAXED", "FINISHES=RELAXED", "NEVER_HELPS"],
+    ),
 }
 
 
