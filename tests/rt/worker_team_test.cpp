@@ -63,14 +63,13 @@ TEST(WorkerTeam, NobodyWaitsForAWorkerThatIsHeldUp) {
         kParts,
         [](void* context, int /*part*/) {
           auto& s = *static_cast<Shared*>(context);
-          const auto held = [&] { return s.by_caller.load() < kParts - 1; };
           if (std::this_thread::get_id() == s.caller) {
             s.by_caller.fetch_add(1);
             while (s.by_caller.load() == kParts - 1 && !s.helped.load()) std::this_thread::yield();
           } else {
             s.helped.store(true);
             const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
-            while (held() && std::chrono::steady_clock::now() < end) std::this_thread::yield();
+            while (s.by_caller.load() < kParts - 1 && std::chrono::steady_clock::now() < end) std::this_thread::yield();
           }
         },
         &shared);
