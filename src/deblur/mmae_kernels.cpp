@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <iterator>
-#include <type_traits>
 
 #include "src/deblur/kernels.hpp"
 
@@ -53,23 +52,30 @@ struct Differences {
 };
 
 template <typename T>
-HWY_INLINE void load_differences(const BlockSamples& in, int samples, std::size_t column, Vec inverse_noise,
-                                 Differences& to) {
+HWY_INLINE void load_differences(const BlockSamples& in, const ModelTables& tables, std::size_t column,
+                                 Vec inverse_noise, Differences& to) {
+  const int last = tables.samples - 2;
   for (int r = 0; r < in.rows; ++r) {
     for (std::size_t v = 0; v < kUnit; v += kLanes) {
       const std::size_t at = column + v;
       const auto columns = static_cast<std::size_t>(in.columns);
       const std::size_t count = at < columns ? std::min(kLanes, columns - at) : 0;
       // Samples lie whole frames apart, where hardware does not prefetch.
-      for (int i = 0; i < samples; ++i) hwy::Prefetch(static_cast<const T*>(in.values[r][i]) + at + kStatColumns);
+      for (int i = 0; i <= last + 1; ++i) hwy::Prefetch(static_cast<const T*>(in.values[r][i]) + at + kStatColumns);
       Vec before = load_values(static_cast<const T*>(in.values[r][0]) + at, count);
-      for (int i = 1; i < samples; ++i) {
-        const Vec value = load_values(static_cast<const T*>(in.values[r][i]) + at, count);
+      for (int i = 0; i <= last; ++i) {
+        const Vec value = load_values(static_cast<const T*>(in.values[r][i + 1]) + at, count);
         const Vec d = hn::Mul(inverse_noise, hn::Sub(value, before));
         // A NaN says nothing of its block's motion.
         const Vec usable = hn::IfThenElseZero(hn::Lt(hn::Abs(d), all(kLargestDifference)), d);
-        hn::Store(usable, Float(), to.d[r][i - 1] + v);
+        hn::Store(usable, Float(), to.d[r][i] + v);
         before = value;
+      }
+      for (int i = 0, j = last; tables.split <= last && i < j; ++i, --j) {
+        const Vec early = hn::Load(Float(), to.d[r][i] + v);
+        const Vec late = hn::Load(Float(), to.d[r][j] + v);
+        hn::Store(hn::Add(early, late), Float(), to.d[r][i] + v);
+        hn::Store(hn::Sub(early, late), Float(), to.d[r][j] + v);
       }
     }
   }
@@ -102,36 +108,27 @@ HWY_INLINE void store_block_sums(const Vec* pair, float (*moments)[kMostPairs], 
 #endif
 }
 
-// End of the pairs i <= j of differences that are computed for i; where `mirrored`, the others are added to these.
-constexpr int end_of_row(bool mirrored, int i, int differences) { return mirrored ? differences - i : differences; }
-
-// M = sum over a block's pixels of d d^T, pairs i <= j row by row.
-template <bool kMirrored, typename T>
-HWY_INLINE void add_moments(const BlockSamples& in, int samples, Vec inverse_noise, float (*moments)[kMostPairs]) {
+// M = sum over a block's pixels of d d^T, pairs i <= j of each part row by row (ModelTables::split).
+template <typename T>
+HWY_INLINE void add_moments(const BlockSamples& in, const ModelTables& tables, Vec inverse_noise,
+                            float (*moments)[kMostPairs]) {
   constexpr std::size_t kVectors = kUnit / kLanes;
+  constexpr std::size_t kParts = kStatRows * kVectors;
   Differences m;
-  const int differences = samples - 1;
+  const auto part = [&](int difference, std::size_t k)
+                        HWY_ATTR { return hn::Load(Float(), m.d[k / kVectors][difference] + k % kVectors * kLanes); };
+  const int differences = tables.samples - 1;
   for (std::size_t column = 0; column < static_cast<std::size_t>(in.columns); column += kUnit) {
-    load_differences<T>(in, samples, column, inverse_noise, m);
+    load_differences<T>(in, tables, column, inverse_noise, m);
     float(*block)[kMostPairs] = moments + column / kBlockColumns;
     Vec pair[8];
     std::size_t p = 0;
     for (int i = 0; i < differences; ++i) {
-      constexpr std::size_t kParts = kStatRows * kVectors;
-      const auto part = [&](int difference, std::size_t k) HWY_ATTR {
-        return hn::Load(Float(), m.d[k / kVectors][difference] + k % kVectors * kLanes);
-      };
-      const int opposite = differences - 1 - i;
       Vec left[kParts];
-      Vec right[kParts];
       for (std::size_t k = 0; k < kParts; ++k) left[k] = part(i, k);
-      for (std::size_t k = 0; kMirrored && k < kParts; ++k) right[k] = part(opposite, k);
-      for (int j = i; j < end_of_row(kMirrored, i, differences); ++j, ++p) {
+      for (int j = i; j < (i < tables.split ? tables.split : differences); ++j, ++p) {
         Vec sum = hn::Zero(Float());
         for (std::size_t k = 0; k < kParts; ++k) sum = hn::MulAdd(left[k], part(j, k), sum);
-        if (kMirrored && j < opposite) {
-          for (std::size_t k = 0; k < kParts; ++k) sum = hn::MulAdd(right[k], part(differences - 1 - j, k), sum);
-        }
         pair[p % 8] = sum;
         if (p % 8 == 7) store_block_sums(pair, block, p - 7);
       }
@@ -148,22 +145,20 @@ inline constexpr int kTogether = kLanes >= 16 ? 4 : 2;                        //
 
 // Scores of `kTogether` blocks: every entry of the table is loaded once for all of them.
 HWY_INLINE void add_scores(const ModelTables& tables, const float (*moments)[kMostPairs], float (*score)[kModels]) {
-  const int differences = tables.samples - 1;
+  const int late = tables.samples - 1 - tables.split;
+  const int pairs = (tables.split * (tables.split + 1) + late * (late + 1)) / 2;
   for (std::size_t chunk = 0; chunk < kModelVectors; chunk += kChunk) {
     Vec sum[kTogether][kChunk];
     for (int b = 0; b < kTogether; ++b) {
       for (std::size_t c = 0; c < kChunk; ++c) sum[b][c] = hn::Load(Float(), score[b] + (chunk + c) * kLanes);
     }
-    const auto* row = tables.score.data();
-    for (int i = 0, p = 0; i < differences; row += differences - i, ++i) {
-      for (int j = i; j < end_of_row(tables.mirrored, i, differences); ++j, ++p) {
-        const float* table = row[j - i].data() + chunk * kLanes;
-        Vec entry[kChunk];
-        for (std::size_t c = 0; c < kChunk; ++c) entry[c] = hn::Load(Float(), table + c * kLanes);
-        for (int b = 0; b < kTogether; ++b) {
-          const Vec moment = all(moments[b][p]);
-          for (std::size_t c = 0; c < kChunk; ++c) sum[b][c] = hn::MulAdd(moment, entry[c], sum[b][c]);
-        }
+    for (int p = 0; p < pairs; ++p) {
+      const float* table = tables.score[static_cast<std::size_t>(p)].data() + chunk * kLanes;
+      Vec entry[kChunk];
+      for (std::size_t c = 0; c < kChunk; ++c) entry[c] = hn::Load(Float(), table + c * kLanes);
+      for (int b = 0; b < kTogether; ++b) {
+        const Vec moment = all(moments[b][p]);
+        for (std::size_t c = 0; c < kChunk; ++c) sum[b][c] = hn::MulAdd(moment, entry[c], sum[b][c]);
       }
     }
     for (int b = 0; b < kTogether; ++b) {
@@ -191,17 +186,10 @@ HWY_INLINE void normalise(float* score) {
 void find_posteriors(const ModelTables& tables, const BlockSamples& in, float inverse_noise, Posteriors& out) noexcept {
   HWY_ALIGN float moments[kStatBlocks][kMostPairs];
   const int blocks = (in.columns + kStatBlock - 1) / kStatBlock;
-  const auto add = [&]<bool kMirrored>(std::bool_constant<kMirrored>) HWY_ATTR {
-    if (in.type == PixelType::kUint16) {
-      add_moments<kMirrored, std::uint16_t>(in, tables.samples, all(inverse_noise), moments);
-    } else {
-      add_moments<kMirrored, float>(in, tables.samples, all(inverse_noise), moments);
-    }
-  };
-  if (tables.mirrored) {
-    add(std::true_type());
+  if (in.type == PixelType::kUint16) {
+    add_moments<std::uint16_t>(in, tables, all(inverse_noise), moments);
   } else {
-    add(std::false_type());
+    add_moments<float>(in, tables, all(inverse_noise), moments);
   }
   for (int b = 0; b < kStatBlocks; ++b) {
     const int columns = std::clamp(in.columns - b * kStatBlock, 0, kStatBlock);

@@ -152,10 +152,11 @@ void MotionModels::prepare(ModelTables& tables, const Pattern& pattern) const no
     if (!pattern.received[static_cast<std::size_t>(slot)]) continue;
     tables.slot[static_cast<std::size_t>(tables.samples++)] = slot;
   }
-  tables.mirrored = true;
+  const int differences = tables.samples - 1;
+  tables.split = tables.samples / 2;
   for (int i = 0; i < tables.samples; ++i) {
     const auto slot = [&](int k) { return tables.slot[static_cast<std::size_t>(k)]; };
-    tables.mirrored &= slot(i) + slot(tables.samples - 1 - i) == slot(0) + slot(tables.samples - 1);
+    if (slot(i) + slot(differences - i) != slot(0) + slot(differences)) tables.split = differences;
   }
   for (int model = 0; model < kModels; ++model) prepare_model(tables, model);
 }
@@ -197,8 +198,13 @@ void MotionModels::prepare_model(ModelTables& tables, int model) const noexcept 
 
   std::size_t pair = 0;
   for (int i = 0; i < differences; ++i) {
-    for (int j = i; j < differences; ++j) {
-      tables.score[pair++][k] = static_cast<float>(-0.5 * kTemper * (i == j ? 1.0 : 2.0) * inverse(i, j));
+    for (int j = i; j < (i < tables.split ? tables.split : differences); ++j) {
+      double of_pair = (i == j ? 1.0 : 2.0) * inverse(i, j);
+      if (tables.split < differences) {  // differences are halves of sums and more or less of what two differ by
+        of_pair *= 0.5;
+        of_pair += (i == j ? 0.5 : 1.0) * (i < tables.split ? 1.0 : -1.0) * inverse(i, differences - 1 - j);
+      }
+      tables.score[pair++][k] = static_cast<float>(-0.5 * kTemper * of_pair);
     }
   }
   tables.per_pixel[k] = static_cast<float>(-0.5 * kTemper * log_det);

@@ -31,11 +31,12 @@ struct ModelTables {
   Pattern pattern;  // of the whole window
   int samples = 0;
   std::array<int, kMostSamples> slot{};  // of each sample, oldest first
-  // The samples lie alike from both ends, so that score is the same for differences i, j as for those as far from the
-  // other end.
-  bool mirrored = false;
-  // log likelihood, tempered: sum_p score[p][k] M_p + n per_pixel[k] + prior[k]; p runs over pairs i <= j of
-  // differences row by row, M in units of the noise's variance.
+  // Where the samples lie alike from both ends, the log likelihood falls apart into a part of the sums of each two
+  // differences that are as far from the ends, in place of the earlier one, and one of what these two differ by, in
+  // place of the later: `split` is where the latter begin. Else there is one part, of the differences themselves.
+  int split = 0;
+  // log likelihood, tempered: sum_p score[p][k] M_p + n per_pixel[k] + prior[k]; p runs over pairs i <= j of each part
+  // row by row, M in units of the noise's variance.
   alignas(64) std::array<std::array<float, kModels>, kMostPairs> score{};
   alignas(64) std::array<float, kModels> per_pixel{};
   alignas(64) std::array<float, kModels> prior{};

@@ -1,4 +1,6 @@
 // Multiple-model adaptive estimation against the same in plain double precision.
+#include <Eigen/Dense>
+
 #include "src/deblur/kernels.hpp"
 #include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/motion_models.hpp"
@@ -55,6 +57,25 @@ class Movie {
   std::vector<const void*> pointers_;
 };
 
+// A pixel's share of a model's log likelihood, from its differences in time.
+double likelihood(const ModelTables& tables, std::vector<double> d, std::size_t model) {
+  const std::size_t n = d.size();
+  const auto split = static_cast<std::size_t>(tables.split);
+  for (std::size_t i = 0; split < n && i < n / 2; ++i) {
+    const double early = d[i];
+    d[i] += d[n - 1 - i];
+    d[n - 1 - i] = early - d[n - 1 - i];
+  }
+  double sum = static_cast<double>(tables.per_pixel[model]);
+  std::size_t pair = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = i; j < (i < split ? split : n); ++j, ++pair) {
+      sum += static_cast<double>(tables.score[pair][model]) * d[i] * d[j];
+    }
+  }
+  return sum;
+}
+
 // The definition: posterior of each block, weights between blocks' centres, filter.
 class Reference {
  public:
@@ -105,16 +126,11 @@ class Reference {
     return movie_.at(static_cast<std::size_t>(tables_.slot[i]), x, y);
   }
   void add_pixel(int x, int y, std::vector<double>& score) const {
-    std::size_t pair = 0;
-    const auto samples = static_cast<std::size_t>(tables_.samples);
-    for (std::size_t k = 0; k < kModels; ++k) score[k] += static_cast<double>(tables_.per_pixel[k]);
-    for (std::size_t i = 1; i < samples; ++i) {
-      for (std::size_t j = i; j < samples; ++j, ++pair) {
-        const double di = (sample(i, x, y) - sample(i - 1, x, y)) / noise_;
-        const double dj = (sample(j, x, y) - sample(j - 1, x, y)) / noise_;
-        for (std::size_t k = 0; k < kModels; ++k) score[k] += static_cast<double>(tables_.score[pair][k]) * di * dj;
-      }
+    std::vector<double> d;
+    for (std::size_t i = 1; i < static_cast<std::size_t>(tables_.samples); ++i) {
+      d.push_back((sample(i, x, y) - sample(i - 1, x, y)) / noise_);
     }
+    for (std::size_t k = 0; k < kModels; ++k) score[k] += likelihood(tables_, d, k);
   }
 
   const Movie& movie_;
@@ -233,6 +249,38 @@ TEST(MotionModels, SamplesHaveTheProcessCovariance) {
     EXPECT_NEAR(covariance(16, 17), with_truth, 0.04) << px_per_s;
     EXPECT_NEAR(covariance(10, 13), lag_three, 0.04) << px_per_s;
     EXPECT_NEAR(covariance(10, 13), covariance(2, 5), 1e-6);
+  }
+}
+
+// Samples that lie alike from both ends, an even and an odd number of differences, and some that do not.
+TEST(MotionModels, ScoresAreTheSamplesLogLikelihood) {
+  const Settings settings = settings_with(0.1);
+  const MotionModels models(settings, {0.0});
+  ModelTables tables = models.make_tables();
+  for (const std::vector<std::size_t>& lost : {std::vector<std::size_t>{}, {8}, {5}}) {
+    Pattern pattern = whole_pattern(settings);
+    for (const std::size_t slot : lost) pattern.received[slot] = false;
+    models.prepare(tables, pattern);
+    EXPECT_EQ(tables.split < tables.samples - 1, lost != std::vector<std::size_t>{5});
+    const Eigen::Index n = tables.samples;
+    for (const int model : {0, 1 + 9 * 2 + 2, 1 + 9 * 5 + 4}) {
+      const std::vector<double> rows = models.joint_factor(model);
+      const Eigen::Map<const Eigen::Matrix<double, kWindow + 1, kWindow + 1, Eigen::RowMajor>> factor(rows.data());
+      const Eigen::MatrixXd joint = factor * factor.transpose();
+      Eigen::MatrixXd y = Eigen::MatrixXd::Identity(n, n);
+      for (Eigen::Index i = 0; i < n; ++i) {
+        for (Eigen::Index j = 0; j < n; ++j)
+          y(i, j) += joint(tables.slot[static_cast<std::size_t>(i)], tables.slot[static_cast<std::size_t>(j)]);
+      }
+      const Eigen::MatrixXd difference =
+          Eigen::MatrixXd::Identity(n, n).bottomRows(n - 1) - Eigen::MatrixXd::Identity(n, n).topRows(n - 1);
+      const Eigen::MatrixXd covariance = difference * y * difference.transpose();
+      const Eigen::VectorXd d = Eigen::VectorXd::LinSpaced(n - 1, -2.0, 3.0).array().cos();
+      const double wanted = -0.5 * 0.4 * (d.dot(covariance.inverse() * d) + std::log(covariance.determinant()));
+      EXPECT_NEAR(likelihood(tables, {d.begin(), d.end()}, static_cast<std::size_t>(model)), wanted,
+                  1e-5 * std::abs(wanted))
+          << model << ", " << lost.size();
+    }
   }
 }
 
