@@ -159,7 +159,8 @@ TauTables<BarTable> bar_tables(const CameraModel& c, const StimulusState& stimul
       return (scene_signal(c, kelvin) - cold) / span;
     };
   }
-  return {c.response, moving, [&](const Response& response) { return BarTable(bars, response, signal); }};
+  const BarShape shape(bars, c.response.blur_px2, signal);
+  return {c.response, moving, [&](const Response& response) { return BarTable(shape, response); }};
 }
 
 // Corrects speeds, which are relative to the nominal clock.

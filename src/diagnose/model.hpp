@@ -3,6 +3,8 @@
 // prediction.
 #pragma once
 
+#include <complex>
+
 #include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
@@ -61,11 +63,23 @@ struct Bars {
   double lean_px = 0.0;      // of the bars' slant within a pixel's height
 };
 
-// A pixel's response to bars of height 1 on 0, by the bars' phase at the pixel.
+// What pixels see of bars of height 1 on 0, before their response: the share of the signal by the bars' phase.
+struct BarShape {
+  // `signal`: from the covered share of a pixel to its share of the signal; empty: identity.
+  BarShape(const Bars& bars, double blur_px2, const std::function<double(double)>& signal = {});
+
+  Bars bars;
+  double sigma_px = 0.0;                       // of optics and edges
+  std::vector<std::complex<double>> spectrum;  // of one period
+  std::vector<double> signal_of_share;         // of shares from 0 to 1; empty: identity
+};
+
+// A pixel's response to them, by the bars' phase at the pixel.
 class BarTable {
  public:
-  // `signal`: from the covered share of a pixel to its share of the signal; empty: identity.
-  BarTable(const Bars& bars, const Response& response, const std::function<double(double)>& signal = {});
+  static constexpr int kPhases = 8192;
+
+  BarTable(const BarShape& shape, const Response& response);
   double at(double phase_px) const noexcept;     // phase: any number
   double slope(double phase_px) const noexcept;  // by phase, 1/px
 
@@ -74,18 +88,23 @@ class BarTable {
     std::size_t index = 0;
     float share = 0.0F;  // of the way to the next value
   };
-  Cell cell(double phase_px) const noexcept;
+  Cell cell(double phase_px) const noexcept {
+    const double turns = phase_px / bars_.period_px;
+    const double part = turns - static_cast<double>(static_cast<std::int64_t>(turns));
+    const double at = (part < 0.0 ? part + 1.0 : part) * kPhases;
+    const std::size_t i = std::min(static_cast<std::size_t>(at), static_cast<std::size_t>(kPhases - 1));
+    return {i, static_cast<float>(at - static_cast<double>(i))};
+  }
   double moving_at(Cell cell) const noexcept {
     return value_[cell.index] + cell.share * (value_[cell.index + 1] - value_[cell.index]);
   }
 
  private:
   double covered(double phase_px) const noexcept;  // a still pixel's share of the signal, in closed form
-  double scale_ = 0.0;
   Bars bars_;
   bool still_ = false;  // value_ is conduction's addition to covered()
   double sigma_px_ = 0.0;
-  std::vector<double> signal_;  // of shares from 0 to 1; empty: identity
+  std::vector<double> signal_;  // BarShape::signal_of_share
   std::vector<float> value_;    // one period and one more
 };
 

@@ -1,15 +1,13 @@
 #include "src/diagnose/model.hpp"
 
-#include <complex>
-
 #include <unsupported/Eigen/FFT>
 
 namespace bolo::diagnose {
 namespace {
 
 constexpr double kTableStep_s = 25e-6;  // s between two points of a StepTable
-constexpr int kTablePhases = 8192;
-constexpr int kTableShares = 512;  // steps of a pixel's covered share
+constexpr int kTableShares = 512;       // steps of a pixel's covered share
+constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
 using Complex = std::complex<double>;
 
@@ -37,6 +35,7 @@ Complex readout_response(const Response& r, double omega) {
   Complex factor = 1.0;
   const double turn = omega * r.window_s;
   if (std::abs(turn) > 1e-9) factor *= std::sin(turn / 2.0) / (turn / 2.0);
+  if (r.filter == FrameFilter::kNone) return factor;
   const Complex back = std::exp(-i * omega * r.period_s);
   if (r.filter == FrameFilter::kRecursive) factor *= r.alpha / (1.0 - (1.0 - r.alpha) * back);
   if (r.filter == FrameFilter::kBox) factor *= r.alpha + (1.0 - r.alpha) * back;
@@ -137,7 +136,7 @@ StepTable::StepTable(std::span<const Step> steps, const Response& response, doub
     const double end = now + kTableStep_s;
     if (next == steps.size() || steps[next].t_s >= end) {  // the common interval: no step inside
       fast.run(kTableStep_s, input, fine_fast);
-      slow.run(kTableStep_s, input, fine_slow);
+      if (share != 0.0) slow.run(kTableStep_s, input, fine_slow);
       continue;
     }
     while (next < steps.size() && steps[next].t_s < end) {
@@ -181,13 +180,11 @@ double StepTable::at(double t_s) const noexcept {
   return (integral(t_s + window_s_ / 2.0) - integral(t_s - window_s_ / 2.0)) / window_s_;
 }
 
-BarTable::BarTable(const Bars& bars, const Response& response, const std::function<double(double)>& signal)
-    : scale_(kTablePhases / bars.period_px), bars_(bars), still_(bars.velocity_px_s == 0.0) {
-  constexpr double kTwoPi = 2.0 * std::numbers::pi;
-  std::vector<Complex> spectrum(kTablePhases / 2 + 1);
-  spectrum[0] = bars.bar_width_px / bars.period_px * kTablePhases;
-  const double blur = response.blur_px2 * (1.0 + bars.slant_px_per_row * bars.slant_px_per_row) + bars.edge_px2;
-  sigma_px_ = std::sqrt(std::max(0.0, blur));
+BarShape::BarShape(const Bars& of, double blur_px2, const std::function<double(double)>& signal)
+    : bars(of), spectrum(BarTable::kPhases / 2 + 1) {
+  spectrum[0] = bars.bar_width_px / bars.period_px * BarTable::kPhases;
+  const double blur = blur_px2 * (1.0 + bars.slant_px_per_row * bars.slant_px_per_row) + bars.edge_px2;
+  sigma_px = std::sqrt(std::max(0.0, blur));
   for (std::size_t n = 1; n < spectrum.size() - 1; ++n) {
     const double f = static_cast<double>(n) / bars.period_px;  // cycles a pixel
     const double gauss = kTwoPi * kTwoPi / 2.0 * f * f * blur;
@@ -195,22 +192,27 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     const double turn = kTwoPi * f * bars.bar_width_px;
     const Complex bar = (1.0 - std::exp(Complex(0.0, -turn))) / Complex(0.0, kTwoPi * static_cast<double>(n));
     spectrum[n] = bar * sinc(f * bars.aperture_px) * sinc(f * bars.lean_px) * sinc(f * bars.ramp_px) *
-                  std::exp(-gauss) * static_cast<double>(kTablePhases);
+                  std::exp(-gauss) * static_cast<double>(BarTable::kPhases);
   }
+  if (!signal) return;
   Eigen::FFT<double> fft;
   fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
-  std::vector<double> phases(kTablePhases);
-  if (signal) {
-    fft.inv(phases, spectrum, kTablePhases);
-    for (double& p : phases) p = signal(p);
-    fft.fwd(spectrum, phases);
-  }
+  std::vector<double> phases(BarTable::kPhases);
+  fft.inv(phases, spectrum, BarTable::kPhases);
+  for (double& p : phases) p = signal(p);
+  fft.fwd(spectrum, phases);
+  for (int i = 0; i <= kTableShares; ++i) signal_of_share.push_back(signal(static_cast<double>(i) / kTableShares));
+}
+
+BarTable::BarTable(const BarShape& shape, const Response& response)
+    : bars_(shape.bars), still_(bars_.velocity_px_s == 0.0), sigma_px_(shape.sigma_px), signal_(shape.signal_of_share) {
+  std::vector<Complex> spectrum = shape.spectrum;
   for (std::size_t n = 1; n < spectrum.size() - 1; ++n) {
     if (spectrum[n] == 0.0) continue;
-    const double f = static_cast<double>(n) / bars.period_px;
-    const double lateral =
-        2.0 * response.coupling * (2.0 - std::cos(kTwoPi * f) - std::cos(kTwoPi * f * bars.slant_px_per_row));
-    const double omega = -kTwoPi * f * bars.velocity_px_s;
+    const double f = static_cast<double>(n) / bars_.period_px;
+    double lateral = 2.0 * response.coupling;
+    if (lateral != 0.0) lateral *= 2.0 - std::cos(kTwoPi * f) - std::cos(kTwoPi * f * bars_.slant_px_per_row);
+    const double omega = -kTwoPi * f * bars_.velocity_px_s;
     const Complex factor = thermal(response, omega, lateral) * readout_response(response, omega);
     spectrum[n] *= still_ ? factor - 1.0 : factor;
   }
@@ -218,9 +220,11 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     // The truncated series is inexact right at a sharp edge: it gives conduction's contribution only.
     spectrum.front() = 0.0;
     spectrum.back() = 0.0;
-    for (int i = 0; signal && i <= kTableShares; ++i) signal_.push_back(signal(static_cast<double>(i) / kTableShares));
   }
-  fft.inv(phases, spectrum, kTablePhases);
+  Eigen::FFT<double> fft;
+  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
+  std::vector<double> phases(BarTable::kPhases);
+  fft.inv(phases, spectrum, BarTable::kPhases);
   value_.assign(phases.begin(), phases.end());
   value_.push_back(value_.front());
 }
@@ -235,13 +239,6 @@ double BarTable::covered(double phase_px) const noexcept {
   }
   if (signal_.empty()) return share;
   return interpolated(signal_, std::clamp(share, 0.0, 1.0) * kTableShares);
-}
-
-BarTable::Cell BarTable::cell(double phase_px) const noexcept {
-  const double turns = phase_px * scale_ / kTablePhases;
-  const double at = (turns - std::floor(turns)) * kTablePhases;
-  const std::size_t i = std::min(static_cast<std::size_t>(at), static_cast<std::size_t>(kTablePhases - 1));
-  return {i, static_cast<float>(at - static_cast<double>(i))};
 }
 
 double BarTable::at(double phase_px) const noexcept {
@@ -266,7 +263,7 @@ double band_signal(double temperature_k) noexcept {
 double band_temperature(double signal) noexcept {
   const auto& s = table().signal;
   const auto next = std::upper_bound(s.begin() + 1, s.end() - 2, signal);
-  return solved(band_signal, signal, kLow + kTemperatureStep * static_cast<double>(next - s.begin()), 3);
+  return solved(band_signal, signal, kLow + kTemperatureStep * static_cast<double>(next - s.begin()), 2);
 }
 
 double mixed_signal(double temperature_k, double share) noexcept {

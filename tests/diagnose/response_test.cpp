@@ -151,7 +151,7 @@ TEST(BarTable, EdgesAreRampsAndGaussians) {
   const auto place = [](int i, double width) { return ((i + 0.5) / kParts - 0.5) * width; };
   for (const double velocity : {0.0, 1e-3}) {
     bars.velocity_px_s = velocity;
-    const BarTable table(bars, {});
+    const BarTable table(BarShape(bars, 0.0), {});
     for (const double phase : {-0.7, -0.2, 0.1, 0.9, 4.0, 7.6, 8.3, 12.0}) {
       double mean = 0.0;
       for (int i = 0; i < kParts; ++i) {
