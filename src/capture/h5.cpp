@@ -42,7 +42,9 @@ Result<Handle> open_attribute(const Owner& owner, const std::string& name) {
   return attribute;
 }
 
-tl::unexpected<Error> too_long(const std::string& where) { return bad_input(where + " is longer than 65,000 bytes"); }
+tl::unexpected<Error> too_long(const std::string& where) {
+  return bad_input(where + " is longer than " + std::to_string(kLongestString) + " bytes");
+}
 
 Result<std::string> read_string(hid_t attribute, hid_t type, const std::string& where) {
   if (H5Tis_variable_str(type) > 0) {

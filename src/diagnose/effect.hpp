@@ -64,8 +64,8 @@ struct Effect {
   std::string name;
   std::string stage;
   Words words{};
-  std::string needs;  // captures required to identify it
-  Predicate told_by;  // true if a session has them
+  std::string needs;      // captures required to identify it
+  Predicate testable_in;  // true if a session has them
   WithoutBench without_bench = WithoutBench::kNever;
   // Effects on the mean: parameters and maps. Effects of noise and transport have none: they have separate statistics.
   std::function<std::vector<Parameter>(const Session&)> parameters{};

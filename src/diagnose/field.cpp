@@ -11,7 +11,7 @@ constexpr double kLeastOwn = 1.5;   // times the quiet tiles
 constexpr int kTiles = 8;           // along the width and the height
 // Share of blocks with local motion above which a scene is not tracked.
 constexpr double kMostOwn = 0.35;
-constexpr std::size_t kFewestSights = 12;
+constexpr std::size_t kFewestTriplets = 12;
 // Patterns need more of them, or every second frame: a scene at rest except for some jerks is at the same pixels in
 // both halves of the data.
 constexpr std::size_t kFewestOfPattern = 48;
@@ -234,11 +234,11 @@ Result<FieldParts> judge_moving(const std::filesystem::path& file, const Recordi
                                 const Options& options) {
   ASSIGN_OR_RETURN(auto motion, follow_field(file, r, first_noise(r, options), options.profile.tau_s));
   FieldParts parts;
-  if (motion.sights.size() >= kFewestSights) {
+  if (motion.triplets.size() >= kFewestTriplets) {
     const Mask known = events.bad.dead(events.session);
-    parts = take_field_apart(motion.frames, motion.sights, known);
+    parts = take_field_apart(motion.frames, motion.triplets, known);
     parts.followed = parts.followed && parts.moving <= kMostOwn;
-    parts.patterns = motion.sights.size() >= std::min(kFewestOfPattern, r.used_frames().size() / 2);
+    parts.patterns = motion.triplets.size() >= std::min(kFewestOfPattern, r.used_frames().size() / 2);
     for (std::size_t p = 0; parts.followed && parts.patterns && p < parts.dead.size(); ++p) {
       if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
     }

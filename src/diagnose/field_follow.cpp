@@ -13,7 +13,7 @@ using motion::Vec2;
 using motion::VectorField;
 
 constexpr std::size_t kMostResidual = 16'000'000;  // values; frames in memory: at most three times as many
-constexpr Index kMostSights = 320;
+constexpr Index kMostTriplets = 320;
 // Minimum motion of the scene, beyond a pixel's neighbours, to separate a fixed pattern from it.
 constexpr double kLeastMove_px = 3.0;
 constexpr Index kFarthest = 16;  // frames on either side
@@ -94,9 +94,9 @@ std::vector<std::size_t> find_lost(const std::vector<Index>& frame, const std::v
   return lost;
 }
 
-// Variance gain of white noise in a sight's residual, by simulation.
-double noise_gain(Aligner& aligner, const Sight& sight, const Series& noise) {
-  const PaddedPlane& mean = aligner.mean(sight, noise.row(0).data(), noise.row(1).data(), noise.row(2).data());
+// Variance gain of white noise in a triplet's residual, by simulation.
+double noise_gain(Aligner& aligner, const Triplet& triplet, const Series& noise) {
+  const PaddedPlane& mean = aligner.mean(triplet, noise.row(0).data(), noise.row(1).data(), noise.row(2).data());
   const Geometry g = mean.geometry();
   double sum = 0.0;
   for (int y = 0; y < g.height; ++y) {
@@ -215,11 +215,11 @@ std::pair<std::size_t, std::size_t> longest_stretch(const std::vector<Index>& fr
 
 // Evenly spread over used frames [first, last). Frames within a jerk are excluded: they mix two positions of the scene.
 // `lag`: of pixels, in periods.
-std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t first, std::size_t last, double lag,
-                                 std::size_t pixels) {
+std::vector<Triplet> choose_triplets(const std::vector<Shift>& step, std::size_t first, std::size_t last, double lag,
+                                     std::size_t pixels) {
   std::vector<Shift> place(last - first, Shift::Zero());
   for (std::size_t k = 1; k < place.size(); ++k) place[k] = place[k - 1] + step[first + k];
-  std::vector<Sight> all;
+  std::vector<Triplet> all;
   for (Index k = 0; k < static_cast<Index>(place.size()); ++k) {
     const auto before = partner(place, k, -1);
     const auto after = partner(place, k, 1);
@@ -230,23 +230,23 @@ std::vector<Sight> choose_sights(const std::vector<Shift>& step, std::size_t fir
     const double time = static_cast<double>(from + k) / static_cast<double>(step.size());
     all.push_back({from + k, from + *before, from + *after, time, {}, {}});
   }
-  const auto limit = std::min<Index>(kMostSights, static_cast<Index>(kMostResidual / pixels));
-  std::vector<Sight> chosen;
+  const auto limit = std::min<Index>(kMostTriplets, static_cast<Index>(kMostResidual / pixels));
+  std::vector<Triplet> chosen;
   for (const int i : spread_over(static_cast<int>(all.size()), static_cast<int>(std::max<Index>(limit, 16)))) {
     chosen.push_back(all[static_cast<std::size_t>(i)]);
   }
   return chosen;
 }
 
-// Reads the sights' frames and changes their indices to rows of the result.
-Result<FieldFrames> read_for(std::vector<Sight>& sights, const UsedFrames& used) {
+// Reads the triplets' frames and changes their indices to rows of the result.
+Result<FieldFrames> read_for(std::vector<Triplet>& triplets, const UsedFrames& used) {
   std::map<Index, Index> row;  // of each needed frame
-  const auto of_sights = [&sights](const auto& visit) {
-    for (Sight& s : sights) {
+  const auto of_triplets = [&triplets](const auto& visit) {
+    for (Triplet& s : triplets) {
       for (Index* frame : {&s.frame, &s.before, &s.after}) visit(*frame);
     }
   };
-  of_sights([&row](Index k) { row.emplace(k, 0); });
+  of_triplets([&row](Index k) { row.emplace(k, 0); });
   FieldFrames out{used.geometry(),
                   Series(static_cast<Index>(row.size()), static_cast<Index>(used.geometry().pixels()))};
   Index next = 0;
@@ -255,11 +255,11 @@ Result<FieldFrames> read_for(std::vector<Sight>& sights, const UsedFrames& used)
     const std::span values(out.values.row(place).data(), static_cast<std::size_t>(out.values.cols()));
     RETURN_IF_ERROR(used.read(k, values));
   }
-  of_sights([&row](Index& k) { k = row.at(k); });
+  of_triplets([&row](Index& k) { k = row.at(k); });
   return out;
 }
 
-void match_sights(const FieldFrames& frames, Matcher& matcher, std::vector<Sight>& sights) {
+void match_triplets(const FieldFrames& frames, Matcher& matcher, std::vector<Triplet>& triplets) {
   Aligner aligner(frames.geometry);
   std::mt19937 engine{1};
   std::normal_distribution<float> unit;
@@ -267,13 +267,13 @@ void match_sights(const FieldFrames& frames, Matcher& matcher, std::vector<Sight
   for (float& v : white.reshaped()) v = unit(engine);
   motion::Pyramid now(frames.geometry);
   motion::Pyramid other(frames.geometry);
-  for (Sight& sight : sights) {
-    matcher.smooth(frames.values.row(sight.frame).data(), now);
-    matcher.smooth(frames.values.row(sight.before).data(), other);
-    sight.from_before = matcher.blocks(other, now);
-    matcher.smooth(frames.values.row(sight.after).data(), other);
-    sight.from_after = matcher.blocks(other, now);
-    sight.noise_gain = noise_gain(aligner, sight, white);
+  for (Triplet& triplet : triplets) {
+    matcher.smooth(frames.values.row(triplet.frame).data(), now);
+    matcher.smooth(frames.values.row(triplet.before).data(), other);
+    triplet.from_before = matcher.blocks(other, now);
+    matcher.smooth(frames.values.row(triplet.after).data(), other);
+    triplet.from_after = matcher.blocks(other, now);
+    triplet.noise_gain = noise_gain(aligner, triplet, white);
   }
 }
 
@@ -297,10 +297,10 @@ Result<FieldMotion> follow_field(const std::filesystem::path& file, const Record
   used.jumps = out.jumps;
   const auto [first, last] = longest_stretch(used.frame);
   out.after_freeze = first > 0;
-  out.sights = choose_sights(advance.step, first, last, tau_s / used.reader.info().format.frame_period_s,
-                             used.geometry().pixels());
-  ASSIGN_OR_RETURN(out.frames, read_for(out.sights, used));
-  match_sights(out.frames, matcher, out.sights);
+  out.triplets = choose_triplets(advance.step, first, last, tau_s / used.reader.info().format.frame_period_s,
+                                 used.geometry().pixels());
+  ASSIGN_OR_RETURN(out.frames, read_for(out.triplets, used));
+  match_triplets(out.frames, matcher, out.triplets);
   return out;
 }
 

@@ -22,7 +22,7 @@ constexpr double kWidestInterval = 0.1;   // half width, of the time constant: w
 constexpr double kMostDelayError = 3e-6;  // the same of a row delay, s
 
 // Frames with known, consecutive motion.
-struct Followed {
+struct MotionTrack {
   struct Frame {
     bool there = false;              // its motion is known
     std::array<double, 6> affine{};  // SceneMotion::affine
@@ -45,11 +45,11 @@ std::uint64_t periods_between(std::uint64_t before, std::uint64_t now) {
   return now > before ? std::min(now - before, kMany) : kMany;
 }
 
-Result<Followed> follow(const capture::CaptureReader& reader, const Recording& recording,
-                        const deblur::Settings& settings) {
+Result<MotionTrack> follow(const capture::CaptureReader& reader, const Recording& recording,
+                           const deblur::Settings& settings) {
   const StreamFormat& format = reader.info().format;
   auto solver = deblur::Solver::create(settings, format, PixelType::kFloat32);
-  if (!solver) return Followed{};  // no motion solver for this format
+  if (!solver) return MotionTrack{};  // no motion solver for this format
   // The newest planes, of the solver's window and of a burst.
   constexpr std::size_t kKept = GapMeter::kFrames;
   const auto window = static_cast<std::size_t>(settings.window);
@@ -57,7 +57,7 @@ Result<Followed> follow(const capture::CaptureReader& reader, const Recording& r
   std::vector<const void*> planes(kKept, nullptr);
   GapMeter meter(format, settings.tau_s);
   int whole = 0;  // planes in a row, since the last burst's middle
-  Followed out;
+  MotionTrack out;
   out.frames.resize(std::min({reader.info().frames, recording.used.size(), kMostFrames}));
   std::uint64_t newest = 0;
   const auto push = [&](const void* plane) {
@@ -83,7 +83,7 @@ Result<Followed> follow(const capture::CaptureReader& reader, const Recording& r
     (*solver)->prepare({std::span(planes).last(window), settings.window - 1, newest});
     const SceneMotion* motion = (*solver)->motion();
     if (motion == nullptr) continue;
-    Followed::Frame& frame = out.frames[k];
+    MotionTrack::Frame& frame = out.frames[k];
     frame.there = periods == 1;
     frame.affine = motion->affine;
     place[0] += motion->affine[0];
@@ -156,7 +156,7 @@ std::optional<FromMotion::Figure> find_tau(const std::vector<GapFigures>& bursts
 // ------------------------------------------------------------------ shear against acceleration
 
 // Velocity along an axis at frame k, px a frame: a difference of the fourth order.
-double velocity_at(const Followed& all, Index k, std::size_t axis) {
+double velocity_at(const MotionTrack& all, Index k, std::size_t axis) {
   const auto p = [&](Index i) { return all.at(k + i).place[axis]; };
   return (8.0 * (p(1) - p(-1)) - (p(2) - p(-2))) / 12.0;
 }
@@ -167,7 +167,7 @@ struct Shear {
   double shear = 0.0;   // px a row
 };
 
-std::vector<Shear> shears_of(const Followed& all, std::size_t axis) {
+std::vector<Shear> shears_of(const MotionTrack& all, std::size_t axis) {
   std::vector<Shear> out;
   const auto count = static_cast<Index>(all.frames.size());
   for (Index k = 3; k + 2 < count; ++k) {
@@ -189,7 +189,7 @@ double left_of(const std::vector<Shear>& shears, double delay) {
 }
 
 // Of a stored row. `nominal_s`: the profile's.
-std::optional<FromMotion::Figure> find_row_delay(const Followed& all, double period_s, double nominal_s) {
+std::optional<FromMotion::Figure> find_row_delay(const MotionTrack& all, double period_s, double nominal_s) {
   double weighted = 0.0;
   double weights = 0.0;
   double before = 0.0;
@@ -234,7 +234,7 @@ Result<std::optional<FromMotion>> learn_from_motion(const std::filesystem::path&
   if (reader.info().frames < static_cast<std::size_t>(settings.window)) return std::optional<FromMotion>();
   ASSIGN_OR_RETURN(const auto followed, follow(reader, recording, settings));
   std::vector<double> speeds;
-  for (const Followed::Frame& f : followed.frames) {
+  for (const MotionTrack::Frame& f : followed.frames) {
     if (f.there) speeds.push_back(std::hypot(f.affine[0], f.affine[3]) / session.period_s);
   }
   if (speeds.empty()) return std::optional<FromMotion>();

@@ -8,7 +8,7 @@ constexpr int kGroups = 16;            // of time, alternately of one half and t
 constexpr int kPatternRounds = 8;      // of the search for a fixed pattern
 constexpr double kStep = 0.7;          // of each
 constexpr double kClip = 3.0;          // clip of residuals, in sigmas
-constexpr double kLeastLooks = 6.0;    // minimum of sights of a pixel in each half
+constexpr double kLeastLooks = 6.0;    // minimum of triplets of a pixel in each half
 constexpr float kTelling = 1e4F;       // minimum of 1 / squared error of a gain
 constexpr double kSeenContrast = 6.0;  // minimum variation of a pixel's scene, in sigmas, to judge its response
 constexpr double kFollows = 0.4;       // slope of a pixel's value against its prediction: below it is dead
@@ -21,13 +21,13 @@ constexpr double kOfEdge = 0.5;        // position error of an edge, px
 struct Cells {
   const Residual& residual;
   Blocks blocks;
-  Series weight;  // sights x blocks: 1 / variance, 0: no prediction, or local motion
+  Series weight;  // triplets x blocks: 1 / variance, 0: no prediction, or local motion
   Series square;  // mean square of the residual
 
-  Index sights() const { return residual.values.rows(); }
+  Index triplets() const { return residual.values.rows(); }
 };
 
-int half_of_time(Index sight, Index sights) { return static_cast<int>(sight * kGroups / sights) % 2; }
+int half_of_time(Index triplet, Index triplets) { return static_cast<int>(triplet * kGroups / triplets) % 2; }
 
 Cells cells_of(const Residual& r, const PredictionFloor& floor, const Mask& bad) {
   Cells out{r, Blocks(r.geometry), {}, squares_of(r, bad)};
@@ -60,8 +60,8 @@ struct Sharing {
   }
 };
 
-// The fixed pattern o fitted to the residuals of some sights: residual = o - (o moved).
-ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const std::vector<Index>& of,
+// The fixed pattern o fitted to the residuals of some triplets: residual = o - (o moved).
+ArrayXf pattern_of(const Cells& cells, const std::vector<Triplet>& triplets, const std::vector<Index>& of,
                    const Mask& bad) {
   const Index pixels = cells.residual.values.cols();
   ArrayXf pattern = ArrayXf::Zero(pixels);
@@ -71,7 +71,7 @@ ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const s
     ArrayXf sum = ArrayXf::Zero(pixels);
     ArrayXf weight = ArrayXf::Zero(pixels);
     for (const Index i : of) {
-      mover.move(sights[static_cast<std::size_t>(i)], pattern.data(), moved.data());
+      mover.move(triplets[static_cast<std::size_t>(i)], pattern.data(), moved.data());
       for (Index p = 0; p < pixels; ++p) {
         const float w = cells.weight(i, cells.blocks.of(p));
         if (w <= 0.0F) continue;
@@ -155,9 +155,9 @@ Offsets offsets_of(std::array<ArrayXf, 2> pattern, Geometry g) {
   return {shared(pattern, g), shared_lines(columns)};
 }
 
-std::array<std::vector<Index>, 2> halves_of(Index sights) {
+std::array<std::vector<Index>, 2> halves_of(Index triplets) {
   std::array<std::vector<Index>, 2> out;
-  for (Index i = 0; i < sights; ++i) out[static_cast<std::size_t>(half_of_time(i, sights))].push_back(i);
+  for (Index i = 0; i < triplets; ++i) out[static_cast<std::size_t>(half_of_time(i, triplets))].push_back(i);
   return out;
 }
 
@@ -186,10 +186,10 @@ double slope_at(const ArrayXf& map, Index p, Geometry g) {
   return std::max(std::abs(across), std::abs(down));
 }
 
-// Pixels that, in some of the sights, do not respond to the scene as their neighbours do, or scatter far more: either
+// Pixels that, in some of the triplets, do not respond to the scene as their neighbours do, or scatter far more: either
 // beyond the effect of an edge at rest with a small tracking error.
-Mask deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights,
-             const std::vector<Index>& of, double floor) {
+Mask unresponsive_in(const Cells& cells, const FieldFrames& frames, const std::vector<Triplet>& triplets,
+                     const std::vector<Index>& of, double floor) {
   const Geometry g = cells.residual.geometry;
   const Index pixels = cells.residual.values.cols();
   ArrayXf scatter = ArrayXf::Zero(pixels);
@@ -204,7 +204,7 @@ Mask deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Si
     missed.clear();
     for (const Index i : of) {
       if (cells.residual.valid(i, cells.blocks.of(p)) == 0) continue;
-      const double y = frames.values(sights[static_cast<std::size_t>(i)].frame, p);
+      const double y = frames.values(triplets[static_cast<std::size_t>(i)].frame, p);
       missed.push_back(cells.residual.values(i, p));
       predicted.push_back(y - missed.back());
       line.add(predicted.back(), y);
@@ -215,24 +215,24 @@ Mask deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Si
     varies[p] = static_cast<float>(usual_scatter(predicted));
     if (varies[p] > kSeenContrast * floor) follows[p] = static_cast<float>(std::max(line.slope(), -0.4) + 0.5);
   }
-  Mask deaf(static_cast<std::size_t>(pixels), 0);
+  Mask unresponsive(static_cast<std::size_t>(pixels), 0);
   for (Index p = 0; p < pixels; ++p) {
     const double edge = kOfEdge * slope_at(level, p, g);
     const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
     const double usual = around(scatter, p, g);
     const bool noisy =
         usual > 0.0 && scatter[p] > kNoisyScatter * std::max(usual, floor);  // coarse steps may hide noise
-    deaf[static_cast<std::size_t>(p)] = (still && varies[p] > edge) || (noisy && scatter[p] > edge) ? 1 : 0;
+    unresponsive[static_cast<std::size_t>(p)] = (still && varies[p] > edge) || (noisy && scatter[p] > edge) ? 1 : 0;
   }
-  return deaf;
+  return unresponsive;
 }
 
 // Adds pixels found in both halves of the data.
-void find_deaf(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights, double floor,
-               Mask& dead) {
-  const auto halves = halves_of(cells.sights());
-  const Mask first = deaf_of(cells, frames, sights, halves[0], floor);
-  const Mask second = deaf_of(cells, frames, sights, halves[1], floor);
+void find_unresponsive(const Cells& cells, const FieldFrames& frames, const std::vector<Triplet>& triplets,
+                       double floor, Mask& dead) {
+  const auto halves = halves_of(cells.triplets());
+  const Mask first = unresponsive_in(cells, frames, triplets, halves[0], floor);
+  const Mask second = unresponsive_in(cells, frames, triplets, halves[1], floor);
   for (std::size_t p = 0; p < dead.size(); ++p) {
     if (first[p] != 0 && second[p] != 0) dead[p] = 1;
   }
@@ -260,15 +260,15 @@ struct Gains {
   ArrayXf level;  // mean of the pixel's prediction
 };
 
-// Gain g of each pixel in some of the sights: regression of its residual on the scene's changes x, less its block's
+// Gain g of each pixel in some of the triplets: regression of its residual on the scene's changes x, less its block's
 // mean, an error of the prediction. The predicting frames have gains, too: residual = g x - (g x moved).
-Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& frames, const std::vector<Sight>& sights,
-               const std::vector<Index>& of, const Mask& dead) {
+Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& frames,
+               const std::vector<Triplet>& triplets, const std::vector<Index>& of, const Mask& dead) {
   const Index pixels = left.values.cols();
   Gains gain{ArrayXf::Zero(pixels), ArrayXf::Zero(pixels)};
-  // Prediction of all pixels in sight i, and their weights.
+  // Prediction of all pixels in triplet i, and their weights.
   const auto shown = [&](Index i) -> ArrayXf {
-    const Index frame = sights[static_cast<std::size_t>(i)].frame;
+    const Index frame = triplets[static_cast<std::size_t>(i)].frame;
     return (frames.values.row(frame) - cells.residual.values.row(i)).transpose().array();
   };
   const auto weight = [&](Index i, Index p) {
@@ -289,7 +289,7 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
     for (const Index i : of) {
       const ArrayXf x = shown(i) - gain.level;
       const ArrayXf own = gain.slope * x;
-      mover.move(sights[static_cast<std::size_t>(i)], own.data(), moved.data());
+      mover.move(triplets[static_cast<std::size_t>(i)], own.data(), moved.data());
       for (Index p = 0; p < pixels; ++p) {
         const float seen = weight(i, p) * x[p];
         along[p] += seen * (left.values(i, p) - own[p] + moved[p]);
@@ -356,29 +356,29 @@ double contrast_of(const FieldFrames& frames) {
 
 }  // namespace
 
-FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, Mask dead) {
+FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& triplets, Mask dead) {
   FieldParts out;
   const Geometry g = frames.geometry;
   Series nominal;  // mean squares of the blocks, without corrections
-  const auto shown = static_cast<Index>(sights.size() / 2);
-  const auto seen = frames.values.row(sights[sights.size() / 2].frame);
+  const auto shown = static_cast<Index>(triplets.size() / 2);
+  const auto seen = frames.values.row(triplets[triplets.size() / 2].frame);
   plot::Plot came = picture("A frame, as it came", seen, g);
   plot::Plot missed;
   {
-    const Residual first = predict_field(frames, sights);
+    const Residual first = predict_field(frames, triplets);
     missed = picture("What other frames miss of it", first.values.row(shown), g);
     nominal = squares_of(first, Mask(dead.size(), 0));
     const PredictionFloor floor(first, dead);
-    find_deaf(cells_of(first, floor, dead), frames, sights, std::sqrt(floor.flat()), dead);
+    find_unresponsive(cells_of(first, floor, dead), frames, triplets, std::sqrt(floor.flat()), dead);
   }
   fill_dead(frames, dead);
-  const Residual raw = predict_field(frames, sights);
+  const Residual raw = predict_field(frames, triplets);
   const PredictionFloor first_floor(raw, dead);
   const Cells cells = cells_of(raw, first_floor, dead);
-  const auto halves = halves_of(cells.sights());
+  const auto halves = halves_of(cells.triplets());
 
   std::array<ArrayXf, 2> pattern;
-  for (std::size_t h = 0; h < 2; ++h) pattern[h] = pattern_of(cells, sights, halves[h], dead);
+  for (std::size_t h = 0; h < 2; ++h) pattern[h] = pattern_of(cells, triplets, halves[h], dead);
   out.offset = offsets_of(pattern, g);
 
   // Each half is corrected by the other's pattern.
@@ -388,27 +388,28 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   Growth growth;
   for (std::size_t h = 0; h < 2; ++h) {
     for (const Index i : halves[h]) {
-      mover.move(sights[static_cast<std::size_t>(i)], pattern[1 - h].data(), moved.data());
+      mover.move(triplets[static_cast<std::size_t>(i)], pattern[1 - h].data(), moved.data());
       for (Index p = 0; p < moved.size(); ++p) {
         if (raw.valid(i, cells.blocks.of(p)) == 0) continue;
         const float expected = pattern[1 - h][p] - moved[p];
-        const double time = sights[static_cast<std::size_t>(i)].time;
-        growth.add(i * kGroups / cells.sights(), time, cells.weight(i, cells.blocks.of(p)), expected, raw.values(i, p));
+        const double time = triplets[static_cast<std::size_t>(i)].time;
+        growth.add(i * kGroups / cells.triplets(), time, cells.weight(i, cells.blocks.of(p)), expected,
+                   raw.values(i, p));
         left.values(i, p) -= expected;
       }
     }
   }
   out.growth = growth.measured();
   std::array<Gains, 2> gains;
-  for (std::size_t h = 0; h < 2; ++h) gains[h] = gains_of(cells, left, frames, sights, halves[h], dead);
+  for (std::size_t h = 0; h < 2; ++h) gains[h] = gains_of(cells, left, frames, triplets, halves[h], dead);
   const std::array<ArrayXf, 2> slopes{gains[0].slope, gains[1].slope};
   out.gain = shared(slopes, g);
   out.gain_likeness = likeness(slopes, g);
   out.beside_gain = offsets_of(without_gains(pattern, gains), g);
 
   // A pattern of high contrast is a still background behind a moving object.
-  out.followed = out.offset.pixel.value < kMostPattern * contrast_of(frames) && follows(frames, sights, left);
-  const auto told = 1 - static_cast<std::size_t>(half_of_time(shown, cells.sights()));
+  out.followed = out.offset.pixel.value < kMostPattern * contrast_of(frames) && follows(frames, triplets, left);
+  const auto told = 1 - static_cast<std::size_t>(half_of_time(shown, cells.triplets()));
   plot::Plot without = picture("The same without the pixels' offsets", seen - pattern[told].matrix().transpose(), g);
   came.plane.ramp = without.plane.ramp = plot::Ramp::kIron;
   out.scene = {beside(std::move(came), std::move(without)),
@@ -432,7 +433,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   out.moving = predicted > 0.0 ? 1.0 - count / predicted : 0.0;
   out.gap_before = std::sqrt(sum_before / std::max(1.0, count));
   out.gap_after = std::sqrt(sum_after / std::max(1.0, count));
-  const double gain = median(mapped(sights, [](const Sight& s) { return s.noise_gain; }));
+  const double gain = median(mapped(triplets, [](const Triplet& s) { return s.noise_gain; }));
   out.noise = std::sqrt(floor.flat() / gain);
   out.dead = std::move(dead);
   return out;

@@ -18,7 +18,7 @@ struct FieldFrames {
 
 // A frame, one before and one after it, each some pixels of motion away, and the displacement d of each block of 8 x 8
 // pixels: the scene at p - d then is at p now. A pair cancels even acceleration, which blurs increasingly.
-struct Sight {
+struct Triplet {
   Index frame = 0;  // rows of FieldFrames::values
   Index before = 0;
   Index after = 0;
@@ -29,9 +29,9 @@ struct Sight {
 };
 
 struct FieldMotion {
-  FieldFrames frames;  // of the sights
+  FieldFrames frames;  // of the triplets
   // Evenly spread over the longest run of frames without a freeze; none: still, or too small to be tracked.
-  std::vector<Sight> sights;
+  std::vector<Triplet> triplets;
   bool after_freeze = false;  // the run: its offsets are those after the NUC
   // Frames preceded by losses despite a continuous counter: the otherwise even motion advances by two steps or more at
   // once.
@@ -57,14 +57,14 @@ struct Blocks {
 
 struct Residual {
   Geometry geometry;
-  Series values;    // sights x pixels: measured less predicted; 0: no prediction
-  Series contrast;  // sights x blocks: mean squared gradient of the prediction
-  Eigen::Array<char, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> valid;  // sights x blocks
+  Series values;    // triplets x pixels: measured less predicted; 0: no prediction
+  Series contrast;  // triplets x blocks: mean squared gradient of the prediction
+  Eigen::Array<char, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> valid;  // triplets x blocks
 };
 
-Residual predict_field(const FieldFrames& frames, const std::vector<Sight>& sights);
+Residual predict_field(const FieldFrames& frames, const std::vector<Triplet>& triplets);
 
-// Mean square of each block (sights x blocks) without its bad pixels; negative: no prediction.
+// Mean square of each block (triplets x blocks) without its bad pixels; negative: no prediction.
 Series squares_of(const Residual& residual, const Mask& bad);
 
 // Residual variance of a block without local motion, due to noise and to interpolation at edges: the median over blocks
@@ -81,22 +81,22 @@ class PredictionFloor {
   std::vector<double> variance_;  // rising
 };
 
-// True if the scene moves by the sights' displacements: most informative blocks fit the moved prediction better than
-// the still one. Otherwise a still picture's pattern, or an object, was tracked. `with`: the sights' residual without
+// True if the scene moves by the triplets' displacements: most informative blocks fit the moved prediction better than
+// the still one. Otherwise a still picture's pattern, or an object, was tracked. `with`: the triplets' residual without
 // the fixed pattern, which moves against the scene.
-bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const Residual& with);
+bool follows(const FieldFrames& frames, const std::vector<Triplet>& triplets, const Residual& with);
 
 // A frame into a plane of its size.
 void load(const float* from, motion::PaddedPlane& to);
 
-// Predicts a sight's frame from its two others.
+// Predicts a triplet's frame from its two others.
 class Aligner {
  public:
   explicit Aligner(Geometry geometry);
   // Mean of two planes moved onto the third.
-  const motion::PaddedPlane& mean(const Sight& sight, const float* before, const float* after, const float* now);
+  const motion::PaddedPlane& mean(const Triplet& triplet, const float* before, const float* after, const float* now);
   // Effect of a fixed pattern (a row of values, one a pixel) on the prediction.
-  void move(const Sight& sight, const float* pattern, float* out);
+  void move(const Triplet& triplet, const float* pattern, float* out);
 
  private:
   const motion::Kernels& kernels_;
@@ -116,7 +116,7 @@ struct FieldParts {
   double noise = 0.0;     // of one value in flat blocks, sigma
   double moving = 0.0;    // share of blocks with local motion: excluded
   bool followed = false;  // the scene, not a pattern or an object
-  bool patterns = false;  // enough sights to separate pixel patterns from it
+  bool patterns = false;  // enough triplets to separate pixel patterns from it
   std::size_t cells = 0;  // blocks of frames that were predicted
   double gap_before = 1.0;
   double gap_after = 1.0;
@@ -134,7 +134,7 @@ struct FieldParts {
 
 // Decomposes the residual of a moving scene. `dead`: known dead pixels; those that do not respond to the scene are
 // added. `frames`: dead pixels are filled.
-FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, Mask dead);
+FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& triplets, Mask dead);
 
 // --- Camera parameters from the motion.
 

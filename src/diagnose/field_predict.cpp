@@ -30,23 +30,23 @@ void visit_block(Geometry g, int x0, int y0, const Visit& visit) {
 
 }  // namespace
 
-Residual predict_field(const FieldFrames& frames, const std::vector<Sight>& sights) {
+Residual predict_field(const FieldFrames& frames, const std::vector<Triplet>& triplets) {
   const Geometry g = frames.geometry;
   const Blocks blocks(g);
-  const auto n = static_cast<Index>(sights.size());
+  const auto n = static_cast<Index>(triplets.size());
   Residual out{g, Series::Zero(n, frames.values.cols()), Series::Zero(n, blocks.count()), {}};
   out.valid.setZero(n, blocks.count());
   Aligner aligner(g);
   for (Index i = 0; i < n; ++i) {
-    const Sight& sight = sights[static_cast<std::size_t>(i)];
-    const float* now = frames.values.row(sight.frame).data();
+    const Triplet& triplet = triplets[static_cast<std::size_t>(i)];
+    const float* now = frames.values.row(triplet.frame).data();
     const PaddedPlane& mean =
-        aligner.mean(sight, frames.values.row(sight.before).data(), frames.values.row(sight.after).data(), now);
+        aligner.mean(triplet, frames.values.row(triplet.before).data(), frames.values.row(triplet.after).data(), now);
     for (int b = 0; b < blocks.count(); ++b) {
       const int x0 = b % blocks.across * motion::kBlock;
       const int y0 = b / blocks.across * motion::kBlock;
       const auto place = static_cast<std::size_t>(b);
-      if (!seen(g, x0, y0, sight.from_before[place]) && !seen(g, x0, y0, sight.from_after[place])) continue;
+      if (!seen(g, x0, y0, triplet.from_before[place]) && !seen(g, x0, y0, triplet.from_after[place])) continue;
       out.valid(i, b) = 1;
       double gradients = 0.0;
       int pixels = 0;
@@ -64,15 +64,15 @@ Residual predict_field(const FieldFrames& frames, const std::vector<Sight>& sigh
   return out;
 }
 
-bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const Residual& with) {
+bool follows(const FieldFrames& frames, const std::vector<Triplet>& triplets, const Residual& with) {
   constexpr std::size_t kLooks = 40;
   constexpr double kTells = 1.3;      // times the other's square
   constexpr double kLeastTell = 0.1;  // of the blocks
   constexpr double kMost = 3.0;       // times the contradicting ones
-  const std::size_t every = std::max<std::size_t>(1, sights.size() / kLooks);
-  std::vector<Sight> stood;
-  for (std::size_t i = 0; i < sights.size(); i += every) {
-    stood.push_back(sights[i]);
+  const std::size_t every = std::max<std::size_t>(1, triplets.size() / kLooks);
+  std::vector<Triplet> stood;
+  for (std::size_t i = 0; i < triplets.size(); i += every) {
+    stood.push_back(triplets[i]);
     for (VectorField* field : {&stood.back().from_before, &stood.back().from_after}) {
       for (std::size_t b = 0; b < field->size(); ++b) (*field)[b] = Vec2{};
     }
@@ -158,20 +158,20 @@ void load(const float* from, PaddedPlane& to) {
 Aligner::Aligner(Geometry geometry)
     : kernels_(motion::best_kernels()), before_(geometry), after_(geometry), now_(geometry), out_(geometry) {}
 
-const PaddedPlane& Aligner::mean(const Sight& sight, const float* before, const float* after, const float* now) {
+const PaddedPlane& Aligner::mean(const Triplet& triplet, const float* before, const float* after, const float* now) {
   load(before, before_);
   if (after != before) load(after, after_);
   load(now, now_);
   const std::array<const PaddedPlane*, 2> planes{&before_, after != before ? &after_ : &before_};
   for (int row = 0; row < out_.blocks_down(); ++row) {
-    const std::array<const Vec2*, 2> d{sight.from_before.row(row), sight.from_after.row(row)};
+    const std::array<const Vec2*, 2> d{triplet.from_before.row(row), triplet.from_after.row(row)};
     kernels_.align(planes.data(), d.data(), 2, now_, row, out_);
   }
   return out_;
 }
 
-void Aligner::move(const Sight& sight, const float* pattern, float* out) {
-  const Geometry g = mean(sight, pattern, pattern, pattern).geometry();
+void Aligner::move(const Triplet& triplet, const float* pattern, float* out) {
+  const Geometry g = mean(triplet, pattern, pattern, pattern).geometry();
   for (int y = 0; y < g.height; ++y) out = std::copy_n(out_.at(0, y), g.width, out);
 }
 

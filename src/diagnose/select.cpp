@@ -183,7 +183,7 @@ struct Selector {
       const bool of_mean = effect.parameters || effect.map != MapKind::kNone;
       const bool chosen =
           std::ranges::any_of(selection.chosen, [&](const Chosen& c) { return c.choice.effect == &effect; });
-      if (of_mean && !chosen && may(effect) && effect.told_by(data.session)) all.push_back(&effect);
+      if (of_mean && !chosen && may(effect) && effect.testable_in(data.session)) all.push_back(&effect);
     }
     return all;
   }

@@ -317,7 +317,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
     append(report.warnings, *warnings);
   }
   for (const Effect& effect : catalogue()) {
-    if (!effect.told_by(session) && !field.tells(effect) && allowed(options, effect.name)) {
+    if (!effect.testable_in(session) && !field.tells(effect) && allowed(options, effect.name)) {
       report.not_identifiable.push_back({effect.name, effect.needs});
     }
   }

@@ -51,10 +51,10 @@ TEST(Catalogue, EveryEffectIsToldByAFullBenchAndSaysWhatItNeeds) {
   const Session& full = bench();
   const Session nothing = testing::session_of({});
   for (const Effect& effect : catalogue()) {
-    ASSERT_TRUE(effect.told_by) << effect.name;
-    EXPECT_TRUE(effect.told_by(full)) << effect.name;
+    ASSERT_TRUE(effect.testable_in) << effect.name;
+    EXPECT_TRUE(effect.testable_in(full)) << effect.name;
     EXPECT_FALSE(effect.needs.empty()) << effect.name;
-    static_cast<void>(effect.told_by(nothing));  // either value, without a crash
+    static_cast<void>(effect.testable_in(nothing));  // either value, without a crash
   }
 }
 

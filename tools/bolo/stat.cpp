@@ -112,19 +112,19 @@ void follow(const StatOptions& options, shm::FollowedStream stream) {
 }
 
 // One of several cameras, followed across restarts.
-struct Followed {
+struct FollowedCamera {
   shm::FollowedStream stream;
   StatSnapshot before;
 };
 
 // Takes up daemons that have come since the last call.
-void find_cameras(std::map<std::string, Followed>& cameras) {
+void find_cameras(std::map<std::string, FollowedCamera>& cameras) {
   for (const std::string& name : shm::object_names()) {
     if (cameras.contains(name)) continue;
     auto stream = shm::FollowedStream::open(name, 0);
     if (!stream || stream->reader().closed()) continue;
     StatSnapshot snapshot = take_snapshot(stream->reader(), {.name = name});
-    cameras.emplace(name, Followed{std::move(*stream), std::move(snapshot)});
+    cameras.emplace(name, FollowedCamera{std::move(*stream), std::move(snapshot)});
   }
 }
 
@@ -140,7 +140,7 @@ class Overview {
  public:
   explicit Overview(const StatOptions& options) : options_(options) {}
 
-  void run(std::map<std::string, Followed> cameras) {
+  void run(std::map<std::string, FollowedCamera> cameras) {
     while (pause_for(options_.interval_s, [] {})) {
       std::string text = fmt::format("{:<16} {:<9} {:>9} {:>7} {:>7} {:>8} {:>8} {:>9}  {}\n", "camera", "state",
                                      "size", "in/s", "out/s", "p50 ms", "p99 ms", "lost", "solver");
@@ -178,7 +178,7 @@ class Overview {
 
 // All that run; a single one as by its name.
 Status show_all(StatOptions options) {
-  std::map<std::string, Followed> cameras;
+  std::map<std::string, FollowedCamera> cameras;
   find_cameras(cameras);
   if (cameras.empty()) return bad_input("no daemon runs: start one, see bolo demo");
   if (cameras.size() > 1) {

@@ -83,7 +83,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .stage = "optics",
        .words = {"Optical blur", "The optics blur the picture[ by {sigma_px} (sigma)]"},
        .needs = "a bar target, best a still one",
-       .told_by = bars,
+       .testable_in = bars,
        .parameters = always({number_of("blur_px2", 0.1, 0.0, 9.0, &Response::blur_px2)}),
        .least = 0.015,
        .report = report_blur},
@@ -92,7 +92,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .stage = "optics",
        .words = {"Vignetting", "Corners receive [{corner_loss} ]less than the middle"},
        .needs = "flat black bodies at two temperatures",
-       .told_by = any_of({Kind::kUniform, Kind::kChopper}),
+       .testable_in = any_of({Kind::kUniform, Kind::kChopper}),
        .parameters = always({number_of("corner_gain", 0.01, -0.2, 0.2, &CameraModel::corner_gain),
                              number_of("tilt_x", 0.005, -0.2, 0.2, &CameraModel::tilt_x),
                              number_of("tilt_y", 0.005, -0.2, 0.2, &CameraModel::tilt_y),
@@ -109,7 +109,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .stage = "radiometry",
        .words = {"Emissivity", "The target is no perfect black body and mirrors its surroundings"},
        .needs = "black bodies at three temperatures or more",
-       .told_by = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars, Kind::kMovingBars}),
+       .testable_in = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars, Kind::kMovingBars}),
        .parameters = always({number_of("reflected", 0.03, 0.0, 0.5, &CameraModel::reflected),
                              number_of("surroundings", 0.2, -5.0, 5.0, &CameraModel::surroundings)}),
        .least = 0.003,
@@ -121,7 +121,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .words = {"Radiometric nonlinearity",
                  "Pixels warm with radiance, not with temperature: rise and fall differ at large contrast"},
        .needs = "a chopper with pulses of two heights, or a pan over bars of high contrast",
-       .told_by = changes,
+       .testable_in = changes,
        .parameters = always({number_of("share", 0.5, -0.5, 1.5, &CameraModel::radiance)}),
        .least = 0.15,
        .forms = edge_forms,
@@ -132,7 +132,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .words = {"Time constant",
                  "All pixels answer [{scale~} {scale?slower|faster}|with another time constant] than the profile says"},
        .needs = "a chopper, or a pan over bars, whose temperatures change within a few frames",
-       .told_by = changes,
+       .testable_in = changes,
        .parameters =
            always({{"log_scale", 0.03, -0.7, 0.7,
                     [](const State& s) { return std::log(s.camera.response.tau_s / s.camera.nominal_tau_s); },
@@ -143,7 +143,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .stage = "pixel",
        .words = {"Spread of time constants", "Pixels differ in their time constant[ by {rms} rms]"},
        .needs = "a chopper, which shows all pixels the same",
-       .told_by = changes,
+       .testable_in = changes,
        .map = MapKind::kTau,
        .least = 0.002,
        .report = rms_of(MapKind::kTau)},
@@ -153,7 +153,7 @@ std::vector<Effect> scene_and_pixel_effects() {
                  "[{share} of the answer comes late, with a second time constant of {slow_tau_s}|"
                  "A part of the answer comes late, through a second, slower heat path]"},
        .needs = "a chopper with pulses of several lengths up to 0.3 s",
-       .told_by = any_of({Kind::kChopper}),
+       .testable_in = any_of({Kind::kChopper}),
        .parameters = always(
            {number_of("share", 0.01, -0.1, 0.3, &Response::slow_share),
             log_of(
@@ -169,7 +169,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .stage = "pixel",
        .words = {"Crosstalk", "Heat flows between neighbouring pixels[, {coupling} of what leaves each]"},
        .needs = "a still bar target and a pan over it",
-       .told_by = bars,
+       .testable_in = bars,
        .parameters = always({number_of("coupling", 0.02, 0.0, 0.5, &Response::coupling)}),
        .least = 0.0015,
        .report = first_as("coupling")},
@@ -186,7 +186,7 @@ std::vector<Effect> readout_effects() {
        .stage = "readout",
        .words = {"Row delay", "Rows are sampled [{row_delay_s} after one another|one after another], not at once"},
        .needs = "a pan over bars; two of them, in both directions, tell it from an error of the target",
-       .told_by = changes,
+       .testable_in = changes,
        .parameters = always({number_of("row_delay_s", 1e-5, -2e-4, 2e-4, &CameraModel::row_delay_s)}),
        .least = 5e-07,
        .forms = {{"rolling", [](State& s) { s.camera.two_halves = false; }},
@@ -198,7 +198,7 @@ std::vector<Effect> readout_effects() {
        .words = {"Integration window",
                  "A value is [the mean over {window_s}|a mean over a part of the frame], not a moment"},
        .needs = "a chopper, and pans over bars at two speeds",
-       .told_by = changes,
+       .testable_in = changes,
        .parameters = always({square_of(
            "window_s2", 4e-6, 4e-5, [](auto& s) -> auto& { return s.camera.response.window_s; })}),
        .least = 4e-08,
@@ -209,7 +209,7 @@ std::vector<Effect> readout_effects() {
        .words = {"Clock skew",
                  "The true frame period is [{skew?longer|shorter} than the nominal one by {skew}|not the nominal one]"},
        .needs = "a chopper, or two pans over bars",
-       .told_by = changes,
+       .testable_in = changes,
        .parameters = always({number_of("skew", 0.0002, -0.02, 0.02, &CameraModel::clock_skew)}),
        .least = 1e-05,
        .report = first_as("skew")},
@@ -220,7 +220,7 @@ std::vector<Effect> readout_effects() {
             "Pixels [carry a fixed offset of {pixel_k} rms and columns one of {column_k}|and columns carry a fixed "
             "offset]"},
        .needs = "a closed shutter",
-       .told_by = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars}),
+       .testable_in = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars}),
        .without_bench = WithoutBench::kMoving,
        .map = MapKind::kOffset,
        .least = 0.0015,
@@ -229,7 +229,7 @@ std::vector<Effect> readout_effects() {
        .stage = "readout",
        .words = {"Fixed gains", "Pixels differ in gain[ by {rms} rms]"},
        .needs = "flat black bodies at two temperatures",
-       .told_by =
+       .testable_in =
            [](const Session& s) {
              return std::ranges::count(s.recordings, Kind::kUniform, &Recording::kind) > 1 ||
                     has_kind(s, Kind::kChopper);
@@ -245,7 +245,7 @@ std::vector<Effect> readout_effects() {
        .words = {"Self-heating",
                  "The read-out heats the pixels, [by up to {amplitude_k} in later rows|later rows more]"},
        .needs = "a closed shutter",
-       .told_by = any_of({Kind::kUniform}),
+       .testable_in = any_of({Kind::kUniform}),
        .parameters = always(
            {number_of("heating_k", 0.02, -5.0, 5.0, &CameraModel::heating_k),
             log_of(
@@ -262,7 +262,7 @@ std::vector<Effect> readout_effects() {
        .stage = "package",
        .words = {"Drift", "The whole picture drifts slowly with the camera's own temperature"},
        .needs = "a closed shutter over a second or more",
-       .told_by = any_of({Kind::kUniform, Kind::kChopper}),
+       .testable_in = any_of({Kind::kUniform, Kind::kChopper}),
        .parameters = cubics,
        .map = MapKind::kDrift,
        .suspected_by = [](const NoiseStatistics& n) { return n.drift_p < 1e-6 && n.drift_k > 0.003; },
@@ -280,8 +280,8 @@ std::vector<Effect> statistical_effects() {
   const char* const long_shutter = "a closed shutter over a second or more";
   std::vector<Effect> all;
   const auto add = [&all](const char* name, const char* stage, const char* title, const char* plain, const char* needs,
-                          const Predicate& told_by, WithoutBench without_bench) {
-    all.push_back({name, stage, {title, plain}, needs, told_by, without_bench});
+                          const Predicate& testable_in, WithoutBench without_bench) {
+    all.push_back({name, stage, {title, plain}, needs, testable_in, without_bench});
   };
   add("coarse_quantisation", "firmware", "Coarse quantisation",
       "Values come in steps [of {step_k}|coarser than the profile says]", "any capture", any, kBoth);

@@ -21,7 +21,7 @@ std::vector<Effect> column_droop_effects() {
            .stage = "readout",
            .words = {"Column droop", "The offset falls towards the right"},
            .needs = "a closed shutter",
-           .told_by = any_of({Kind::kUniform}),
+           .testable_in = any_of({Kind::kUniform}),
            .parameters =
                always({{"droop_k", 0.02, -5.0, 5.0,
                         [](const State& s) { return s.camera.terms.empty() ? 0.0 : s.camera.terms.front().value; },
