@@ -1,7 +1,9 @@
 #include "drivers/genicam/connection.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -23,10 +25,15 @@ constexpr std::uint32_t kControlled = 0x3;            // exclusive access, or co
 constexpr std::uint64_t kSerialRegister = 0x00D8;     // the same: serial number, text
 constexpr std::uint32_t kSerialBytes = 16;
 
+// The first of them: forged answers may name thousands.
 std::string list_of(const std::vector<FoundCamera>& cameras) {
+  constexpr std::size_t kMostListed = 8;
   std::string text;
-  for (const FoundCamera& f : cameras) text += (text.empty() ? "" : ", ") + f.id + " at " + f.address;
-  return text;
+  for (const FoundCamera& f : std::span(cameras).first(std::min(cameras.size(), kMostListed))) {
+    text += (text.empty() ? "" : ", ") + f.id + " at " + f.address;
+  }
+  const std::size_t others = cameras.size() - std::min(cameras.size(), kMostListed);
+  return others == 0 ? text : text + fmt::format(" and {} more", others);
 }
 
 // The camera to open when the options do not name an IP address.
@@ -51,6 +58,19 @@ Result<FoundCamera> choose_camera(const std::string& id, const std::string& seri
     if (f.id == id || f.address == id) return f;
   }
   return bad_input("no camera named '" + id + "' answers; found: " + list_of(cameras));
+}
+
+// Keeps files of this computer from Aravis. A camera may name one as its description after another place was checked.
+void refuse_local_files() {
+  constexpr unsigned kSpellings = 1U << 4U;  // of "file" in large and small letters: schemes are found by their letters
+  const auto none = [](GVfs*, const char*, void*) { return g_file_new_for_uri("resource:///none"); };
+  for (unsigned large = 0; large < kSpellings; ++large) {
+    std::string scheme = "file";
+    for (std::size_t i = 0; i < scheme.size(); ++i) {
+      if ((large >> i & 1U) != 0) scheme[i] = g_ascii_toupper(scheme[i]);
+    }
+    g_vfs_register_uri_scheme(g_vfs_get_default(), scheme.c_str(), none, nullptr, nullptr, none, nullptr, nullptr);
+  }
 }
 
 // Releases the device if its description must not be evaluated.
@@ -199,6 +219,7 @@ Result<Connection> connect(const CameraOptions& options, bool search) {
   RETURN_IF_ERROR(check_resources());
   survive_division_of_smallest();
   silence_glib();
+  [[maybe_unused]] static const bool refused = (refuse_local_files(), true);
   auto connection = open_with_byte_order([&] { return open(options, search); });
   if (!connection || options.serial.empty() || has_serial(*connection, options.serial)) return connection;
   const std::string other = serial_of(*connection);
