@@ -14,6 +14,18 @@
 #include "drivers/genicam/gobject.hpp"
 #include "drivers/genicam/network.hpp"
 #include "drivers/genicam/nodes.hpp"
+#include "src/core/input_file.hpp"
+
+// In place of GLib's, by which Aravis reads a file of this computer where a camera names one as its description after
+// another place was checked: GLib reads pipes and devices, too, without end.
+gboolean g_file_get_contents(const gchar* name, gchar** contents, gsize* length, GError** error) {
+  constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20U;
+  const auto bytes = bolo::read_input(name, kMostBytes);
+  *contents = bytes ? static_cast<gchar*>(g_memdup2(bytes->c_str(), bytes->size() + 1)) : nullptr;
+  if (length != nullptr) *length = bytes ? bytes->size() : 0;
+  if (!bytes) g_set_error_literal(error, G_FILE_ERROR, G_FILE_ERROR_FAILED, bytes.error().message.c_str());
+  return bytes ? TRUE : FALSE;
+}
 
 namespace bolo::genicam {
 namespace {
@@ -58,19 +70,6 @@ Result<FoundCamera> choose_camera(const std::string& id, const std::string& seri
     if (f.id == id || f.address == id) return f;
   }
   return bad_input("no camera named '" + id + "' answers; found: " + list_of(cameras));
-}
-
-// Keeps files of this computer from Aravis. A camera may name one as its description after another place was checked.
-void refuse_local_files() {
-  constexpr unsigned kSpellings = 1U << 4U;  // of "file" in large and small letters: schemes are found by their letters
-  const auto none = [](GVfs*, const char*, void*) { return g_file_new_for_uri("resource:///none"); };
-  for (unsigned large = 0; large < kSpellings; ++large) {
-    std::string scheme = "file";
-    for (std::size_t i = 0; i < scheme.size(); ++i) {
-      if ((large >> i & 1U) != 0) scheme[i] = g_ascii_toupper(scheme[i]);
-    }
-    g_vfs_register_uri_scheme(g_vfs_get_default(), scheme.c_str(), none, nullptr, nullptr, none, nullptr, nullptr);
-  }
 }
 
 // Releases the device if its description must not be evaluated.
@@ -219,7 +218,6 @@ Result<Connection> connect(const CameraOptions& options, bool search) {
   RETURN_IF_ERROR(check_resources());
   survive_division_of_smallest();
   silence_glib();
-  [[maybe_unused]] static const bool refused = (refuse_local_files(), true);
   auto connection = open_with_byte_order([&] { return open(options, search); });
   if (!connection || options.serial.empty() || has_serial(*connection, options.serial)) return connection;
   const std::string other = serial_of(*connection);
