@@ -1,7 +1,9 @@
 #include "drivers/genicam/connection.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -12,6 +14,18 @@
 #include "drivers/genicam/gobject.hpp"
 #include "drivers/genicam/network.hpp"
 #include "drivers/genicam/nodes.hpp"
+#include "src/core/input_file.hpp"
+
+// In place of GLib's, by which Aravis reads a file of this computer where a camera names one as its description after
+// another place was checked: GLib reads pipes and devices, too, without end.
+gboolean g_file_get_contents(const gchar* name, gchar** contents, gsize* length, GError** error) {
+  constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20U;
+  const auto bytes = bolo::read_input(name, kMostBytes);
+  *contents = bytes ? static_cast<gchar*>(g_memdup2(bytes->c_str(), bytes->size() + 1)) : nullptr;
+  if (length != nullptr) *length = bytes ? bytes->size() : 0;
+  if (!bytes) g_set_error_literal(error, G_FILE_ERROR, G_FILE_ERROR_FAILED, bytes.error().message.c_str());
+  return bytes ? TRUE : FALSE;
+}
 
 namespace bolo::genicam {
 namespace {
@@ -23,10 +37,15 @@ constexpr std::uint32_t kControlled = 0x3;            // exclusive access, or co
 constexpr std::uint64_t kSerialRegister = 0x00D8;     // the same: serial number, text
 constexpr std::uint32_t kSerialBytes = 16;
 
+// The first of them: forged answers may name thousands.
 std::string list_of(const std::vector<FoundCamera>& cameras) {
+  constexpr std::size_t kMostListed = 8;
   std::string text;
-  for (const FoundCamera& f : cameras) text += (text.empty() ? "" : ", ") + f.id + " at " + f.address;
-  return text;
+  for (const FoundCamera& f : std::span(cameras).first(std::min(cameras.size(), kMostListed))) {
+    text += (text.empty() ? "" : ", ") + f.id + " at " + f.address;
+  }
+  const std::size_t others = cameras.size() - std::min(cameras.size(), kMostListed);
+  return others == 0 ? text : text + fmt::format(" and {} more", others);
 }
 
 // The camera to open when the options do not name an IP address.

@@ -158,6 +158,7 @@ Status check_unpacked(const ReadMemory& read, const File& file) {
 constexpr int kMostDeep = 100;
 constexpr double kMostSteps = 1e5;
 constexpr long long kMostRegisterBytes = 1 << 16;
+constexpr std::size_t kMostFormulaBytes = 1 << 13;  // Aravis takes kilobytes of memory for each byte of one
 
 // References of a node that its value is computed from. Those for limits, access and selected features are evaluated
 // separately, and do lead back to the node.
@@ -198,6 +199,10 @@ class Description {
       return bad_input("its GenICam description has registers of impossible lengths, such as " +
                        printable(bad_length_.substr(0, 80)));
     }
+    if (!long_formula_.empty()) {
+      return bad_input("its GenICam description has formulas without an end, such as " +
+                       printable(long_formula_.substr(0, 80)));
+    }
     for (const auto& [name, ignored] : taken_from_) {
       if (!effort_of(name, 0)) {
         return bad_input("its GenICam description has values without an end, such as " + printable(name.substr(0, 80)));
@@ -214,6 +219,9 @@ class Description {
     if (tag == "Length" || tag == "pLength") {
       const char* const kind = arv_dom_node_get_node_name(arv_dom_node_get_parent_node(node));
       if (!has_good_length(kind, tag, text_of(node))) bad_length_ = owners.empty() ? kind : owners.back();
+    }
+    if ((tag.starts_with("Formula") || tag == "Expression") && text_of(node).size() > kMostFormulaBytes) {
+      long_formula_ = owners.empty() ? tag : owners.back();
     }
     if (std::ranges::find(kTakenFrom, tag) != kTakenFrom.end()) {
       const std::string from = text_of(node);
@@ -248,6 +256,7 @@ class Description {
   std::map<std::string, std::vector<std::string>> taken_from_;  // by name
   std::map<std::string, Effort> efforts_;                       // of those that have an end
   std::string bad_length_;                                      // whose it is
+  std::string long_formula_;                                    // the same
 };
 
 }  // namespace

@@ -361,11 +361,11 @@ void configure_nuc(Nodes& nodes, const NucOptions& nuc, std::vector<std::string>
   // Unproven: the entries' names; by value they are 0 and 1 in programs that use the A6xx series.
   if (nodes.has("NUCMode")) {
     nodes.choose("NUCMode", itself ? "Automatic" : "Off", itself ? 1 : 0);
-  } else if (!itself) {
+  } else if (!itself && nodes.ok()) {
     warnings.push_back("the camera has no NUCMode: it may correct itself besides");
   }
   const bool asks = nuc.policy == NucPolicy::kTimed || nuc.policy == NucPolicy::kStill;
-  if (asks && !nodes.has("NUCAction")) {
+  if (asks && !nodes.has("NUCAction") && nodes.ok()) {
     warnings.push_back("the camera has no NUCAction: nuc.policy is without effect");
   }
 }

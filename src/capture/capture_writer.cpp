@@ -58,6 +58,12 @@ std::size_t frames_between_commits(double frame_period_s) {
   return static_cast<std::size_t>(frames);
 }
 
+// A killed process leaves such a capture, which nobody misses.
+bool is_without_frames(const std::filesystem::path& part) {
+  const auto reader = CaptureReader::open(part);
+  return !reader && reader.error().message.ends_with(kNoFrameStored);
+}
+
 }  // namespace
 
 struct CaptureWriter::Impl {
@@ -120,7 +126,8 @@ struct CaptureWriter::Impl {
 Status CaptureWriter::Impl::create() {
   if (Status good = check_output({final_name, options.replace}); !good) return good;
   const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
-  ASSIGN_OR_RETURN(auto created, at(part_name.string(), CrashSafeFile::create(part_name, survives, options.replace)));
+  const Replace replace = is_without_frames(part_name) ? Replace::kExisting : options.replace;
+  ASSIGN_OR_RETURN(auto created, at(part_name.string(), CrashSafeFile::create(part_name, survives, replace)));
   driven = std::make_shared<DrivenFile>();
   driven->file = std::move(created);
   // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages found no room.

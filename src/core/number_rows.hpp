@@ -34,6 +34,7 @@ std::optional<std::array<double, N>> numbers_of(std::string_view line) {
 template <typename Take>
 Status read_rows(const std::filesystem::path& file, const Take& take) {
   ASSIGN_OR_RETURN(std::string whole, read_input(file));
+  if (whole.starts_with("\xef\xbb\xbf")) whole.erase(0, 3);  // which spreadsheets write before UTF-8
   std::istringstream in(std::move(whole));
   std::string text;
   bool first = true;

@@ -161,11 +161,14 @@ TEST(CaptureWriterKilled, CommittedFramesAreThere) {
   }
 }
 
-TEST(CaptureWriterKilled, BeforeTheFirstCommitIsSaid) {
+TEST(CaptureWriterKilled, BeforeTheFirstCommitIsSaidAndBegunAgain) {
   const Scratch scratch;
   append_and_die(scratch / "a.h5", 1, {});
   expect_error(CaptureReader::open(scratch / "a.h5.part"),
                {"before its first frame", "nothing can be saved: remove it"});
+  append_and_die(scratch / "a.h5", 2 * kCommitFrames, {});
+  expect_frames(*must(CaptureReader::open(scratch / "a.h5.part")), 2 * kCommitFrames);
+  expect_error(CaptureWriter::create(scratch / "a.h5", small_info()), {"save it with bolo recover"});
 }
 
 // Frames large enough to pass what is reserved at once. The limit on file size stands for the end of the disk: both

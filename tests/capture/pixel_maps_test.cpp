@@ -83,6 +83,12 @@ TEST_F(PixelMapsFile, DamageIsRefusedByFileDatasetAndPlace) {
            {"HugeGain", with_floats("/gain", {2, 3}, {1, 3e38F}), "/gain[0, 1] is 3"},
            {"HugeOffset", with_floats("/offset_k", {2, 3}, {0, -3e38F}), "/offset_k[0, 1] is -3"},
            {"Gain", with_floats("/gain", {2, 3}, {1, 1, 1, 0, 1, 1}), "/gain[1, 0] is 0; must be"},
+           {"Link",
+            [](hid_t maps) {
+              H5Ldelete(maps, "/gain", H5P_DEFAULT);
+              H5Lcreate_soft("/none", maps, "/gain", H5P_DEFAULT, H5P_DEFAULT);
+            },
+            "/gain is missing"},
            {"Dead", with_dataset("/dead", H5T_NATIVE_UINT8, {2, 3}, {0, 0, 0, 0, 0, 7}),
             "/dead[1, 2] is 7; must be 0 or 1"}}) {
     SCOPED_TRACE(damage.name);

@@ -4,6 +4,7 @@
 #include <sys/un.h>
 
 #include "src/core/input_file.hpp"
+#include "src/core/number_rows.hpp"
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 
@@ -63,6 +64,21 @@ TEST_F(InputFileTest, ReadsNoMoreThanMayBe) {
   std::ofstream(scratch_ / "file") << std::string(2048, 'x');
   EXPECT_TRUE(read_input(scratch_ / "file", 2048));
   expect_error(read_input(scratch_ / "file", 2047), {"larger than the 1 KiB"});
+}
+
+// It was part of the first number, whose row was refused, or taken for a header.
+TEST_F(InputFileTest, RowsAfterAByteOrderMarkAreRows) {
+  const Scratch folder;
+  std::ofstream(folder / "rows.csv") << "\xef\xbb\xbf"
+                                     << "1,2\r\n3,4\r\n";
+  double sum = 0.0;
+  ASSERT_TRUE(read_rows(folder / "rows.csv", [&sum](std::string_view line, bool) -> Status {
+    const auto numbers = numbers_of<2>(line);
+    if (!numbers) return bad_input("no numbers");
+    sum += (*numbers)[0] + (*numbers)[1];
+    return {};
+  }));
+  EXPECT_EQ(sum, 10.0);
 }
 
 }  // namespace bolo::input_file_test

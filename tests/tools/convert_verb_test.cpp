@@ -318,6 +318,29 @@ TEST_F(ConvertVerb, RadiometricStillsBecomeKelvin) {
   }
 }
 
+// A single pixel without a temperature is none of the still.
+TEST_F(ConvertVerb, AStillWhoseConstantsMakeNoTemperaturesIsRefused) {
+  if (!output_of({"exiftool", "-ver"}, "libimage-exiftool-perl")) GTEST_SKIP() << "exiftool is not installed";
+  std::vector<std::uint16_t> raw(kPixels, static_cast<std::uint16_t>(std::lround(flir_raw(300.0, kConstants))));
+  raw[3] = 0;
+  const std::string image(reinterpret_cast<const char*>(raw.data()), 2 * kPixels);
+  const auto still = [&](double FlirConstants::*constant, double value) {
+    FlirConstants constants = kConstants;
+    constants.*constant = value;
+    return write("a.jpg", jpeg(fff(raw_data(image), camera_info(constants))));
+  };
+  refused({still(&FlirConstants::planck_r1, 0.0), "-o", file("a.h5")}, "no temperature of any pixel");
+  refused({still(&FlirConstants::planck_b, -1501.0), "-o", file("a.h5")}, "no temperature of any pixel");
+  refused({still(&FlirConstants::planck_b, 1e30), "-o", file("a.h5")}, "no temperature of any pixel");
+  refused({still(&FlirConstants::humidity, -1.0), "-o", file("a.h5")}, "no temperature of any pixel");
+  write("a.jpg", jpeg(fff(raw_data(image), camera_info(kConstants))));
+  done(words("@a.jpg -o @a.h5"));
+  std::vector<float> plane(kPixels);
+  ASSERT_TRUE(open("a.h5").read_frame(0, plane.data()));
+  EXPECT_TRUE(std::isnan(plane[3]));
+  EXPECT_NEAR(plane[4], 300.0, 0.02);
+}
+
 // By hand: with everything transparent and black it is Planck's formula alone.
 TEST(FlirKelvin, AgreesWithTheFormulaWithoutSurroundings) {
   FlirConstants c = kConstants;

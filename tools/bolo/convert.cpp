@@ -203,9 +203,7 @@ Status convert(Footage& footage, FootageSink& sink) {
 Status run_convert(const cxxopts::ParseResult& given) {
   std::signal(SIGPIPE, SIG_IGN);  // an encoder that ends is an error, not the end
   ASSIGN_OR_RETURN(const auto request, convert_request(given));
-  // Films and recordings are unpacked as a whole first, perhaps for minutes. That leaves nothing: a signal may end it.
-  const auto kind = request.in.front().extension();
-  if (kind != ".cptv" && kind != ".mcap") catch_interrupts();
+  // Films and recordings are unpacked as a whole first, perhaps for minutes: a signal may end that.
   ASSIGN_OR_RETURN(const auto footage, chosen_footage(request));
   catch_interrupts();
   ASSIGN_OR_RETURN(const auto sink, open_sink(request.out, *footage));

@@ -1,9 +1,11 @@
 #include "tools/convert/flir_still.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <fstream>
+#include <limits>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -18,6 +20,7 @@ namespace {
 using nlohmann::json;
 
 constexpr double kZeroCelsius_k = 273.15;
+constexpr double kHottest_k = 1e4;                                    // far above any camera's range
 constexpr std::uintmax_t kLargestStill = std::uintmax_t{256} << 20U;  // a camera's have some MiB
 constexpr const char* kPackage = "libimage-exiftool-perl";
 
@@ -158,13 +161,17 @@ Result<FlirStill> read_flir_still(const std::filesystem::path& file) {
   return FlirStill{std::move(raw), constants, text_of(tags, "CameraModel"), text_of(tags, "CameraSerialNumber")};
 }
 
-Picture to_kelvin(const FlirStill& still) {
+Result<Picture> to_kelvin(const FlirStill& still) {
   Picture picture{still.raw.geometry, PixelType::kFloat32, {}, {}};
   const Path path = path_of(still.constants);
   picture.f32.reserve(still.raw.u16.size());
   for (const std::uint16_t raw : still.raw.u16) {
-    picture.f32.push_back(static_cast<float>(kelvin_of(raw, path, still.constants)));
+    const double kelvin = kelvin_of(raw, path, still.constants);
+    const bool good = kelvin > 0.0 && kelvin < kHottest_k;
+    picture.f32.push_back(good ? static_cast<float>(kelvin) : std::numeric_limits<float>::quiet_NaN());
   }
+  const bool any = std::ranges::any_of(picture.f32, [](float kelvin) { return std::isfinite(kelvin); });
+  if (!any) return bad_input("its constants make no temperature of any pixel; it is damaged");
   return picture;
 }
 

@@ -50,8 +50,8 @@ struct FlirStill {
 // By exiftool. Errors: not radiometric, constants missing, exiftool not installed. Thread: any.
 Result<FlirStill> read_flir_still(const std::filesystem::path& file);
 
-// The still in kelvin, float32. Thread: any.
-Picture to_kelvin(const FlirStill& still);
+// The still in kelvin, float32; NaN where a pixel has no temperature. Error: none has. Thread: any.
+Result<Picture> to_kelvin(const FlirStill& still);
 
 // Cameras store the 16-bit PNG with its bytes swapped, some don't: neighbours differ less in the right order. Thread:
 // any.

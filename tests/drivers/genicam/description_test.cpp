@@ -47,6 +47,18 @@ TEST(Description, ValuesThatTakeForEver) {
   expect_refused(checked(doubled), {"without an end"});
 }
 
+TEST(Description, FormulasThatTakeAllMemory) {
+  const auto knife = [](const std::string& formula, std::size_t terms) {
+    std::string sum = "1";
+    for (std::size_t i = 1; i < terms; ++i) sum += "+1";
+    return "<IntConverter Name=\"Width\"><" + formula + ">" + sum + "</" + formula + "></IntConverter>";
+  };
+  for (const char* formula : {"Formula", "FormulaTo", "FormulaFrom", "Expression"}) {
+    EXPECT_TRUE(checked(knife(formula, 1000))) << formula;
+    expect_refused(checked(knife(formula, 100'000)), {"formulas without an end", "Width"});
+  }
+}
+
 TEST(Description, RegistersOfImpossibleLengths) {
   for (const char* length : {"1099511627776", "0x10000000000", "65537", "-1", "0", "99999999999999999999"}) {
     for (const std::string kind : {"StringReg", "IntReg", "FloatReg", "MaskedIntReg"}) {

@@ -1,5 +1,8 @@
 // FLIR's features beyond the stream: corrections, range, object, calibration; and finding a camera that has moved.
+#include "drivers/genicam/connection.hpp"
+#include "drivers/genicam/nodes.hpp"
 #include "drivers/genicam/radiometry.hpp"
+#include "drivers/genicam/settings.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 
 namespace bolo::genicam::test::genicam_flir_test {
@@ -125,6 +128,16 @@ TEST_F(GenicamFlirTest, CorrectsWhenNothingMoves) {
   EXPECT_TRUE(eventually([&] { return source_->status()->corrections.value() >= 2; }));
   EXPECT_EQ(fake_->read_register(kNucActionAt), 1U);
   EXPECT_TRUE(noticed("NUC (nothing moves)"));
+}
+
+TEST_F(GenicamFlirTest, DoesNotTakeARefusalForAMissingFeature) {
+  const auto connection = must(connect(options_for(), false));
+  fake_->kill();
+  Nodes nodes(connection->device.get());
+  std::vector<std::string> warnings;
+  configure_nuc(nodes, {.policy = NucPolicy::kTimed}, warnings);
+  EXPECT_FALSE(nodes.ok());
+  EXPECT_TRUE(warnings.empty()) << warnings.front();
 }
 
 TEST_F(GenicamFlirTest, LeavesCorrectionsToTheCamera) {

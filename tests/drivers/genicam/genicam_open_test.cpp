@@ -1,13 +1,17 @@
 // GenicamSource::open(): finding the camera, and agreeing with it.
 #include <poll.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "drivers/genicam/connection.hpp"
 #include "drivers/genicam/network.hpp"
+#include "src/core/byte_order.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/unique_fd.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 #include "tests/no_threads.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::genicam::test::genicam_open_test {
 
@@ -266,6 +270,55 @@ TEST_F(GenicamOpenTest, ListsTheCamerasWhenThereAreSeveral) {
   add_camera();
   add_camera({.address = "127.0.0.2"});
   expect_not_opened(options_for(""), {"several cameras", "127.0.0.2"});
+}
+
+// Answers a search with so many cameras that are none.
+void forge_cameras(const UniqueFd& search, std::uint32_t cameras) {
+  std::array<unsigned char, 256> packet{};
+  sockaddr_in from{};
+  socklen_t size = sizeof from;
+  auto* const peer = reinterpret_cast<sockaddr*>(&from);
+  ASSERT_GT(recvfrom(search.get(), packet.data(), packet.size(), 0, peer, &size), 0);
+  packet = {0, 0, 0, 3, 0, 248, 0xff, 0xff};  // DISCOVERY_ACK
+  const sockaddr_in own = address_of("127.0.0.1", kGvcpPort);
+  const UniqueFd answer(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  ASSERT_EQ(bind(answer.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own), 0);
+  for (std::uint32_t i = 0; i < cameras; ++i) {
+    for (const std::size_t at : {std::size_t{8 + 12}, std::size_t{8 + 0x24}}) store_u32(packet, at, (127U << 24U) + i);
+    sendto(answer.get(), packet.data(), packet.size(), 0, peer, size);
+  }
+}
+
+TEST_F(GenicamOpenTest, ListsTheFirstOfManyCameras) {
+  const UniqueFd search(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const timeval patience{5, 0};
+  setsockopt(search.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  const sockaddr_in everybody = address_of("255.255.255.255", kGvcpPort);
+  ASSERT_EQ(bind(search.get(), reinterpret_cast<const sockaddr*>(&everybody), sizeof everybody), 0);
+  std::thread forger([&] { forge_cameras(search, 100); });
+  const auto opened = GenicamSource(options_for("")).open();
+  forger.join();
+  expect_refused(opened, {"several cameras answer", "more)"});
+  EXPECT_LT(opened.error().message.size(), 700U);
+}
+
+// What a camera tells Aravis may be another place than the one that was checked. Aravis's own fake camera reads files
+// in the same way; one that it cannot read has no description.
+TEST_F(GenicamOpenTest, KeepsDevicesAndPipesFromAravis) {
+  const Scratch folder;
+  ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
+  const auto read_by_aravis = [](const std::string& file) {
+    alarm(10);
+    const rlimit limit{rlim_t{1} << 30U, rlim_t{1} << 30U};
+    setrlimit(RLIMIT_DATA, &limit);
+    GlibError error;
+    char* bytes = nullptr;
+    const bool read = g_file_get_contents(file.c_str(), &bytes, nullptr, error.out()) != FALSE;
+    _exit(!read && error.message().find("not a file") != std::string::npos ? 7 : 1);
+  };
+  for (const std::string& file : {std::string("/dev/zero"), (folder / "pipe").string()}) {
+    EXPECT_EXIT(read_by_aravis(file), testing::ExitedWithCode(7), "") << file;
+  }
 }
 
 TEST_F(GenicamOpenTest, FindsTheOnlyCamera) {
