@@ -14,18 +14,6 @@
 #include "drivers/genicam/gobject.hpp"
 #include "drivers/genicam/network.hpp"
 #include "drivers/genicam/nodes.hpp"
-#include "src/core/input_file.hpp"
-
-// In place of GLib's, by which Aravis reads a file of this computer where a camera names one as its description after
-// another place was checked: GLib reads pipes and devices, too, without end.
-gboolean g_file_get_contents(const gchar* name, gchar** contents, gsize* length, GError** error) {
-  constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20U;
-  const auto bytes = bolo::read_input(name, kMostBytes);
-  *contents = bytes ? static_cast<gchar*>(g_memdup2(bytes->c_str(), bytes->size() + 1)) : nullptr;
-  if (length != nullptr) *length = bytes ? bytes->size() : 0;
-  if (!bytes) g_set_error_literal(error, G_FILE_ERROR, G_FILE_ERROR_FAILED, bytes.error().message.c_str());
-  return bytes ? TRUE : FALSE;
-}
 
 namespace bolo::genicam {
 namespace {

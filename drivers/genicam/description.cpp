@@ -1,5 +1,7 @@
 #include "drivers/genicam/description.hpp"
 
+#include <dlfcn.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -17,6 +19,8 @@ namespace bolo::genicam {
 namespace {
 
 using Bytes = std::vector<unsigned char>;
+
+thread_local std::vector<std::string> checked_places;  // of the camera that this thread opens
 
 constexpr std::uint32_t kUrlBytes = 512;
 constexpr std::uint32_t kReadBytes = 512;
@@ -262,10 +266,12 @@ class Description {
 }  // namespace
 
 Status check_description_file(const ReadMemory& read) {
+  checked_places.clear();
   for (const std::uint32_t place : {0x200U, 0x400U}) {
     const auto text = read_some(read, place, kUrlBytes);
     if (!text) continue;
     std::string url(text->begin(), std::ranges::find(*text, 0));
+    checked_places.push_back(url);
     std::ranges::transform(url, url.begin(), [](unsigned char c) { return c >= 'A' && c <= 'Z' ? c + 32 : c; });
     const auto file = file_of(url);
     if (file && file->bytes > kMostBytes) {
@@ -283,3 +289,12 @@ Status check_description(ArvGc* description) {
 }
 
 }  // namespace bolo::genicam
+
+// In place of Aravis's own function, which it calls with what a camera then says of where its description is: of this
+// computer's files, too, and of any length.
+extern "C" gboolean arv_parse_genicam_url(const char* url, gssize length, char** scheme, char** authority, char** path,
+                                          char** query, char** fragment, guint64* address, guint64* size) {
+  static const auto original = reinterpret_cast<decltype(&arv_parse_genicam_url)>(dlsym(RTLD_NEXT, __func__));
+  if (std::ranges::find(bolo::genicam::checked_places, url) == bolo::genicam::checked_places.end()) return FALSE;
+  return original(url, length, scheme, authority, path, query, fragment, address, size);
+}

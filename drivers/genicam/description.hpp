@@ -20,8 +20,9 @@ using ReadMemory = std::function<std::optional<std::vector<unsigned char>>(std::
 // Checks that the sizes that the camera states for its file, and the file for what is packed in it, are those of a
 // description, and that the packed data lie in the file: Aravis allocates any stated size, aborts the process when that
 // fails, and reads at any offset. The file must be in the camera's memory: Aravis would read any file of this computer,
-// a device without end. A camera that states something else the second time gets past this. Files that cannot be read
-// or understood are left to Aravis. Errors: kBadInput. Thread: any.
+// a device without end. When Aravis opens the camera on this thread then, it is given no other place than those. A
+// camera whose memory holds something else the second time gets past this. Files that cannot be read or understood are
+// left to Aravis. Errors: kBadInput. Thread: any.
 Status check_description_file(const ReadMemory& read);
 
 // Checks that no value of the description depends on itself, by way of whichever others, and that none takes more steps

@@ -1,4 +1,6 @@
 // Descriptions that no library can evaluate to the end.
+#include <dlfcn.h>
+
 #include "drivers/genicam/description.hpp"
 #include "drivers/genicam/division_trap.hpp"
 #include "tests/refusal.hpp"
@@ -234,6 +236,21 @@ TEST(DescriptionFile, WithoutADirectoryIsLeftToTheLibrary) {
   const std::string file(5000, 'P');
   EXPECT_TRUE(checked(place(file), "", file));
   EXPECT_TRUE(check_description_file([](std::uint32_t, std::uint32_t) { return std::nullopt; }));
+}
+
+// By the function that Aravis calls with what the camera says then.
+TEST(DescriptionFile, NoOtherPlaceThanTheCheckedOnesIsTold) {
+  using Parse = gboolean(const char*, gssize, char**, char**, char**, char**, char**, guint64*, guint64*);
+  const auto told = [](const char* url) {
+    guint64 size = 0;
+    const auto parse = reinterpret_cast<Parse*>(dlsym(RTLD_DEFAULT, "arv_parse_genicam_url"));
+    return parse(url, -1, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, &size) != FALSE && size == 0x40;
+  };
+  EXPECT_TRUE(checked("Local:a.xml;10003;40", "Local:b.xml;10003;40"));
+  EXPECT_TRUE(told("Local:a.xml;10003;40") && told("Local:b.xml;10003;40"));
+  for (const char* other : {"File:///dev/zero", "Local:a.xml;10003;ffffffffffffff", "Local:c.xml;10003;40", ""}) {
+    EXPECT_FALSE(told(other)) << other;
+  }
 }
 
 }  // namespace bolo::genicam::description_test

@@ -1,8 +1,6 @@
 // GenicamSource::open(): finding the camera, and agreeing with it.
 #include <poll.h>
 #include <sys/resource.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include "drivers/genicam/connection.hpp"
 #include "drivers/genicam/network.hpp"
@@ -11,7 +9,6 @@
 #include "src/core/unique_fd.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 #include "tests/no_threads.hpp"
-#include "tests/scratch.hpp"
 
 namespace bolo::genicam::test::genicam_open_test {
 
@@ -300,25 +297,6 @@ TEST_F(GenicamOpenTest, ListsTheFirstOfManyCameras) {
   forger.join();
   expect_refused(opened, {"several cameras answer", "more)"});
   EXPECT_LT(opened.error().message.size(), 700U);
-}
-
-// What a camera tells Aravis may be another place than the one that was checked. Aravis's own fake camera reads files
-// in the same way; one that it cannot read has no description.
-TEST_F(GenicamOpenTest, KeepsDevicesAndPipesFromAravis) {
-  const Scratch folder;
-  ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
-  const auto read_by_aravis = [](const std::string& file) {
-    alarm(10);
-    const rlimit limit{rlim_t{1} << 30U, rlim_t{1} << 30U};
-    setrlimit(RLIMIT_DATA, &limit);
-    GlibError error;
-    char* bytes = nullptr;
-    const bool read = g_file_get_contents(file.c_str(), &bytes, nullptr, error.out()) != FALSE;
-    _exit(!read && error.message().find("not a file") != std::string::npos ? 7 : 1);
-  };
-  for (const std::string& file : {std::string("/dev/zero"), (folder / "pipe").string()}) {
-    EXPECT_EXIT(read_by_aravis(file), testing::ExitedWithCode(7), "") << file;
-  }
 }
 
 TEST_F(GenicamOpenTest, FindsTheOnlyCamera) {
