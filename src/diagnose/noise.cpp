@@ -186,7 +186,8 @@ struct NoiseSums {
   NoiseStatistics statistics() {
     fill_components();
     std::ranges::stable_sort(bins, {}, &Bin::frequency);
-    judge_spectrum(bins, 1.0 / session.period_s, n);
+    const double step = session.recordings.front().step;
+    judge_spectrum(bins, 1.0 / session.period_s, step * step / 12.0, n);
     const double frames_each = static_cast<double>(n.frames) / blocks;
     // The kurtosis of a sample of n is low by about 6/n in the mean and more in the median.
     n.excess_kurtosis = {median(kurtosis) + 12.0 / frames_each,

@@ -20,22 +20,31 @@ double shape(double f_hz, double rate_hz, double corner_hz, double alpha, FrameF
 
 using Spectrum = std::vector<Bin>;
 
-// A model of the spectrum: white noise, a corner, a filter.
+// A model of the spectrum: white noise, a corner, a filter, and the rounding of values behind them.
 struct SpectrumFit {
   double rate_hz = 200.0;
   FrameFilter filter = FrameFilter::kNone;
+  double rounding = 0.0;  // its variance
   double corner = 0.0;
   double alpha = 1.0;
   double level = 1.0;
   double likelihood = -1e300;
-  double power(const Bin& bin) const { return level * shape(bin.frequency, rate_hz, corner, alpha, filter); }
+  double rounded = 0.0;  // its share of the level
+  double power(const Bin& bin) const {
+    return level * ((1.0 - rounded) * shape(bin.frequency, rate_hz, corner, alpha, filter) + rounded);
+  }
 };
 
-// The level by its closed form.
+// The level by its closed form, for the rounding's share in it.
 SpectrumFit with(const Spectrum& s, const SpectrumFit& as, double corner, double alpha) {
-  SpectrumFit fit{as.rate_hz, as.filter, corner, alpha, 1.0, 0.0};
-  fit.level =
-      sum_of(s, [&](const Bin& bin) { return bin.weight * bin.power / fit.power(bin); }) / sum_of(s, &Bin::weight);
+  constexpr double kMostRounded = 0.25;  // where steps are twice the noise, its errors depend on each other
+  SpectrumFit fit{as.rate_hz, as.filter, as.rounding, corner, alpha, 1.0, 0.0};
+  for (int round = 0; round < 2; ++round) {
+    fit.level *=
+        sum_of(s, [&](const Bin& bin) { return bin.weight * bin.power / fit.power(bin); }) / sum_of(s, &Bin::weight);
+    const double share = as.rounding / fit.level;
+    if (share > 0.0 && share < kMostRounded) fit.rounded = share;
+  }
   for (const Bin& bin : s) {
     const double model = fit.power(bin);
     fit.likelihood -= bin.weight * (std::log(model) + bin.power / model);
@@ -44,11 +53,11 @@ SpectrumFit with(const Spectrum& s, const SpectrumFit& as, double corner, double
 }
 
 // The others by search.
-SpectrumFit fit_spectrum(const Spectrum& s, double rate_hz, bool with_corner, FrameFilter filter) {
+SpectrumFit fit_spectrum(const Spectrum& s, double rate_hz, double rounding, bool with_corner, FrameFilter filter) {
   const bool with_alpha = filter != FrameFilter::kNone;
   double corner_step = with_corner ? 2.0 : 0.0;
   double alpha_step = with_alpha ? 0.2 : 0.0;
-  SpectrumFit best = with(s, {rate_hz, filter}, 0.0, with_alpha ? 0.75 : 1.0);
+  SpectrumFit best = with(s, {rate_hz, filter, rounding}, 0.0, with_alpha ? 0.75 : 1.0);
   for (int round = 0; round < 60 && (corner_step > 1e-3 || alpha_step > 1e-4); ++round) {
     SpectrumFit next = best;
     for (const double dc : {-corner_step, 0.0, corner_step}) {
@@ -195,20 +204,20 @@ std::vector<double> periodogram(const ArrayXd& x) {
   return mapped(spectrum, [norm](const std::complex<double>& s) { return std::norm(s) / norm; });
 }
 
-void judge_spectrum(const Spectrum& s, double rate_hz, NoiseStatistics& n) {
+void judge_spectrum(const Spectrum& s, double rate_hz, double rounding, NoiseStatistics& n) {
   constexpr double kGain = 15.0;          // minimum log-likelihood gain of a corner or a filter
   constexpr double kOtherGain = 3.0;      // minimum gain between kinds of filter
   constexpr double kLeastFilter = 0.985;  // a weight nearer to 1 is no filter
-  const SpectrumFit pink = fit_spectrum(s, rate_hz, true, FrameFilter::kNone);
+  const SpectrumFit pink = fit_spectrum(s, rate_hz, rounding, true, FrameFilter::kNone);
   SpectrumFit best = pink;
   for (const FrameFilter tried : {FrameFilter::kRecursive, FrameFilter::kBox}) {
-    const SpectrumFit both = fit_spectrum(s, rate_hz, true, tried);
+    const SpectrumFit both = fit_spectrum(s, rate_hz, rounding, true, tried);
     if (both.likelihood > best.likelihood + (best.filter == FrameFilter::kNone ? kGain : kOtherGain) &&
         both.alpha < kLeastFilter) {
       best = both;
     }
   }
-  const SpectrumFit without_corner = fit_spectrum(s, rate_hz, false, best.filter);
+  const SpectrumFit without_corner = fit_spectrum(s, rate_hz, rounding, false, best.filter);
   const double corner_gain = best.likelihood - without_corner.likelihood;
   if (corner_gain < kGain) best = without_corner;
   n.filter = best.filter;

@@ -130,7 +130,8 @@ struct Bin {
 };
 
 // Fits the spectrum (in order of frequency) by Whittle's likelihood and writes white noise, corner, filter and misfit.
-void judge_spectrum(const std::vector<Bin>& spectrum, double rate_hz, NoiseStatistics& noise);
+// `rounding`: variance that the steps between stored values add, behind the frame filter.
+void judge_spectrum(const std::vector<Bin>& spectrum, double rate_hz, double rounding, NoiseStatistics& noise);
 
 // Fits degrees of freedom and scale by likelihood to values without their means; n.sigma_tvh is known.
 void fit_student(const std::vector<double>& x, NoiseStatistics& n);
