@@ -28,12 +28,11 @@ constexpr std::uint32_t kSerialBytes = 16;
 // The first of them: forged answers may name thousands.
 std::string list_of(const std::vector<FoundCamera>& cameras) {
   constexpr std::size_t kMostListed = 8;
+  const auto listed = std::span(cameras).first(std::min(cameras.size(), kMostListed));
   std::string text;
-  for (const FoundCamera& f : std::span(cameras).first(std::min(cameras.size(), kMostListed))) {
-    text += (text.empty() ? "" : ", ") + f.id + " at " + f.address;
-  }
-  const std::size_t others = cameras.size() - std::min(cameras.size(), kMostListed);
-  return others == 0 ? text : text + fmt::format(" and {} more", others);
+  for (const FoundCamera& f : listed) text += (text.empty() ? "" : ", ") + f.id + " at " + f.address;
+  if (listed.size() < cameras.size()) text += fmt::format(" and {} more", cameras.size() - listed.size());
+  return text;
 }
 
 // The camera to open when the options do not name an IP address.

@@ -54,7 +54,7 @@ struct Differences {
 template <typename T>
 HWY_INLINE void load_differences(const BlockSamples& in, const ModelTables& tables, std::size_t column,
                                  Vec inverse_noise, Differences& to) {
-  const int last = tables.samples - 2;
+  const int last = tables.differences() - 1;
   for (int r = 0; r < in.rows; ++r) {
     for (std::size_t v = 0; v < kUnit; v += kLanes) {
       const std::size_t at = column + v;
@@ -117,16 +117,15 @@ HWY_INLINE void add_moments(const BlockSamples& in, const ModelTables& tables, V
   Differences m;
   const auto part = [&](int difference, std::size_t k)
                         HWY_ATTR { return hn::Load(Float(), m.d[k / kVectors][difference] + k % kVectors * kLanes); };
-  const int differences = tables.samples - 1;
   for (std::size_t column = 0; column < static_cast<std::size_t>(in.columns); column += kUnit) {
     load_differences<T>(in, tables, column, inverse_noise, m);
     float(*block)[kMostPairs] = moments + column / kBlockColumns;
     Vec pair[8];
     std::size_t p = 0;
-    for (int i = 0; i < differences; ++i) {
+    for (int i = 0; i < tables.differences(); ++i) {
       Vec left[kParts];
       for (std::size_t k = 0; k < kParts; ++k) left[k] = part(i, k);
-      for (int j = i; j < (i < tables.split ? tables.split : differences); ++j, ++p) {
+      for (int j = i; j < tables.end_of_part(i); ++j, ++p) {
         Vec sum = hn::Zero(Float());
         for (std::size_t k = 0; k < kParts; ++k) sum = hn::MulAdd(left[k], part(j, k), sum);
         pair[p % 8] = sum;
@@ -145,7 +144,7 @@ inline constexpr int kTogether = kLanes >= 16 ? 4 : 2;                        //
 
 // Scores of `kTogether` blocks: every entry of the table is loaded once for all of them.
 HWY_INLINE void add_scores(const ModelTables& tables, const float (*moments)[kMostPairs], float (*score)[kModels]) {
-  const int late = tables.samples - 1 - tables.split;
+  const int late = tables.differences() - tables.split;
   const int pairs = (tables.split * (tables.split + 1) + late * (late + 1)) / 2;
   for (std::size_t chunk = 0; chunk < kModelVectors; chunk += kChunk) {
     Vec sum[kTogether][kChunk];

@@ -198,13 +198,13 @@ void MotionModels::prepare_model(ModelTables& tables, int model) const noexcept 
 
   std::size_t pair = 0;
   for (int i = 0; i < differences; ++i) {
-    for (int j = i; j < (i < tables.split ? tables.split : differences); ++j) {
-      double of_pair = (i == j ? 1.0 : 2.0) * inverse(i, j);
-      if (tables.split < differences) {  // differences are halves of sums and more or less of what two differ by
-        of_pair *= 0.5;
-        of_pair += (i == j ? 0.5 : 1.0) * (i < tables.split ? 1.0 : -1.0) * inverse(i, differences - 1 - j);
+    for (int j = i; j < tables.end_of_part(i); ++j) {
+      double entry = inverse(i, j);
+      if (tables.split < differences) {  // two differences are halves of their sum and of what they differ by
+        const double mirrored = inverse(i, differences - 1 - j);
+        entry = 0.5 * (i < tables.split ? entry + mirrored : entry - mirrored);
       }
-      tables.score[pair++][k] = static_cast<float>(-0.5 * kTemper * of_pair);
+      tables.score[pair++][k] = static_cast<float>(-0.5 * kTemper * (i == j ? 1.0 : 2.0) * entry);
     }
   }
   tables.per_pixel[k] = static_cast<float>(-0.5 * kTemper * log_det);

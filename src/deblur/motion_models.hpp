@@ -35,6 +35,8 @@ struct ModelTables {
   // differences that are as far from the ends, in place of the earlier one, and one of what these two differ by, in
   // place of the later: `split` is where the latter begin. Else there is one part, of the differences themselves.
   int split = 0;
+  int differences() const { return samples - 1; }
+  int end_of_part(int i) const { return i < split ? split : differences(); }  // that difference i is in
   // log likelihood, tempered: sum_p score[p][k] M_p + n per_pixel[k] + prior[k]; p runs over pairs i <= j of each part
   // row by row, M in units of the noise's variance.
   alignas(64) std::array<std::array<float, kModels>, kMostPairs> score{};

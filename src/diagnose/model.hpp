@@ -71,7 +71,7 @@ struct BarShape {
   Bars bars;
   double sigma_px = 0.0;                       // of optics and edges
   std::vector<std::complex<double>> spectrum;  // of one period
-  std::vector<double> signal_of_share;         // of shares from 0 to 1; empty: identity
+  std::vector<double> signal_of_share;         // of still bars, of shares from 0 to 1; empty: identity
 };
 
 // A pixel's response to them, by the bars' phase at the pixel.

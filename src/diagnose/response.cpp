@@ -201,6 +201,7 @@ BarShape::BarShape(const Bars& of, double blur_px2, const std::function<double(d
   fft.inv(phases, spectrum, BarTable::kPhases);
   for (double& p : phases) p = signal(p);
   fft.fwd(spectrum, phases);
+  if (bars.velocity_px_s != 0.0) return;
   for (int i = 0; i <= kTableShares; ++i) signal_of_share.push_back(signal(static_cast<double>(i) / kTableShares));
 }
 
