@@ -16,6 +16,7 @@
 #include "drivers/genicam/gobject.hpp"
 #include "drivers/genicam/network.hpp"
 #include "drivers/genicam/nodes.hpp"
+#include "drivers/genicam/patience.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -116,7 +117,10 @@ Result<Connection> open_by_id(const std::string& id) {
   GlibError error;
   Connection connection;
   connection.name = "camera " + id;
-  connection.device.reset(arv_open_device(id.c_str(), error.out()));
+  {
+    const SearchLimit limit;
+    connection.device.reset(arv_open_device(id.c_str(), error.out()));
+  }
   if (error || connection.device == nullptr) {
     connection.device.reset();
     return bad_input("camera " + id + " cannot be opened (" + error.message() +
@@ -191,7 +195,10 @@ bool has_serial(const Connection& connection, const std::string& serial) {
 std::vector<FoundCamera> find_cameras() {
   if (!check_resources()) return {};
   silence_glib();
-  arv_update_device_list();
+  {
+    const SearchLimit limit;
+    arv_update_device_list();
+  }
   std::vector<FoundCamera> found;
   const unsigned count = arv_get_n_devices();
   found.reserve(count);
