@@ -239,7 +239,7 @@ TEST(DescriptionFile, OfASilentCamera) {
   expect_error(take_description([](std::uint32_t, std::uint32_t) { return std::nullopt; }), {"does not say where"});
   expect_error(take_description([](std::uint32_t address, std::uint32_t bytes) {
                  std::vector<unsigned char> memory(bytes);
-                 std::ranges::copy(place("a.xml", "2bc"), memory.begin());
+                 std::ranges::copy(place("a.xml", "2bc").substr(0, bytes), memory.begin());
                  return address < kFile - 3 ? std::optional(memory) : std::nullopt;
                }),
                {"cannot be read", "local:a.xml"});
@@ -250,7 +250,7 @@ TEST(DescriptionFile, OnALossyNetwork) {
   int reads = 0;
   EXPECT_TRUE(take_description([&](std::uint32_t, std::uint32_t bytes) {
     std::vector<unsigned char> memory(bytes);
-    std::ranges::copy(place("a.xml", "2000"), memory.begin());
+    std::ranges::copy(place("a.xml", "2000").substr(0, bytes), memory.begin());
     return ++reads % 3 == 0 ? std::nullopt : std::optional(memory);
   }));
 }
