@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -14,6 +16,7 @@
 #include "drivers/genicam/gobject.hpp"
 #include "drivers/genicam/network.hpp"
 #include "drivers/genicam/nodes.hpp"
+#include "drivers/genicam/patience.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -24,6 +27,7 @@ constexpr std::uint64_t kPrivilegeRegister = 0x0A00;  // GigE Vision: control ch
 constexpr std::uint32_t kControlled = 0x3;            // exclusive access, or control access
 constexpr std::uint64_t kSerialRegister = 0x00D8;     // the same: serial number, text
 constexpr std::uint32_t kSerialBytes = 16;
+constexpr std::chrono::seconds kReadingLimit(30);  // of a description, before bolod is taken to hang
 
 // The first of them: forged answers may name thousands.
 std::string list_of(const std::vector<FoundCamera>& cameras) {
@@ -93,9 +97,11 @@ Result<Connection> open_gige(const std::string& ipv4) {
                      connection.route.local_address +
                      "): check its power and cable, its address, and that no firewall drops UDP port 3956");
   }
-  const Status file = check_description_file(
-      [&](std::uint32_t address, std::uint32_t bytes) { return read_memory(ipv4, address, bytes); });
-  if (!file) return at(connection.name, file.error());
+  const auto until = std::chrono::steady_clock::now() + kReadingLimit;
+  const Status taken = take_description([&](std::uint32_t address, std::uint32_t bytes) {
+    return std::chrono::steady_clock::now() < until ? read_memory(ipv4, address, bytes) : std::nullopt;
+  });
+  if (!taken) return at(connection.name, taken.error());
   RETURN_IF_ERROR(open_device(connection));
   if (!is_controller(connection) && free_from_dead_program(ipv4, connection.route.local_address)) {
     RETURN_IF_ERROR(open_device(connection));
@@ -111,7 +117,10 @@ Result<Connection> open_by_id(const std::string& id) {
   GlibError error;
   Connection connection;
   connection.name = "camera " + id;
-  connection.device.reset(arv_open_device(id.c_str(), error.out()));
+  {
+    const SearchLimit limit;
+    connection.device.reset(arv_open_device(id.c_str(), error.out()));
+  }
   if (error || connection.device == nullptr) {
     connection.device.reset();
     return bad_input("camera " + id + " cannot be opened (" + error.message() +
@@ -186,7 +195,10 @@ bool has_serial(const Connection& connection, const std::string& serial) {
 std::vector<FoundCamera> find_cameras() {
   if (!check_resources()) return {};
   silence_glib();
-  arv_update_device_list();
+  {
+    const SearchLimit limit;
+    arv_update_device_list();
+  }
   std::vector<FoundCamera> found;
   const unsigned count = arv_get_n_devices();
   found.reserve(count);

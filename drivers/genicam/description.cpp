@@ -1,9 +1,12 @@
 #include "drivers/genicam/description.hpp"
 
-#include <dlfcn.h>
+#include <sys/mman.h>
+#include <unistd.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <iterator>
@@ -11,32 +14,23 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "src/core/text.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::genicam {
 namespace {
 
 using Bytes = std::vector<unsigned char>;
 
-thread_local std::vector<std::string> checked_places;  // of the camera that this thread opens
+thread_local UniqueFd given;  // the description that Aravis is given on this thread, a file in memory
 
 constexpr std::uint32_t kUrlBytes = 512;
 constexpr std::uint32_t kReadBytes = 512;
 constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20U;  // descriptions have 0.1 to 5 MB
 constexpr std::uint64_t kMemoryEnd = std::uint64_t{1} << 32U;   // of a camera
-constexpr std::uint32_t kEndBytes = 22;                         // of a ZIP file, without its comment
-constexpr std::uint32_t kMostComment = 65535;
-constexpr std::uint32_t kEntryBytes = 46;  // without its name
-constexpr std::uint32_t kLocalBytes = 30;  // before what is packed, without its name
-constexpr std::uint32_t kMostEntries = 64;
-
-std::uint32_t little(const Bytes& bytes, std::size_t at, std::size_t size) {
-  std::uint32_t value = 0;
-  for (std::size_t i = size; i-- > 0;) value = value << 8U | bytes[at + i];
-  return value;
-}
 
 // `bytes` from `address` on, wherever that is in the camera's memory.
 std::optional<Bytes> read_some(const ReadMemory& read, std::uint64_t address, std::uint64_t bytes) {
@@ -44,7 +38,8 @@ std::optional<Bytes> read_some(const ReadMemory& read, std::uint64_t address, st
   Bytes out;
   for (std::uint64_t at = address - before; at < address + bytes; at += kReadBytes) {
     const auto count = std::min<std::uint64_t>(kReadBytes, (address + bytes - at + 3) / 4 * 4);
-    const auto part = read(static_cast<std::uint32_t>(at), static_cast<std::uint32_t>(count));
+    auto part = read(static_cast<std::uint32_t>(at), static_cast<std::uint32_t>(count));
+    if (!part) part = read(static_cast<std::uint32_t>(at), static_cast<std::uint32_t>(count));  // a lossy network
     if (!part || part->size() != count) return std::nullopt;
     out.insert(out.end(), part->begin(), part->end());
   }
@@ -53,110 +48,117 @@ std::optional<Bytes> read_some(const ReadMemory& read, std::uint64_t address, st
   return out;
 }
 
-struct File {
-  std::uint64_t address = 0;
-  std::uint64_t bytes = 0;
-  bool zip = false;
-};
-
-// Of "local:NAME;ADDRESS;SIZE", both hexadecimal; nothing for files elsewhere.
-std::optional<File> file_of(const std::string& url) {
-  const std::size_t first = url.find(';');
-  const std::size_t second = first == std::string::npos ? first : url.find(';', first + 1);
-  if (!url.starts_with("local:") || second == std::string::npos) return std::nullopt;
-  // Negative numbers and those beyond 64 bits become the largest.
-  const auto number = [&](std::size_t at) -> std::uint64_t {
-    const char* const text = url.c_str() + at + 1;
-    const std::string_view digits(text, std::strcspn(text, ";?"));
-    return digits.find('-') != std::string_view::npos ? UINT64_MAX : std::strtoull(text, nullptr, 16);
-  };
-  return File{number(first), number(second), url.substr(0, first).ends_with(".zip")};
-}
-
 tl::unexpected<Error> too_large(const std::string& what) {
   return bad_input(what + ", more than any description: this is no camera, or a damaged one");
-}
-
-// Refuses files that are not the camera's own, which Aravis would fetch by any means (http: it does not), and addresses
-// that it parses otherwise than file_of(): the last of several, or the lower half of a long number.
-Status check_place(const std::string& url, const std::optional<File>& file) {
-  const std::string shown = printable(url.substr(0, 80));
-  const std::size_t colon = url.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789+-.");
-  const std::string_view scheme = std::string_view(url).substr(0, colon);
-  if (colon != 0 && colon != std::string::npos && url[colon] == ':' && scheme != "local" && scheme != "http") {
-    return bad_input("its GenICam description is no file of its own, but of this computer or another: " + shown);
-  }
-  const bool many = scheme == "local" && std::ranges::count(url, ';') > 2;
-  if (!many && (!file || (file->address < kMemoryEnd && file->address + file->bytes <= kMemoryEnd))) return {};
-  return bad_input("its GenICam description is where no camera has one (" + shown +
-                   "): this is no camera, or a damaged one");
 }
 
 tl::unexpected<Error> damaged_zip() {
   return bad_input("its GenICam description is in a damaged ZIP file: this is no camera, or a damaged one");
 }
 
-// ZIP's record of the end of the directory, and its place in the file.
-struct DirectoryEnd {
-  Bytes bytes;  // fewer than it has where the file ends
-  std::int64_t at = 0;
+// A ZIP file: what its last entry holds, which is the only one, or the one that Aravis takes.
+class ZipFile {
+ public:
+  explicit ZipFile(const Bytes& bytes) : bytes_(bytes) {}
+
+  Result<Bytes> unpack() const {
+    constexpr std::string_view kEnd = "PK\x05\x06";
+    constexpr std::int64_t kEndBytes = 22;
+    constexpr std::int64_t kEntryBytes = 46;  // without its name
+    constexpr std::int64_t kLocalBytes = 30;  // before what is packed, without its name
+    const auto found = std::find_end(bytes_.begin(), bytes_.end(), kEnd.begin(), kEnd.end());
+    const std::int64_t end = found - bytes_.begin();
+    if (!holds(end, kEndBytes)) return damaged_zip();
+    std::int64_t entry = end - number(end + 12, 4);
+    const std::int64_t start = entry - number(end + 16, 4);  // what the places in the file count from
+    for (std::int64_t left = number(end + 10, 2); holds(entry, kEntryBytes); --left) {
+      if (left <= 1) break;
+      entry += kEntryBytes + number(entry + 28, 2) + number(entry + 30, 2) + number(entry + 32, 2);
+    }
+    if (!holds(entry, kEntryBytes)) return damaged_zip();
+    const std::int64_t local = start + number(entry + 42, 4);
+    if (!holds(local, kLocalBytes)) return damaged_zip();
+    return content(local + kLocalBytes + number(local + 26, 2) + number(local + 28, 2), number(entry + 20, 4),
+                   number(entry + 24, 4));
+  }
+
+ private:
+  bool holds(std::int64_t at, std::int64_t bytes) const {
+    return at >= 0 && at + bytes <= static_cast<std::int64_t>(bytes_.size());
+  }
+
+  std::int64_t number(std::int64_t at, int size) const {
+    std::int64_t value = 0;
+    while (size-- > 0) value = value << 8U | bytes_[static_cast<std::size_t>(at + size)];
+    return value;
+  }
+
+  Result<Bytes> content(std::int64_t at, std::int64_t packed, std::int64_t unpacked) const {
+    if (static_cast<std::uint64_t>(unpacked) > kMostBytes) {
+      return too_large("its GenICam description unpacks to " + std::to_string(unpacked) + " bytes");
+    }
+    if (!holds(at, packed)) return damaged_zip();
+    const auto first = bytes_.begin() + at;
+    if (packed == unpacked) return Bytes(first, first + packed);  // stored
+    Bytes out(static_cast<std::size_t>(unpacked));
+    z_stream stream{};
+    if (inflateInit2(&stream, -MAX_WBITS) != Z_OK) return failed("no memory to unpack its GenICam description");
+    stream.next_in = const_cast<Bytef*>(&*first);
+    stream.avail_in = static_cast<uInt>(packed);
+    stream.next_out = out.data();
+    stream.avail_out = static_cast<uInt>(unpacked);
+    const bool whole = inflate(&stream, Z_FINISH) == Z_STREAM_END && stream.avail_out == 0;
+    inflateEnd(&stream);
+    if (!whole) return damaged_zip();
+    return out;
+  }
+
+  const Bytes& bytes_;
 };
 
-// Nothing when there is none.
-std::optional<DirectoryEnd> end_of(const ReadMemory& read, const File& file) {
-  for (const std::uint64_t reach : {std::uint64_t{kReadBytes}, std::uint64_t{kEndBytes + kMostComment}}) {
-    const std::uint64_t bytes = std::min(file.bytes, reach);
-    const auto more = read_some(read, file.address + file.bytes - bytes, bytes);
-    if (!more) return std::nullopt;
-    constexpr std::string_view kSignature = "PK\x05\x06";
-    const auto found = std::find_end(more->begin(), more->end(), kSignature.begin(), kSignature.end());
-    const auto left = std::min(std::distance(found, more->end()), std::ptrdiff_t{kEndBytes});
-    if (left > 0) {
-      return DirectoryEnd{Bytes(found, found + left),
-                          static_cast<std::int64_t>(file.bytes - bytes) + std::distance(more->begin(), found)};
-    }
-    if (bytes == file.bytes) break;
+// Of a place as "local:NAME;ADDRESS;SIZE", both hexadecimal. Files that are not the camera's own are refused: they
+// would be this computer's, a device without end, or another's.
+Result<Bytes> read_file(const ReadMemory& read, std::string url) {
+  std::ranges::transform(url, url.begin(), [](unsigned char c) { return c >= 'A' && c <= 'Z' ? c + 32 : c; });
+  const std::string shown = printable(url.substr(0, 80));
+  if (!url.starts_with("local:")) {
+    return bad_input("its GenICam description is no file of its own, but of this computer or another: " + shown);
   }
-  return std::nullopt;
+  const std::size_t first = std::min(url.find(';'), url.size());
+  const std::size_t second = std::min(url.find(';', first + 1), url.size());
+  // Negative numbers and those beyond 64 bits become the largest.
+  const auto number = [&](std::size_t at) -> std::uint64_t {
+    const char* const text = url.c_str() + std::min(at + 1, url.size());
+    const std::string_view digits(text, std::strcspn(text, ";?"));
+    return digits.find('-') != std::string_view::npos ? UINT64_MAX : std::strtoull(text, nullptr, 16);
+  };
+  const std::uint64_t address = number(first);
+  const std::uint64_t bytes = number(second);
+  if (bytes > kMostBytes) {
+    return too_large("its GenICam description is said to have " + std::to_string(bytes) + " bytes");
+  }
+  if (bytes == 0 || address >= kMemoryEnd || address + bytes > kMemoryEnd) {
+    return bad_input("its GenICam description is where no camera has one (" + shown +
+                     "): this is no camera, or a damaged one");
+  }
+  auto file = read_some(read, address, bytes);
+  if (!file) return failed("its GenICam description cannot be read from it (" + shown + ")");
+  if (url.substr(0, first).ends_with(".zip")) return ZipFile(*file).unpack();
+  return *std::move(file);
 }
 
-bool is_inside(const File& file, std::int64_t at, std::uint64_t bytes) {
-  return at >= 0 && static_cast<std::uint64_t>(at) + bytes <= file.bytes;
-}
-
-// `start`: what the file's own places count from.
-Status check_entry(const ReadMemory& read, const File& file, std::int64_t start, const Bytes& entry) {
-  const std::uint32_t unpacked = little(entry, 24, 4);
-  if (unpacked > kMostBytes) {
-    return too_large("its GenICam description unpacks to " + std::to_string(unpacked) + " bytes");
+// From the first of its two places that has one.
+Result<Bytes> read_description(const ReadMemory& read) {
+  std::optional<Error> error;
+  for (const std::uint32_t place : {0x200U, 0x400U}) {
+    const auto text = read_some(read, place, kUrlBytes);
+    if (!text || text->front() == 0) continue;
+    auto description = read_file(read, std::string(text->begin(), std::ranges::find(*text, 0)));
+    if (description) return description;
+    if (!error) error = std::move(description).error();
   }
-  const std::int64_t at = start + little(entry, 42, 4);
-  if (!is_inside(file, at, kLocalBytes)) return damaged_zip();
-  const auto local = read_some(read, file.address + static_cast<std::uint64_t>(at), kLocalBytes);
-  if (!local || little(*local, 0, 4) != 0x04034b50U) return {};
-  const std::uint64_t names = little(*local, 26, 2) + little(*local, 28, 2);
-  if (is_inside(file, at, kLocalBytes + names + std::min(little(entry, 20, 4), unpacked))) return {};
-  return damaged_zip();
-}
-
-// Aravis trusts the directory, and reads at its offsets, beyond the file too.
-Status check_unpacked(const ReadMemory& read, const File& file) {
-  const auto end = end_of(read, file);
-  if (!end) return {};
-  const std::uint32_t entries = end->bytes.size() < kEndBytes ? UINT32_MAX : little(end->bytes, 10, 2);
-  if (entries > kMostEntries) return damaged_zip();
-  std::int64_t at = end->at - little(end->bytes, 12, 4);
-  const std::int64_t start = at - little(end->bytes, 16, 4);
-  for (std::uint32_t i = 0; i < entries; ++i) {
-    if (!is_inside(file, at, kEntryBytes)) return damaged_zip();
-    const auto entry = read_some(read, file.address + static_cast<std::uint64_t>(at), kEntryBytes);
-    if (!entry || little(*entry, 0, 4) != 0x02014b50U) return {};
-    const std::uint32_t name = little(*entry, 28, 2);
-    if (!is_inside(file, at, kEntryBytes + name)) return damaged_zip();
-    RETURN_IF_ERROR(check_entry(read, file, start, *entry));
-    at += kEntryBytes + name + little(*entry, 30, 2) + little(*entry, 32, 2);
-  }
-  return {};
+  if (error) return tl::unexpected<Error>(*std::move(error));
+  return failed("it does not say where its GenICam description is: check its cable and power");
 }
 
 constexpr int kMostDeep = 100;
@@ -265,22 +267,14 @@ class Description {
 
 }  // namespace
 
-Status check_description_file(const ReadMemory& read) {
-  checked_places.clear();
-  for (const std::uint32_t place : {0x200U, 0x400U}) {
-    const auto text = read_some(read, place, kUrlBytes);
-    if (!text) continue;
-    std::string url(text->begin(), std::ranges::find(*text, 0));
-    checked_places.push_back(url);
-    std::ranges::transform(url, url.begin(), [](unsigned char c) { return c >= 'A' && c <= 'Z' ? c + 32 : c; });
-    const auto file = file_of(url);
-    if (file && file->bytes > kMostBytes) {
-      return too_large("its GenICam description is said to have " + std::to_string(file->bytes) + " bytes");
-    }
-    RETURN_IF_ERROR(check_place(url, file));
-    if (!file) continue;
-    if (file->zip) RETURN_IF_ERROR(check_unpacked(read, *file));
+Status take_description(const ReadMemory& read) {
+  given = UniqueFd();
+  ASSIGN_OR_RETURN(const Bytes description, read_description(read));
+  UniqueFd file(memfd_create("GenICam description", MFD_CLOEXEC));
+  if (!file || write(file.get(), description.data(), description.size()) != std::ssize(description)) {
+    return failed(std::string("its GenICam description cannot be kept in memory (") + std::strerror(errno) + ")");
   }
+  given = std::move(file);
   return {};
 }
 
@@ -290,11 +284,12 @@ Status check_description(ArvGc* description) {
 
 }  // namespace bolo::genicam
 
-// In place of Aravis's own function, which it calls with what a camera then says of where its description is: of this
-// computer's files, too, and of any length.
-extern "C" gboolean arv_parse_genicam_url(const char* url, gssize length, char** scheme, char** authority, char** path,
-                                          char** query, char** fragment, guint64* address, guint64* size) {
-  static const auto original = reinterpret_cast<decltype(&arv_parse_genicam_url)>(dlsym(RTLD_NEXT, __func__));
-  if (std::ranges::find(bolo::genicam::checked_places, url) == bolo::genicam::checked_places.end()) return FALSE;
-  return original(url, length, scheme, authority, path, query, fragment, address, size);
+// In place of Aravis's own function, which it calls with what a camera then says of where its description is: whatever
+// that is, the description is the one that was taken from it.
+extern "C" gboolean arv_parse_genicam_url(const char* /*url*/, gssize /*length*/, char** scheme, char** /*authority*/,
+                                          char** path, char** /*query*/, char** /*fragment*/, guint64* /*address*/,
+                                          guint64* /*size*/) {
+  if (scheme != nullptr) *scheme = g_strdup("file");
+  if (path != nullptr) *path = g_strdup_printf("/proc/self/fd/%d", bolo::genicam::given.get());
+  return TRUE;
 }

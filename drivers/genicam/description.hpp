@@ -11,19 +11,18 @@
 
 namespace bolo::genicam {
 
-// --- The file with a camera's GenICam description, in the camera's memory, before the library reads it.
+// --- The file with a camera's GenICam description, in the camera's memory.
 
 // So many bytes of a camera's memory from the address on, both multiples of 4, 512 at most; nothing when the camera
 // refuses or is silent.
 using ReadMemory = std::function<std::optional<std::vector<unsigned char>>(std::uint32_t address, std::uint32_t bytes)>;
 
-// Checks that the sizes that the camera states for its file, and the file for what is packed in it, are those of a
-// description, and that the packed data lie in the file: Aravis allocates any stated size, aborts the process when that
-// fails, and reads at any offset. The file must be in the camera's memory: Aravis would read any file of this computer,
-// a device without end. When Aravis opens the camera on this thread then, it is given no other place than those. A
-// camera whose memory holds something else the second time gets past this. Files that cannot be read or understood are
-// left to Aravis. Errors: kBadInput. Thread: any.
-Status check_description_file(const ReadMemory& read);
+// Reads the camera's description and unpacks it, for Aravis: when that opens the camera on this thread then, it takes
+// this one for the camera's, wherever the camera says that it is. Aravis itself allocates any stated size, aborts the
+// process when that fails, reads at any offset of a ZIP file, and would read any file of this computer, a device
+// without end; and what it reads may be another than what was checked before. Errors: kBadInput for a place, sizes or a
+// ZIP file that no description has, kFailed when the camera does not answer. Thread: any.
+Status take_description(const ReadMemory& read);
 
 // Checks that no value of the description depends on itself, by way of whichever others, and that none takes more steps
 // than any camera's does: Aravis follows such values recursively, until the stack is full, or for ever. Registers with

@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <initializer_list>
 #include <limits>
@@ -68,7 +69,7 @@ class UdpSocket {
 std::optional<std::vector<unsigned char>> query_all(const UdpSocket& socket, Command command,
                                                     std::initializer_list<std::uint32_t> words) {
   constexpr int kTries = 3;
-  constexpr int kWaitMs = 230;
+  constexpr std::chrono::milliseconds kWait(230);
   constexpr std::uint16_t kRequest = 1;
   constexpr std::uint32_t kKeyAndAcknowledge = 0x4201;
   std::vector<std::uint8_t> message(8 + 4 * words.size());
@@ -79,14 +80,18 @@ std::optional<std::vector<unsigned char>> query_all(const UdpSocket& socket, Com
   for (std::size_t at = 8; const std::uint32_t word : words) store_u32(message, std::exchange(at, at + 4), word);
   for (int i = 0; i < kTries; ++i) {
     if (send(socket.fd(), message.data(), message.size(), 0) < 0 && errno != ECONNREFUSED) return std::nullopt;
-    pollfd event{socket.fd(), POLLIN, 0};
-    if (poll(&event, 1, kWaitMs) <= 0) continue;
-    std::array<unsigned char, 576> answer{};
-    const ssize_t bytes = recv(socket.fd(), answer.data(), answer.size(), 0);
-    if (bytes < 12) continue;
-    if (load_u16(answer, 2) != static_cast<std::uint32_t>(command) + 1) continue;
-    if (load_u16(answer, 0) != 0) return std::nullopt;
-    return std::vector<unsigned char>(answer.begin() + 8, answer.begin() + bytes);
+    const auto until = std::chrono::steady_clock::now() + kWait;
+    for (auto left = kWait; left.count() >= 0;
+         left = std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now())) {
+      pollfd event{socket.fd(), POLLIN, 0};
+      if (poll(&event, 1, static_cast<int>(left.count())) <= 0) break;
+      std::array<unsigned char, 576> answer{};
+      const ssize_t bytes = recv(socket.fd(), answer.data(), answer.size(), 0);
+      if (bytes < 0) break;  // nobody listens there
+      if (bytes < 12 || load_u16(answer, 2) != static_cast<std::uint32_t>(command) + 1) continue;
+      if (load_u16(answer, 0) != 0) return std::nullopt;
+      return std::vector<unsigned char>(answer.begin() + 8, answer.begin() + bytes);
+    }
   }
   return std::nullopt;
 }

@@ -128,6 +128,7 @@ struct V4l2Sink::Impl {
   void run();
   void serve(const Frame& frame);
   bool ready(std::int64_t now_ns);
+  void note_written(std::int64_t now_ns);
   void close_device(int code, std::int64_t now_ns);
   void apply_agc();
 
@@ -144,6 +145,7 @@ struct V4l2Sink::Impl {
   std::optional<ImageMaker> images;
   std::int64_t before_ns = 0;  // when the last frame that was shown was published
   bool open = true;
+  bool lost = false;  // until it takes a frame again
   std::int64_t lost_ns = 0;
   std::int64_t next_attempt_ns = 0;
   std::int64_t pause_ns = kFirstPauseNs;
@@ -168,7 +170,7 @@ void V4l2Sink::Impl::serve(const Frame& frame) {
   if (!ready(now_ns)) return stats.dropped.add();
   const double dt_s = static_cast<double>(frame.publish_ns - std::exchange(before_ns, frame.publish_ns)) / kNsPerSecond;
   const int code = port->write(images->make(frame.plane, dt_s, !frame.of_shutter));
-  if (code == 0) return stats.written.add();
+  if (code == 0) return note_written(now_ns);
   stats.dropped.add();
   if (code != EAGAIN) close_device(code, now_ns);
 }
@@ -177,21 +179,26 @@ void V4l2Sink::Impl::serve(const Frame& frame) {
 bool V4l2Sink::Impl::ready(std::int64_t now_ns) {
   if (open) return true;
   if (now_ns < next_attempt_ns) return false;
-  const Status opened = port->open(format);
-  if (!opened) {
-    next_attempt_ns = now_ns + pause_ns;
-    pause_ns = std::min(2 * pause_ns, kLongestPauseNs);
-    return false;
-  }
-  open = true;
+  open = port->open(format).has_value();
+  next_attempt_ns = now_ns + pause_ns;
+  pause_ns = std::min(2 * pause_ns, kLongestPauseNs);
+  return open;
+}
+
+// A device is back when it takes a frame: one that can only be opened would be lost and back at every attempt.
+void V4l2Sink::Impl::note_written(std::int64_t now_ns) {
+  stats.written.add();
+  if (!lost) return;
+  lost = false;
   stats.open.set(true);
   notices.report(false, port->path() + " is back after " + seconds_text(now_ns - lost_ns), pipeline::event::kVideoBack);
-  return true;
 }
 
 void V4l2Sink::Impl::close_device(int code, std::int64_t now_ns) {
   port->close();
   open = false;
+  if (lost) return;
+  lost = true;
   lost_ns = now_ns;
   pause_ns = kFirstPauseNs;
   next_attempt_ns = now_ns + pause_ns;

@@ -124,11 +124,12 @@ void V4l2Source::Impl::run() {
   device.reset();
 }
 
+// At most as many frames as wait at once: of a loopback device whose writer never pauses there is always one more.
 void V4l2Source::Impl::drain() {
   VideoFrame frame;
-  for (bool first = true; !stop_requested.load(std::memory_order_relaxed); first = false) {
+  for (int taken = 0; taken < options.buffers && !stop_requested.load(std::memory_order_relaxed); ++taken) {
     const int error = device->take(frame);
-    if (error == EAGAIN && !first) return;
+    if (error == EAGAIN && taken > 0) return;
     if (error == EAGAIN || error == EIO) {  // EIO: the kernel lost one buffer: its number will be missing
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
       return;

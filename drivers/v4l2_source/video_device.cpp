@@ -13,7 +13,7 @@ namespace bolo::v4l2_source {
 namespace {
 
 constexpr std::size_t kBytesAPixel = 2;
-constexpr std::uint32_t kMostSide = 1U << 14;
+constexpr std::uint32_t kMostPixels = 32U << 20;  // beyond any thermal camera: memory is taken for many frames
 
 // The driver's code of each, and the number of bits that are the pixel's.
 struct ContainerCode {
@@ -147,8 +147,9 @@ Status VideoDevice::agree_on_format(Container container) {
                       text_of(wanted), offered()));
     }
   }
-  if (pixels.width == 0 || pixels.width > kMostSide || pixels.height == 0 || pixels.height > kMostSide) {
-    return refused(fmt::format("it sends frames of {}x{}", pixels.width, pixels.height));
+  if (pixels.width == 0 || pixels.height == 0 || pixels.height > kMostPixels / pixels.width) {
+    return refused(fmt::format("it sends frames of {}x{}: from 1 to {} pixels are taken", pixels.width, pixels.height,
+                               kMostPixels));
   }
   geometry_ = {static_cast<int>(pixels.width), static_cast<int>(pixels.height)};
   stride_ = std::max<std::size_t>(pixels.bytesperline, kBytesAPixel * pixels.width);

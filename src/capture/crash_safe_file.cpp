@@ -31,6 +31,9 @@ bool held_by_another(int descriptor) { return ::flock(descriptor, LOCK_EX | LOCK
 tl::unexpected<Error> is_there(const std::filesystem::path& file) {
   const UniqueFd there(::open(file.c_str(), O_RDWR | O_CLOEXEC));
   if (there && held_by_another(there.get())) return bad_input(kIsBeingWritten);
+  std::error_code ignored;
+  if (std::filesystem::file_size(file, ignored) == 0)
+    return bad_input("is there, and empty; remove it, or --overwrite it");
   return bad_input("is there: an unfinished recording; save it with bolo recover, or --overwrite it");
 }
 
@@ -115,6 +118,11 @@ Result<bool> still_named(int descriptor, const std::filesystem::path& file) {
 }
 
 }  // namespace
+
+Status check_unfinished(const std::filesystem::path& file) {
+  std::error_code ignored;
+  return std::filesystem::exists(std::filesystem::symlink_status(file, ignored)) ? is_there(file) : Status{};
+}
 
 // Nothing of a file that another writer holds is touched. The records are emptied before the file is.
 Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesystem::path& file, SurvivesCut survives,

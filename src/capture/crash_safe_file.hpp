@@ -41,6 +41,10 @@ namespace bolo::capture {
 
 enum class SurvivesCut { kProcess, kPower };
 
+// Refuses a name under which there is a file already, as CrashSafeFile::create() does: an unfinished recording. Errors:
+// kBadInput, to be put after the file's name. Thread: any.
+Status check_unfinished(const std::filesystem::path& file);
+
 class CrashSafeFile {
  public:
   // Creates the file and its records, or empties one that may be replaced, and locks it. A link in the place of any of

@@ -321,6 +321,28 @@ class Source(unittest.TestCase):
             self.assertTrue((np.diff(greys[order]) >= 0).all(), "a hotter pixel is never darker")
             self.assertGreater(greys.max() - greys.min(), 100)
 
+    def test_caps_are_asked_for_while_it_starts_and_stops(self):
+        source = Gst.parse_launch(f"bolosrc camera={self.name} ! fakesink name=sink sync=false")
+        pad = source.get_by_name("sink").get_static_pad("sink").get_peer()
+        ended, answers = threading.Event(), set()
+
+        def ask():
+            while not ended.is_set():
+                caps = pad.query_caps(None).get_structure(0)
+                if caps.get_int("width")[0]:  # the camera is open
+                    answers.add((caps.get_int("width").value, caps.get_int("height").value, caps.get_fraction("framerate")[1:]))
+
+        asking = [threading.Thread(target=ask) for _ in range(2)]
+        for thread in asking:
+            thread.start()
+        for _ in range(200):
+            source.set_state(Gst.State.PLAYING)
+            source.set_state(Gst.State.NULL)
+        ended.set()
+        for thread in asking:
+            thread.join()
+        self.assertEqual(answers, {(66, 24, (50, 1))})
+
     def test_it_goes_on_after_a_restart_with_another_size(self):
         other = os.path.join(self.folder, "other.h5")
         simulate(other, "--width", "40", "--height", "32", "--frames", "100", "--rate", "100")

@@ -351,6 +351,8 @@ TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
     expect_parts(early.err, {"another program has it open"});
   }
   refused({"record", name_, "-o", file("a.h5")}, "bolo recover");  // an unfinished recording is not written over
+  std::ofstream(file("c.h5.part"));
+  refused({"record", name_, "-o", file("c.h5")}, "c.h5.part: is there, and empty; remove it");  // nothing to recover
   EXPECT_EQ(json::parse(printed({"recover", part, "-o", file("b.h5"), "--json"}))["frames"], frames);
   EXPECT_TRUE(exists(part));
   done({"recover", part, "--in-place"});

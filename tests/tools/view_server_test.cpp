@@ -1,8 +1,10 @@
 // Requests that the view's server refuses and accepts, and its limits.
 #include <poll.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "tests/child.hpp"
 #include "tests/no_threads.hpp"
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
@@ -321,6 +323,18 @@ TEST(ViewListen, SaysWhyAnAddressCannotBeListenedOn) {
   for (const char* word : {"banana", "", "127.0.0.1:8640", "[::1]:8640", "1.2.3"}) {
     EXPECT_FALSE(is_numeric(word)) << word;
   }
+}
+
+TEST(ViewListen, SaysThatNoFileDescriptorsAreLeft) {
+  const auto with_descriptors = [](rlim_t left) {
+    const int next = dup(STDIN_FILENO);
+    close(next);
+    const rlimit limit{static_cast<rlim_t>(next) + left, static_cast<rlim_t>(next) + left};
+    setrlimit(RLIMIT_NOFILE, &limit);
+    const auto server = HttpServer::listen({"127.0.0.1"}, 0, {}, {});
+    return server || server.error().message.find("Too many open files") != std::string::npos ? 0 : 1;
+  };
+  for (rlim_t left = 0; left < 7; ++left) EXPECT_EQ(in_child([&] { return with_descriptors(left); }), 0) << left;
 }
 
 // Whoever forgets the token lets nobody in.

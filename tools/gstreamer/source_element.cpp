@@ -50,7 +50,9 @@ struct State {
   std::int64_t before_ns = 0;
   bool any = false;
   std::atomic<bool> flushing{false};  // a flag and nothing else: relaxed
-  // For properties and queries, under the object's lock.
+  // For properties and queries, which come from any thread: under the object's lock.
+  std::uint32_t width = 0;  // 0: no camera is open
+  std::uint32_t height = 0;
   double scale = 0.0;
   double offset = 0.0;
   double period_s = 0.0;
@@ -153,6 +155,8 @@ void read_info(BoloSrc* self) {
   const bolo_client_info& info = *bolo_client_get_info(state.client.get());
   const bool kelvin = info.unit == BOLO_UNIT_KELVIN;
   GST_OBJECT_LOCK(self);
+  state.width = info.width;
+  state.height = info.height;
   state.scale = kelvin ? info.scale : 0.0;
   state.offset = kelvin ? info.offset : 0.0;
   state.period_s = info.frame_period_s;
@@ -183,23 +187,31 @@ gboolean start(GstBaseSrc* source) {
 }
 
 gboolean stop(GstBaseSrc* source) {
-  self_of(source)->state->client.reset();
+  State& state = *self_of(source)->state;
+  GST_OBJECT_LOCK(source);
+  state.width = 0;
+  GST_OBJECT_UNLOCK(source);
+  state.client.reset();
   return TRUE;
 }
 
 // The camera's caps in both formats; before it is open, any.
 GstCaps* get_caps(GstBaseSrc* source, GstCaps* filter) {
+  GST_OBJECT_LOCK(source);
   const State& state = *self_of(source)->state;
+  const auto width = static_cast<gint>(state.width);
+  const auto height = static_cast<gint>(state.height);
+  const double period_s = state.period_s;
+  GST_OBJECT_UNLOCK(source);
   GstCaps* caps = gst_pad_get_pad_template_caps(GST_BASE_SRC_PAD(source));
-  if (state.client) {
-    const bolo_client_info& info = *bolo_client_get_info(state.client.get());
+  if (width > 0) {
     gint rate = 0;
     gint per = 1;
-    gst_util_double_to_fraction(1.0 / info.frame_period_s, &rate, &per);
+    gst_util_double_to_fraction(1.0 / period_s, &rate, &per);
     caps = gst_caps_make_writable(caps);
-    gst_caps_set_simple(caps, "width", G_TYPE_INT, static_cast<gint>(info.width), "height", G_TYPE_INT,
-                        static_cast<gint>(info.height), "framerate", GST_TYPE_FRACTION, rate, per, "pixel-aspect-ratio",
-                        GST_TYPE_FRACTION, 1, 1, "interlace-mode", G_TYPE_STRING, "progressive", nullptr);
+    gst_caps_set_simple(caps, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION,
+                        rate, per, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, "interlace-mode", G_TYPE_STRING,
+                        "progressive", nullptr);
   }
   if (filter == nullptr) return caps;
   GstCaps* both = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);

@@ -10,6 +10,7 @@
 #include <system_error>
 #include <utility>
 
+#include "src/capture/crash_safe_file.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/threads.hpp"
 #include "src/rt/thread.hpp"
@@ -61,10 +62,9 @@ std::filesystem::path file_of_part(const FileWriterOptions& options, std::size_t
 Status check_first_file(const FileWriterOptions& options) {
   const std::filesystem::path file = file_of_part(options, 0);
   if (Status good = check_output({file, options.replace}); !good) return good;
+  if (options.replace == Replace::kExisting) return {};
   const std::string part = file.string() + ".part";
-  std::error_code ignored;
-  if (options.replace == Replace::kExisting || !std::filesystem::exists(part, ignored)) return {};
-  return bad_input(part + " is there: an unfinished recording; save it with bolo recover, or --overwrite it");
+  return at(part, capture::check_unfinished(part));
 }
 
 FileWriter::FileWriter(FileWriterOptions options)

@@ -115,7 +115,11 @@ Result<std::unique_ptr<HttpServer>> HttpServer::listen(const std::vector<std::st
 Status HttpServer::add_listener(const std::string& address, bool& absent) {
   ASSIGN_OR_RETURN(const UniqueFd fd, listening_socket(address, port_, absent));
   if (port_ == 0) port_ = port_of(fd.get());
+  const auto refused = [&] {
+    return failed("cannot serve on " + address + ": " + std::strerror(errno) + "; free some, or raise ulimit -n");
+  };
   const int copy = fcntl(fd.get(), F_DUPFD_CLOEXEC, 0);  // which the library closes
+  if (copy < 0) return refused();                        // without one it would listen on all addresses
   MHD_Daemon* listener = MHD_start_daemon(
       MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr, &HttpServer::on_request, this,
       MHD_OPTION_EXTERNAL_LOGGER, &ignore, nullptr, MHD_OPTION_LISTEN_SOCKET, copy, MHD_OPTION_CONNECTION_LIMIT,
@@ -123,8 +127,9 @@ Status HttpServer::add_listener(const std::string& address, bool& absent) {
       kConnectionBytes, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED, &HttpServer::on_completed, this,
       MHD_OPTION_NOTIFY_CONNECTION, &HttpServer::on_connection, this, MHD_OPTION_END);
   if (listener == nullptr) {
+    auto why = refused();
     ::close(copy);
-    return failed("cannot serve on " + address);
+    return why;
   }
   listeners_.push_back(listener);
   return {};

@@ -1,5 +1,8 @@
 // Descriptions that no library can evaluate to the end.
 #include <dlfcn.h>
+#include <zlib.h>
+
+#include <fmt/format.h>
 
 #include "drivers/genicam/description.hpp"
 #include "drivers/genicam/division_trap.hpp"
@@ -107,149 +110,191 @@ TEST(Description, WhatRealCamerasSayIsTaken) {
               "<IntReg Name=\"W\"><Address>1</Address></IntReg><IntReg Name=\"O\"><Address>2</Address></IntReg>"));
 }
 
-// --- Files that no camera has, as their places and directories state them.
+// --- The file with the description, as cameras that lie about it have it.
 
 constexpr std::uint32_t kFile = 0x10003;  // no multiple of 4
+const std::string kXml(700, 'x');
 
 void put(std::string& bytes, std::size_t at, std::uint32_t value, std::size_t size) {
   for (std::size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<char>(value >> (8 * i));
 }
 
-// A ZIP file of one entry, as its directory tells of it.
-std::string zip(std::uint32_t unpacked, const std::string& comment = "") {
-  const std::string content(700, 'x');
+// A ZIP file of one entry, which holds `packed`, and `unpacked` bytes as its directory tells.
+std::string zip(const std::string& packed, std::uint32_t unpacked, const std::string& comment = "") {
+  std::string local(30, '\0');
+  local.replace(0, 4, "PK\x03\x04");
+  put(local, 26, 5, 2);
   std::string entry(46, '\0');
   entry.replace(0, 4, "PK\x01\x02");
+  put(entry, 20, static_cast<std::uint32_t>(packed.size()), 4);
   put(entry, 24, unpacked, 4);
   put(entry, 28, 5, 2);
-  entry += "a.xml";
   std::string end(22, '\0');
   end.replace(0, 4, "PK\x05\x06");
   put(end, 8, 1, 2);
   put(end, 10, 1, 2);
-  put(end, 12, static_cast<std::uint32_t>(entry.size()), 4);
-  put(end, 16, static_cast<std::uint32_t>(content.size()), 4);
-  return content + entry + end + comment;
+  put(end, 12, 51, 4);
+  put(end, 16, static_cast<std::uint32_t>(35 + packed.size()), 4);
+  return local + "a.xml" + packed + entry + "a.xml" + end + comment;
 }
 
-Status checked(const std::string& first, const std::string& second, const std::string& file = "") {
-  return check_description_file(
-      [&](std::uint32_t address, std::uint32_t bytes) -> std::optional<std::vector<unsigned char>> {
-        EXPECT_EQ(address % 4, 0U);
-        EXPECT_TRUE(bytes % 4 == 0 && bytes <= 512 && bytes > 0);
-        std::string memory(0x200, '\0');
-        memory += first + std::string(0x200 - first.size(), '\0') + second + std::string(0x200 - second.size(), '\0');
-        memory.resize(kFile);
-        memory += file;
-        memory.resize(std::max<std::size_t>(memory.size(), std::size_t{address} + bytes));
-        return std::vector<unsigned char>(memory.begin() + address, memory.begin() + address + bytes);
-      });
+std::string deflated(const std::string& text) {
+  std::string packed(text.size() + 100, '\0');
+  z_stream stream{};
+  EXPECT_EQ(deflateInit2(&stream, 9, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY), Z_OK);
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(text.data()));
+  stream.avail_in = static_cast<uInt>(text.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = static_cast<uInt>(packed.size());
+  EXPECT_EQ(deflate(&stream, Z_FINISH), Z_STREAM_END);
+  packed.resize(packed.size() - stream.avail_out);
+  deflateEnd(&stream);
+  return packed;
+}
+
+Status taken(const std::string& first, const std::string& second, const std::string& file = kXml) {
+  return take_description([&](std::uint32_t address, std::uint32_t bytes) -> std::optional<std::vector<unsigned char>> {
+    EXPECT_EQ(address % 4, 0U);
+    EXPECT_TRUE(bytes % 4 == 0 && bytes <= 512 && bytes > 0);
+    std::string memory(0x200, '\0');
+    memory += first + std::string(0x200 - first.size(), '\0') + second + std::string(0x200 - second.size(), '\0');
+    memory.resize(kFile);
+    memory += file;
+    memory.resize(std::max<std::size_t>(memory.size(), std::size_t{address} + bytes));
+    return std::vector<unsigned char>(memory.begin() + address, memory.begin() + address + bytes);
+  });
 }
 
 std::string place(const std::string& name, const std::string& bytes) { return "Local:" + name + ";10003;" + bytes; }
-std::string place(const std::string& file) {
-  std::string hexadecimal(8, '0');
-  std::snprintf(hexadecimal.data(), hexadecimal.size() + 1, "%08zx", file.size());
-  return place("a.ZIP", hexadecimal);
+std::string place(const std::string& file) { return place("a.ZIP", fmt::format("{:08x}", file.size())); }
+
+// What Aravis reads then, as it does it, of a camera that says that its description is at `url`.
+std::string given(const char* url) {
+  using Parse = gboolean(const char*, gssize, char**, char**, char**, char**, char**, guint64*, guint64*);
+  const auto parse = reinterpret_cast<Parse*>(dlsym(RTLD_DEFAULT, "arv_parse_genicam_url"));
+  char* scheme = nullptr;
+  char* path = nullptr;
+  guint64 address = 0;
+  guint64 size = 0;
+  EXPECT_TRUE(parse(url, -1, &scheme, nullptr, &path, nullptr, nullptr, &address, &size));
+  const Owned<char> scheme_owner(scheme);
+  const Owned<char> path_owner(path);
+  if (std::string_view(scheme) != "file") return std::string("of ") + scheme;
+  char* text = nullptr;
+  gsize bytes = 0;
+  if (g_file_get_contents(path, &text, &bytes, nullptr) == FALSE) return "none";
+  const Owned<char> text_owner(text);
+  return {text, bytes};
 }
 
-TEST(DescriptionFile, OfAnySizeThatDescriptionsHave) {
-  EXPECT_TRUE(checked(place("a.xml", "12345"), ""));
-  EXPECT_TRUE(checked("Local:///a.xml;0x10003;500000?SchemaVersion=1.1.0", place("b.xml", "1")));
-  EXPECT_TRUE(checked("", ""));
-  EXPECT_TRUE(checked("http://camera/a.xml", ""));
-  EXPECT_TRUE(checked("Local:a.xml", "Local:;;"));
-  EXPECT_TRUE(checked(place(zip(3'000'000)), "", zip(3'000'000)));
+TEST(DescriptionFile, IsReadWhereverItIs) {
+  EXPECT_TRUE(taken(place("a.xml", "2bc"), ""));
+  EXPECT_EQ(given("Local:a.xml;10003;2bc"), kXml);
+  EXPECT_TRUE(taken("Local:///a.xml;0x10003;2bc?SchemaVersion=1.1.0", place("b.xml", "1")));
+  EXPECT_EQ(given(""), kXml);
+  EXPECT_TRUE(taken("http://maker/a.xml", place("b.xml", "5")));
+  EXPECT_EQ(given(""), "xxxxx");
+  for (const std::string& file : {zip(kXml, 700), zip(deflated(kXml), 700), zip(deflated(kXml), 700, "comment"),
+                                  "before it" + zip(deflated(kXml), 700)}) {
+    EXPECT_TRUE(taken("", place(file), file));
+    EXPECT_EQ(given(""), kXml);
+  }
+}
+
+// A camera may have another file, or name another place, when Aravis opens it.
+TEST(DescriptionFile, WhateverTheCameraSaysThenAravisIsGivenTheOneThatWasTaken) {
+  const std::string file = zip(deflated(kXml), 700);
+  ASSERT_TRUE(taken(place(file), "", file));
+  for (const char* url : {"Local:a.zip;10003;89", "File:///dev/zero", "Local:a.xml;10003;ffffffffffffff", ""}) {
+    EXPECT_EQ(given(url), kXml) << url;
+  }
+  EXPECT_FALSE(taken("File:///dev/zero", ""));
+  EXPECT_EQ(given("File:///dev/zero"), "none");
 }
 
 TEST(DescriptionFile, LargerThanAnyIsRefused) {
   for (const char* bytes :
        {"7fffffffffffffff", "ffffffff", "0xffffffff", "-1", "fffffffffffffffffffffffffff", "4000001"}) {
-    expect_refused(checked(place("a.xml", bytes), ""), {"more than any description"});
-    expect_refused(checked("", place("a.xml", bytes)), {"more than any description"});
+    expect_refused(taken(place("a.xml", bytes), ""), {"more than any description"});
+    expect_refused(taken("", place("a.xml", bytes)), {"more than any description"});
   }
 }
 
-// Aravis takes the last of several places, and the lower 32 bits of an address.
 TEST(DescriptionFile, WhereNoCameraHasOneIsRefused) {
-  for (const char* where :
-       {"a.zip;ffffffffffffffff;40", "a.zip;-1;40", "a.zip;100010003;40", "a.zip;fffffff1;10", "a.zip;ffffffff;2",
-        "a.xml;10003;40;x.zip;20000;7fffffffffffffff", "//x;1;2/b.zip;3;4", "a.xml;1;2\nb.zip;3;4"}) {
-    expect_refused(checked(std::string("Local:") + where, ""), {"where no camera has one"});
+  for (const char* where : {"a.zip;ffffffffffffffff;40", "a.zip;-1;40", "a.zip;100010003;40", "a.zip;fffffff1;10",
+                            "a.zip;ffffffff;2", "a.xml", ";;", "a.xml;10003", "a.xml;10003;", "a.xml;10003;0", ""}) {
+    expect_refused(taken(std::string("Local:") + where, ""), {"where no camera has one"});
   }
   int reads = 0;
-  EXPECT_TRUE(check_description_file([&](std::uint32_t address, std::uint32_t bytes) {
+  EXPECT_TRUE(take_description([&](std::uint32_t address, std::uint32_t bytes) {
     reads += address > 0x400 ? 1 : 0;
     std::vector<unsigned char> memory(bytes);
-    if (address == 0x200) std::ranges::copy(std::string("Local:a.zip;ffffff80;80"), memory.begin());
+    if (address == 0x200) std::ranges::copy(std::string("Local:a.xml;ffffff80;80"), memory.begin());
     return std::optional(memory);
   }));
-  EXPECT_GT(reads, 0) << "up to the last byte it is looked at";
+  EXPECT_GT(reads, 0) << "up to the last byte it is read";
+}
+
+TEST(DescriptionFile, OfASilentCamera) {
+  expect_error(take_description([](std::uint32_t, std::uint32_t) { return std::nullopt; }), {"does not say where"});
+  expect_error(take_description([](std::uint32_t address, std::uint32_t bytes) {
+                 std::vector<unsigned char> memory(bytes);
+                 std::ranges::copy(place("a.xml", "2bc").substr(0, bytes), memory.begin());
+                 return address < kFile - 3 ? std::optional(memory) : std::nullopt;
+               }),
+               {"cannot be read", "local:a.xml"});
+}
+
+// One packet of three is lost, as it may be.
+TEST(DescriptionFile, OnALossyNetwork) {
+  int reads = 0;
+  EXPECT_TRUE(take_description([&](std::uint32_t, std::uint32_t bytes) {
+    std::vector<unsigned char> memory(bytes);
+    std::ranges::copy(place("a.xml", "2000").substr(0, bytes), memory.begin());
+    return ++reads % 3 == 0 ? std::nullopt : std::optional(memory);
+  }));
 }
 
 TEST(DescriptionFile, ThatUnpacksToMoreThanAnyIsRefused) {
-  for (const std::string& file : {zip(1'500'000'000), zip(1'500'000'000, std::string(3000, 'c'))}) {
-    expect_refused(checked(place(file), "", file), {"unpacks to 1500000000 bytes"});
+  for (const std::string& file : {zip(kXml, 1'500'000'000), zip(kXml, 1'500'000'000, std::string(3000, 'c'))}) {
+    expect_refused(taken(place(file), "", file), {"unpacks to 1500000000 bytes"});
   }
 }
 
 TEST(DescriptionFile, OfThisComputerIsRefused) {
-  expect_refused(checked("File:///dev/zero", ""), {"of this computer", "/dev/zero"});
-  expect_refused(checked(place("a.xml", "100"), "file:/etc/passwd"), {"of this computer"});
-  expect_refused(checked("ftp://strangers/a.xml", ""), {"or another", "ftp:"});
-}
-
-// One whose content begins as that of an entry does.
-std::string with_entry() {
-  std::string file = zip(900);
-  put(file, 0, 0x04034b50U, 4);
-  put(file, 26, 5, 2);
-  put(file, 28, 0, 2);
-  put(file, 700 + 20, 600, 4);
-  return file;
+  expect_refused(taken("File:///dev/zero", ""), {"of this computer", "/dev/zero"});
+  expect_refused(taken("", "file:/etc/passwd"), {"of this computer"});
+  expect_refused(taken("ftp://strangers/a.xml", ""), {"or another", "ftp:"});
 }
 
 TEST(DescriptionFile, ThatLeadsBeyondItselfIsRefused) {
-  EXPECT_TRUE(checked(place(with_entry()), "", with_entry()));
+  const std::string whole = zip(deflated(kXml), 700);
+  const std::size_t end = whole.size() - 22;
+  const std::size_t entry = end - 51;
   struct Change {
     const char* what;
-    std::size_t at;  // from the directory on
+    std::size_t at;
     std::uint32_t value;
     std::size_t size;
   };
-  for (const Change& change : {Change{"the directory's place", 51 + 16, 0x7ffffff0U, 4},
-                               {"the directory's size", 51 + 12, 0xfffffff0U, 4},
-                               {"too many entries", 51 + 10, 65, 2},
-                               {"the name", 28, 0xffff, 2},
-                               {"the entry's place", 42, 0xfffffff0U, 4},
-                               {"what is packed", 20, 800, 4}}) {
-    std::string file = with_entry();
-    put(file, 700 + change.at, change.value, change.size);
+  for (const Change& change : {Change{"the directory's place", end + 16, 0x7ffffff0U, 4},
+                               {"the directory's size", end + 12, 0xfffffff0U, 4},
+                               {"more entries than there are", end + 10, 65, 2},
+                               {"the entry's place", entry + 42, 0xfffffff0U, 4},
+                               {"what is packed", entry + 20, 800, 4},
+                               {"packed without an end", entry + 20, 3, 4},
+                               {"unpacked to less", entry + 24, 800, 4},
+                               {"unpacked to more", entry + 24, 600, 4},
+                               {"names before it", 26, 0xffff, 2},
+                               {"no end", end, 0, 4}}) {
+    std::string file = whole;
+    put(file, change.at, change.value, change.size);
     SCOPED_TRACE(change.what);
-    expect_error(checked(place(file), "", file), {"damaged ZIP"});
+    expect_refused(taken(place(file), "", file), {"damaged ZIP"});
   }
-  const std::string cut = with_entry().substr(0, 700 + 51 + 10);
-  expect_refused(checked(place(cut), "", cut), {"damaged ZIP"});
-}
-
-TEST(DescriptionFile, WithoutADirectoryIsLeftToTheLibrary) {
-  const std::string file(5000, 'P');
-  EXPECT_TRUE(checked(place(file), "", file));
-  EXPECT_TRUE(check_description_file([](std::uint32_t, std::uint32_t) { return std::nullopt; }));
-}
-
-// By the function that Aravis calls with what the camera says then.
-TEST(DescriptionFile, NoOtherPlaceThanTheCheckedOnesIsTold) {
-  using Parse = gboolean(const char*, gssize, char**, char**, char**, char**, char**, guint64*, guint64*);
-  const auto told = [](const char* url) {
-    guint64 size = 0;
-    const auto parse = reinterpret_cast<Parse*>(dlsym(RTLD_DEFAULT, "arv_parse_genicam_url"));
-    return parse(url, -1, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, &size) != FALSE && size == 0x40;
-  };
-  EXPECT_TRUE(checked("Local:a.xml;10003;40", "Local:b.xml;10003;40"));
-  EXPECT_TRUE(told("Local:a.xml;10003;40") && told("Local:b.xml;10003;40"));
-  for (const char* other : {"File:///dev/zero", "Local:a.xml;10003;ffffffffffffff", "Local:c.xml;10003;40", ""}) {
-    EXPECT_FALSE(told(other)) << other;
+  for (std::size_t bytes = 1; bytes < whole.size(); ++bytes) {
+    const std::string cut = whole.substr(0, bytes);
+    expect_refused(taken(place(cut), "", cut), {"damaged ZIP"});
   }
 }
 

@@ -199,7 +199,7 @@ TEST_F(GenicamOpenTest, SaysWhatRateAFlirRunsAtInstead) {
 }
 
 // Stands between a program and a camera's control channel, and reverses the bytes of registers that are read or written
-// as memory: what some FLIR cameras do.
+// as memory: what some FLIR cameras do. Or it is busy, and answers with nothing but that it will take another minute.
 class SwappingRelay {
  public:
   // Listens at `own` for one program at a time and passes on to the camera at `camera`; both IPv4, port 3956.
@@ -212,6 +212,7 @@ class SwappingRelay {
   }
   // Registers that were reversed.
   int swapped() const { return swapped_.load(); }
+  void be_busy() { busy_ = true; }
 
  private:
   using Packet = std::array<unsigned char, 2048>;
@@ -235,6 +236,11 @@ class SwappingRelay {
         socklen_t size = sizeof program;
         const ssize_t bytes = recvfrom(front_.get(), packet.data(), packet.size(), 0, to, &size);
         swap_register(packet, bytes, kWriteMemory);
+        if (busy_ && bytes > 0) {
+          constexpr std::array<unsigned char, 12> kPendingAck{0, 0, 0, 0x89, 0, 4, 0, 1, 0, 0, 0xea, 0x60};
+          sendto(front_.get(), kPendingAck.data(), kPendingAck.size(), 0, to, sizeof program);
+          continue;
+        }
         if (bytes > 0) send(back_.get(), packet.data(), static_cast<std::size_t>(bytes), 0);
       }
       if ((events[1].revents & POLLIN) != 0) {
@@ -248,6 +254,7 @@ class SwappingRelay {
   const UniqueFd front_{socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)};  // towards programs
   const UniqueFd back_{socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)};   // towards the camera
   std::atomic<int> swapped_{0};
+  std::atomic<bool> busy_{false};
   std::jthread thread_;
 };
 
@@ -261,6 +268,40 @@ TEST_F(GenicamOpenTest, WorksRoundSwappedRegisters) {
   EXPECT_GT(relay.swapped(), 0) << "the detour was not needed";
   EXPECT_EQ(info_.format.geometry, (Geometry{kWidth, kHeight}));
   EXPECT_EQ(fake.read_register(ARV_FAKE_CAMERA_REGISTER_WIDTH), static_cast<std::uint32_t>(kWidth));
+}
+
+// bolod's watchdog takes a source that does not return for half a minute to hang.
+TEST_F(GenicamOpenTest, ACameraThatIsBusyForEverHoldsNobodyUp) {
+  add_camera();
+  SwappingRelay relay("127.0.0.2", "127.0.0.1");
+  const auto connection = must(connect(options_for("127.0.0.2"), false));
+  EXPECT_TRUE(is_controlled(*connection));
+  relay.be_busy();
+  const std::int64_t since_ns = monotonic_ns();
+  EXPECT_FALSE(is_controlled(*connection));
+  EXPECT_LT(monotonic_ns() - since_ns, 20'000'000'000);
+}
+
+TEST_F(GenicamOpenTest, ASearchEndsWhoeverAnswersWithoutAnEnd) {
+  const UniqueFd search(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const sockaddr_in everybody = address_of("255.255.255.255", kGvcpPort);
+  ASSERT_EQ(bind(search.get(), reinterpret_cast<const sockaddr*>(&everybody), sizeof everybody), 0);
+  std::jthread stranger([&](const std::stop_token& end) {
+    sockaddr_in from{};
+    socklen_t size = sizeof from;
+    auto* const peer = reinterpret_cast<sockaddr*>(&from);
+    std::array<unsigned char, 256> packet{};
+    recvfrom(search.get(), packet.data(), packet.size(), 0, peer, &size);
+    const UniqueFd answer(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+    const std::int64_t until_ns = monotonic_ns() + 15'000'000'000;
+    while (!end.stop_requested() && monotonic_ns() < until_ns) {
+      sendto(answer.get(), packet.data(), 8, 0, peer, size);
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  });
+  const std::int64_t since_ns = monotonic_ns();
+  EXPECT_TRUE(find_cameras().empty());
+  EXPECT_LT(monotonic_ns() - since_ns, 10'000'000'000);
 }
 
 TEST_F(GenicamOpenTest, ListsTheCamerasWhenThereAreSeveral) {

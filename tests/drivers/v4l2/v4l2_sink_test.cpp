@@ -29,9 +29,9 @@ struct FakeDevice {
     changed.notify_all();
   }
   template <typename Condition>
-  bool await(Condition condition) {
+  bool await(Condition condition, std::chrono::seconds time = 60s) {
     std::unique_lock lock(mutex);
-    return changed.wait_for(lock, 60s, condition);
+    return changed.wait_for(lock, time, condition);
   }
 };
 
@@ -205,6 +205,17 @@ TEST_F(V4l2SinkTest, ADeviceThatVanishesIsOpenedAgainWhenItIsBack) {
   EXPECT_NE(notices[0].text.find("/dev/video10 takes no more frames (No such device)"), std::string::npos);
   EXPECT_FALSE(notices[1].warning);
   EXPECT_NE(notices[1].text.find("/dev/video10 is back after"), std::string::npos);
+}
+
+TEST_F(V4l2SinkTest, ADeviceThatOpensAndTakesNothingIsLostOnce) {
+  start();
+  device_->set([&] { device_->answer = EINVAL; });
+  ASSERT_TRUE(publish_until([&] { return device_->await([&] { return device_->opened >= 3; }, 0s); }));
+  EXPECT_FALSE(sink_->stats().open.value());
+  EXPECT_EQ(sink_->take_notices().size(), 1U);
+  device_->set([&] { device_->answer = 0; });
+  EXPECT_TRUE(publish_until([&] { return sink_->stats().open.value(); }));
+  EXPECT_EQ(sink_->take_notices().size(), 1U) << "it is back";
 }
 
 TEST_F(V4l2SinkTest, TakesUpOtherTonesWhileItRuns) {

@@ -26,6 +26,7 @@ struct FakeCamera {
   std::uint32_t stamps = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
   int open_refused = 0;  // errno
   int take_refused = 0;  // errno of DQBUF, though poll says that a frame waits
+  bool endless = false;  // there is always one more frame, of a few bytes
 
   std::uint32_t sequence = 0;  // of the next frame
   int opened = 0;              // times
@@ -122,7 +123,8 @@ class FakeVideo final : public VideoSystem {
     std::unique_lock lock(mutex_);
     const auto ready = [&] {
       const FakeCamera* const camera = of(fd);
-      return camera == nullptr || !camera->there || camera->take_refused != 0 || !camera->done.empty();
+      return camera == nullptr || !camera->there || camera->take_refused != 0 || camera->endless ||
+             !camera->done.empty();
     };
     return changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms), ready) ? 1 : 0;
   }
@@ -173,6 +175,8 @@ class FakeVideo final : public VideoSystem {
       case VIDIOC_DQBUF:
         if (camera->take_refused != 0) ++camera->refusals;
         if (camera->take_refused != 0) return fail(camera->take_refused);
+        static_cast<v4l2_buffer*>(argument)->bytesused = 7;
+        if (camera->endless) return 0;
         if (camera->done.empty()) return fail(EAGAIN);
         *static_cast<v4l2_buffer*>(argument) = camera->done.front();
         camera->done.pop_front();

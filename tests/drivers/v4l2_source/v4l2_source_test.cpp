@@ -150,6 +150,15 @@ TEST_F(V4l2SourceTest, ADeviceThatPromisesFramesAndHasNoneIsNotAskedWithoutPause
   EXPECT_TRUE(next());
 }
 
+// As at a loopback device whose writer never pauses.
+TEST_F(V4l2SourceTest, FramesWithoutAnEndDoNotKeepItFromLookingAfterTheCamera) {
+  start();
+  ASSERT_TRUE(passes(1));
+  video_.change([&](auto&) { camera().endless = true; });
+  EXPECT_TRUE(eventually([&] { return noticed("camera stalled: no frame for"); }));
+  EXPECT_LT(monotonic_ns() - source_->status()->watched_ns.value(), 2'000'000'000) << "bolod's watchdog ends it";
+}
+
 TEST_F(V4l2SourceTest, DamagedAndShortBuffersAreLostByTheirCause) {
   start();
   ASSERT_TRUE(passes(1));
@@ -299,6 +308,10 @@ TEST_F(V4l2SourceTest, WhatCannotBeTakenIsRefusedInOneLine) {
   options_.rows = {};
   camera().width = 0;
   refuse("frames of 0x6");
+  camera().width = 8192;
+  camera().height = 4097;
+  refuse("frames of 8192x4097: from 1 to 33554432 pixels are taken");
+  camera().height = 6;
   camera().width = 8;
   camera().padding = 6;
   camera().missing = 5;  // padding behind the last row may be missing

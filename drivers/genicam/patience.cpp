@@ -1,0 +1,60 @@
+#include "drivers/genicam/patience.hpp"
+
+#include <dlfcn.h>
+#include <gio/gio.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+
+#include "src/core/byte_order.hpp"
+#include "src/core/clock.hpp"
+
+namespace bolo::genicam {
+namespace {
+
+constexpr std::int64_t kMillisecondNs = 1'000'000;
+constexpr std::int64_t kSearchNs = 3000 * kMillisecondNs;  // cameras answer within one second
+constexpr std::int64_t kBusyMs = 5000;                     // for which a camera may have a command wait, in:
+constexpr std::int64_t kBusyWithinMs = 30'000;
+
+thread_local std::int64_t search_until_ns = 0;  // 0: no search
+thread_local std::int64_t busy_until_ms = -kBusyWithinMs;
+
+// `packet`: as it came. One that asks for more time than is left becomes an answer to nothing.
+void shorten_pending(std::span<std::uint8_t> packet) {
+  constexpr std::size_t kCommandAt = 2;
+  constexpr std::uint16_t kPendingAck = 0x0089;
+  constexpr std::size_t kTimeAt = 8;  // ms
+  if (packet.size() < kTimeAt + 4 || load_u16(packet, kCommandAt) != kPendingAck) return;
+  const std::int64_t now_ms = monotonic_ns() / kMillisecondNs;
+  if (now_ms > busy_until_ms + kBusyWithinMs - kBusyMs) busy_until_ms = now_ms + kBusyMs;
+  const std::int64_t left_ms = std::min<std::int64_t>(load_u32(packet, kTimeAt), busy_until_ms - now_ms);
+  if (left_ms <= 0) return store_u16(packet, kCommandAt, 0);
+  store_u32(packet, kTimeAt, static_cast<std::uint32_t>(left_ms));
+}
+
+}  // namespace
+
+SearchLimit::SearchLimit() noexcept { search_until_ns = monotonic_ns() + kSearchNs; }
+SearchLimit::~SearchLimit() { search_until_ns = 0; }
+
+}  // namespace bolo::genicam
+
+// In place of GLib's functions, for Aravis.
+extern "C" gint g_poll(GPollFD* descriptors, guint count, gint timeout_ms) {
+  static const auto original = reinterpret_cast<decltype(&g_poll)>(dlsym(RTLD_NEXT, __func__));
+  using namespace bolo;
+  if (genicam::search_until_ns != 0 && monotonic_ns() > genicam::search_until_ns) return 0;
+  return original(descriptors, count, timeout_ms);
+}
+
+extern "C" gssize g_socket_receive(GSocket* socket, gchar* buffer, gsize size, GCancellable* cancellable,
+                                   GError** error) {
+  static const auto original = reinterpret_cast<decltype(&g_socket_receive)>(dlsym(RTLD_NEXT, __func__));
+  const gssize bytes = original(socket, buffer, size, cancellable, error);
+  if (bytes > 0) {
+    bolo::genicam::shorten_pending({reinterpret_cast<std::uint8_t*>(buffer), static_cast<std::size_t>(bytes)});
+  }
+  return bytes;
+}
