@@ -78,8 +78,8 @@ class ZipFile {
     if (!holds(entry, kEntryBytes)) return damaged_zip();
     const std::int64_t local = start + number(entry + 42, 4);
     if (!holds(local, kLocalBytes)) return damaged_zip();
-    return content(local + kLocalBytes + number(local + 26, 2) + number(local + 28, 2), number(entry + 20, 4),
-                   number(entry + 24, 4));
+    const std::int64_t at = local + kLocalBytes + number(local + 26, 2) + number(local + 28, 2);
+    return content(at, number(entry + 10, 2) == 0, number(entry + 20, 4), number(entry + 24, 4));
   }
 
  private:
@@ -93,17 +93,17 @@ class ZipFile {
     return value;
   }
 
-  Result<Bytes> content(std::int64_t at, std::int64_t packed, std::int64_t unpacked) const {
+  Result<Bytes> content(std::int64_t at, bool stored, std::int64_t packed, std::int64_t unpacked) const {
     if (static_cast<std::uint64_t>(unpacked) > kMostBytes) {
       return too_large("its GenICam description unpacks to " + std::to_string(unpacked) + " bytes");
     }
     if (!holds(at, packed)) return damaged_zip();
-    const auto first = bytes_.begin() + at;
-    if (packed == unpacked) return Bytes(first, first + packed);  // stored
+    const unsigned char* const first = bytes_.data() + at;
+    if (stored) return Bytes(first, first + packed);
     Bytes out(static_cast<std::size_t>(unpacked));
     z_stream stream{};
     if (inflateInit2(&stream, -MAX_WBITS) != Z_OK) return failed("no memory to unpack its GenICam description");
-    stream.next_in = const_cast<Bytef*>(&*first);
+    stream.next_in = const_cast<Bytef*>(first);
     stream.avail_in = static_cast<uInt>(packed);
     stream.next_out = out.data();
     stream.avail_out = static_cast<uInt>(unpacked);

@@ -126,6 +126,7 @@ std::string zip(const std::string& packed, std::uint32_t unpacked, const std::st
   put(local, 26, 5, 2);
   std::string entry(46, '\0');
   entry.replace(0, 4, "PK\x01\x02");
+  put(entry, 10, packed == kXml ? 0 : 8, 2);  // stored, or deflated
   put(entry, 20, static_cast<std::uint32_t>(packed.size()), 4);
   put(entry, 24, unpacked, 4);
   put(entry, 28, 5, 2);
