@@ -9,36 +9,44 @@
 namespace bolo::diagnose {
 namespace {
 
-double shape(double f_hz, double rate_hz, double corner_hz, double alpha, FrameFilter filter) {
+double filtered(double f_hz, double rate_hz, double alpha, FrameFilter filter) {
   const double c = std::cos(2.0 * std::numbers::pi * f_hz / rate_hz);
   double g = 1.0;
   if (filter == FrameFilter::kRecursive)
     g = alpha * alpha / (1.0 + (1.0 - alpha) * (1.0 - alpha) - 2.0 * (1.0 - alpha) * c);
   if (filter == FrameFilter::kBox) g = alpha * alpha + (1.0 - alpha) * (1.0 - alpha) + 2.0 * alpha * (1.0 - alpha) * c;
-  return (1.0 + corner_hz / f_hz) * g;
+  return g;
 }
 
 using Spectrum = std::vector<Bin>;
 
-// A model of the spectrum: white noise, a corner, a filter, and the rounding of values behind them.
+// The exponent of 1/f noise is near 1; beyond these it is another thing.
+constexpr double kFlattest = 0.5;
+constexpr double kSteepest = 1.7;
+
+// A model of the spectrum: white noise, noise that grows below a corner, a filter, and the rounding of values behind
+// them.
 struct SpectrumFit {
   double rate_hz = 200.0;
-  FrameFilter filter = FrameFilter::kNone;
   double rounding = 0.0;  // its variance
+  FrameFilter filter = FrameFilter::kNone;
+  double exponent = 1.0;  // of 1 / f
   double corner = 0.0;
   double alpha = 1.0;
   double level = 1.0;
   double likelihood = -1e300;
   double rounded = 0.0;  // its share of the level
   double power(const Bin& bin) const {
-    return level * ((1.0 - rounded) * shape(bin.frequency, rate_hz, corner, alpha, filter) + rounded);
+    const double ratio = corner / bin.frequency;
+    const double grown = 1.0 + (exponent == 1.0 ? ratio : std::pow(ratio, exponent));
+    return level * ((1.0 - rounded) * grown * filtered(bin.frequency, rate_hz, alpha, filter) + rounded);
   }
 };
 
 // The level by its closed form, for the rounding's share in it.
 SpectrumFit with(const Spectrum& s, const SpectrumFit& as, double corner, double alpha) {
   constexpr double kMostRounded = 0.25;  // where steps are twice the noise, its errors depend on each other
-  SpectrumFit fit{as.rate_hz, as.filter, as.rounding, corner, alpha, 1.0, 0.0};
+  SpectrumFit fit{as.rate_hz, as.rounding, as.filter, as.exponent, corner, alpha, 1.0, 0.0};
   for (int round = 0; round < 2; ++round) {
     fit.level *=
         sum_of(s, [&](const Bin& bin) { return bin.weight * bin.power / fit.power(bin); }) / sum_of(s, &Bin::weight);
@@ -52,18 +60,18 @@ SpectrumFit with(const Spectrum& s, const SpectrumFit& as, double corner, double
   return fit;
 }
 
-// The others by search.
-SpectrumFit fit_spectrum(const Spectrum& s, double rate_hz, double rounding, bool with_corner, FrameFilter filter) {
-  const bool with_alpha = filter != FrameFilter::kNone;
+// Corner and filter by search, where `as` has them.
+SpectrumFit fit_spectrum(const Spectrum& s, const SpectrumFit& as, bool with_corner) {
+  const bool with_alpha = as.filter != FrameFilter::kNone;
   double corner_step = with_corner ? 2.0 : 0.0;
   double alpha_step = with_alpha ? 0.2 : 0.0;
-  SpectrumFit best = with(s, {rate_hz, filter, rounding}, 0.0, with_alpha ? 0.75 : 1.0);
+  SpectrumFit best = with(s, as, 0.0, with_alpha ? 0.75 : 1.0);
   for (int round = 0; round < 60 && (corner_step > 1e-3 || alpha_step > 1e-4); ++round) {
     SpectrumFit next = best;
     for (const double dc : {-corner_step, 0.0, corner_step}) {
       for (const double da : {-alpha_step, 0.0, alpha_step}) {
         const double corner = std::max(0.0, best.corner + dc);
-        const double alpha = std::clamp(best.alpha + da, filter == FrameFilter::kBox ? 0.5 : 0.05, 1.0);
+        const double alpha = std::clamp(best.alpha + da, as.filter == FrameFilter::kBox ? 0.5 : 0.05, 1.0);
         const SpectrumFit tried = with(s, best, corner, alpha);
         if (tried.likelihood > next.likelihood) next = tried;
       }
@@ -73,6 +81,25 @@ SpectrumFit fit_spectrum(const Spectrum& s, double rate_hz, double rounding, boo
       alpha_step /= 2.0;
     }
     best = next;
+  }
+  return best;
+}
+
+// Without a filter, and with the exponent that fits best.
+SpectrumFit fit_slope(const Spectrum& s, const SpectrumFit& pink) {
+  SpectrumFit best = pink;
+  for (double step = 0.2; step > 0.01; step /= 2.0) {
+    for (bool better = true; better;) {
+      better = false;
+      for (const double change : {-step, step}) {
+        SpectrumFit as = best;
+        as.exponent = std::clamp(best.exponent + change, kFlattest, kSteepest);
+        const SpectrumFit tried = fit_spectrum(s, as, true);
+        if (tried.likelihood <= best.likelihood) continue;
+        best = tried;
+        better = true;
+      }
+    }
   }
   return best;
 }
@@ -208,16 +235,23 @@ void judge_spectrum(const Spectrum& s, double rate_hz, double rounding, NoiseSta
   constexpr double kGain = 15.0;          // minimum log-likelihood gain of a corner or a filter
   constexpr double kOtherGain = 3.0;      // minimum gain between kinds of filter
   constexpr double kLeastFilter = 0.985;  // a weight nearer to 1 is no filter
-  const SpectrumFit pink = fit_spectrum(s, rate_hz, rounding, true, FrameFilter::kNone);
+  SpectrumFit as{rate_hz, rounding};
+  const SpectrumFit pink = fit_spectrum(s, as, true);
   SpectrumFit best = pink;
   for (const FrameFilter tried : {FrameFilter::kRecursive, FrameFilter::kBox}) {
-    const SpectrumFit both = fit_spectrum(s, rate_hz, rounding, true, tried);
+    as.filter = tried;
+    const SpectrumFit both = fit_spectrum(s, as, true);
     if (both.likelihood > best.likelihood + (best.filter == FrameFilter::kNone ? kGain : kOtherGain) &&
         both.alpha < kLeastFilter) {
       best = both;
     }
   }
-  const SpectrumFit without_corner = fit_spectrum(s, rate_hz, rounding, false, best.filter);
+  // A flatter or steeper 1/f is like a filter beside it.
+  if (pink.likelihood > fit_spectrum(s, {rate_hz, rounding}, false).likelihood + kGain) {
+    const SpectrumFit sloped = fit_slope(s, pink);
+    if (sloped.likelihood > best.likelihood + (best.filter == FrameFilter::kNone ? kGain : 0.0)) best = sloped;
+  }
+  const SpectrumFit without_corner = fit_spectrum(s, {rate_hz, rounding, best.filter}, false);
   const double corner_gain = best.likelihood - without_corner.likelihood;
   if (corner_gain < kGain) best = without_corner;
   n.filter = best.filter;

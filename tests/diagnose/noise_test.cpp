@@ -157,6 +157,42 @@ TEST(MeasureNoise, LowFrequencyNoiseHasACorner) {
   EXPECT_EQ(n.filter, FrameFilter::kNone);
 }
 
+// Relaxations an octave apart. A flatter or steeper 1/f is no filter.
+TEST(MeasureNoise, LowFrequencyNoiseOfAnotherSlopeIsNoFilter) {
+  for (const double exponent : {0.65, 1.3}) {
+    SCOPED_TRACE(exponent);
+    constexpr double kCorner = 4.0;
+    double grown = 0.0;  // of the white noise at the corner: it is not quite 1 / f^exponent
+    Draws draws(11);
+    std::vector<double> keep;
+    std::vector<double> sigma;
+    for (double tau_s = 0.002; tau_s < 10.0; tau_s *= 2.0) {
+      const double relative = 1.0 / (2.0 * std::numbers::pi * tau_s * kCorner);
+      keep.push_back(std::exp(-0.005 / tau_s));
+      sigma.push_back(std::sqrt(0.01 * kCorner * std::numbers::ln2 * std::pow(relative, 1.0 - exponent)));
+      const double k = keep.back();
+      const double cosine = std::cos(2.0 * std::numbers::pi * kCorner * 0.005);
+      grown += sigma.back() * sigma.back() * (1.0 - k * k) / (1.0 - 2.0 * k * cosine + k * k);
+    }
+    const double corner_hz = kCorner * std::pow(grown, 1.0 / exponent);
+    std::vector<double> state(static_cast<std::size_t>(kWidth * kHeight) * keep.size());
+    for (std::size_t i = 0; i < state.size(); ++i) state[i] = draws.normal() * sigma[i % keep.size()];
+    const NoiseStatistics n = measured([&](int, int r, int c) {
+      double sum = draws.normal();
+      for (std::size_t i = 0; i < keep.size(); ++i) {
+        double& x = state[at(r, kWidth, c) * keep.size() + i];
+        x = keep[i] * x + std::sqrt(1.0 - keep[i] * keep[i]) * sigma[i] * draws.normal();
+        sum += x;
+      }
+      return sum;
+    });
+    EXPECT_EQ(n.filter, FrameFilter::kNone);
+    EXPECT_GT(n.corner_hz.z, 10.0);
+    EXPECT_NEAR(n.corner_hz.value, corner_hz, 0.05 * corner_hz);
+    EXPECT_NEAR(n.white_k, std::hypot(kSigma, 0.01 / std::sqrt(12.0)), 0.03 * kSigma);
+  }
+}
+
 TEST(MeasureNoise, TailsAreStudents) {
   Draws draws(9);
   std::student_t_distribution<double> student(4.0);
