@@ -71,8 +71,7 @@ class ZipFile {
     if (!holds(end, kEndBytes)) return damaged_zip();
     std::int64_t entry = end - number(end + 12, 4);
     const std::int64_t start = entry - number(end + 16, 4);  // what the places in the file count from
-    for (std::int64_t left = number(end + 10, 2); holds(entry, kEntryBytes); --left) {
-      if (left <= 1) break;
+    for (std::int64_t left = number(end + 10, 2); left > 1 && holds(entry, kEntryBytes); --left) {
       entry += kEntryBytes + number(entry + 28, 2) + number(entry + 30, 2) + number(entry + 32, 2);
     }
     if (!holds(entry, kEntryBytes)) return damaged_zip();
