@@ -124,7 +124,7 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   ASSIGN_OR_RETURN(const auto field, judge_field(captures, events, noise, options, progress));
   Report report = make_report(events, noise, fit, field, left, options);
   ASSIGN_OR_RETURN(report.learned, learn({fit.session, fit.done ? &fit.state : nullptr, fit.jumps, events.bad,
-                                          noise.statistics.filter, report.effects, options.profile},
+                                          noise.statistics.filter, field.maps, report.effects, options.profile},
                                          captures, options, progress));
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;

@@ -290,7 +290,8 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
   double cells = 0.0;
   double before = 0.0;
   double after = 0.0;
-  double closed = 0.0;  // reduction of the squared gap by time constants from motion
+  double closed = 0.0;   // reduction of the squared gap by time constants from motion
+  std::size_t most = 0;  // predictions of a recording that told patterns
   const bool bench = has_bench(events.session);
   for (const Recording& r : events.session.recordings) {
     if (has_model(r)) continue;
@@ -317,7 +318,11 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
     before += count * parts.gap_before * parts.gap_before;
     after += count * parts.gap_after * parts.gap_after;
     out.gaps[r.name] = parts.gap_before;
-    if (parts.patterns) name_parts(parts, out.findings);
+    if (parts.patterns) {
+      name_parts(parts, out.findings);
+      if (parts.cells > most) out.maps = std::move(parts.maps);
+      most = std::max(most, parts.cells);
+    }
     out.patterns = out.patterns || parts.patterns;
     seen.lost_before = std::move(parts.lost);
     if (out.scene.empty()) {

@@ -22,6 +22,7 @@ struct Field {
   std::map<std::string, double> gaps;       // before, by file name
   std::map<std::string, Observation> seen;  // by file name, with the motion's results
   plot::Rows scene;                         // Report::scene
+  FieldMaps maps;                           // of the recording with the most predictions
 
   // True if such recordings identify the effect.
   bool tells(const Effect& effect) const;

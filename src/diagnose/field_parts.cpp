@@ -3,44 +3,13 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kOwnVariance = 4.0;   // times the floor's variance: above, the block's motion is wrong
-constexpr int kGroups = 16;            // of time, alternately of one half and the other
-constexpr int kPatternRounds = 8;      // of the search for a fixed pattern
-constexpr double kStep = 0.7;          // of each
-constexpr double kClip = 3.0;          // clip of residuals, in sigmas
-constexpr double kLeastLooks = 6.0;    // minimum of triplets of a pixel in each half
-constexpr float kTelling = 1e4F;       // minimum of 1 / squared error of a gain
-constexpr double kSeenContrast = 6.0;  // minimum variation of a pixel's scene, in sigmas, to judge its response
-constexpr double kFollows = 0.4;       // slope of a pixel's value against its prediction: below it is dead
-constexpr double kFollow = 0.85;       // of its neighbours, at least
-constexpr double kMostPattern = 0.2;   // of the picture's standard deviation
-constexpr double kNoisyScatter = 5.0;  // times the usual scatter
-constexpr double kOfEdge = 0.5;        // position error of an edge, px
-
-// A residual with the weights of its blocks.
-struct Cells {
-  const Residual& residual;
-  Blocks blocks;
-  Series weight;  // triplets x blocks: 1 / variance, 0: no prediction, or local motion
-  Series square;  // mean square of the residual
-
-  Index triplets() const { return residual.values.rows(); }
-};
-
-int half_of_time(Index triplet, Index triplets) { return static_cast<int>(triplet * kGroups / triplets) % 2; }
-
-Cells cells_of(const Residual& r, const PredictionFloor& floor, const Mask& bad) {
-  Cells out{r, Blocks(r.geometry), {}, squares_of(r, bad)};
-  out.weight.setZero(out.square.rows(), out.square.cols());
-  for (Index i = 0; i < out.square.rows(); ++i) {
-    for (Index b = 0; b < out.square.cols(); ++b) {
-      const double expected = floor.variance(r.contrast(i, b));
-      const double seen = out.square(i, b);
-      if (seen >= 0.0 && seen < kOwnVariance * expected) out.weight(i, b) = static_cast<float>(1.0 / expected);
-    }
-  }
-  return out;
-}
+constexpr double kOwnVariance = 4.0;  // times the floor's variance: above, the block's motion is wrong
+constexpr int kGroups = 16;           // of time, alternately of one half and the other
+constexpr int kPatternRounds = 8;     // of the search for a fixed pattern
+constexpr double kStep = 0.7;         // of each
+constexpr double kClip = 3.0;         // clip of residuals, in sigmas
+constexpr float kTelling = 1e4F;      // minimum of 1 / squared error of a gain
+constexpr double kMostPattern = 0.2;  // of the picture's standard deviation
 
 // Covariance of two estimates of the same numbers, as a standard deviation; its error from the scatter over groups.
 struct Sharing {
@@ -145,114 +114,34 @@ Measured shared_lines(const std::array<ArrayXf, 2>& half) {
   return sharing.measured();
 }
 
-Offsets offsets_of(std::array<ArrayXf, 2> pattern, Geometry g) {
-  const std::array<ArrayXf, 2> columns{column_means(pattern[0], g), column_means(pattern[1], g)};
+// A pattern of both halves, in columns and the pixels' own.
+struct Parts {
+  std::array<ArrayXf, 2> column;
+  std::array<ArrayXf, 2> pixel;  // 0: unknown
+};
+
+Parts parts_of(const std::array<ArrayXf, 2>& pattern, Geometry g) {
+  Parts parts{{}, pattern};
   for (std::size_t h = 0; h < 2; ++h) {
+    parts.column[h] = column_means(pattern[h], g);
     for (Index p = 0; p < pattern[h].size(); ++p) {
-      if (pattern[h][p] != 0.0F) pattern[h][p] -= columns[h][p % g.width];
+      if (pattern[h][p] != 0.0F) parts.pixel[h][p] -= parts.column[h][p % g.width];
     }
   }
-  return {shared(pattern, g), shared_lines(columns)};
+  return parts;
 }
 
-std::array<std::vector<Index>, 2> halves_of(Index triplets) {
-  std::array<std::vector<Index>, 2> out;
-  for (Index i = 0; i < triplets; ++i) out[static_cast<std::size_t>(half_of_time(i, triplets))].push_back(i);
-  return out;
+Offsets offsets_of(const std::array<ArrayXf, 2>& pattern, Geometry g) {
+  const Parts parts = parts_of(pattern, g);
+  return {shared(parts.pixel, g), shared_lines(parts.column)};
 }
 
-// The median of a map's known values at the eight pixels around one.
-double around(const ArrayXf& map, Index p, Geometry g) {
-  std::vector<float> values;
-  visit_around(g, place_of(static_cast<std::size_t>(p), g.width), 1, [&](std::size_t other) {
-    const float value = map[static_cast<Index>(other)];
-    if (value > 0.0F) values.push_back(value);
-  });
-  return values.size() < 3 ? 0.0 : median(std::move(values));
-}
-
-// Robust standard deviation.
-double usual_scatter(const std::vector<double>& values) {
-  const double middle = median(values);
-  return kSigmaOfMad * median(mapped(values, [middle](double v) { return std::abs(v - middle); }));
-}
-
-// Difference of the mean scene between opposite neighbours, the larger of both directions.
-double slope_at(const ArrayXf& map, Index p, Geometry g) {
-  const Index x = p % g.width;
-  const Index y = p / g.width;
-  const float across = map[p + (x + 1 < g.width ? 1 : 0)] - map[p - (x > 0 ? 1 : 0)];
-  const float down = map[p + (y + 1 < g.height ? g.width : 0)] - map[p - (y > 0 ? g.width : 0)];
-  return std::max(std::abs(across), std::abs(down));
-}
-
-// Pixels that, in some of the triplets, do not respond to the scene as their neighbours do, or scatter far more: either
-// beyond the effect of an edge at rest with a small tracking error.
-Mask unresponsive_in(const Cells& cells, const FieldFrames& frames, const std::vector<Triplet>& triplets,
-                     const std::vector<Index>& of, double floor) {
-  const Geometry g = cells.residual.geometry;
-  const Index pixels = cells.residual.values.cols();
-  ArrayXf scatter = ArrayXf::Zero(pixels);
-  ArrayXf follows = ArrayXf::Zero(pixels);  // slope + 0.5; 0: unknown
-  ArrayXf varies = ArrayXf::Zero(pixels);   // scatter of the prediction
-  ArrayXf level = ArrayXf::Zero(pixels);    // in the mean
-  std::vector<double> predicted;
-  std::vector<double> missed;
-  for (Index p = 0; p < pixels; ++p) {
-    Line line;
-    predicted.clear();
-    missed.clear();
-    for (const Index i : of) {
-      if (cells.residual.valid(i, cells.blocks.of(p)) == 0) continue;
-      const double y = frames.values(triplets[static_cast<std::size_t>(i)].frame, p);
-      missed.push_back(cells.residual.values(i, p));
-      predicted.push_back(y - missed.back());
-      line.add(predicted.back(), y);
-    }
-    if (line.count() < kLeastLooks) continue;
-    level[p] = static_cast<float>(line.level(0.0));
-    scatter[p] = static_cast<float>(usual_scatter(missed));
-    varies[p] = static_cast<float>(usual_scatter(predicted));
-    if (varies[p] > kSeenContrast * floor) follows[p] = static_cast<float>(std::max(line.slope(), -0.4) + 0.5);
-  }
-  Mask unresponsive(static_cast<std::size_t>(pixels), 0);
-  for (Index p = 0; p < pixels; ++p) {
-    const double edge = kOfEdge * slope_at(level, p, g);
-    const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
-    const double usual = around(scatter, p, g);
-    const bool noisy =
-        usual > 0.0 && scatter[p] > kNoisyScatter * std::max(usual, floor);  // coarse steps may hide noise
-    unresponsive[static_cast<std::size_t>(p)] = (still && varies[p] > edge) || (noisy && scatter[p] > edge) ? 1 : 0;
-  }
-  return unresponsive;
-}
-
-// Adds pixels found in both halves of the data.
-void find_unresponsive(const Cells& cells, const FieldFrames& frames, const std::vector<Triplet>& triplets,
-                       double floor, Mask& dead) {
-  const auto halves = halves_of(cells.triplets());
-  const Mask first = unresponsive_in(cells, frames, triplets, halves[0], floor);
-  const Mask second = unresponsive_in(cells, frames, triplets, halves[1], floor);
-  for (std::size_t p = 0; p < dead.size(); ++p) {
-    if (first[p] != 0 && second[p] != 0) dead[p] = 1;
-  }
-}
-
-// Replaces dead pixels by the mean of their good neighbours.
-void fill_dead(FieldFrames& frames, const Mask& dead) {
-  const Geometry g = frames.geometry;
-  for (std::size_t p = 0; p < dead.size(); ++p) {
-    if (dead[p] == 0) continue;
-    std::vector<Index> good;
-    visit_around(g, place_of(p, g.width), 1, [&](std::size_t q) {
-      if (dead[q] == 0) good.push_back(static_cast<Index>(q));
-    });
-    if (good.empty()) continue;
-    frames.values.col(static_cast<Index>(p)).setZero();
-    for (const Index q : good) {
-      frames.values.col(static_cast<Index>(p)) += frames.values.col(q) / static_cast<float>(good.size());
-    }
-  }
+// Best estimate from both halves: their mean, less the share of its square that is noise.
+ArrayXf from_both(const std::array<ArrayXf, 2>& half) {
+  const ArrayXf mean = (half[0] + half[1]) / 2.0F;
+  const float all = mean.square().mean();
+  const float noise = (half[0] - half[1]).square().mean() / 4.0F;
+  return mean * std::max(0.0F, 1.0F - noise / std::max(all, 1e-30F));
 }
 
 struct Gains {
@@ -260,8 +149,8 @@ struct Gains {
   ArrayXf level;  // mean of the pixel's prediction
 };
 
-// Gain g of each pixel in some of the triplets: regression of its residual on the scene's changes x, less its block's
-// mean, an error of the prediction. The predicting frames have gains, too: residual = g x - (g x moved).
+// Gain g of each pixel in some of the triplets: regression of its residual on the scene's changes x, less its
+// block's mean, an error of the prediction. The predicting frames have gains, too: residual = g x - (g x moved).
 Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& frames,
                const std::vector<Triplet>& triplets, const std::vector<Index>& of, const Mask& dead) {
   const Index pixels = left.values.cols();
@@ -310,8 +199,8 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
   return gain;
 }
 
-// Correlation of neighbours. A camera's pixels are independent; prediction errors of a recurring scene are correlated
-// over its structures.
+// Correlation of neighbours. A camera's pixels are independent; prediction errors of a recurring scene are
+// correlated over its structures.
 double likeness(const std::array<ArrayXf, 2>& half, Geometry g) {
   double beside = 0.0;
   double same = 0.0;
@@ -340,10 +229,6 @@ std::array<ArrayXf, 2> without_gains(std::array<ArrayXf, 2> pattern, const std::
   return pattern;
 }
 
-plot::Plot picture(const char* title, const Eigen::Ref<const Eigen::RowVectorXf>& values, Geometry g) {
-  return map_plot(title, "", g, {values.begin(), values.end()});
-}
-
 // Standard deviation of the picture, rms over the frames.
 double contrast_of(const FieldFrames& frames) {
   double sum = 0.0;
@@ -354,7 +239,61 @@ double contrast_of(const FieldFrames& frames) {
   return std::sqrt(sum / static_cast<double>(std::max<Index>(1, frames.values.rows())));
 }
 
+// Mean over the triplets of a pattern moved with the scene.
+ArrayXf moved_mean(const Cells& cells, const std::vector<Triplet>& triplets, const ArrayXf& pattern) {
+  ArrayXf sum = ArrayXf::Zero(pattern.size());
+  ArrayXf weights = ArrayXf::Zero(pattern.size());
+  ArrayXf moved(pattern.size());
+  Aligner mover(cells.residual.geometry);
+  for (Index i = 0; i < cells.triplets(); ++i) {
+    mover.move(triplets[static_cast<std::size_t>(i)], pattern.data(), moved.data());
+    const auto weight =
+        ArrayXf::NullaryExpr(pattern.size(), [&](Index p) { return cells.weight(i, cells.blocks.of(p)); });
+    sum += weight * moved;
+    weights += weight;
+  }
+  return sum / weights.max(1e-12F);
+}
+
+// Maps of the camera: (1 + gain) (T - level) + offset + level. What a pattern keeps wherever it is moved, such as whole
+// rows along the motion, is not told from the scene, and left out.
+FieldMaps maps_of(const Cells& cells, const std::vector<Triplet>& triplets, const std::array<ArrayXf, 2>& pattern,
+                  const std::array<Gains, 2>& gains) {
+  constexpr int kMoves = 6;  // halves a component of which four fifths are kept
+  const Geometry g = cells.residual.geometry;
+  const Parts parts = parts_of(pattern, g);
+  const ArrayXf column = from_both(parts.column);
+  FieldMaps maps{from_both(parts.pixel), from_both({gains[0].slope, gains[1].slope}),
+                 (gains[0].level + gains[1].level) / 2.0F};
+  for (Index p = 0; p < maps.offset.size(); ++p) maps.offset[p] += column[p % g.width];
+  ArrayXf kept = maps.offset;
+  for (int i = 0; i < kMoves; ++i) kept = (kept + moved_mean(cells, triplets, kept)) / 2.0F;
+  maps.offset -= kept;
+  return maps;
+}
+
 }  // namespace
+
+int half_of_time(Index triplet, Index triplets) { return static_cast<int>(triplet * kGroups / triplets) % 2; }
+
+std::array<std::vector<Index>, 2> halves_of(Index triplets) {
+  std::array<std::vector<Index>, 2> out;
+  for (Index i = 0; i < triplets; ++i) out[static_cast<std::size_t>(half_of_time(i, triplets))].push_back(i);
+  return out;
+}
+
+Cells cells_of(const Residual& r, const PredictionFloor& floor, const Mask& bad) {
+  Cells out{r, Blocks(r.geometry), {}, squares_of(r, bad)};
+  out.weight.setZero(out.square.rows(), out.square.cols());
+  for (Index i = 0; i < out.square.rows(); ++i) {
+    for (Index b = 0; b < out.square.cols(); ++b) {
+      const double expected = floor.variance(r.contrast(i, b));
+      const double seen = out.square(i, b);
+      if (seen >= 0.0 && seen < kOwnVariance * expected) out.weight(i, b) = static_cast<float>(1.0 / expected);
+    }
+  }
+  return out;
+}
 
 FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& triplets, Mask dead) {
   FieldParts out;
@@ -362,11 +301,10 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& tri
   Series nominal;  // mean squares of the blocks, without corrections
   const auto shown = static_cast<Index>(triplets.size() / 2);
   const auto seen = frames.values.row(triplets[triplets.size() / 2].frame);
-  plot::Plot came = picture("A frame, as it came", seen, g);
-  plot::Plot missed;
+  SceneFrame scene{.geometry = g, .came = seen.transpose()};
   {
     const Residual first = predict_field(frames, triplets);
-    missed = picture("What other frames miss of it", first.values.row(shown), g);
+    scene.missed = first.values.row(shown).transpose();
     nominal = squares_of(first, Mask(dead.size(), 0));
     const PredictionFloor floor(first, dead);
     find_unresponsive(cells_of(first, floor, dead), frames, triplets, std::sqrt(floor.flat()), dead);
@@ -406,14 +344,14 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& tri
   out.gain = shared(slopes, g);
   out.gain_likeness = likeness(slopes, g);
   out.beside_gain = offsets_of(without_gains(pattern, gains), g);
+  out.maps = maps_of(cells, triplets, pattern, gains);
 
   // A pattern of high contrast is a still background behind a moving object.
   out.followed = out.offset.pixel.value < kMostPattern * contrast_of(frames) && follows(frames, triplets, left);
   const auto told = 1 - static_cast<std::size_t>(half_of_time(shown, cells.triplets()));
-  plot::Plot without = picture("The same without the pixels' offsets", seen - pattern[told].matrix().transpose(), g);
-  came.plane.ramp = without.plane.ramp = plot::Ramp::kIron;
-  out.scene = {beside(std::move(came), std::move(without)),
-               beside(std::move(missed), picture("What they miss without the offsets", left.values.row(shown), g))};
+  scene.corrected = seen.transpose().array() - pattern[told];
+  scene.left = left.values.row(shown).transpose();
+  out.scene = scene_plots(scene);
   const PredictionFloor floor(left, dead);
   const Cells after = cells_of(left, floor, dead);
   double sum_before = 0.0;

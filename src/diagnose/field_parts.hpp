@@ -9,6 +9,8 @@ namespace bolo::diagnose {
 
 // Maximum of tracked frames: 20 s at 200 Hz.
 inline constexpr std::size_t kMostFrames = 4000;
+// Minimum of triplets of a pixel in each half of the data.
+inline constexpr double kLeastLooks = 6.0;
 
 // Whole frames in memory: frames x pixels, K or counts, without jumps. In order.
 struct FieldFrames {
@@ -81,6 +83,30 @@ class PredictionFloor {
   std::vector<double> variance_;  // rising
 };
 
+// A residual with the weights of its blocks.
+struct Cells {
+  const Residual& residual;
+  Blocks blocks;
+  Series weight;  // triplets x blocks: 1 / variance, 0: no prediction, or local motion
+  Series square;  // mean square of the residual
+
+  Index triplets() const { return residual.values.rows(); }
+};
+
+Cells cells_of(const Residual& residual, const PredictionFloor& floor, const Mask& bad);
+
+// Stretches of time alternate between two halves of the data. The half of a triplet, and the triplets of both.
+int half_of_time(Index triplet, Index triplets);
+std::array<std::vector<Index>, 2> halves_of(Index triplets);
+
+// Adds pixels that in both halves do not respond to the scene as their neighbours do, or scatter far more. `floor`:
+// standard deviation of a residual of pure noise.
+void find_unresponsive(const Cells& cells, const FieldFrames& frames, const std::vector<Triplet>& triplets,
+                       double floor, Mask& dead);
+
+// Replaces dead pixels by the mean of their good neighbours.
+void fill_dead(FieldFrames& frames, const Mask& dead);
+
 // True if the scene moves by the triplets' displacements: most informative blocks fit the moved prediction better than
 // the still one. Otherwise a still picture's pattern, or an object, was tracked. `with`: the triplets' residual without
 // the fixed pattern, which moves against the scene.
@@ -125,6 +151,7 @@ struct FieldParts {
   Measured gain;               // of single pixels with enough change of the scene
   double gain_likeness = 0.0;  // correlation of these with their neighbours
   Offsets beside_gain;         // `offset` less the gains' effect on the scene
+  FieldMaps maps;              // of single pixels
   Mask dead;
   std::vector<std::size_t> lost;  // frames before which others are missing
   std::vector<Observation::Jump> jumps;

@@ -125,11 +125,22 @@ void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted
   }
 }
 
-// The camera's gain excess and offset at a pixel, from maps and fitted shapes.
+// The camera's gain excess and offset at a pixel.
 struct Added {
   double gain = 0.0;
   double offset = 0.0;
 };
+
+// From a moving scene, where its patterns were found. A pattern contains what gains add at the scene's level.
+Added told_at(const LearnTask& task, std::size_t pixel) {
+  const bool gains = task.found("fpn_gain") != nullptr;
+  if (task.field.offset.size() == 0 || !(gains || task.found("fpn_offset") != nullptr)) return {};
+  const auto p = static_cast<Index>(pixel);
+  const double gain = gains ? task.field.gain[p] : 0.0F;
+  return {gain, task.field.offset[p] - gain * task.field.level[p]};
+}
+
+// From maps and fitted shapes.
 Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
   const Session& session = task.session;
   const CameraModel& c = task.state->camera;
@@ -154,13 +165,12 @@ Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
 void fill(const LearnTask& task, const Found& found, bool tau, model::PixelMaps& maps) {
   const std::size_t pixels = maps.geometry.pixels();
   if (std::ranges::count(found.dead, 1) > 0) maps.dead = found.dead;
-  if (task.state == nullptr) return;
   std::vector<float> gain(pixels);
   std::vector<float> offset(pixels);
   bool any_gain = false;
   bool any_offset = false;
   for (std::size_t p = 0; p < pixels; ++p) {
-    const Added added = added_at(task, found, p);
+    const Added added = task.state == nullptr ? told_at(task, p) : added_at(task, found, p);
     any_gain = any_gain || added.gain != 0.0;
     any_offset = any_offset || added.gain != 0.0 || added.offset != 0.0;
     gain[p] = static_cast<float>(1.0 / (1.0 + std::clamp(added.gain, -0.5, 0.5)));

@@ -82,6 +82,61 @@ Curve spectrum(const Session& session, const Left& left) {
   return curve;
 }
 
+plot::Plot map_plot(const std::string& title, const std::string& unit, Geometry size, std::vector<float> values) {
+  const bool below = std::ranges::any_of(values, [](float v) { return std::isfinite(v) && v < 0.0F; });
+  const bool above = std::ranges::any_of(values, [](float v) { return std::isfinite(v) && v > 0.0F; });
+  constexpr double kSides = 60.0;  // px, width of the axis
+  plot::Plot plot{.title = title, .x = {.name = "column"}, .y = {.name = "row"}, .width = kFigureWidth};
+  plot.plane = {.width = size.width,
+                .height = size.height,
+                .values = std::move(values),
+                .ramp = below && above ? plot::Ramp::kDiverging : plot::Ramp::kViridis,
+                .unit = unit};
+  plot.height = (kFigureWidth - kSides) * std::max(1, size.height) / std::max(1, size.width);
+  return plot;
+}
+
+// In the same colours.
+std::vector<plot::Plot> beside(plot::Plot left, plot::Plot right) {
+  const plot::PlaneSpan span = plot::span_of(left.plane);
+  for (plot::Plot* one : {&left, &right}) {
+    one->plane.low = span.low;
+    one->plane.high = span.high;
+  }
+  return {std::move(left), std::move(right)};
+}
+
+// Of a picture the part of a quarter of its width and height with the least variance.
+struct EvenPart {
+  Geometry size;
+  int row = 0;
+  int column = 0;
+
+  auto at(const ArrayXf& picture, Geometry whole, int y, int x) const {
+    return Eigen::Map<const Series>(picture.data(), whole.height, whole.width).block(y, x, size.height, size.width);
+  }
+
+  EvenPart(const ArrayXf& picture, Geometry whole) : size{whole.width / 4, whole.height / 4} {
+    constexpr int kStep = 8;  // px
+    double least = std::numeric_limits<double>::infinity();
+    for (int y = 0; y <= whole.height - size.height; y += kStep) {
+      for (int x = 0; x <= whole.width - size.width; x += kStep) {
+        const auto part = at(picture, whole, y, x).array();
+        const auto variance = static_cast<double>((part - part.mean()).square().mean());
+        if (!(variance < least)) continue;
+        least = variance;
+        row = y;
+        column = x;
+      }
+    }
+  }
+
+  std::vector<float> of(const ArrayXf& picture, Geometry whole) const {
+    const Series part = at(picture, whole, row, column);
+    return {part.data(), part.data() + part.size()};
+  }
+};
+
 plot::Plot grid_plot(const Session& session, const std::string& title, const std::string& unit,
                      std::vector<float> values) {
   const Geometry size{static_cast<int>(session.grid.columns.size()), static_cast<int>(session.grid.rows.size())};
@@ -247,27 +302,22 @@ std::pair<double, double> band(const Curve& spectrum, double floor) {
 
 }  // namespace
 
-plot::Plot map_plot(const std::string& title, const std::string& unit, Geometry size, std::vector<float> values) {
-  const bool below = std::ranges::any_of(values, [](float v) { return std::isfinite(v) && v < 0.0F; });
-  const bool above = std::ranges::any_of(values, [](float v) { return std::isfinite(v) && v > 0.0F; });
-  constexpr double kSides = 60.0;  // px, width of the axis
-  plot::Plot plot{.title = title, .x = {.name = "column"}, .y = {.name = "row"}, .width = kFigureWidth};
-  plot.plane = {.width = size.width,
-                .height = size.height,
-                .values = std::move(values),
-                .ramp = below && above ? plot::Ramp::kDiverging : plot::Ramp::kViridis,
-                .unit = unit};
-  plot.height = (kFigureWidth - kSides) * std::max(1, size.height) / std::max(1, size.width);
-  return plot;
-}
-
-std::vector<plot::Plot> beside(plot::Plot left, plot::Plot right) {
-  const plot::PlaneSpan span = plot::span_of(left.plane);
-  for (plot::Plot* one : {&left, &right}) {
-    one->plane.low = span.low;
-    one->plane.high = span.high;
-  }
-  return {std::move(left), std::move(right)};
+plot::Rows scene_plots(const SceneFrame& frame) {
+  const EvenPart part(frame.corrected, frame.geometry);
+  const auto whole = [&](const char* title, const ArrayXf& values) {
+    return map_plot(title, "", frame.geometry, {values.begin(), values.end()});
+  };
+  const auto even = [&](const char* title, const ArrayXf& values) {
+    return map_plot(title, "", part.size, part.of(values, frame.geometry));
+  };
+  plot::Rows rows{
+      beside(whole("A frame, as it came", frame.came), whole("The same without the pixels' offsets", frame.corrected)),
+      beside(even("Its most even part, as it came", frame.came),
+             even("The same part without the offsets", frame.corrected)),
+      beside(whole("What other frames miss of it", frame.missed),
+             whole("What they miss without the offsets", frame.left))};
+  for (plot::Plot* one : {&rows[0][0], &rows[0][1], &rows[1][0], &rows[1][1]}) one->plane.ramp = plot::Ramp::kIron;
+  return rows;
 }
 
 std::vector<plot::Plot> course_plots(const Course& whole, double floor_k) {

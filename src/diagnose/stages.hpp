@@ -264,10 +264,16 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
 // Fills report.captures, report.maps and the rest of report.location.
 void fill_plots(const Fit& fit, double floor_k, Report& report);
 
-// A map of values, row-major; values of both signs get diverging colours.
-plot::Plot map_plot(const std::string& title, const std::string& unit, Geometry size, std::vector<float> values);
-// Two maps in the colours of the left one.
-std::vector<plot::Plot> beside(plot::Plot left, plot::Plot right);
+// A frame of a tracked recording, and how far other frames miss it; K or counts.
+struct SceneFrame {
+  Geometry geometry;
+  ArrayXf came{};
+  ArrayXf corrected{};  // without the pixels' offsets
+  ArrayXf missed{};
+  ArrayXf left{};  // of it, when corrected
+};
+// Before and after beside each other: the frame, its most even part, where a pattern shows best, and the residual.
+plot::Rows scene_plots(const SceneFrame& frame);
 
 // One pixel in time, s and K; the plots show the largest deviation from the nominal simulator.
 struct Course {
@@ -278,6 +284,13 @@ struct Course {
 };
 std::vector<plot::Plot> course_plots(const Course& course, double floor_k);
 
+// Offsets and gains of all pixels as a moving scene tells them, row-major, K or counts; empty: not told.
+struct FieldMaps {
+  ArrayXf offset{};
+  ArrayXf gain{};   // share; 0: unknown
+  ArrayXf level{};  // of the scene at each pixel, at which its gain adds nothing to its offset
+};
+
 // Findings on the camera, from which maps and profile are learned.
 struct LearnTask {
   const Session& session;
@@ -285,6 +298,7 @@ struct LearnTask {
   const std::vector<Jump>& jumps;
   const BadPixels& bad;
   FrameFilter filter = FrameFilter::kNone;
+  const FieldMaps& field;  // used without a fit
   const std::vector<FoundEffect>& effects;
   const model::CameraProfile& profile;
 
@@ -292,7 +306,8 @@ struct LearnTask {
 };
 
 // Learned::maps. Offset, gain and time constant of each pixel by regression on all frames that have a model, with the
-// fitted stimuli; smooth effects (vignetting, heating) from their fitted shapes; dead pixels as found. `files`: the
+// fitted stimuli; smooth effects (vignetting, heating) from their fitted shapes; dead pixels as found. Without a fit,
+// offset and gain are those of a moving scene. `files`: the
 // session's captures, read again. Thread: setup.
 Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std::filesystem::path>& files,
                                     int threads);

@@ -174,6 +174,33 @@ inline Report diagnosed(const std::vector<std::filesystem::path>& files, const O
   return *must(diagnose(files, options, go_on));
 }
 
+// The camera's frame of a flat field, without noise.
+inline std::vector<float> flat_frame(sim::CameraSettings camera, double kelvin) {
+  camera.readout = {0.0, 0.0, PixelType::kFloat32, 1};
+  auto simulator = must(sim::Simulator::create(camera, sim::make_uniform(kelvin)));
+  std::vector<float> plane(camera.geometry.pixels());
+  (*simulator)->next(plane.data(), nullptr);
+  return plane;
+}
+
+// Standard deviation over the pixels of a flat field corrected by the maps, K.
+inline double unevenness(const sim::CameraSettings& camera, const model::PixelMaps& maps, double kelvin) {
+  const std::vector<float> plane = flat_frame(camera, kelvin);
+  double sum = 0.0;
+  double squares = 0.0;
+  double count = 0.0;
+  for (std::size_t p = 0; p < plane.size(); ++p) {
+    if (!maps.dead.empty() && maps.dead[p] != 0) continue;
+    const double gain = maps.gain.empty() ? 1.0 : static_cast<double>(maps.gain[p]);
+    const double offset = maps.offset.empty() ? 0.0 : static_cast<double>(maps.offset[p]);
+    const double value = gain * static_cast<double>(plane[p]) + offset - kelvin;
+    sum += value;
+    squares += value * value;
+    count += 1.0;
+  }
+  return std::sqrt(std::max(0.0, squares / count - sum * sum / count / count));
+}
+
 inline bool has(const Report& report, const std::string& effect) {
   return std::ranges::count(report.effects, effect, &FoundEffect::name) != 0;
 }

@@ -193,35 +193,15 @@ class Learning : public testing::BlindBench {
     return testing::diagnosed(files, {.maps = true}).learned;
   }
 
-  // The camera's frame of a flat field, without noise.
-  std::vector<float> shown(double kelvin) const {
+  sim::CameraSettings camera() const {
     sim::CameraSettings camera;
     camera.geometry = session_.geometry;
-    camera.readout = {0.0, 0.0, PixelType::kFloat32, 1};
     camera.effects = session_.effects;
     camera.camera_seed = session_.camera_seed;
-    auto simulator = must(sim::Simulator::create(camera, sim::make_uniform(kelvin)));
-    std::vector<float> plane(session_.geometry.pixels());
-    (*simulator)->next(plane.data(), nullptr);
-    return plane;
+    return camera;
   }
-
-  // Standard deviation over the pixels of a flat field corrected by the maps, K.
   double unevenness(const model::PixelMaps& maps, double kelvin) const {
-    const std::vector<float> plane = shown(kelvin);
-    double sum = 0.0;
-    double squares = 0.0;
-    double count = 0.0;
-    for (std::size_t p = 0; p < plane.size(); ++p) {
-      if (!maps.dead.empty() && maps.dead[p] != 0) continue;
-      const double gain = maps.gain.empty() ? 1.0 : static_cast<double>(maps.gain[p]);
-      const double offset = maps.offset.empty() ? 0.0 : static_cast<double>(maps.offset[p]);
-      const double value = gain * static_cast<double>(plane[p]) + offset - kelvin;
-      sum += value;
-      squares += value * value;
-      count += 1.0;
-    }
-    return std::sqrt(std::max(0.0, squares / count - sum * sum / count / count));
+    return testing::unevenness(camera(), maps, kelvin);
   }
 };
 
@@ -248,8 +228,8 @@ TEST_F(Learning, GainsAndShadingAreUndoneTogether) {
 TEST_F(Learning, DeadPixelsOfALargeFrame) {
   const Learned learned = learn({"dead_pixels:fraction=0.004"}, {100, 60}, 2);
   ASSERT_EQ(learned.maps.dead.size(), 6000U);
-  const std::vector<float> cold = shown(300.0);
-  const std::vector<float> hot = shown(325.0);
+  const std::vector<float> cold = testing::flat_frame(camera(), 300.0);
+  const std::vector<float> hot = testing::flat_frame(camera(), 325.0);
   int dead = 0;
   for (std::size_t p = 0; p < cold.size(); ++p) {
     const bool answers = std::abs(hot[p] - cold[p] - 25.0F) < 1.0F;

@@ -101,14 +101,9 @@ inline std::unique_ptr<const sim::Scene> make_sky() {
   return sim::make_still_scene(std::move(image));
 }
 
-// Writes the recording of a street or a sky, without a stimulus.
-inline std::filesystem::path shoot(const Shot& shot, const std::filesystem::path& file) {
-  constexpr std::uint64_t kSeed = 3;
-  const auto scene = shot.sky ? make_sky() : sim::make_street(shot.view, kSeed);
-  const double end_s = shot.frames * shot.period_s + 0.1;
-  const auto origin = sim::centred_origin(*scene, shot.path, shot.view, -0.5, end_s);
-  std::unique_ptr<const sim::Field> seen = sim::pan_over(*scene, shot.path, origin, shot.view, -0.5, end_s).value();
-  if (shot.mover_px_s != 0.0) seen = std::make_unique<WithMover>(std::move(seen), shot.view, shot.mover_px_s);
+inline constexpr std::uint64_t kSeed = 3;
+
+inline sim::CameraSettings camera_of(const Shot& shot) {
   sim::CameraSettings camera;
   camera.geometry = shot.view;
   camera.rate_hz = 1.0 / shot.period_s;
@@ -116,7 +111,17 @@ inline std::filesystem::path shoot(const Shot& shot, const std::filesystem::path
   camera.readout.seed = kSeed;
   camera.camera_seed = kSeed + 77;
   for (const std::string& text : shot.effects) camera.effects.push_back(sim::parse_effect(text).value());
-  const auto simulator = sim::Simulator::create(camera, std::move(seen)).value();
+  return camera;
+}
+
+// Writes the recording of a street or a sky, without a stimulus.
+inline std::filesystem::path shoot(const Shot& shot, const std::filesystem::path& file) {
+  const auto scene = shot.sky ? make_sky() : sim::make_street(shot.view, kSeed);
+  const double end_s = shot.frames * shot.period_s + 0.1;
+  const auto origin = sim::centred_origin(*scene, shot.path, shot.view, -0.5, end_s);
+  std::unique_ptr<const sim::Field> seen = sim::pan_over(*scene, shot.path, origin, shot.view, -0.5, end_s).value();
+  if (shot.mover_px_s != 0.0) seen = std::make_unique<WithMover>(std::move(seen), shot.view, shot.mover_px_s);
+  const auto simulator = sim::Simulator::create(camera_of(shot), std::move(seen)).value();
   int taken = 0;
   const auto next = [&](int, std::vector<std::uint16_t>& plane) {
     do simulator->next(plane.data(), nullptr);

@@ -13,10 +13,11 @@ Shot hand() { return {.view = {96, 72}, .frames = 220, .path = bed::restless()};
 
 class FieldRecording : public ::testing::Test {
  protected:
-  Report diagnosed(const Shot& shot, const std::vector<std::string>& withheld = {}) {
+  Report diagnosed(const Shot& shot, const std::vector<std::string>& withheld = {}, bool maps = false) {
     const auto file = scratch_ / ("shot-" + std::to_string(++shots_) + ".h5");
     Options options;
     options.withheld = withheld;
+    options.maps = maps;
     return testing::diagnosed({bed::shoot(shot, file)}, options);
   }
 
@@ -66,6 +67,21 @@ TEST_F(FieldRecording, NamesTheEffectOrSaysThatSomethingIsLeft) {
     EXPECT_EQ(told(named), "explained: " + c.effect);
     EXPECT_GT(named.gap_before, named.gap_after + 0.01) << c.effect;
     EXPECT_EQ(told(diagnosed(shot, {c.effect})), "unknown_effect:") << c.effect;
+  }
+}
+
+// As flat fields show, which the recording does not have.
+TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
+  for (const Case& c : {Case{hand(), "fpn_offset"}, Case{pan(), "fpn_gain"}}) {
+    Shot shot = c.shot;
+    shot.view = {160, 120};
+    shot.frames = 500;
+    shot.effects = {c.effect};
+    const model::PixelMaps maps = diagnosed(shot, {}, true).learned.maps;
+    EXPECT_EQ(maps.gain.empty(), c.effect == "fpn_offset");
+    constexpr double kScene = 295.0;  // K, about the mean
+    const double before = testing::unevenness(bed::camera_of(shot), {}, kScene);
+    EXPECT_LT(testing::unevenness(bed::camera_of(shot), maps, kScene), 0.75 * before) << c.effect;
   }
 }
 

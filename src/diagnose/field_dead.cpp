@@ -1,0 +1,107 @@
+// Dead pixels of a recording of a moving scene.
+#include "src/diagnose/field_parts.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr double kSeenContrast = 6.0;  // minimum variation of a pixel's scene, in sigmas, to judge its response
+constexpr double kFollows = 0.4;       // slope of a pixel's value against its prediction: below it is dead
+constexpr double kFollow = 0.85;       // of its neighbours, at least
+constexpr double kNoisyScatter = 5.0;  // times the usual scatter
+constexpr double kOfEdge = 0.5;        // position error of an edge, px
+
+// The median of a map's known values at the eight pixels around one.
+double around(const ArrayXf& map, Index p, Geometry g) {
+  std::vector<float> values;
+  visit_around(g, place_of(static_cast<std::size_t>(p), g.width), 1, [&](std::size_t other) {
+    const float value = map[static_cast<Index>(other)];
+    if (value > 0.0F) values.push_back(value);
+  });
+  return values.size() < 3 ? 0.0 : median(std::move(values));
+}
+
+// Robust standard deviation.
+double usual_scatter(const std::vector<double>& values) {
+  const double middle = median(values);
+  return kSigmaOfMad * median(mapped(values, [middle](double v) { return std::abs(v - middle); }));
+}
+
+// Difference of the mean scene between opposite neighbours, the larger of both directions.
+double slope_at(const ArrayXf& map, Index p, Geometry g) {
+  const Index x = p % g.width;
+  const Index y = p / g.width;
+  const float across = map[p + (x + 1 < g.width ? 1 : 0)] - map[p - (x > 0 ? 1 : 0)];
+  const float down = map[p + (y + 1 < g.height ? g.width : 0)] - map[p - (y > 0 ? g.width : 0)];
+  return std::max(std::abs(across), std::abs(down));
+}
+
+// Pixels that, in some of the triplets, do not respond to the scene as their neighbours do, or scatter far more: either
+// beyond the effect of an edge at rest with a small tracking error.
+Mask unresponsive_in(const Cells& cells, const FieldFrames& frames, const std::vector<Triplet>& triplets,
+                     const std::vector<Index>& of, double floor) {
+  const Geometry g = cells.residual.geometry;
+  const Index pixels = cells.residual.values.cols();
+  ArrayXf scatter = ArrayXf::Zero(pixels);
+  ArrayXf follows = ArrayXf::Zero(pixels);  // slope + 0.5; 0: unknown
+  ArrayXf varies = ArrayXf::Zero(pixels);   // scatter of the prediction
+  ArrayXf level = ArrayXf::Zero(pixels);    // in the mean
+  std::vector<double> predicted;
+  std::vector<double> missed;
+  for (Index p = 0; p < pixels; ++p) {
+    Line line;
+    predicted.clear();
+    missed.clear();
+    for (const Index i : of) {
+      if (cells.residual.valid(i, cells.blocks.of(p)) == 0) continue;
+      const double y = frames.values(triplets[static_cast<std::size_t>(i)].frame, p);
+      missed.push_back(cells.residual.values(i, p));
+      predicted.push_back(y - missed.back());
+      line.add(predicted.back(), y);
+    }
+    if (line.count() < kLeastLooks) continue;
+    level[p] = static_cast<float>(line.level(0.0));
+    scatter[p] = static_cast<float>(usual_scatter(missed));
+    varies[p] = static_cast<float>(usual_scatter(predicted));
+    if (varies[p] > kSeenContrast * floor) follows[p] = static_cast<float>(std::max(line.slope(), -0.4) + 0.5);
+  }
+  Mask unresponsive(static_cast<std::size_t>(pixels), 0);
+  for (Index p = 0; p < pixels; ++p) {
+    const double edge = kOfEdge * slope_at(level, p, g);
+    const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
+    const double usual = around(scatter, p, g);
+    const bool noisy =
+        usual > 0.0 && scatter[p] > kNoisyScatter * std::max(usual, floor);  // coarse steps may hide noise
+    unresponsive[static_cast<std::size_t>(p)] = (still && varies[p] > edge) || (noisy && scatter[p] > edge) ? 1 : 0;
+  }
+  return unresponsive;
+}
+
+}  // namespace
+
+void find_unresponsive(const Cells& cells, const FieldFrames& frames, const std::vector<Triplet>& triplets,
+                       double floor, Mask& dead) {
+  const auto halves = halves_of(cells.triplets());
+  const Mask first = unresponsive_in(cells, frames, triplets, halves[0], floor);
+  const Mask second = unresponsive_in(cells, frames, triplets, halves[1], floor);
+  for (std::size_t p = 0; p < dead.size(); ++p) {
+    if (first[p] != 0 && second[p] != 0) dead[p] = 1;
+  }
+}
+
+void fill_dead(FieldFrames& frames, const Mask& dead) {
+  const Geometry g = frames.geometry;
+  for (std::size_t p = 0; p < dead.size(); ++p) {
+    if (dead[p] == 0) continue;
+    std::vector<Index> good;
+    visit_around(g, place_of(p, g.width), 1, [&](std::size_t q) {
+      if (dead[q] == 0) good.push_back(static_cast<Index>(q));
+    });
+    if (good.empty()) continue;
+    frames.values.col(static_cast<Index>(p)).setZero();
+    for (const Index q : good) {
+      frames.values.col(static_cast<Index>(p)) += frames.values.col(q) / static_cast<float>(good.size());
+    }
+  }
+}
+
+}  // namespace bolo::diagnose
