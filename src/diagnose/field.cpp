@@ -159,6 +159,7 @@ void add_named(Findings& out, const std::string& effect, double z, Estimates par
 }
 
 void name_parts(const FieldParts& parts, Findings& out) {
+  if (parts.gap_after >= parts.gap_before) return;  // of the scene: what one half tells does not help the other
   const Gaps gaps{parts.gap_before, parts.gap_after};
   const auto clear = [&](const Measured& m, double least) {
     return m.z > kPatternIsSure && m.value > least * parts.noise;

@@ -86,6 +86,21 @@ inline sim::Path jerks(double rise_s = 0.008) {
   return sim::Path(std::move(points));
 }
 
+// A jerk every 0.7 s, each another way.
+inline sim::Path many_jerks(double seconds) {
+  std::vector<sim::PathPoint> points;
+  for (double t = -0.6; t < seconds; t += 0.002) {
+    sim::PathPoint at{t, 3.0 * std::sin(3.0 * t), 3.0 * std::sin(5.0 * t)};
+    for (int k = 0; 0.4 + 0.7 * k < seconds; ++k) {
+      const double moved = 1.0 / (1.0 + std::exp((0.4 + 0.7 * k - t) / 0.008));
+      at.x_px += moved * 30.0 * std::cos(2.78 * k);
+      at.y_px += moved * 22.5 * std::sin(2.78 * k);
+    }
+    points.push_back(at);
+  }
+  return sim::Path(std::move(points));
+}
+
 // Colder the higher, with some clouds, above roofs with windows.
 inline std::unique_ptr<const sim::Scene> make_sky() {
   capture::StillImage image{640, 480, {}};

@@ -121,6 +121,17 @@ TEST_F(FieldRecording, AJerkTellsNoPattern) {
   }
 }
 
+// What many jerks tell of one does not help to predict: it is the scene's.
+TEST_F(FieldRecording, ManyJerksTellNoPattern) {
+  constexpr double kPeriod = 1.0 / 30.0;
+  const Report report = diagnosed({.view = {160, 120},
+                                   .frames = 400,
+                                   .path = bed::many_jerks(400 * kPeriod + 0.5),
+                                   .period_s = kPeriod,
+                                   .sky = true});
+  EXPECT_TRUE(report.effects.empty()) << told(report);
+}
+
 // The scene leaps within a frame and is then another picture.
 TEST_F(FieldRecording, AJerkThatIsNotFollowedIsNoJump) {
   for (const bool sky : {false, true}) {
