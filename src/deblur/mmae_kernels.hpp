@@ -15,7 +15,7 @@ inline constexpr int kStatRowStep = 2;                       // every other row 
 inline constexpr int kStatRows = kStatBlock / kStatRowStep;  // rows of a block that are used
 inline constexpr int kStatBlocks = 8;                        // blocks side by side that are done at once
 inline constexpr std::size_t kStatColumns = std::size_t{kStatBlock} * kStatBlocks;  // their pixels
-inline constexpr int kCellColumns = 256;                                            // pixels filtered at once
+inline constexpr int kCellColumns = 640;                                            // pixels filtered at once
 inline constexpr int kWeightStride = kCellColumns / kStatBlock + 2 + 30;  // blocks around them, padded to whole vectors
 
 // The samples of some pixels of neighbouring rows: rows[r][i] is the first of `columns` values of sample i in row r.
