@@ -319,6 +319,14 @@ void filter(int samples, const FilterRow& row, const BlockWeights& upper, const 
   }
 }
 
+void write(const float* values, const FilterRow& row) noexcept {
+  const auto columns = static_cast<std::size_t>(row.columns);
+  for (std::size_t at = 0; at < columns; at += kLanes) {
+    const std::size_t count = std::min(kLanes, columns - at);
+    store_values(row, load_values(values + at, count), at, count);
+  }
+}
+
 // Binomials with alternating signs.
 HWY_INLINE std::array<float, 8> difference_weights(int order) {
   std::array<float, 8> weight{};
@@ -370,6 +378,7 @@ const MmaeKernels& mmae_kernels() {
                                  mix_weights,
                                  mix_risks,
                                  filter,
+                                 write,
                                  add_squared_differences};
   return table;
 }

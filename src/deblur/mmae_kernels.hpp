@@ -72,6 +72,8 @@ struct MmaeKernels {
   void (*risks)(const RiskTable& table, const Posteriors& posteriors, BlockRisks& risk) noexcept;
   // Thread: worker.
   void (*filter)(int samples, const FilterRow& row, const BlockWeights& upper, const BlockWeights& lower) noexcept;
+  // Estimated values as a row's output: of `row` count only columns and what it says of the output. Thread: worker.
+  void (*write)(const float* values, const FilterRow& row) noexcept;
   // For every column the sum over `rows` rows of the squared difference of the given order in time of `order` + 1
   // planes; rows lie `stride` values apart. Adds to out[columns]. Thread: pipeline.
   void (*add_squared_differences)(PixelType type, const void* const* planes, int order, std::size_t first, int rows,

@@ -188,11 +188,13 @@ void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction,
 }
 
 void mix(const FilterWeights* const* corners, const float* shares, std::size_t count, FilterWeights& out) noexcept {
-  for (int i = 0; i < FilterWeights::kStride; i += kLanes) {
-    Vec w = hn::Zero(Float());
-    for (std::size_t k = 0; k < count; ++k) w = hn::MulAdd(all(shares[k]), load(corners[k]->w + i), w);
-    store(w, out.w + i);
+  constexpr int kVectors = FilterWeights::kStride / kLanes;
+  Vec w[kVectors];
+  for (Vec& v : w) v = hn::Zero(Float());
+  for (std::size_t k = 0; k < count; ++k) {
+    for (int i = 0; i < kVectors; ++i) w[i] = hn::MulAdd(all(shares[k]), load(corners[k]->w + i * kLanes), w[i]);
   }
+  for (int i = 0; i < kVectors; ++i) store(w[i], out.w + i * kLanes);
 }
 
 // For the pixels of half a block, the shares of the blocks before and after in interpolation between centres.
