@@ -202,23 +202,33 @@ void find_posteriors(const ModelTables& tables, const BlockSamples& in, float in
   for (int b = 0; b < blocks; ++b) normalise(out.of[b]);
 }
 
+// Of some blocks at once, as far as registers go, so that no sum waits for the one before it; blocks that are not there
+// do no harm.
 void mix_weights(const ModelTables& tables, int offset, const Posteriors& posteriors, int blocks, BlockWeights& out,
                  int at) noexcept {
   const auto& models = tables.weights[static_cast<std::size_t>(offset)].tap;
   constexpr std::size_t kVectors = (kMostSamples + 1 + kLanes - 1) / kLanes;
-  for (int b = 0; b < blocks; ++b) {
-    HWY_ALIGN float taps[kVectors * kLanes];
-    Vec sum[kVectors];
-    for (Vec& s : sum) s = hn::Zero(Float());
+  constexpr int kAtOnce = kLanes >= 16 ? 8 : 4;
+  static_assert(kStatBlocks % kAtOnce == 0);
+  for (int first = 0; first < blocks; first += kAtOnce) {
+    Vec sum[kAtOnce][kVectors];
+    for (auto& of_block : sum) {
+      for (Vec& s : of_block) s = hn::Zero(Float());
+    }
     for (std::size_t k = 0; k < kModels; ++k) {
-      const Vec share = all(posteriors.of[b][k]);
-      for (std::size_t v = 0; v < kVectors; ++v) {
-        sum[v] = hn::MulAdd(share, hn::Load(Float(), models[k].data() + v * kLanes), sum[v]);
+      Vec taps[kVectors];
+      for (std::size_t v = 0; v < kVectors; ++v) taps[v] = hn::Load(Float(), models[k].data() + v * kLanes);
+      for (int b = 0; b < kAtOnce; ++b) {
+        const Vec share = all(posteriors.of[first + b][k]);
+        for (std::size_t v = 0; v < kVectors; ++v) sum[b][v] = hn::MulAdd(share, taps[v], sum[b][v]);
       }
     }
-    for (std::size_t v = 0; v < kVectors; ++v) hn::Store(sum[v], Float(), taps + v * kLanes);
-    for (int i = 0; i < tables.samples; ++i) out.tap[i][at + b] = taps[i];
-    out.tap[kMostSamples][at + b] = taps[kMostSamples];
+    for (int b = 0; b < std::min(kAtOnce, blocks - first); ++b) {
+      HWY_ALIGN float taps[kVectors * kLanes];
+      for (std::size_t v = 0; v < kVectors; ++v) hn::Store(sum[b][v], Float(), taps + v * kLanes);
+      for (int i = 0; i < tables.samples; ++i) out.tap[i][at + first + b] = taps[i];
+      out.tap[kMostSamples][at + first + b] = taps[kMostSamples];
+    }
   }
 }
 
@@ -284,6 +294,7 @@ HWY_INLINE void filter_row(int samples, const FilterRow& row, const float (*weig
       const Vec left = hn::TableLookupLanes(hn::LoadU(Float(), weights[i] + block), cells);
       const Vec right = hn::TableLookupLanes(hn::LoadU(Float(), weights[i] + block + 1), cells);
       const Vec weight = hn::MulAdd(share, hn::Sub(right, left), left);
+      hwy::Prefetch(static_cast<const T*>(row.samples[i]) + at + kStatColumns);
       const Vec value = load_values(static_cast<const T*>(row.samples[i]) + at, count);
       x = hn::MulAdd(weight, hn::Sub(value, newest), x);
     }
@@ -308,6 +319,14 @@ void filter(int samples, const FilterRow& row, const BlockWeights& upper, const 
   }
 }
 
+void write(const float* values, const FilterRow& row) noexcept {
+  const auto columns = static_cast<std::size_t>(row.columns);
+  for (std::size_t at = 0; at < columns; at += kLanes) {
+    const std::size_t count = std::min(kLanes, columns - at);
+    store_values(row, load_values(values + at, count), at, count);
+  }
+}
+
 // Binomials with alternating signs.
 HWY_INLINE std::array<float, 8> difference_weights(int order) {
   std::array<float, 8> weight{};
@@ -328,6 +347,7 @@ HWY_INLINE void add_squares(const void* const* planes, int order, std::size_t fi
     Vec sum = hn::Zero(Float());
     for (int r = 0; r < rows; ++r) {
       const std::size_t pixel = first + static_cast<std::size_t>(r) * stride + at;
+      for (int i = 0; i <= order; ++i) hwy::Prefetch(static_cast<const T*>(planes[i]) + pixel + kStatColumns);
       const Vec base = load_values(static_cast<const T*>(planes[0]) + pixel, count);
       Vec difference = hn::Zero(Float());
       for (int i = 1; i <= order; ++i) {  // less the first sample, which the weights (sum 0) do not see
@@ -358,6 +378,7 @@ const MmaeKernels& mmae_kernels() {
                                  mix_weights,
                                  mix_risks,
                                  filter,
+                                 write,
                                  add_squared_differences};
   return table;
 }

@@ -15,7 +15,7 @@ inline constexpr int kStatRowStep = 2;                       // every other row 
 inline constexpr int kStatRows = kStatBlock / kStatRowStep;  // rows of a block that are used
 inline constexpr int kStatBlocks = 8;                        // blocks side by side that are done at once
 inline constexpr std::size_t kStatColumns = std::size_t{kStatBlock} * kStatBlocks;  // their pixels
-inline constexpr int kCellColumns = 256;                                            // pixels filtered at once
+inline constexpr int kCellColumns = 640;                                            // pixels filtered at once
 inline constexpr int kWeightStride = kCellColumns / kStatBlock + 2 + 30;  // blocks around them, padded to whole vectors
 
 // The samples of some pixels of neighbouring rows: rows[r][i] is the first of `columns` values of sample i in row r.
@@ -72,6 +72,8 @@ struct MmaeKernels {
   void (*risks)(const RiskTable& table, const Posteriors& posteriors, BlockRisks& risk) noexcept;
   // Thread: worker.
   void (*filter)(int samples, const FilterRow& row, const BlockWeights& upper, const BlockWeights& lower) noexcept;
+  // Estimated values as a row's output: of `row` count only columns and what it says of the output. Thread: worker.
+  void (*write)(const float* values, const FilterRow& row) noexcept;
   // For every column the sum over `rows` rows of the squared difference of the given order in time of `order` + 1
   // planes; rows lie `stride` values apart. Adds to out[columns]. Thread: pipeline.
   void (*add_squared_differences)(PixelType type, const void* const* planes, int order, std::size_t first, int rows,

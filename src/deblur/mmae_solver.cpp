@@ -69,7 +69,11 @@ void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std
   int upper = (part.y + kHalf) / kStatBlock - 1;
   find_weights(window, upper, columns, *above);
   for (int y = part.y; y < part.y + part.height; ++upper) {
-    find_weights(window, upper + 1, columns, *below);
+    if (upper < 0 || upper + 1 >= posterior_.blocks_down()) {
+      *below = *above;  // beyond the frame its first or last row stands in
+    } else {
+      find_weights(window, upper + 1, columns, *below);
+    }
     const int top = (upper + 1) * kStatBlock;
     if (errors != nullptr && top >= part.y && top < part.y + part.height) {
       const int own = std::max(columns.first, 0);

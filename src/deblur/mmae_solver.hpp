@@ -20,7 +20,8 @@ class MmaeSolver final : public Solver {
   // blocks of 8 x 8 pixels whose first row is in `part`: errors[row of blocks * blocks across + column].
   void solve(const WindowView& window, const Region& part, void* out, float* errors) const noexcept;
   int iterations() const noexcept override { return 1; }
-  std::string_view isa() const noexcept override { return posterior_.kernels().isa; }
+  std::string_view isa() const noexcept override { return kernels().isa; }
+  const MmaeKernels& kernels() const noexcept { return posterior_.kernels(); }
   double noise() const noexcept { return posterior_.noise(); }  // in the values' unit
   double noise_k() const noexcept override;
 

@@ -1,7 +1,6 @@
 #include "src/deblur/motion_solver.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -278,19 +277,14 @@ void MotionSolver::solve_points(const WindowView& /*window*/, std::span<const st
 
 // So many values from a pixel on, into `out` from `to` on.
 void MotionSolver::write(std::size_t pixel, std::size_t count, std::size_t to, void* out) const noexcept {
-  constexpr float kWhole = 8388608.0F;  // 2^23: what is added to it is rounded, and stands in the last bits
   const PixelRun run = run_for(task_);
-  const float* const from = estimate_.data() + pixel;
-  if (run.output == PixelType::kUint16) {
-    auto* const counts = static_cast<std::uint16_t*>(out) + to;
-    for (std::size_t i = 0; i < count; ++i) {
-      const float limited = std::min(from[i] > 0.0F ? from[i] : 0.0F, 65535.0F);
-      counts[i] = static_cast<std::uint16_t>(std::bit_cast<std::uint32_t>(limited + kWhole));
-    }
-  } else {
-    float* const kelvin = static_cast<float*>(out) + to;
-    for (std::size_t i = 0; i < count; ++i) kelvin[i] = run.scale * from[i] + run.offset;
-  }
+  FilterRow row;
+  row.columns = static_cast<int>(count);
+  row.output = run.output;
+  row.scale = run.scale;
+  row.offset = run.offset;
+  row.out = static_cast<std::byte*>(out) + to * bytes_of(run.output);
+  mmae_.kernels().write(estimate_.data() + pixel, row);
 }
 
 }  // namespace bolo::deblur

@@ -8,7 +8,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
 #include "src/motion/cubic.hpp"
@@ -19,7 +21,6 @@ namespace bolo::motion::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 using Float = hn::CappedTag<float, kBlock>;
-constexpr std::ptrdiff_t kRow = kBlock;  // from one row of a block's pixels to the next
 using Vec = hn::Vec<Float>;
 
 inline constexpr int kLanes = static_cast<int>(hn::MaxLanes(Float()));
@@ -30,6 +31,13 @@ HWY_INLINE void store(Vec x, float* to) { hn::StoreU(x, Float(), to); }
 HWY_INLINE float sum(Vec x) { return hn::GetLane(hn::SumOfLanes(Float(), x)); }
 HWY_INLINE Vec between(Vec a, Vec b, Vec share) { return hn::MulAdd(share, hn::Sub(b, a), a); }
 HWY_INLINE Vec count_from(float first) { return hn::Iota(Float(), first); }
+
+// Blocks of a row of blocks are read one after the other, and their rows of pixels are too many for the hardware to
+// foresee: asks for `rows` of those that come next.
+HWY_INLINE void prefetch_next(const float* block, std::ptrdiff_t stride, int rows) {
+  constexpr std::ptrdiff_t kNext = 4 * kBlock;
+  for (int r = 0; r < rows; ++r) hwy::Prefetch(block + r * stride + kNext);
+}
 
 // A block's source: the whole part as an offset from the block, bilinear weights for the rest.
 struct Source {
@@ -42,10 +50,12 @@ struct Source {
 
 // Beyond the rim a block of 12 x 12 around (x0, y0) would see the repeated border only: positions are clamped there.
 // NaN becomes the lowest.
+HWY_INLINE float lowest(int first) { return static_cast<float>(2 - kRim - first); }
+HWY_INLINE float highest(int first, int blocks) {
+  return static_cast<float>(blocks * kBlock + kRim - kBlock - 4 - first);
+}
 HWY_INLINE int limited(float whole, int first, int blocks) {
-  const float low = static_cast<float>(2 - kRim - first);
-  const float high = static_cast<float>(blocks * kBlock + kRim - kBlock - 4 - first);
-  return static_cast<int>(std::min(std::max(low, whole), high));
+  return static_cast<int>(std::min(std::max(lowest(first), whole), highest(first, blocks)));
 }
 
 struct Whole {
@@ -67,41 +77,91 @@ HWY_INLINE Source source_at(const PaddedPlane& plane, int x0, int y0, float sx, 
   return {s.y * plane.stride() + s.x, (1 - s.fx) * (1 - s.fy), s.fx * (1 - s.fy), (1 - s.fx) * s.fy, s.fx * s.fy};
 }
 
-HWY_INLINE Vec sample(const float* at, std::ptrdiff_t stride, const Source& s) {
-  Vec v = hn::Mul(all(s.w00), load(at));
-  v = hn::MulAdd(all(s.w10), load(at + 1), v);
-  v = hn::MulAdd(all(s.w01), load(at + stride), v);
-  return hn::MulAdd(all(s.w11), load(at + stride + 1), v);
-}
+// The values of one vector's width of a moved block, row by row; every pixel is read once.
+struct Sampler {
+  const float* at;
+  std::ptrdiff_t stride;
+  Vec w00;
+  Vec w10;
+  Vec w01;
+  Vec w11;
+  Vec left;
+  Vec right;
 
-// Four pixels that a value between them is interpolated from.
-struct Tap {
-  std::ptrdiff_t offset[4];
-  float w[4];
+  // `from`: the block's first row, before it is moved.
+  HWY_INLINE Sampler(const float* from, std::ptrdiff_t row, const Source& s)
+      : at(from + s.offset),
+        stride(row),
+        w00(all(s.w00)),
+        w10(all(s.w10)),
+        w01(all(s.w01)),
+        w11(all(s.w11)),
+        left(load(at)),
+        right(load(at + 1)) {}
+  HWY_INLINE Vec next() {
+    const Vec upper = hn::MulAdd(w10, right, hn::Mul(w00, left));
+    at += stride;
+    left = load(at);
+    right = load(at + 1);
+    return hn::MulAdd(w11, right, hn::MulAdd(w01, left, upper));
+  }
 };
 
-// Of p + s for the pixels p of the block at (x0, y0): the pixels around it, or, where s is whole along an axis, four
-// along the other.
-HWY_INLINE Tap tap_at(const PaddedPlane& plane, int x0, int y0, float sx, float sy) {
-  const Whole s = whole_of(plane, x0, y0, sx, sy);
-  const std::ptrdiff_t at = s.y * plane.stride() + s.x;
-  Tap tap;
-  if (s.fx == 0.0F || s.fy == 0.0F) {
-    const std::ptrdiff_t step = s.fx == 0.0F ? plane.stride() : 1;
-    for (int i = 0; i < 4; ++i) tap.offset[i] = at + (i - 1) * step;
-    cubic(s.fx + s.fy, tap.w);
-    return tap;
-  }
-  for (int i = 0; i < 4; ++i) {
-    tap.offset[i] = at + (i % 2) + (i / 2) * plane.stride();
-    tap.w[i] = (i % 2 != 0 ? s.fx : 1.0F - s.fx) * (i / 2 != 0 ? s.fy : 1.0F - s.fy);
-  }
-  return tap;
-}
+// What values that are `step` apart are interpolated from, kReach of them on both sides of a block's pixels: the four
+// pixels around one, or, where it lies on a row or a column, four of that.
+struct Taps {
+  static constexpr int kPadded = 16;
+  HWY_ALIGN float fx[kPadded];
+  HWY_ALIGN float fy[kPadded];
+  HWY_ALIGN std::int32_t offset[kPadded];
+  HWY_ALIGN float w[4][kPadded];
+  std::ptrdiff_t stride;
 
-HWY_INLINE Vec value_of(const float* at, const Tap& tap) {
-  Vec v = hn::Mul(all(tap.w[0]), load(at + tap.offset[0]));
-  for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(tap.w[i]), load(at + tap.offset[i]), v);
+  // For the block at (x0, y0). Whole parts are limited as in whole_of.
+  HWY_INLINE Taps(const PaddedPlane& plane, int x0, int y0, Vec2 step) : stride(plane.stride()) {
+    static_assert(kPadded >= kTaps);
+    const hn::RebindToSigned<Float> whole;
+    const auto part = [&](int j, float along, int first, int blocks, Vec& share) HWY_ATTR {
+      const Vec s = hn::Mul(count_from(static_cast<float>(j - kReach)), all(along));
+      const Vec floor = hn::Floor(s);
+      share = hn::Sub(s, floor);
+      const Vec low = all(lowest(first));
+      const Vec high = all(highest(first, blocks));
+      return hn::ConvertTo(whole, hn::Min(hn::IfThenElse(hn::Gt(floor, low), floor, low), high));
+    };
+    for (int j = 0; j < kPadded; j += kLanes) {
+      Vec right;
+      Vec down;
+      const auto x = part(j, step.x, x0, plane.blocks_across(), right);
+      const auto y = part(j, step.y, y0, plane.blocks_down(), down);
+      const auto row = hn::Set(whole, static_cast<std::int32_t>(stride));
+      hn::Store(hn::Add(hn::Mul(y, row), x), whole, offset + j);
+      hn::Store(right, Float(), fx + j);
+      hn::Store(down, Float(), fy + j);
+      const Vec left = hn::Sub(all(1.0F), right);
+      const Vec up = hn::Sub(all(1.0F), down);
+      hn::Store(hn::Mul(left, up), Float(), w[0] + j);
+      hn::Store(hn::Mul(right, up), Float(), w[1] + j);
+      hn::Store(hn::Mul(left, down), Float(), w[2] + j);
+      hn::Store(hn::Mul(right, down), Float(), w[3] + j);
+    }
+    for (int j = 0; j < kTaps; ++j) {
+      if (linear(j)) continue;
+      float four[4];
+      cubic(fx[j] + fy[j], four);
+      for (int i = 0; i < 4; ++i) w[i][j] = four[i];
+    }
+  }
+  bool linear(int j) const { return fx[j] != 0.0F && fy[j] != 0.0F; }
+  Source around(int j) const { return {offset[j], w[0][j], w[1][j], w[2][j], w[3][j]}; }
+};
+
+// Of a tap that is not linear.
+HWY_INLINE Vec value_of(const float* at, const Taps& taps, int j) {
+  const std::ptrdiff_t step = taps.fx[j] == 0.0F ? taps.stride : 1;
+  const float* from = at + taps.offset[j] - step;
+  Vec v = hn::Mul(all(taps.w[0][j]), load(from));
+  for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(taps.w[i][j]), load(from + i * step), v);
   return v;
 }
 

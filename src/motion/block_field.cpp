@@ -17,14 +17,12 @@ void weigh_9(const ScalarField& from, int row, ScalarField& to, float side, floa
   const float* below = from.row(std::min(row + 1, from.down() - 1));
   float* out = to.row(row);
   const auto column = [&](int c) { return side * (above[c] + below[c]) + middle * here[c]; };
-  float left = column(0);
-  float mid = left;
-  for (int c = 0; c <= last; ++c) {
-    const float right = c < last ? column(c + 1) : mid;
-    out[c] = side * (left + right) + middle * mid;
-    left = mid;
-    mid = right;
-  }
+  const auto at = [&](int left, int c, int right) {
+    return side * (column(left) + column(right)) + middle * column(c);
+  };
+  out[0] = at(0, 0, std::min(1, last));
+  for (int c = 1; c < last; ++c) out[c] = at(c - 1, c, c + 1);
+  out[last] = at(std::max(last - 1, 0), last, last);
 }
 
 }  // namespace

@@ -26,6 +26,7 @@ HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, Vec2 d, const P
   cubic(s.fx, wx);
   cubic(s.fy, wy);
   const float* from = a.at(x0 + s.x - 1, y0 + s.y - 1);
+  prefetch_next(from, a.stride(), kBlock + 3);
   for (int x = 0; x < kBlock; x += kLanes) {
     const auto across = [&](int r) HWY_ATTR {
       const float* p = from + r * a.stride() + x;
@@ -154,6 +155,7 @@ void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction,
   for (int c = 0; c < now.blocks_across(); ++c) {
     const int x0 = c * kBlock;
     const Vec2 e = direction[c];
+    for (const PaddedPlane* plane : {&now, &mean}) prefetch_next(plane->at(x0, y0), plane->stride(), kBlock);
     const Source ahead = source_at(mean, x0, y0, e.x, e.y);
     const Source behind = source_at(mean, x0, y0, -e.x, -e.y);
     const Source away = source_at(mean, x0, y0, lag[c] * e.x, lag[c] * e.y);
@@ -162,13 +164,17 @@ void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction,
     Vec structure = error;
     Vec across = error;
     const std::ptrdiff_t beside = 2 * step_across(e, stride);
-    for (int r = 0; r < kBlock; ++r) {
-      for (int x = 0; x < kBlock; x += kLanes) {
-        const float* m = mean.at(x0 + x, y0 + r);
+    for (int x = 0; x < kBlock; x += kLanes) {
+      const float* first = mean.at(x0 + x, y0);
+      Sampler before(first, stride, ahead);
+      Sampler after(first, stride, behind);
+      Sampler other(first, stride, away);
+      for (int r = 0; r < kBlock; ++r) {
+        const float* m = first + r * stride;
         const Vec here = load(m);
         const Vec off = hn::Sub(load(now.at(x0 + x, y0 + r)), here);
-        const Vec g = hn::Sub(sample(m + ahead.offset, stride, ahead), sample(m + behind.offset, stride, behind));
-        const Vec s = hn::Sub(sample(m + away.offset, stride, away), here);
+        const Vec g = hn::Sub(before.next(), after.next());
+        const Vec s = hn::Sub(other.next(), here);
         const Vec b = hn::Sub(load(m + beside), here);
         error = hn::MulAdd(off, off, error);
         gradient = hn::MulAdd(g, g, gradient);
@@ -182,11 +188,13 @@ void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction,
 }
 
 void mix(const FilterWeights* const* corners, const float* shares, std::size_t count, FilterWeights& out) noexcept {
-  for (int i = 0; i < FilterWeights::kStride; i += kLanes) {
-    Vec w = hn::Zero(Float());
-    for (std::size_t k = 0; k < count; ++k) w = hn::MulAdd(all(shares[k]), load(corners[k]->w + i), w);
-    store(w, out.w + i);
+  constexpr int kVectors = FilterWeights::kStride / kLanes;
+  Vec w[kVectors];
+  for (Vec& v : w) v = hn::Zero(Float());
+  for (std::size_t k = 0; k < count; ++k) {
+    for (int i = 0; i < kVectors; ++i) w[i] = hn::MulAdd(all(shares[k]), load(corners[k]->w + i * kLanes), w[i]);
   }
+  for (int i = 0; i < kVectors; ++i) store(w[i], out.w + i * kLanes);
 }
 
 // For the pixels of half a block, the shares of the blocks before and after in interpolation between centres.
@@ -249,21 +257,26 @@ struct HalfBlock {
 };
 
 // Four rows of kLanes columns from (x, y) on, which are the block's `column` and after.
-HWY_INLINE void filter_half(const FilterInputs& in, const Tap* taps, const PixelWeights& weights, const Shares& shares,
+HWY_INLINE void filter_half(const FilterInputs& in, const Taps& taps, const PixelWeights& weights, const Shares& shares,
                             int x, int y, int column, PaddedPlane& out) {
   const int half = y % kBlock / HalfBlock::kRows;
   const std::ptrdiff_t stride = in.now->stride();
   HalfBlock sums;
-  const auto along = [&](const Tap& pixels, const PaddedPlane& plane, int tap) HWY_ATTR {
+  const auto along = [&](int j, const PaddedPlane& plane, int tap) HWY_ATTR {
     const Vec middle = hn::Load(Float(), weights.middle[tap] + column);
     const Vec change = hn::Load(Float(), weights.change[half][tap] + column);
     const float* from = plane.at(x, y);
-    for (int r = 0; r < HalfBlock::kRows; ++r) sums.add(r, value_of(from + r * stride, pixels), middle, change);
+    if (taps.linear(j)) {
+      Sampler rows(from, stride, taps.around(j));
+      for (int r = 0; r < HalfBlock::kRows; ++r) sums.add(r, rows.next(), middle, change);
+    } else {
+      for (int r = 0; r < HalfBlock::kRows; ++r) sums.add(r, value_of(from + r * stride, taps, j), middle, change);
+    }
   };
   for (int j = 0; j < kTaps; ++j) {
-    along(taps[j], *in.now, j);
-    along(taps[j], *in.mean, FilterWeights::kMean + j);
-    if (in.ahead != nullptr) along(taps[j], *in.ahead, FilterWeights::kAhead + j);
+    along(j, *in.now, j);
+    along(j, *in.mean, FilterWeights::kMean + j);
+    if (in.ahead != nullptr) along(j, *in.ahead, FilterWeights::kAhead + j);
   }
   for (int i = 0; i < 2; ++i) {
     const int tap = FilterWeights::kBefore + i;
@@ -284,11 +297,11 @@ void filter(const FilterInputs& in, const Vec2* step, const FilterWeights* const
   const int last = in.now->blocks_across() - 1;
   PixelWeights of_pixels;
   for (int c = 0; c <= last; ++c) {
-    Tap taps[kTaps];
-    for (int j = 0; j < kTaps; ++j) {
-      const auto q = static_cast<float>(j - kReach);
-      taps[j] = tap_at(*in.now, c * kBlock, y0, q * step[c].x, q * step[c].y);
+    for (const PaddedPlane* plane : {in.now, in.mean, in.ahead}) {
+      if (plane != nullptr) prefetch_next(plane->at(c * kBlock, y0 + kReach), plane->stride(), kBlock);
     }
+    for (const PaddedPlane* plane : in.before) prefetch_next(plane->at(c * kBlock, y0), plane->stride(), kBlock);
+    const Taps taps(*in.now, c * kBlock, y0, step[c]);
     spread_weights(weights, c, last, in.ahead != nullptr ? FilterWeights::kError : FilterWeights::kAhead, shares,
                    of_pixels);
     for (int x = 0; x < kBlock; x += kLanes) {
@@ -325,27 +338,32 @@ void across(const PaddedPlane& from, const Vec2* direction, const AcrossWeights*
 constexpr int kFewestSteps = 3;
 constexpr int kMostSteps = 30;
 
-// Shares of the trail's steps, the newest first.
-HWY_INLINE int trail(Vec2 d, float ratio, float* share) {
+// Steps of a trail along d.
+HWY_INLINE int steps_of(Vec2 d) {
   const float length = std::sqrt(d.x * d.x + d.y * d.y);
-  const int steps = std::clamp(static_cast<int>(std::ceil(length)), kFewestSteps, kMostSteps);
+  return std::clamp(static_cast<int>(std::ceil(length)), kFewestSteps, kMostSteps);
+}
+
+// Shares of a trail's steps, the newest first.
+HWY_INLINE void share_steps(int steps, float ratio, float* share) {
   float total = 0.0F;
   for (int i = 0; i < steps; ++i) {
     share[i] = std::exp(-ratio * (static_cast<float>(i) + 0.5F) / static_cast<float>(steps));
     total += share[i];
   }
   for (int i = 0; i < steps; ++i) share[i] /= total;
-  return steps;
 }
 
 void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, const Vec2* d, float ratio, int block_row,
            PaddedPlane& left, float* left_square, float* change_square) noexcept {
   const int y0 = block_row * kBlock;
   float share[kMostSteps];
+  int steps = 0;
   for (int c = 0; c < x.blocks_across(); ++c) {
     const int x0 = c * kBlock;
-    const int steps = trail(d[c], ratio, share);
-    HWY_ALIGN float blurred[kBlock * kBlock] = {};
+    if (const int here = steps_of(d[c]); here != steps) share_steps(steps = here, ratio, share);
+    for (const PaddedPlane* plane : {&x, &y, &z}) prefetch_next(plane->at(x0, y0), plane->stride(), kBlock);
+    BlockSum blurred;
     for (int i = 0; i < steps; ++i) {
       const float f = (static_cast<float>(i) + 0.5F) / static_cast<float>(steps);
       Source s = source_at(x, x0, y0, f * d[c].x, f * d[c].y);
@@ -353,12 +371,10 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
       s.w10 *= share[i];
       s.w01 *= share[i];
       s.w11 *= share[i];
-      const float* from = x.at(x0, y0) + s.offset;
-      for (int r = 0; r < kBlock; ++r) {
-        for (int k = 0; k < kBlock; k += kLanes) {
-          float* to = blurred + r * kRow + k;
-          store(hn::Add(load(to), sample(from + r * x.stride() + k, x.stride(), s)), to);
-        }
+      for (int k = 0; k < kBlock; k += kLanes) {
+        Sampler moved(x.at(x0 + k, y0), x.stride(), s);
+        HWY_UNROLL(8)
+        for (int r = 0; r < kBlock; ++r) blurred.row[r][k / kLanes] = hn::Add(blurred.row[r][k / kLanes], moved.next());
       }
     }
     Vec residual = hn::Zero(Float());
@@ -366,7 +382,7 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
     for (int r = 0; r < kBlock; ++r) {
       for (int k = 0; k < kBlock; k += kLanes) {
         const Vec innovation = load(z.at(x0 + k, y0 + r));
-        const Vec e = hn::Sub(innovation, load(blurred + r * kRow + k));
+        const Vec e = hn::Sub(innovation, blurred.row[r][k / kLanes]);
         const Vec m = hn::Sub(innovation, load(y.at(x0 + k, y0 + r)));
         store(e, left.at(x0 + k, y0 + r));
         residual = hn::MulAdd(e, e, residual);
@@ -378,25 +394,54 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
   }
 }
 
-// The value of a block field at eight pixels of a row, interpolated between centres.
-HWY_INLINE Vec between(const Shares& shares, const float* const* rows, int r, int c, int last, int x) {
-  const float* near = shares.before[r] > 0.0F ? rows[0] : rows[2];
-  const float share = shares.before[r] + shares.after[r];
-  const auto at = [&](int column) { return rows[1][column] + share * (near[column] - rows[1][column]); };
-  Vec v = hn::Mul(hn::Load(Float(), shares.before + x), all(at(std::max(c - 1, 0))));
-  v = hn::MulAdd(hn::Load(Float(), shares.here + x), all(at(c)), v);
-  return hn::MulAdd(hn::Load(Float(), shares.after + x), all(at(std::min(c + 1, last))), v);
-}
+// Values of a block field along a row of pixels, interpolated between centres: block by block, from `first` on.
+class Between {
+ public:
+  HWY_INLINE Between(const Shares& shares, const float* const* rows, int r, int first, int last)
+      : shares_(shares),
+        near_(shares.before[r] > 0.0F ? rows[0] : rows[2]),
+        middle_(rows[1]),
+        share_(shares.beside[r]),
+        column_(first),
+        last_(last),
+        before_(value(std::max(first - 1, 0))),
+        here_(value(first)),
+        after_(value(std::min(first + 1, last))) {}
+  HWY_INLINE Vec at(int x) const {
+    Vec v = hn::Mul(hn::Load(Float(), shares_.before + x), all(before_));
+    v = hn::MulAdd(hn::Load(Float(), shares_.here + x), all(here_), v);
+    return hn::MulAdd(hn::Load(Float(), shares_.after + x), all(after_), v);
+  }
+  HWY_INLINE void go_on() {
+    before_ = here_;
+    here_ = after_;
+    after_ = value(std::min(++column_ + 1, last_));
+  }
+
+ private:
+  HWY_INLINE float value(int column) const { return middle_[column] + share_ * (near_[column] - middle_[column]); }
+
+  const Shares& shares_;
+  const float* near_;
+  const float* middle_;
+  float share_;
+  int column_;
+  int last_;
+  float before_;
+  float here_;
+  float after_;
+};
 
 void correct(const PaddedPlane& left, const float* const* w, int block_row, Columns columns, PaddedPlane& x) noexcept {
   const Shares shares;
   const int last = x.blocks_across() - 1;
   for (int r = 0; r < kBlock; ++r) {
-    for (int c = columns.begin; c < columns.end; ++c) {
+    Between share(shares, w, r, columns.begin, last);
+    for (int c = columns.begin; c < columns.end; ++c, share.go_on()) {
       for (int k = 0; k < kBlock; k += kLanes) {
         float* to = x.at(c * kBlock + k, block_row * kBlock + r);
         const Vec e = load(left.at(c * kBlock + k, block_row * kBlock + r));
-        store(hn::MulAdd(between(shares, w, r, c, last, k), e, load(to)), to);
+        store(hn::MulAdd(share.at(k), e, load(to)), to);
       }
     }
   }
@@ -411,13 +456,14 @@ void blend(const PaddedPlane& x, const float* other, const float* const* c, cons
   for (int r = 0; r < rows; ++r) {
     const int y = block_row * kBlock + r;
     const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width);
-    for (int b = 0; b <= last; ++b) {
+    Between of_x(shares, c, r, 0, last);
+    for (int b = 0; b <= last; ++b, of_x.go_on()) {
       for (int k = 0; k < kBlock; k += kLanes) {
         const int column = b * kBlock + k;
         const int count = std::min(kLanes, g.width - column);
         if (count <= 0) break;
         const std::size_t at = row + static_cast<std::size_t>(column);
-        const Vec share = hn::Min(between(shares, c, r, b, last, k), all(most[b]));
+        const Vec share = hn::Min(of_x.at(k), all(most[b]));
         const auto mixed = [&](Vec old) HWY_ATTR { return between(old, load(x.at(column, y)), share); };
         if (count == kLanes) {
           store(mixed(load(other + at)), out + at);

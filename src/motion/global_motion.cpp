@@ -196,11 +196,6 @@ Affine Affine::operator*(double k) const noexcept {
   return scaled;
 }
 
-Centre centre_of(Geometry frame, int scale, int column, int row) noexcept {
-  const double half = 0.5 * frame.width;
-  return {((column + 0.5) * kBlock * scale - half) / half, ((row + 0.5) * kBlock * scale - 0.5 * frame.height) / half};
-}
-
 void spread(const Affine& motion, Geometry frame, int scale, VectorField& out) noexcept {
   const float to_level = 1.0F / static_cast<float>(scale);
   for (int r = 0; r < out.down(); ++r) {

@@ -30,7 +30,12 @@ struct Centre {
   double x;
   double y;
 };
-Centre centre_of(Geometry frame, int scale, int column, int row) noexcept;
+inline Centre centre_of(Geometry frame, int scale, int column, int row) noexcept {
+  const double half = 0.5 * frame.width;
+  const double per_half = 1.0 / half;
+  return {((column + 0.5) * kBlock * scale - half) * per_half,
+          ((row + 0.5) * kBlock * scale - 0.5 * frame.height) * per_half};
+}
 
 // The field at the centres of `scale` times 8 pixels, as of a level of a pyramid, in that level's pixels.
 void spread(const Affine& motion, Geometry frame, int scale, VectorField& out) noexcept;

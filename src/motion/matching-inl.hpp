@@ -64,6 +64,8 @@ HWY_INLINE void add_matches(const PaddedPlane& a, const PaddedPlane& b, int x0, 
                             const Inside& inside, MatchVectors& sums) {
   const Vec right = all(from.fx);
   const Vec down = all(from.fy);
+  prefetch_next(a.at(x0 + from.x, y0 + from.y), a.stride(), kBlock + 2);
+  prefetch_next(b.at(x0, y0), b.stride(), kBlock);
   for (int x = x0; x < x0 + kBlock; x += kLanes) {
     const float* row = a.at(x + from.x, y0 + from.y - 1);
     const auto next = [&]() HWY_ATTR { return Slopes(row += a.stride(), right); };
@@ -159,10 +161,10 @@ void cost(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_r
     const int x0 = c * kBlock;
     const Source s = source_at(a, x0, y0, -d[c].x, -d[c].y);
     Vec total = hn::Zero(Float());
-    for (int r = 0; r < kBlock; ++r) {
-      for (int x = 0; x < kBlock; x += kLanes) {
-        const Vec moved = sample(a.at(x0 + x, y0 + r) + s.offset, a.stride(), s);
-        const Vec e = hn::Sub(load(b.at(x0 + x, y0 + r)), moved);
+    for (int x = 0; x < kBlock; x += kLanes) {
+      Sampler moved(a.at(x0 + x, y0), a.stride(), s);
+      for (int r = 0; r < kBlock; ++r) {
+        const Vec e = hn::Sub(load(b.at(x0 + x, y0 + r)), moved.next());
         total = hn::Add(total, hn::Min(hn::Mul(e, e), all(cap)));
       }
     }

@@ -4,20 +4,23 @@
 
 namespace bolo::motion {
 
-void PaddedPlane::extend_sides(int begin, int end, float slope) noexcept {
+void PaddedPlane::extend(int begin, int end) noexcept {
+  for (int y = begin; y < end; ++y) {
+    std::fill(row(y), at(0, y), *at(0, y));
+    std::fill(at(geometry_.width, y), row(y) + stride_, *at(geometry_.width - 1, y));
+  }
+  for (int y = -kRim; begin == 0 && y < 0; ++y) std::copy_n(row(0), stride_, row(y));
+  for (int y = end; end == geometry_.height && y < end_row(); ++y) std::copy_n(row(end - 1), stride_, row(y));
+}
+
+void PaddedPlane::mirror_sides(int begin, int end) noexcept {
   const int beyond = static_cast<int>(stride_) - kRim;
   const int last = geometry_.width - 1;
   for (int y = begin; y < end; ++y) {
     float* row = at(0, y);
-    for (int x = 1; x <= kRim; ++x) row[-x] = row[0] + slope * (row[0] - row[std::min(x, last)]);
-    for (int x = last + 1; x < beyond; ++x) row[x] = row[last] + slope * (row[last] - row[std::max(2 * last - x, 0)]);
+    for (int x = 1; x <= kRim; ++x) row[-x] = row[0] + (row[0] - row[std::min(x, last)]);
+    for (int x = last + 1; x < beyond; ++x) row[x] = row[last] + (row[last] - row[std::max(2 * last - x, 0)]);
   }
-}
-
-void PaddedPlane::extend(int begin, int end) noexcept {
-  extend_sides(begin, end, 0.0F);
-  for (int y = -kRim; begin == 0 && y < 0; ++y) std::copy_n(row(0), stride_, row(y));
-  for (int y = end; end == geometry_.height && y < end_row(); ++y) std::copy_n(row(end - 1), stride_, row(y));
 }
 
 void PaddedPlane::mirror_ends() noexcept {

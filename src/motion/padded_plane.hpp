@@ -47,11 +47,10 @@ class PaddedPlane {
   void extend() noexcept { extend(0, geometry_.height); }
   // Reflects the inside about the border's value, so that gradients continue; first the rows' sides, then, from whole
   // rows, above and below. Thread: worker.
-  void mirror_sides(int begin, int end) noexcept { extend_sides(begin, end, 1.0F); }
+  void mirror_sides(int begin, int end) noexcept;
   void mirror_ends() noexcept;
 
  private:
-  void extend_sides(int begin, int end, float slope) noexcept;
   float* row(int y) noexcept { return at(-kRim, y); }
   int end_row() const noexcept { return blocks_down() * kBlock + kRim; }
   std::size_t offset(int x, int y) const noexcept {

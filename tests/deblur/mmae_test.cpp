@@ -153,10 +153,10 @@ class MmaeOn : public ::testing::TestWithParam<std::string_view> {
 };
 
 TEST_P(MmaeOn, IsItsDefinition) {
-  for (const Geometry g : {Geometry{40, 24}, Geometry{37, 13}, Geometry{5, 3}, Geometry{1, 1}, Geometry{300, 9}}) {
+  for (const Geometry g : {Geometry{40, 24}, Geometry{37, 13}, Geometry{5, 3}, Geometry{1, 1}, Geometry{700, 9}}) {
     for (const int lookahead : {0, 2}) {
       for (const std::vector<std::size_t>& lost : {std::vector<std::size_t>{}, {5}, {15}, {0, 3, 4}}) {
-        if (lookahead == 0 && g.width == 300 && lost.empty()) continue;
+        if (lookahead == 0 && g.width == 700 && lost.empty()) continue;
         if (lookahead == 2 && !lost.empty() && lost[0] == 5) continue;
         Movie movie(g, 0.1);
         for (const std::size_t slot : lost) movie.lose(slot);
@@ -183,13 +183,34 @@ TEST_P(MmaeOn, IsItsDefinition) {
 }
 
 TEST_P(MmaeOn, PartsAndPointsHaveTheFramesBits) {
-  const Geometry g{300, 37};
+  const Geometry g{700, 37};
   const Movie movie(g, 0.05);
   const auto solver = make(settings_with(0.0), g);
   const std::vector<float> whole = whole_frame(*solver, movie.view(), g);
   testing::expect_parts(*solver, movie.view(), g, whole,
-                        {{0, 0, 300, 20}, {13, 5, 7, 9}, {255, 30, 45, 7}, {0, 36, 300, 1}, {299, 0, 1, 37}},
-                        {0, 299, 300 * 36 + 299, 4711, 5000, 17});
+                        {{0, 0, 700, 20}, {13, 5, 7, 9}, {639, 30, 45, 7}, {0, 36, 700, 1}, {699, 0, 1, 37}},
+                        {0, 699, 700 * 36 + 699, 4711, 5000, 17});
+}
+
+TEST_P(MmaeOn, WritesCountsThatAreRoundedAndLimited) {
+  std::vector<float> values{-3.0F, 0.5F, 1.5F, 65534.4F, 7e4F, std::numeric_limits<float>::quiet_NaN()};
+  while (values.size() < 37) values.push_back(1.3F * values[values.size() - 5] + 0.1F);
+  std::vector<std::uint16_t> counts(values.size());
+  FilterRow row;
+  row.columns = static_cast<int>(values.size());
+  row.out = counts.data();
+  best_mmae_kernels().write(values.data(), row);
+  std::vector<float> scaled(values.size());
+  row.output = PixelType::kFloat32;
+  row.scale = 0.5F;
+  row.offset = 3.0F;
+  row.out = scaled.data();
+  best_mmae_kernels().write(values.data(), row);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double v = static_cast<double>(values[i]);
+    EXPECT_EQ(counts[i], std::isnan(v) ? 0.0 : std::clamp(std::nearbyint(v), 0.0, 65535.0)) << v;
+    EXPECT_TRUE(std::isnan(v) ? std::isnan(scaled[i]) : scaled[i] == static_cast<float>(0.5 * v + 3.0)) << v;
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Mmae, MmaeOn, ::testing::ValuesIn(available_isas()),
