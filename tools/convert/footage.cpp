@@ -177,7 +177,7 @@ class RawFootage final : public Footage {
       : dumps_(std::move(dumps)), layout_(layout) {
     StreamFormat& format = info_.format;
     format.geometry = layout.geometry;
-    format.type = layout.type == RawLayout::Type::kF32 ? PixelType::kFloat32 : PixelType::kUint16;
+    format.type = layout.type;
     format.frame_period_s = 1.0 / stated.rate_hz;
     format.scale = scale_of(format.type, stated);
     info_.frames = frames;
@@ -194,7 +194,7 @@ class RawFootage final : public Footage {
     if (!in_.read(out, static_cast<std::streamsize>(bytes))) {
       return bad_input(dumps_[next_ - 1].file.string() + ": frame " + std::to_string(index) + " cannot be read");
     }
-    if (layout_.type == RawLayout::Type::kU16Be) {
+    if (layout_.big_endian) {
       for (std::uint16_t& v : frame.u16) v = swap_bytes(v);
     }
     return {};
@@ -245,8 +245,7 @@ Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const StatedF
 }
 
 Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& layout, const StatedFormat& stated) {
-  const PixelType type = layout.type == RawLayout::Type::kF32 ? PixelType::kFloat32 : PixelType::kUint16;
-  const std::uint64_t frame_bytes = plane_bytes(layout.geometry, type);
+  const std::uint64_t frame_bytes = plane_bytes(layout.geometry, layout.type);
   std::vector<Dump> dumps;
   std::size_t frames = 0;
   for (const std::filesystem::path& file : files) {

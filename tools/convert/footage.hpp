@@ -52,9 +52,9 @@ struct StatedFormat {
 };
 
 struct RawLayout {
-  enum class Type { kU16Le, kU16Be, kF32 };
   Geometry geometry;
-  Type type = Type::kU16Le;
+  PixelType type = PixelType::kUint16;
+  bool big_endian = false;
   std::uint64_t skip_bytes = 0;  // before the first frame
 };
 
