@@ -42,6 +42,28 @@ bool bind_to(int fd, std::uint32_t address, std::uint16_t port) {
   return bind(fd, reinterpret_cast<const sockaddr*>(&where), sizeof(where)) == 0;
 }
 
+// For the camera's own address, and never shared: a second camera on it is an error.
+Result<UniqueFd> bind_exclusive(std::uint32_t address, std::uint16_t port) {
+  UniqueFd fd = udp_socket();
+  if (!fd) return failed(std::string("can't open a UDP socket: ") + std::strerror(errno));
+  if (bind_to(fd.get(), address, port)) return fd;
+  const std::string where = dotted(address) + ":" + std::to_string(port);
+  if (errno == EADDRINUSE) {
+    return bad_input("another camera, perhaps a stale one, already serves " + where +
+                     "; end it, or give this one another address");
+  }
+  return bad_input("can't bind " + where + ": " + std::strerror(errno));
+}
+
+// Receives broadcasts together with other cameras; none when it can't be had.
+UniqueFd bind_broadcast(std::uint32_t address, std::uint16_t port) {
+  UniqueFd fd = udp_socket();
+  if (!fd) return {};
+  set_option(fd.get(), SOL_SOCKET, SO_REUSEADDR, 1);
+  set_option(fd.get(), IPPROTO_IP, IP_PKTINFO, 1);
+  return bind_to(fd.get(), address, port) ? std::move(fd) : UniqueFd{};
+}
+
 constexpr std::uint32_t kLimitedBroadcast = 0xffffffff;
 constexpr int kHeartbeatCheckMs = 100;
 constexpr int kFaultCheckMs = 2;
@@ -249,26 +271,6 @@ Result<LocalAddress> find_local_address(const std::string& text) {
   return bad_input("no network interface of this host has the address " + text + "; 'ip addr' lists them");
 }
 
-Result<UniqueFd> bind_exclusive(std::uint32_t address, std::uint16_t port) {
-  UniqueFd fd = udp_socket();
-  if (!fd) return failed(std::string("can't open a UDP socket: ") + std::strerror(errno));
-  if (bind_to(fd.get(), address, port)) return fd;
-  const std::string where = dotted(address) + ":" + std::to_string(port);
-  if (errno == EADDRINUSE) {
-    return bad_input("another camera, perhaps a stale one, already serves " + where +
-                     "; end it, or give this one another address");
-  }
-  return bad_input("can't bind " + where + ": " + std::strerror(errno));
-}
-
-UniqueFd bind_broadcast(std::uint32_t address, std::uint16_t port) {
-  UniqueFd fd = udp_socket();
-  if (!fd) return {};
-  set_option(fd.get(), SOL_SOCKET, SO_REUSEADDR, 1);
-  set_option(fd.get(), IPPROTO_IP, IP_PKTINFO, 1);
-  return bind_to(fd.get(), address, port) ? std::move(fd) : UniqueFd{};
-}
-
 Result<UniqueFd> open_stream_socket(std::uint32_t address) {
   UniqueFd fd = udp_socket();
   if (!fd || !bind_to(fd.get(), address, 0)) {
@@ -296,8 +298,6 @@ sockaddr_in socket_address(std::uint32_t address, std::uint16_t port) {
   where.sin_addr.s_addr = htonl(address);
   return where;
 }
-
-Peer peer_of(const sockaddr_in& address) { return {ntohl(address.sin_addr.s_addr), ntohs(address.sin_port)}; }
 
 std::string dotted(std::uint32_t address) {
   return fmt::format("{}.{}.{}.{}", address >> 24U, address >> 16U & 0xffU, address >> 8U & 0xffU, address & 0xffU);
@@ -362,7 +362,7 @@ void ControlServer::receive(int socket, bool broadcast, CommandHandler& handler)
   if (bytes < 0) return;
   if (broadcast && arrival_interface(message) != local_.interface_index) return;  // another camera's network
   const auto data = ConstBytes(packet).first(static_cast<std::size_t>(bytes));
-  const Peer peer = peer_of(from);
+  const Peer peer{ntohl(from.sin_addr.s_addr), ntohs(from.sin_port)};
   const ConstBytes answer =
       broadcast ? handler.handle_broadcast(data, peer, monotonic_ns()) : handler.handle(data, peer, monotonic_ns());
   if (answer.empty()) return;

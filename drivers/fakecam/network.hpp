@@ -106,11 +106,6 @@ struct LocalAddress {
 // Errors: not an address; no interface has it. Thread: setup.
 Result<LocalAddress> find_local_address(const std::string& text);
 
-// UDP sockets, bound. The first is for the camera's own address and never shared: a second camera on it is an error.
-// The second receives broadcasts together with other cameras; without a value when it can't be had. Thread: setup.
-Result<UniqueFd> bind_exclusive(std::uint32_t address, std::uint16_t port);
-UniqueFd bind_broadcast(std::uint32_t address, std::uint16_t port);
-
 // The stream's socket, on a port of the kernel's choice, with a large send buffer. Thread: setup.
 Result<UniqueFd> open_stream_socket(std::uint32_t address);
 std::uint16_t bound_port(int socket);
@@ -119,7 +114,6 @@ std::uint16_t bound_port(int socket);
 void set_do_not_fragment(int socket, bool on) noexcept;
 
 sockaddr_in socket_address(std::uint32_t address, std::uint16_t port);
-Peer peer_of(const sockaddr_in& address);
 std::string dotted(std::uint32_t address);
 
 class ControlServer {

@@ -15,11 +15,6 @@ namespace {
 // Limit of the time in which a sleeping replay notices that it should stop.
 constexpr std::int64_t kStopCheckNs = 50'000'000;
 
-std::string describe(const Region& r) {
-  return std::to_string(r.x) + "," + std::to_string(r.y) + "," + std::to_string(r.width) + "," +
-         std::to_string(r.height);
-}
-
 // The times of "nuc" and "reconnect" events, walked along with the frames. Thread: acquire.
 class WindowRestarts {
  public:
@@ -44,26 +39,14 @@ class WindowRestarts {
 
 }  // namespace
 
-ReplaySource::ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace,
-                           std::optional<Region> region, Laps laps)
-    : reader_(std::move(reader)), pace_(pace), laps_(laps) {
-  const Geometry whole = reader_->info().format.geometry;
-  region_ = region.value_or(Region{0, 0, whole.width, whole.height});
-}
+ReplaySource::ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, Laps laps)
+    : reader_(std::move(reader)), pace_(pace), laps_(laps) {}
 
 ReplaySource::~ReplaySource() { stop(); }
 
 Result<pipeline::SourceInfo> ReplaySource::open() {
   const capture::CaptureInfo& info = reader_->info();
-  const Geometry whole = info.format.geometry;
-  if (!region_.inside(whole)) {
-    return bad_input("region " + describe(region_) + " (x,y,width,height) is not inside the frame of " +
-                     std::to_string(whole.width) + "x" + std::to_string(whole.height));
-  }
-  pipeline::SourceInfo source{info.format, info.camera_model, info.camera_serial};
-  source.format.geometry = {region_.width, region_.height};
-  if (source.format.geometry != whole) full_frame_.resize(plane_bytes(whole, info.format.type));
-  return source;
+  return pipeline::SourceInfo{info.format, info.camera_model, info.camera_serial};
 }
 
 Status ReplaySource::start(pipeline::FrameInlet& inlet) {
@@ -122,7 +105,7 @@ bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap 
     slot->meta.frame_id = id[i] + lap.frames;
     slot->meta.camera_ns = to_ns(t[i]) + lap.ns;
     slot->meta.receive_ns = monotonic_ns();
-    result_ = read(i, slot->data);
+    result_ = reader_->read_frame(i, slot->data);
     if (!result_) {
       inlet.cancel(*slot);
       return false;
@@ -140,14 +123,6 @@ bool ReplaySource::sleep_until(std::int64_t due_ns) const noexcept {
     std::this_thread::sleep_for(std::chrono::nanoseconds(std::min(left_ns, kStopCheckNs)));
   }
   return false;
-}
-
-Status ReplaySource::read(std::size_t index, std::byte* plane) {
-  if (full_frame_.empty()) return reader_->read_frame(index, plane);
-  if (Status status = reader_->read_frame(index, full_frame_.data()); !status) return status;
-  const StreamFormat& format = reader_->info().format;
-  copy_region(full_frame_.data(), format.geometry, bytes_of(format.type), region_, plane);
-  return {};
 }
 
 }  // namespace bolo::replay

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <chrono>
 #include <fstream>
 #include <memory>
@@ -16,6 +15,7 @@
 
 #include <fmt/format.h>
 
+#include "src/core/text.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::usb {
@@ -277,16 +277,10 @@ std::string id_text(std::uint16_t vendor, std::uint16_t product) {
 
 Result<DeviceFilter> parse_ids(std::string_view text) {
   constexpr std::size_t kDigits = 4;
-  const auto number = [](std::string_view digits) -> std::optional<std::uint16_t> {
-    std::uint16_t value = 0;
-    const char* const end = digits.data() + digits.size();
-    const auto [read, error] = std::from_chars(digits.data(), end, value, 16);
-    return error == std::errc() && read == end ? std::optional(value) : std::nullopt;
-  };
   DeviceFilter filter;
   if (text.size() == 2 * kDigits + 1 && text[kDigits] == ':') {
-    filter.vendor = number(text.substr(0, kDigits));
-    filter.product = number(text.substr(kDigits + 1));
+    filter.vendor = whole_number<std::uint16_t>(text.substr(0, kDigits), 16);
+    filter.product = whole_number<std::uint16_t>(text.substr(kDigits + 1), 16);
   }
   if (filter.vendor && filter.product) return filter;
   return bad_input("'" + std::string(text) + "' is not VENDOR:PRODUCT, four hexadecimal digits each, as 09cb:1007");

@@ -1,7 +1,5 @@
 #include "drivers/v4l2/image.hpp"
 
-#include <linux/videodev2.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -24,11 +22,6 @@ constexpr std::byte kNeutral{128};  // chroma of a grey
 double kelvin_of(Y16Unit unit) { return unit == Y16Unit::k10mK ? 0.01 : 0.1; }
 
 }  // namespace
-
-std::uint32_t fourcc(PixelFormat format) noexcept {
-  if (format == PixelFormat::kY16) return V4L2_PIX_FMT_Y16;
-  return format == PixelFormat::kGrey ? V4L2_PIX_FMT_GREY : V4L2_PIX_FMT_YUYV;
-}
 
 std::string_view name(PixelFormat format) noexcept {
   if (format == PixelFormat::kY16) return "y16";

@@ -1,6 +1,8 @@
 // A plane of counts as the image that a video device carries.
 #pragma once
 
+#include <linux/videodev2.h>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -69,17 +71,17 @@ inline std::uint8_t grey(std::uint16_t count, const CountRange& range) noexcept 
   return static_cast<std::uint8_t>(level < 0.0F ? 0.0F : (level > 255.0F ? 255.0F : level));
 }
 
-enum class PixelFormat {
-  kY16,   // temperatures: 16 bits, little endian
-  kGrey,  // 8 bits
-  kYuyv,  // the same grey with neutral colour: what browsers and conference programs take
+// As V4L2 numbers them.
+enum class PixelFormat : std::uint32_t {
+  kY16 = V4L2_PIX_FMT_Y16,    // temperatures: 16 bits, little endian
+  kGrey = V4L2_PIX_FMT_GREY,  // 8 bits
+  kYuyv = V4L2_PIX_FMT_YUYV,  // the same grey with neutral colour: what browsers and conference programs take
 };
 
 // Unit of a count of y16; counts of a source without kelvin stay as they are.
 enum class Y16Unit { k10mK, k100mK };
 
-// V4L2's code of the format. Thread: any.
-std::uint32_t fourcc(PixelFormat format) noexcept;
+// Thread: any.
 std::string_view name(PixelFormat format) noexcept;
 
 // kBadInput when the format has no pictures of this width. Thread: any.

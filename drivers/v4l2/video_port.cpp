@@ -78,7 +78,7 @@ Status LoopbackPort::set_format(const VideoFormat& format) const {
   v4l2_pix_format& pix = wanted.fmt.pix;
   pix.width = static_cast<std::uint32_t>(format.geometry.width);
   pix.height = static_cast<std::uint32_t>(format.geometry.height);
-  pix.pixelformat = fourcc(format.pixels);
+  pix.pixelformat = static_cast<std::uint32_t>(format.pixels);
   pix.field = V4L2_FIELD_NONE;
   pix.bytesperline = static_cast<std::uint32_t>(line_bytes(format.pixels, format.geometry.width));
   pix.sizeimage = pix.bytesperline * pix.height;

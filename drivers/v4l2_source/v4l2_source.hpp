@@ -2,6 +2,9 @@
 // cores of the Tiny1 class.
 #pragma once
 
+#include <linux/videodev2.h>
+
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -9,14 +12,6 @@
 #include "src/pipeline/source.hpp"
 
 namespace bolo::v4l2_source {
-
-// Pixel formats by the driver's names; all are 16 bits a pixel, low byte first, values taken as they are.
-enum class Container {
-  kY16,
-  kY14,
-  kY12,
-  kYuyv,  // 16-bit values in the name of a colour format, as cores with stacked images send them
-};
 
 // Rows of the device's frames that are the image: those before and after are metadata, or another image.
 struct Rows {
@@ -26,7 +21,9 @@ struct Rows {
 
 struct V4l2SourceOptions {
   std::string device = "/dev/video0";  // or the serial number of its USB device
-  Container format = Container::kY16;
+  // V4L2_PIX_FMT_*, 16 bits a pixel, low byte first, values taken as they are; YUYV: in the name of a colour format, as
+  // cores with stacked images send them.
+  std::uint32_t format = V4L2_PIX_FMT_Y16;
   Rows rows{};
   LinearScale scale{Unit::kCount, 1.0, 0.0};
   double frame_period_s = 1.0 / 60.0;  // where the driver does not state it

@@ -15,21 +15,6 @@ namespace {
 constexpr std::size_t kBytesAPixel = 2;
 constexpr std::uint32_t kMostPixels = 32U << 20;  // beyond any thermal camera: memory is taken for many frames
 
-// The driver's code of each, and the number of bits that are the pixel's.
-struct ContainerCode {
-  Container container;
-  std::uint32_t code;
-};
-constexpr ContainerCode kCodes[]{{Container::kY16, V4L2_PIX_FMT_Y16},
-                                 {Container::kY14, V4L2_PIX_FMT_Y14},
-                                 {Container::kY12, V4L2_PIX_FMT_Y12},
-                                 {Container::kYuyv, V4L2_PIX_FMT_YUYV}};
-
-std::uint32_t code_of(Container container) {
-  return std::find_if(std::begin(kCodes), std::end(kCodes), [&](const auto& c) { return c.container == container; })
-      ->code;
-}
-
 std::string text_of(std::uint32_t code) {
   std::string text;
   for (int i = 0; i < 4; ++i) text += static_cast<char>(code >> (8 * i) & 0x7fU);
@@ -128,8 +113,7 @@ std::string VideoDevice::offered() {
 }
 
 // In the size that the device has.
-Status VideoDevice::agree_on_format(Container container) {
-  const std::uint32_t wanted = code_of(container);
+Status VideoDevice::agree_on_format(std::uint32_t wanted) {
   v4l2_format format{};
   format.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   if (system_.ioctl(fd_, VIDIOC_G_FMT, &format) < 0) return refused(describe_error(errno));

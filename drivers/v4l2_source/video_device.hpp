@@ -61,7 +61,7 @@ class VideoDevice {
       : system_(system), fd_(fd), path_(std::move(path)), serial_(std::move(serial)) {}
 
   Status check_capabilities();
-  Status agree_on_format(Container format);
+  Status agree_on_format(std::uint32_t wanted);
   void query_period();
   Status request_buffers(int count);
   std::string offered();

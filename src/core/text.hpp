@@ -90,6 +90,14 @@ inline std::optional<double> number_of(std::string_view text) {
   return value;
 }
 
+// The whole number that the whole text is. Thread: any.
+template <typename Number>
+std::optional<Number> whole_number(std::string_view text, int base = 10) {
+  Number value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  return error == std::errc() && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
+}
+
 // --- Suggestions for misspelt words.
 
 // Letters to change, to add or to leave out to make one of the other: Levenshtein's distance, row by row. Thread: any.

@@ -70,10 +70,4 @@ bool saturated(PixelType type, const void* raw, PixelRange range) noexcept {
   return false;
 }
 
-bool saturated(PixelType type, const void* raw, std::span<const std::uint32_t> pixels) noexcept {
-  if (type != PixelType::kUint16) return false;
-  const auto* values = static_cast<const std::uint16_t*>(raw);
-  return std::any_of(pixels.begin(), pixels.end(), [values](std::uint32_t pixel) { return values[pixel] == kTop; });
-}
-
 }  // namespace bolo::pipeline

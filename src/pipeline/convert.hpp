@@ -19,6 +19,5 @@ void convert(const StreamFormat& input, const void* raw, PixelType output, void*
 
 // True when a value lies at the end of the 16-bit range; always false for float planes. Thread: worker.
 bool saturated(PixelType type, const void* raw, PixelRange range) noexcept;
-bool saturated(PixelType type, const void* raw, std::span<const std::uint32_t> pixels) noexcept;
 
 }  // namespace bolo::pipeline

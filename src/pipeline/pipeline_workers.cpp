@@ -95,10 +95,10 @@ bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
   for (std::size_t i = 0; corrections->after() && i < pixels.size(); ++i) {
     corrections->restore({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
   }
-  return saturated(info.format.type, raw, pixels) ||
-         std::any_of(pixels.begin(), pixels.end(), [this](std::uint32_t pixel) {
-           return corrections->saturated(raw, {pixel, pixel + std::size_t{1}});
-         });
+  return std::ranges::any_of(pixels, [this](std::uint32_t pixel) {
+    const PixelRange one{pixel, pixel + std::size_t{1}};
+    return saturated(info.format.type, raw, one) || corrections->saturated(raw, one);
+  });
 }
 
 }  // namespace bolo::pipeline

@@ -3,8 +3,6 @@
 #include <cmath>
 #include <string>
 
-#include <Eigen/Core>
-
 #include "src/sim/field.hpp"
 
 namespace bolo::sim {
@@ -45,21 +43,35 @@ class SceneField final : public Field {
   SceneField(capture::StillImage image, Path path, Geometry view)
       : image_(std::move(image)), path_(std::move(path)), view_(view) {}
 
+  // Where a pixel lies beyond the image its border goes on.
   void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
     const Position at = path_.at(t_s);
-    const Tap x = tap(at.x_px, image_.width - view_.width);
-    const Tap y = tap(at.y_px, image_.height - view_.height);
-    if (column != 0.0 || row < 0 || row >= view_.height) {
-      beyond(x.index + x.part + column, y.index + y.part + row, out);
-      return;
-    }
-    const float* upper = image_row(row + y.index) + x.index;
-    if (y.part == 0.0) {
-      blend(upper, x.part, out);
-      return;
-    }
-    const float* lower = image_row(row + y.index + 1) + x.index;
-    blend(upper, lower, x.part, y.part, out);
+    const double left = std::clamp(at.x_px, 0.0, static_cast<double>(image_.width - view_.width)) + column;
+    const double top = std::clamp(at.y_px, 0.0, static_cast<double>(image_.height - view_.height)) + row;
+    const double inside = std::clamp(top, 0.0, static_cast<double>(image_.height - 1));
+    const auto upper_row = static_cast<int>(inside);
+    const float* const upper = image_row(upper_row);
+    const float* const lower = image_row(std::min(upper_row + 1, image_.height - 1));
+    const double whole = std::floor(left);
+    const auto x_part = static_cast<float>(left - whole);
+    const auto y_part = static_cast<float>(inside - upper_row);
+    const auto value = [&](std::ptrdiff_t i, std::ptrdiff_t next) {
+      const float above = (1.0F - x_part) * upper[i] + x_part * upper[next];
+      const float below = (1.0F - x_part) * lower[i] + x_part * lower[next];
+      return (1.0F - y_part) * above + y_part * below;
+    };
+    const auto first = static_cast<std::ptrdiff_t>(whole);
+    const auto last = static_cast<std::ptrdiff_t>(image_.width) - 1;
+    const auto size = static_cast<std::ptrdiff_t>(out.size());
+    const auto inner = std::clamp<std::ptrdiff_t>(-first, 0, size);
+    const auto inner_end = std::clamp<std::ptrdiff_t>(last - first, inner, size);
+    const auto held = [&](std::ptrdiff_t x) {
+      return value(std::clamp<std::ptrdiff_t>(first + x, 0, last), std::clamp<std::ptrdiff_t>(first + x + 1, 0, last));
+    };
+    float* const to = out.data();
+    for (std::ptrdiff_t x = 0; x < inner; ++x) to[x] = held(x);
+    for (std::ptrdiff_t x = inner; x < inner_end; ++x) to[x] = value(first + x, first + x + 1);
+    for (std::ptrdiff_t x = inner_end; x < size; ++x) to[x] = held(x);
   }
 
   // The image is bilinear and the path straight between these, so T_ss is exactly a quadratic.
@@ -88,74 +100,8 @@ class SceneField final : public Field {
   }
 
  private:
-  struct Tap {
-    int index = 0;
-    double part = 0.0;  // of the next pixel; 0 at the image's last one
-  };
-
-  static Tap tap(double position, int last) noexcept {
-    const double inside = std::clamp(position, 0.0, static_cast<double>(last));
-    const double whole = std::floor(inside);
-    return {static_cast<int>(whole), inside - whole};
-  }
-
-  // Pixels that may lie beyond the image: its border goes on.
-  void beyond(double left, double top, std::span<float> out) const noexcept {
-    const Tap y = tap(top, image_.height - 1);
-    const float* const upper = image_row(y.index);
-    const float* const lower = image_row(std::min(y.index + 1, image_.height - 1));
-    const double whole = std::floor(left);
-    const auto x_part = static_cast<float>(left - whole);
-    const auto y_part = static_cast<float>(y.part);
-    const auto value = [&](std::ptrdiff_t i, std::ptrdiff_t next) {
-      const float above = (1.0F - x_part) * upper[i] + x_part * upper[next];
-      const float below = (1.0F - x_part) * lower[i] + x_part * lower[next];
-      return (1.0F - y_part) * above + y_part * below;
-    };
-    const auto first = static_cast<std::ptrdiff_t>(whole);
-    const auto last = static_cast<std::ptrdiff_t>(image_.width) - 1;
-    const auto size = static_cast<std::ptrdiff_t>(out.size());
-    const auto inner = std::clamp<std::ptrdiff_t>(-first, 0, size);
-    const auto inner_end = std::clamp<std::ptrdiff_t>(last - first, inner, size);
-    const auto held = [&](std::ptrdiff_t x) {
-      return value(std::clamp<std::ptrdiff_t>(first + x, 0, last), std::clamp<std::ptrdiff_t>(first + x + 1, 0, last));
-    };
-    float* const to = out.data();
-    for (std::ptrdiff_t x = 0; x < inner; ++x) to[x] = held(x);
-    for (std::ptrdiff_t x = inner; x < inner_end; ++x) to[x] = value(first + x, first + x + 1);
-    for (std::ptrdiff_t x = inner_end; x < size; ++x) to[x] = held(x);
-  }
-
   const float* image_row(int y) const noexcept {
     return image_.kelvin.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(image_.width);
-  }
-
-  using Pixels = Eigen::Map<const Eigen::ArrayXf>;
-
-  static void blend(const float* in, double part, std::span<float> out) noexcept {
-    const auto size = static_cast<Eigen::Index>(out.size());
-    const auto x = static_cast<float>(part);
-    // A row that ends at the image's border has no next pixel to read.
-    Eigen::Map<Eigen::ArrayXf> result(out.data(), size);
-    if (part == 0.0) {
-      result = Pixels(in, size);
-    } else {
-      result = (1.0F - x) * Pixels(in, size) + x * Pixels(in + 1, size);
-    }
-  }
-
-  static void blend(const float* upper, const float* lower, double x_part, double y_part,
-                    std::span<float> out) noexcept {
-    const auto size = static_cast<Eigen::Index>(out.size());
-    const auto x = static_cast<float>(x_part);
-    const auto y = static_cast<float>(y_part);
-    Eigen::Map<Eigen::ArrayXf> result(out.data(), size);
-    if (x_part == 0.0) {
-      result = (1.0F - y) * Pixels(upper, size) + y * Pixels(lower, size);
-    } else {
-      result = ((1.0F - x) * (1.0F - y)) * Pixels(upper, size) + (x * (1.0F - y)) * Pixels(upper + 1, size) +
-               ((1.0F - x) * y) * Pixels(lower, size) + (x * y) * Pixels(lower + 1, size);
-    }
   }
 
   capture::StillImage image_;

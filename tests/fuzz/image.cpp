@@ -11,6 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t byte
   static_cast<void>(sim::read_image(file.name(), {}));
   static_cast<void>(tools::read_png_picture(file.name()));
   const auto pages = tools::count_tiff_pages(file.name());
-  if (pages && *pages > 0) static_cast<void>(tools::read_tiff_page(file.name(), *pages - 1));
+  auto tiff = tools::TiffReader::open(file.name());
+  if (tiff && pages && *pages > 0) static_cast<void>(tiff->read(*pages - 1));
   return 0;
 }

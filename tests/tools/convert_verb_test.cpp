@@ -148,15 +148,10 @@ TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
   EXPECT_EQ(*pages, 4U);
   auto book = must(TiffReader::open(file("a.tiff")));
   for (const std::size_t i : {0U, 2U, 1U, 1U}) {  // there and back
-    const auto one = read_tiff_page(file("a.tiff"), i);
-    const auto read = book->read(i);
-    ASSERT_TRUE(one && read) << i;
-    EXPECT_EQ(read->u16, one->u16) << i;
-    EXPECT_EQ(read->f32, one->f32) << i;
+    const auto page = must(book->read(i));
+    for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(page->f32[p], 0.01 * value_at(i, p), 1e-4) << i;
   }
   EXPECT_FALSE(book->read(4));
-  const auto page = must(read_tiff_page(file("a.tiff"), 2));
-  for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(page->f32[p], 0.01 * value_at(2, p), 1e-4);
   done(words("@a.tiff -o @b.h5 --rate 200"));
   const capture::CaptureReader reader = open("b.h5");
   EXPECT_EQ(reader.info().frames, 4U);

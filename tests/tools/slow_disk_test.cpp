@@ -59,7 +59,7 @@ class SlowDisk : public ::testing::Test {
   RecordResult record_while(Publish publish, double split_s = 0.0) {
     const std::size_t plane_bytes = writer_.format.source.format.geometry.pixels() * sizeof(std::uint16_t);
     const RecordRequest request{
-        .name = name_, .file = file_, .split_s = split_s, .buffer_bytes = kBufferFrames * plane_bytes};
+        .name = name_, .writer = {.file = file_, .split_s = split_s, .buffer_bytes = kBufferFrames * plane_bytes}};
     Result<RecordResult> result = failed("not run");
     std::thread recorder([&] {
       result = record(request, stop_, [this](std::uint64_t frames) { written_ = frames; });

@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "src/core/ip_address.hpp"
 #include "tests/child.hpp"
 #include "tests/no_threads.hpp"
 #include "tests/refusal.hpp"
@@ -319,9 +320,9 @@ TEST(ViewListen, SaysWhyAnAddressCannotBeListenedOn) {
     expect_refused(HttpServer::listen({address}, 0, {}, {}), {});
   }
   EXPECT_TRUE(HttpServer::listen({"192.0.2.1", "127.0.0.1"}, 0, {}, {})) << "an address that is not there is left out";
-  for (const char* address : {"127.0.0.1", "0.0.0.0", "::1", "192.0.2.1"}) EXPECT_TRUE(is_numeric(address)) << address;
+  for (const char* address : {"127.0.0.1", "0.0.0.0", "::1", "192.0.2.1"}) EXPECT_TRUE(ip_address(address)) << address;
   for (const char* word : {"banana", "", "127.0.0.1:8640", "[::1]:8640", "1.2.3"}) {
-    EXPECT_FALSE(is_numeric(word)) << word;
+    EXPECT_FALSE(ip_address(word)) << word;
   }
 }
 

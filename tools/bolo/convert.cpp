@@ -67,13 +67,11 @@ Result<RawLayout> parse_raw(const std::string& text) {
       !side(layout.geometry.height)) {
     return bad_input("--raw '" + text + "' is not WIDTHxHEIGHT[:u16le|u16be|f32], for example 640x120:u16be");
   }
-  if (type == "u16be") {
-    layout.type = RawLayout::Type::kU16Be;
-  } else if (type == "f32") {
-    layout.type = RawLayout::Type::kF32;
-  } else if (type != "u16le") {
+  if (type != "u16le" && type != "u16be" && type != "f32") {
     return bad_input("--raw: '" + type + "' is none of u16le, u16be, f32");
   }
+  if (type == "f32") layout.type = PixelType::kFloat32;
+  layout.big_endian = type == "u16be";
   return layout;
 }
 

@@ -151,24 +151,16 @@ cxxopts::Options record_options() {
 
 bool in_range(double value, double low, double high) { return value >= low && value <= high; }
 
-// A recording must not cost an earlier one.
-Status check_output_of(const RecordRequest& request) {
-  if (request.file.extension() != ".h5") {
-    return bad_input(request.file.string() + ": a capture is written, and its name ends in .h5");
-  }
-  FileWriterOptions options;
-  options.file = request.file;
-  options.split_s = request.split_s;
-  options.replace = request.replace;
-  return check_first_file(options);
-}
-
 Result<RecordRequest> record_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("name") == 0) return bad_input("which daemon? usage: bolo record NAME -o FILE.h5");
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo record NAME -o FILE.h5");
   RecordRequest request;
   request.name = names_of(parsed, "name").front();
-  request.file = parsed["output"].as<std::string>();
+  FileWriterOptions& writer = request.writer;
+  writer.file = parsed["output"].as<std::string>();
+  if (writer.file.extension() != ".h5") {
+    return bad_input(writer.file.string() + ": a capture is written, and its name ends in .h5");
+  }
   if (parsed.count("frames") != 0) {
     request.frames = parsed["frames"].as<std::uint64_t>();
     if (request.frames == 0) return bad_input("--frames must be at least 1");
@@ -180,19 +172,19 @@ Result<RecordRequest> record_request(const cxxopts::ParseResult& parsed) {
     return bad_input(std::string("--") + name + " must be a number above 0");
   };
   RETURN_IF_ERROR(seconds_of("seconds", 1.0, 1e-3, request.seconds));
-  RETURN_IF_ERROR(seconds_of("split-minutes", 60.0, 0.1, request.split_s));
+  RETURN_IF_ERROR(seconds_of("split-minutes", 60.0, 0.1, writer.split_s));
   request.wait_s = parsed["wait"].as<double>();
   request.wait_at_start = parsed.count("wait") != 0;
   if (!in_range(request.wait_s, 0.0, kMostSeconds)) return bad_input("--wait must be a number of seconds from 0 on");
   const std::size_t buffer_mb = parsed["buffer-mb"].as<std::size_t>();
   if (buffer_mb < 1 || buffer_mb > kMostBuffer_mb) return bad_input("--buffer-mb must be from 1 to 65536");
-  request.buffer_bytes = buffer_mb << 20U;
+  writer.buffer_bytes = buffer_mb << 20U;
   const std::string plane = parsed["planes"].as<std::string>();
   if (plane != "raw" && plane != "deblurred") return bad_input("--planes '" + plane + "' is neither raw nor deblurred");
   request.plane = plane == "raw" ? RecordedPlane::kRaw : RecordedPlane::kDeblurred;
-  request.replace = replace_of(parsed);
-  request.log = [](const std::string& line) { std::fprintf(stderr, "bolo record: %s\n", printable(line).c_str()); };
-  RETURN_IF_ERROR(check_output_of(request));
+  writer.replace = replace_of(parsed);
+  writer.log = [](const std::string& line) { std::fprintf(stderr, "bolo record: %s\n", printable(line).c_str()); };
+  RETURN_IF_ERROR(check_first_file(writer));  // a recording must not cost an earlier one
   return request;
 }
 

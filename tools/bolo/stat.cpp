@@ -52,44 +52,38 @@ StatSnapshot take_snapshot(const shm::ShmReader& reader, const StatOptions& opti
   return snapshot;
 }
 
-// Calls `poll` meanwhile, several times a second. False when interrupted, or when output could not be written.
-template <typename Poll>
-bool pause_for(double seconds, const Poll& snapshot) {
-  if (std::ferror(stdout) != 0) return false;
-  const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * kNsPerSecond);
-  for (std::int64_t left_ns = end_ns - monotonic_ns(); left_ns > 0; left_ns = end_ns - monotonic_ns()) {
-    if (interrupted()) return false;
-    std::this_thread::sleep_for(std::chrono::nanoseconds(std::min<std::int64_t>(left_ns, 50'000'000)));
-    snapshot();
-  }
-  return !interrupted();
-}
-
-// Shows samples: JSON a line each, tables one below the other, or on a terminal one over the other with their history.
+// Shows texts one below the other, or on a terminal one over the other with the history of what was added.
 class Display {
  public:
   explicit Display(const StatOptions& options) : options_(options), history_(options.interval_s) {
     if (!options.json && !options.once && StatScreen::is_there()) screen_.emplace();
   }
 
-  void show(const StatSnapshot& snapshot, const StatSample& sample) {
-    history_.add(sample);
-    if (options_.json) {
-      std::puts(stat_json(options_.name, snapshot, sample).dump(-1, ' ', true, kReplace).c_str());
-    } else if (screen_) {
-      screen_->show(stat_table(options_.name, snapshot, sample), history_);
+  void add(const StatSample& sample) { history_.add(sample); }
+  void show(const std::string& text) {
+    if (screen_) {
+      screen_->show(text, history_);
     } else {
-      std::printf("%s%s", shown_ ? "\n" : "", stat_table(options_.name, snapshot, sample).c_str());
+      std::printf("%s%s", shown_ ? "\n" : "", text.c_str());
     }
     std::fflush(stdout);
     shown_ = true;
   }
+  void show_json(const std::string& name, const StatSnapshot& snapshot, const StatSample& sample) {
+    std::puts(stat_json(name, snapshot, sample).dump(-1, ' ', true, kReplace).c_str());
+    std::fflush(stdout);
+  }
 
-  // False when interrupted.
+  // For an interval. False when interrupted, or when output could not be written.
   bool pause() {
-    return pause_for(options_.interval_s, [this] {
+    if (std::ferror(stdout) != 0) return false;
+    const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(options_.interval_s * kNsPerSecond);
+    for (std::int64_t left_ns = end_ns - monotonic_ns(); left_ns > 0; left_ns = end_ns - monotonic_ns()) {
+      if (interrupted()) return false;
+      std::this_thread::sleep_for(std::chrono::nanoseconds(std::min<std::int64_t>(left_ns, 50'000'000)));
       if (screen_) screen_->follow_size(history_);
-    });
+    }
+    return !interrupted();
   }
 
  private:
@@ -105,7 +99,13 @@ void follow(const StatOptions& options, shm::FollowedStream stream) {
   StatSnapshot before = take_snapshot(stream.reader(), options);
   while (display.pause()) {
     const StatSnapshot now = take_snapshot(stream.reader(), options);
-    display.show(now, compare(before, now));
+    const StatSample sample = compare(before, now);
+    display.add(sample);
+    if (options.json) {
+      display.show_json(options.name, now, sample);
+    } else {
+      display.show(stat_table(options.name, now, sample));
+    }
     if (options.once) break;
     before = stream.follow() ? take_snapshot(stream.reader(), options) : now;
   }
@@ -136,45 +136,25 @@ std::string row_of(const std::string& name, const StatSnapshot& snapshot, const 
 }
 
 // Shows a row a camera an interval, of all that run, for as long as they are known.
-class Overview {
- public:
-  explicit Overview(const StatOptions& options) : options_(options) {}
-
-  void run(std::map<std::string, FollowedCamera> cameras) {
-    while (pause_for(options_.interval_s, [] {})) {
-      std::string text = fmt::format("{:<16} {:<9} {:>9} {:>7} {:>7} {:>8} {:>8} {:>9}  {}\n", "camera", "state",
-                                     "size", "in/s", "out/s", "p50 ms", "p99 ms", "lost", "solver");
-      for (auto& [name, camera] : cameras) {
-        StatOptions one = options_;
-        one.name = name;
-        StatSnapshot now = take_snapshot(camera.stream.reader(), one);
-        const StatSample sample = compare(camera.before, now);
-        if (options_.json) std::puts(stat_json(name, now, sample).dump(-1, ' ', true, kReplace).c_str());
-        text += row_of(name, now, sample);
-        camera.before = camera.stream.follow() ? take_snapshot(camera.stream.reader(), one) : std::move(now);
-      }
-      if (!options_.json) show(text);
-      std::fflush(stdout);
-      if (options_.once) break;
-      find_cameras(cameras);
+void follow_all(const StatOptions& options, std::map<std::string, FollowedCamera> cameras) {
+  Display display(options);
+  while (display.pause()) {
+    std::string text = fmt::format("{:<16} {:<9} {:>9} {:>7} {:>7} {:>8} {:>8} {:>9}  {}\n", "camera", "state", "size",
+                                   "in/s", "out/s", "p50 ms", "p99 ms", "lost", "solver");
+    for (auto& [name, camera] : cameras) {
+      StatOptions one = options;
+      one.name = name;
+      StatSnapshot now = take_snapshot(camera.stream.reader(), one);
+      const StatSample sample = compare(camera.before, now);
+      if (options.json) display.show_json(name, now, sample);
+      text += row_of(name, now, sample);
+      camera.before = camera.stream.follow() ? take_snapshot(camera.stream.reader(), one) : std::move(now);
     }
+    if (!options.json) display.show(text);
+    if (options.once) break;
+    find_cameras(cameras);
   }
-
- private:
-  void show(const std::string& text) {
-    if (options_.once || !StatScreen::is_there()) {
-      std::printf("%s%s", drawn_ > 0 ? "\n" : "", text.c_str());
-      drawn_ = 1;
-      return;
-    }
-    const std::vector<std::string> lines = fitted(text, {}, terminal_space());
-    std::fputs(redrawn(lines, drawn_).c_str(), stdout);
-    drawn_ = static_cast<int>(lines.size());
-  }
-
-  const StatOptions& options_;
-  int drawn_ = 0;  // lines above the cursor
-};
+}
 
 // All that run; a single one as by its name.
 Status show_all(StatOptions options) {
@@ -182,7 +162,7 @@ Status show_all(StatOptions options) {
   find_cameras(cameras);
   if (cameras.empty()) return bad_input("no daemon runs: start one, see bolo demo");
   if (cameras.size() > 1) {
-    Overview(options).run(std::move(cameras));
+    follow_all(options, std::move(cameras));
   } else {
     options.name = cameras.begin()->first;
     follow(options, std::move(cameras.begin()->second.stream));

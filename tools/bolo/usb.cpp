@@ -1,8 +1,6 @@
 // `bolo usb`: lists and describes USB cameras, and watches them come and go.
-#include <charconv>
 #include <chrono>
 #include <cstdio>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -22,22 +20,14 @@ namespace {
 using Json = nlohmann::ordered_json;
 using usb::UsbDevice;
 
-template <typename T>
-std::optional<T> number(std::string_view text, int base) {
-  T value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
 // Ids have four digits each, so that 1:4 can only be a place.
 Result<usb::DeviceFilter> parse_device(const std::string& text) {
   if (auto ids = usb::parse_ids(text)) return ids;
   const std::size_t colon = text.find(':');
   if (colon != std::string::npos) {
     usb::DeviceFilter filter;
-    filter.bus = number<int>(std::string_view(text).substr(0, colon), 10);
-    filter.address = number<int>(std::string_view(text).substr(colon + 1), 10);
+    filter.bus = whole_number<int>(std::string_view(text).substr(0, colon));
+    filter.address = whole_number<int>(std::string_view(text).substr(colon + 1));
     if (filter.bus && filter.address) return filter;
   }
   return bad_input("--device " + text + ": give BUS:ADDRESS as 1:4, or VENDOR:PRODUCT as 09cb:1007");
@@ -48,7 +38,7 @@ Result<usb::DeviceFilter> filter_of(const cxxopts::ParseResult& given) {
   usb::DeviceFilter filter;
   const auto vendor = given["vendor"].as<std::string>();
   if (vendor == "any") return filter;
-  filter.vendor = number<std::uint16_t>(vendor, 16);
+  filter.vendor = whole_number<std::uint16_t>(vendor, 16);
   if (!filter.vendor) return bad_input("--vendor " + vendor + ": give four hexadecimal digits as 09cb, or any");
   return filter;
 }

@@ -13,6 +13,7 @@
 
 #include "drivers/shm/followed_stream.hpp"
 #include "drivers/shm/shm_object.hpp"
+#include "src/core/ip_address.hpp"
 #include "tools/bolo/control_client.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
@@ -50,11 +51,12 @@ Result<std::vector<std::string>> choose_daemons(const std::vector<std::string>& 
 
 Result<view::Access> access_of(const ViewOptions& options) {
   view::Access access;
-  if (!options.listen.empty() && !view::is_numeric(options.listen)) {
+  const auto listen = ip_address(options.listen);
+  if (!options.listen.empty() && !listen) {
     return bad_input("--listen '" + options.listen +
                      "': give an IP address of this computer, such as 127.0.0.1; the port is --port");
   }
-  access.beyond_loopback = !options.listen.empty() && !view::is_loopback(options.listen);
+  access.beyond_loopback = listen && !listen->loopback;
   access.token = options.token;
   if (!options.token.empty() && !options.token_file.empty()) {
     return bad_input("--token and --token-file exclude each other");

@@ -2,7 +2,9 @@
 
 #include <arpa/inet.h>
 
+#include <algorithm>
 #include <array>
+#include <iterator>
 #include <optional>
 #include <string_view>
 #include <system_error>
@@ -18,7 +20,6 @@
 #include "src/pipeline/pipeline.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/metrics.hpp"
-#include "tools/bolod/reload.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -36,10 +37,8 @@ using Names = std::array<std::pair<std::string_view, Enum>, N>;
 
 constexpr Names<SourceType, 3> kSources{
     {{"genicam", SourceType::kGenicam}, {"v4l2", SourceType::kV4l2}, {"replay", SourceType::kReplay}}};
-constexpr Names<v4l2_source::Container, 4> kContainers{{{"y16", v4l2_source::Container::kY16},
-                                                        {"y14", v4l2_source::Container::kY14},
-                                                        {"y12", v4l2_source::Container::kY12},
-                                                        {"yuyv", v4l2_source::Container::kYuyv}}};
+constexpr Names<std::uint32_t, 4> kContainers{
+    {{"y16", V4L2_PIX_FMT_Y16}, {"y14", V4L2_PIX_FMT_Y14}, {"y12", V4L2_PIX_FMT_Y12}, {"yuyv", V4L2_PIX_FMT_YUYV}}};
 constexpr Names<replay::Pace, 2> kPaces{
     {{"realtime", replay::Pace::kRealTime}, {"fast", replay::Pace::kAsFastAsPossible}}};
 constexpr Names<genicam::PixelOrder, 2> kPixelOrders{
@@ -54,10 +53,10 @@ constexpr Names<deblur::Method, 6> kMethods{{{"admm", deblur::Method::kAdmm},
                                              {"inverse", deblur::Method::kInverse},
                                              {"mmae", deblur::Method::kMmae},
                                              {"motion", deblur::Method::kMotion}}};
-constexpr Names<LogLevel, 4> kLevels{{{"debug", LogLevel::kDebug},
-                                      {"info", LogLevel::kInfo},
-                                      {"warning", LogLevel::kWarning},
-                                      {"error", LogLevel::kError}}};
+constexpr Names<spdlog::level::level_enum, 4> kLevels{{{"debug", spdlog::level::debug},
+                                                       {"info", spdlog::level::info},
+                                                       {"warning", spdlog::level::warn},
+                                                       {"error", spdlog::level::err}}};
 constexpr Names<LogFormat, 3> kFormats{
     {{"auto", LogFormat::kAuto}, {"text", LogFormat::kText}, {"journal", LogFormat::kJournal}}};
 
@@ -124,7 +123,7 @@ void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.text("device", c.video.device,
             "Video device: /dev/videoN, or the serial number of the camera on USB. Its size is as it has it: "
             "v4l2-ctl --set-fmt-video. A lost camera is looked for by its serial number.");
-  keys.choice<v4l2_source::Container>(
+  keys.choice<std::uint32_t>(
       "format", c.video.format, kContainers,
       "Video device: what its driver calls the format. yuyv: 16-bit values under the name of a colour format, as cores "
       "with stacked images send them. Values are taken as they are.");
@@ -278,7 +277,8 @@ void output_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.boolean("allow_remote", c.metrics.allow_remote,
                "Let `listen` be an address that other computers reach. Who reaches it may read; nothing is asked.");
   keys.section("log", "messages");
-  keys.choice<LogLevel>("level", c.log.level, kLevels, "The least important messages that are written.");
+  keys.choice<spdlog::level::level_enum>("level", c.log.level, kLevels,
+                                         "The least important messages that are written.");
   keys.choice<LogFormat>(
       "format", c.log.format, kFormats,
       "text: time, level, message on standard error. journal: to systemd's journal, with fields (BOLO_EVENT "
@@ -302,9 +302,6 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
   return keys;
 }
 
-// Contents of a file, to detect changes.
-std::string content(const std::filesystem::path& file) { return read_input(file).value_or(""); }
-
 // Maps are large, and replaced as a whole.
 std::string stamp(const std::filesystem::path& file) {
   std::error_code error;
@@ -316,7 +313,7 @@ std::string stamp(const std::filesystem::path& file) {
 // Files that the configuration names change the daemon, too.
 void note_profile(DaemonConfig& config) {
   if (config.profile_file.empty()) return;
-  config.texts.emplace("what the profile says", content(config.profile_file));
+  config.texts.emplace("what the profile says", read_input(config.profile_file).value_or(""));
   if (!config.profile.maps.empty()) config.texts.emplace("the profile's maps", stamp(config.profile.maps));
 }
 
@@ -423,6 +420,25 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
     return tl::unexpected<Error>(status.error());
   note_profile(config);
   return config;
+}
+
+std::vector<std::string> live_keys(const DaemonConfig& config) {
+  std::vector<std::string> keys{"log.level",   "nuc.policy",  "nuc.interval_s",
+                                "nuc.still_s", "nuc.still_k", "nuc.hold_ms"};
+  for (const auto& sink : config.sinks) std::ranges::move(sink->live_keys(), std::back_inserter(keys));
+  return keys;
+}
+
+ConfigChange compare(const DaemonConfig& running, const DaemonConfig& read) {
+  ConfigChange change;
+  const std::vector<std::string> taken_up = live_keys(read);
+  for (const auto& [key, text] : read.texts) {
+    const auto before = running.texts.find(key);
+    if (before != running.texts.end() && before->second == text) continue;
+    const bool live = std::ranges::find(taken_up, key) != taken_up.end();
+    (live ? change.live : change.restart).push_back(key);
+  }
+  return change;
 }
 
 std::string document_config() {

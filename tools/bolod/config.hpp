@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include <spdlog/common.h>
+
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/replay/replay_source.hpp"
 #include "drivers/v4l2_source/v4l2_source.hpp"
@@ -34,7 +36,6 @@ struct ReplayOptions {
 
 inline constexpr std::string_view kShmGyro = "shm:";
 
-enum class LogLevel { kDebug, kInfo, kWarning, kError };
 enum class LogFormat {
   kAuto,     // kJournal when standard error leads to the journal, else kText
   kText,     // time, level, message
@@ -42,7 +43,7 @@ enum class LogFormat {
 };
 
 struct LogOptions {
-  LogLevel level = LogLevel::kInfo;
+  spdlog::level::level_enum level = spdlog::level::info;
   LogFormat format = LogFormat::kAuto;
 };
 
@@ -92,6 +93,19 @@ struct DaemonConfig {
 // Reads a configuration and the profile that it names, and checks its keys against each other. Anything wrong is bad
 // input: file, line and item. Thread: setup.
 Result<DaemonConfig> read_config(const std::filesystem::path& file);
+
+// --- Changes of a configuration that is read again by a running daemon.
+
+// Keys that a running daemon takes up; all others need a restart. Thread: any.
+std::vector<std::string> live_keys(const DaemonConfig& config);
+
+struct ConfigChange {
+  std::vector<std::string> live;     // changed keys that can be taken up
+  std::vector<std::string> restart;  // changed keys that cannot
+};
+
+// Thread: any.
+ConfigChange compare(const DaemonConfig& running, const DaemonConfig& read);
 
 // The complete commented default configuration. Thread: any.
 std::string document_config();

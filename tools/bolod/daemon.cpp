@@ -31,7 +31,6 @@
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/log.hpp"
 #include "tools/bolod/metrics.hpp"
-#include "tools/bolod/reload.hpp"
 #include "tools/bolod/ros2.hpp"
 #include "tools/bolod/service_manager.hpp"
 #include "tools/bolod/setup_guard.hpp"
@@ -45,7 +44,7 @@ Result<ComposedSource> make_replay(const ReplayOptions& options) {
   ComposedSource composed;
   composed.warnings = reader.warnings();
   auto source = std::make_unique<replay::ReplaySource>(
-      std::make_shared<const capture::CaptureReader>(std::move(reader)), options.pace, std::nullopt, options.laps);
+      std::make_shared<const capture::CaptureReader>(std::move(reader)), options.pace, options.laps);
   composed.replay = source.get();
   composed.source = std::move(source);
   return composed;
@@ -359,17 +358,18 @@ void Daemon::Impl::reload() {
 
 void Daemon::Impl::apply(const DaemonConfig& read) {
   const ConfigChange change = compare(config, read);
-  set_level(*log, read.log.level);
+  log->set_level(read.log.level);
   if (camera != nullptr) camera->set_nuc(read.camera.nuc);
   for (std::size_t i = 0; i < read.sinks.size(); ++i) {
     if (sinks[i] != nullptr) sinks[i]->reload(*read.sinks[i]);
   }
   for (const std::string& key : change.live) config.texts[key] = read.texts.at(key);
   if (!change.restart.empty()) {
-    const std::string text = "reload: needs a restart: " + key_list(change.restart);
+    const std::string text = fmt::format("reload: needs a restart: {}", fmt::join(change.restart, ", "));
     log_notice(*log, spdlog::level::warn, {true, text, event::kReload});
   }
-  const std::string taken = change.live.empty() ? "nothing to take up" : "took up " + key_list(change.live);
+  const std::string taken =
+      change.live.empty() ? "nothing to take up" : fmt::format("took up {}", fmt::join(change.live, ", "));
   log_notice(*log, spdlog::level::info, {false, "reload: " + taken, event::kReload});
 }
 
@@ -381,7 +381,7 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
     keep_memory_small();
     lock_program();
   }
-  const SetupGuard guard;
+  const std::jthread guard = guard_setup();
   auto impl = std::make_unique<Impl>();
   impl->config = config;
   impl->log = std::move(log);

@@ -185,20 +185,6 @@ class QueuedSink final : public spdlog::sinks::sink {
   const std::chrono::milliseconds patience_;
 };
 
-spdlog::level::level_enum spdlog_level(LogLevel level) {
-  switch (level) {
-    case LogLevel::kDebug:
-      return spdlog::level::debug;
-    case LogLevel::kInfo:
-      return spdlog::level::info;
-    case LogLevel::kWarning:
-      return spdlog::level::warn;
-    case LogLevel::kError:
-      break;
-  }
-  return spdlog::level::err;
-}
-
 // A message made printable: cameras and files contribute text.
 class PrintableText final : public spdlog::custom_flag_formatter {
  public:
@@ -264,11 +250,9 @@ std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::s
   const bool journal = options.format == LogFormat::kJournal ||
                        (options.format == LogFormat::kAuto && stderr_is_journal() && journal_listens());
   auto log = std::make_shared<spdlog::logger>("bolod", make_queued_sink(journal ? journal_sink(name) : text_sink()));
-  set_level(*log, options.level);
+  log->set_level(options.level);
   log->flush_on(spdlog::level::trace);
   return log;
 }
-
-void set_level(spdlog::logger& log, LogLevel level) { log.set_level(spdlog_level(level)); }
 
 }  // namespace bolo::daemon

@@ -22,9 +22,6 @@ namespace bolo::daemon {
 // `name`: of the daemon, a field in the journal. Thread: setup; the logger: any, but never the hot path.
 std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::string& name);
 
-// Thread: any.
-void set_level(spdlog::logger& log, LogLevel level);
-
 // --- systemd's journal: messages with fields that programs can ask for ---
 
 // Hands the fields of one message on; negative: the journal did not take it. Thread: any.

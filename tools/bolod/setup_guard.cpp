@@ -3,7 +3,9 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <condition_variable>
 #include <cstdio>
+#include <mutex>
 #include <system_error>
 
 namespace bolo::daemon {
@@ -17,34 +19,26 @@ bool end_requested() {
   return sigpending(&pending) == 0 && (sigismember(&pending, SIGTERM) == 1 || sigismember(&pending, SIGINT) == 1);
 }
 
-}  // namespace
-
-SetupGuard::SetupGuard(std::chrono::milliseconds grace) {
-  try {
-    thread_ = std::thread([this, grace] { watch(grace); });
-  } catch (const std::system_error&) {
-    return;  // whatever needs threads reports it
-  }
-}
-
-SetupGuard::~SetupGuard() {
-  if (!thread_.joinable()) return;
-  {
-    const std::lock_guard lock(mutex_);
-    over_ = true;
-  }
-  ended_.notify_all();
-  thread_.join();
-}
-
-void SetupGuard::watch(std::chrono::milliseconds grace) {
-  std::unique_lock lock(mutex_);
+void watch(const std::stop_token& over, std::chrono::milliseconds grace) {
+  std::mutex mutex;
+  std::condition_variable_any ended;
+  std::unique_lock lock(mutex);
   std::chrono::milliseconds waited{0};
-  while (!ended_.wait_for(lock, kSetupPollPeriod, [this] { return over_; })) {
+  while (!ended.wait_for(lock, over, kSetupPollPeriod, [&over] { return over.stop_requested(); })) {
     waited = end_requested() ? waited + kSetupPollPeriod : std::chrono::milliseconds(0);
     if (waited < grace) continue;
     std::fputs("bolod: ended by a signal while it was set up\n", stderr);
     _exit(1);
+  }
+}
+
+}  // namespace
+
+std::jthread guard_setup(std::chrono::milliseconds grace) {
+  try {
+    return std::jthread([grace](const std::stop_token& over) { watch(over, grace); });
+  } catch (const std::system_error&) {
+    return {};  // whatever needs threads reports it
   }
 }
 

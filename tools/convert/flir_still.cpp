@@ -108,7 +108,10 @@ Result<Picture> read_raw(const std::filesystem::path& file, const std::string& t
   if (std::filesystem::file_size(image.file) == 0) {
     return bad_input("there is no raw thermal image in it; not a radiometric still");
   }
-  if (type != "PNG") return read_tiff_page(image.file, 0);
+  if (type != "PNG") {
+    ASSIGN_OR_RETURN(TiffReader reader, TiffReader::open(image.file));
+    return reader.read(0);
+  }
   Result<Picture> picture = read_png_picture(image.file);
   if (picture && is_byte_swapped(picture->geometry, picture->u16)) {
     for (std::uint16_t& value : picture->u16) value = swap_bytes(value);
@@ -162,7 +165,7 @@ Result<FlirStill> read_flir_still(const std::filesystem::path& file) {
 }
 
 Result<Picture> to_kelvin(const FlirStill& still) {
-  Picture picture{still.raw.geometry, PixelType::kFloat32, {}, {}};
+  Picture picture{{}, still.raw.geometry, PixelType::kFloat32};
   const Path path = path_of(still.constants);
   picture.f32.reserve(still.raw.u16.size());
   for (const std::uint16_t raw : still.raw.u16) {

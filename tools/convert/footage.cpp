@@ -16,7 +16,6 @@
 #include "src/core/input_file.hpp"
 #include "src/core/statistics.hpp"
 #include "tools/convert/flir_still.hpp"
-#include "tools/convert/picture.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -37,13 +36,7 @@ class CaptureFootage final : public Footage {
     frame.t_s = reader_.t()[index];
     frame.id = reader_.frame_id()[index];
     frame.times = capture::times_of(reader_, index);
-    const std::size_t pixels = info_.format.geometry.pixels();
-    if (info_.format.type == PixelType::kUint16) {
-      frame.u16.resize(pixels);
-      return reader_.read_frame(index, frame.u16.data());
-    }
-    frame.f32.resize(pixels);
-    return reader_.read_frame(index, frame.f32.data());
+    return reader_.read_frame(index, frame.resize(info_.format.type, info_.format.geometry.pixels()));
   }
 
   const std::vector<double>& t() const noexcept { return reader_.t(); }
@@ -132,8 +125,7 @@ class PictureFootage final : public Footage {
     }
     frame.t_s = static_cast<double>(index) * info_.format.frame_period_s;
     frame.id = index;
-    frame.u16 = std::move(picture.u16);
-    frame.f32 = std::move(picture.f32);
+    static_cast<Plane&>(frame) = std::move(picture);
     return {};
   }
 
@@ -185,7 +177,7 @@ class RawFootage final : public Footage {
       : dumps_(std::move(dumps)), layout_(layout) {
     StreamFormat& format = info_.format;
     format.geometry = layout.geometry;
-    format.type = layout.type == RawLayout::Type::kF32 ? PixelType::kFloat32 : PixelType::kUint16;
+    format.type = layout.type;
     format.frame_period_s = 1.0 / stated.rate_hz;
     format.scale = scale_of(format.type, stated);
     info_.frames = frames;
@@ -197,15 +189,12 @@ class RawFootage final : public Footage {
     }
     frame.t_s = static_cast<double>(index) * info_.format.frame_period_s;
     frame.id = index;
-    frame.u16.resize(layout_.type == RawLayout::Type::kF32 ? 0 : layout_.geometry.pixels());
-    frame.f32.resize(layout_.type == RawLayout::Type::kF32 ? layout_.geometry.pixels() : 0);
-    char* out =
-        frame.u16.empty() ? reinterpret_cast<char*>(frame.f32.data()) : reinterpret_cast<char*>(frame.u16.data());
+    char* const out = static_cast<char*>(frame.resize(info_.format.type, layout_.geometry.pixels()));
     const std::size_t bytes = plane_bytes(layout_.geometry, info_.format.type);
     if (!in_.read(out, static_cast<std::streamsize>(bytes))) {
       return bad_input(dumps_[next_ - 1].file.string() + ": frame " + std::to_string(index) + " cannot be read");
     }
-    if (layout_.type == RawLayout::Type::kU16Be) {
+    if (layout_.big_endian) {
       for (std::uint16_t& v : frame.u16) v = swap_bytes(v);
     }
     return {};
@@ -256,8 +245,7 @@ Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const StatedF
 }
 
 Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& layout, const StatedFormat& stated) {
-  const PixelType type = layout.type == RawLayout::Type::kF32 ? PixelType::kFloat32 : PixelType::kUint16;
-  const std::uint64_t frame_bytes = plane_bytes(layout.geometry, type);
+  const std::uint64_t frame_bytes = plane_bytes(layout.geometry, layout.type);
   std::vector<Dump> dumps;
   std::size_t frames = 0;
   for (const std::filesystem::path& file : files) {

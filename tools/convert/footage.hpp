@@ -11,21 +11,16 @@
 
 #include "src/capture/capture.hpp"
 #include "src/core/output_file.hpp"
+#include "tools/convert/picture.hpp"
 
 namespace bolo::tools {
 
-// One frame; the plane of the footage's pixel type is filled.
-struct Frame {
+// One frame, in the footage's pixel type.
+struct Frame : Plane {
   double t_s = 0.0;
   std::uint64_t id = 0;
   std::optional<capture::FrameTimes> times{};  // exactly where Footage::info().has_times
-  std::vector<std::uint16_t> u16;
-  std::vector<float> f32;
-  std::size_t part = 0;  // of Footage::parts()
-
-  const void* plane(PixelType type) const {
-    return type == PixelType::kUint16 ? static_cast<const void*>(u16.data()) : static_cast<const void*>(f32.data());
-  }
+  std::size_t part = 0;                        // of Footage::parts()
 };
 
 // Beyond frames.
@@ -57,9 +52,9 @@ struct StatedFormat {
 };
 
 struct RawLayout {
-  enum class Type { kU16Le, kU16Be, kF32 };
   Geometry geometry;
-  Type type = Type::kU16Le;
+  PixelType type = PixelType::kUint16;
+  bool big_endian = false;
   std::uint64_t skip_bytes = 0;  // before the first frame
 };
 

@@ -18,7 +18,6 @@
 #include "src/core/statistics.hpp"
 #include "src/core/unique_fd.hpp"
 #include "tools/cli/process.hpp"
-#include "tools/convert/picture.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -111,18 +110,16 @@ class CaptureSink final : public FootageSink {
     ASSIGN_OR_RETURN(auto writer, capture::CaptureWriter::create(target.file.path, info, how));
     ASSIGN_OR_RETURN(const Extras extras, footage.extras());
     RETURN_IF_ERROR(write_extras(extras, writer));
-    return std::make_unique<CaptureSink>(std::move(writer), info.format.type);
+    return std::make_unique<CaptureSink>(std::move(writer));
   }
-  CaptureSink(capture::CaptureWriter writer, PixelType type) : writer_(std::move(writer)), type_(type) {}
+  explicit CaptureSink(capture::CaptureWriter writer) : writer_(std::move(writer)) {}
   Status write(const Frame& frame) override {
-    return writer_.append(frame.t_s, frame.id, frame.plane(type_), nullptr, nullptr,
-                          frame.times ? &*frame.times : nullptr);
+    return writer_.append(frame.t_s, frame.id, frame.data(), nullptr, nullptr, frame.times ? &*frame.times : nullptr);
   }
   Status finish() override { return writer_.close(); }
 
  private:
   capture::CaptureWriter writer_;
-  PixelType type_;
 };
 
 // One file a frame: NAME_000000.png ..., or NAME.png for a single one.
@@ -205,7 +202,7 @@ class TiffSink final : public FootageSink {
   Status write(const Frame& frame) override {
     return named(format_.scale.unit == Unit::kKelvin
                      ? writer_.write(format_.geometry, PixelType::kFloat32, kelvin(frame))
-                     : writer_.write(format_.geometry, format_.type, frame.plane(format_.type)));
+                     : writer_.write(format_.geometry, format_.type, frame.data()));
   }
   Status finish() override {
     const Status closed = named(writer_.close());

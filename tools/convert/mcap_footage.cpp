@@ -169,10 +169,7 @@ class McapFootage final : public Footage {
     frame.id = picture.id;
     frame.times.reset();
     if (info_.has_times) frame.times = picture.times;
-    const bool whole = series_.type == PixelType::kUint16;
-    frame.u16.resize(whole ? series_.size.pixels() : 0);
-    frame.f32.resize(whole ? 0 : series_.size.pixels());
-    image.copy_to(whole ? static_cast<void*>(frame.u16.data()) : static_cast<void*>(frame.f32.data()));
+    image.copy_to(frame.resize(series_.type, series_.size.pixels()));
     return {};
   }
 

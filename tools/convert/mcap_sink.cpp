@@ -65,9 +65,8 @@ class McapSink final : public FootageSink {
     const std::uint64_t ns = stamp_ns(frame.t_s);
     const ros::Header header{ns, name_};
     const auto number = static_cast<std::uint32_t>(frame.id);
-    Status good =
-        writer_.write(part.channel, number, ns,
-                      ros::image(header, part.format.geometry, part.format.type, frame.plane(part.format.type)));
+    Status good = writer_.write(part.channel, number, ns,
+                                ros::image(header, part.format.geometry, part.format.type, frame.data()));
     if (!good || ns == last_ns_) return good;  // the raw and the sharp plane of one frame
     last_ns_ = ns;
     good = writer_.write(infos_, number, ns, ros::camera_info(header, part.format.geometry));

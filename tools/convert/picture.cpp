@@ -27,18 +27,13 @@ Status write_png(const std::filesystem::path& file, Geometry geometry, png_uint_
 constexpr std::uint64_t kMostPixels = 64'000'000;
 constexpr std::size_t kMostPages = 10'000'000;
 
-struct Closer {
-  void operator()(TIFF* tiff) const { TIFFClose(tiff); }
-};
-using Handle = std::unique_ptr<TIFF, Closer>;
-
 constexpr const char* kRead = "rm";  // not mapped: a file that becomes shorter would end the process (SIGBUS)
 
 // Errors leave as values: libtiff is not to print them.
-Handle open_tiff(const std::filesystem::path& file, const char* mode) {
+TiffHandle open_tiff(const std::filesystem::path& file, const char* mode) {
   TIFFSetErrorHandler(nullptr);
   TIFFSetWarningHandler(nullptr);
-  return Handle(TIFFOpen(file.c_str(), mode));
+  return TiffHandle(TIFFOpen(file.c_str(), mode));
 }
 
 struct Layout {
@@ -74,7 +69,7 @@ Status read_rows(TIFF* tiff, const Layout& layout, std::byte* out) {
 
 Result<Picture> read_png_picture(const std::filesystem::path& file) {
   ASSIGN_OR_RETURN(sim::GreyImage image, sim::read_png(file));
-  return Picture{{image.width, image.height}, PixelType::kUint16, std::move(image.level), {}};
+  return Picture{{std::move(image.level), {}}, {image.width, image.height}, PixelType::kUint16};
 }
 
 Status write_png16(const std::filesystem::path& file, Geometry geometry, const std::uint16_t* plane) {
@@ -85,29 +80,24 @@ Status write_png8(const std::filesystem::path& file, Geometry geometry, const st
   return write_png(file, geometry, PNG_FORMAT_GRAY, plane);
 }
 
+void TiffCloser::operator()(tiff* file) const { TIFFClose(file); }
+
 Result<std::size_t> count_tiff_pages(const std::filesystem::path& file) {
-  const Handle tiff = open_tiff(file, kRead);
+  const TiffHandle tiff = open_tiff(file, kRead);
   if (!tiff) return bad_input("cannot be opened as TIFF");
   std::size_t pages = 1;
   while (pages < kMostPages && TIFFReadDirectory(tiff.get()) != 0) ++pages;
   return pages;
 }
 
-Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t page) {
-  ASSIGN_OR_RETURN(TiffReader reader, TiffReader::open(file));
-  return reader.read(page);
-}
-
 Result<TiffReader> TiffReader::open(const std::filesystem::path& file) {
-  Handle tiff = open_tiff(file, kRead);
+  TiffHandle tiff = open_tiff(file, kRead);
   if (!tiff) return bad_input("cannot be opened as TIFF");
-  return TiffReader(tiff.release());
+  return TiffReader(std::move(tiff));
 }
-
-void TiffReader::Closer::operator()(void* tiff) const { TIFFClose(static_cast<TIFF*>(tiff)); }
 
 Result<Picture> TiffReader::read(std::size_t page) {
-  auto* const tiff = static_cast<TIFF*>(tiff_.get());
+  TIFF* const tiff = tiff_.get();
   if (page < at_) {
     if (TIFFSetDirectory(tiff, 0) == 0) return bad_input("damaged TIFF: its first page cannot be read");
     at_ = 0;
@@ -129,25 +119,19 @@ Result<Picture> TiffReader::read(std::size_t page) {
   Picture picture;
   picture.geometry = {static_cast<int>(layout.width), static_cast<int>(layout.height)};
   picture.type = is_float ? PixelType::kFloat32 : PixelType::kUint16;
-  if (is_float) picture.f32.resize(pixels);
-  if (is_uint16) picture.u16.resize(pixels);
-  auto* out =
-      is_float ? reinterpret_cast<std::byte*>(picture.f32.data()) : reinterpret_cast<std::byte*>(picture.u16.data());
-  RETURN_IF_ERROR(read_rows(tiff, layout, out));
+  RETURN_IF_ERROR(read_rows(tiff, layout, static_cast<std::byte*>(picture.resize(picture.type, pixels))));
   return picture;
 }
 
 Result<TiffWriter> TiffWriter::create(const std::filesystem::path& file) {
-  Handle tiff = open_tiff(file, "w8");  // BigTIFF: long recordings pass 4 GB
+  TiffHandle tiff = open_tiff(file, "w8");  // BigTIFF: long recordings pass 4 GB
   const std::string why = std::string("cannot be created: ") + std::strerror(errno);
   if (!tiff) return errno == ENOSPC || errno == EDQUOT ? failed(why) : bad_input(why);
-  return TiffWriter(tiff.release());
+  return TiffWriter(std::move(tiff));
 }
 
-void TiffWriter::Closer::operator()(void* tiff) const { TIFFClose(static_cast<TIFF*>(tiff)); }
-
 Status TiffWriter::write(Geometry geometry, PixelType type, const void* plane) {
-  auto* tiff = static_cast<TIFF*>(tiff_.get());
+  TIFF* const tiff = tiff_.get();
   const bool is_float = type == PixelType::kFloat32;
   TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, static_cast<std::uint32_t>(geometry.width));
   TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, static_cast<std::uint32_t>(geometry.height));
@@ -164,7 +148,7 @@ Status TiffWriter::write(Geometry geometry, PixelType type, const void* plane) {
 }
 
 Status TiffWriter::close() {
-  const bool good = TIFFFlush(static_cast<TIFF*>(tiff_.get())) != 0;
+  const bool good = TIFFFlush(tiff_.get()) != 0;
   tiff_.reset();
   return good ? Status{} : failed(std::string("cannot be written: ") + std::strerror(errno));
 }

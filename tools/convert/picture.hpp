@@ -4,18 +4,33 @@
 #include <cstddef>
 #include <filesystem>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "src/core/frame.hpp"
 #include "src/core/result.hpp"
 
+struct tiff;  // of libtiff: TIFF
+
 namespace bolo::tools {
 
-struct Picture {
-  Geometry geometry;
-  PixelType type = PixelType::kUint16;
+// Values of one type; the other vector is empty.
+struct Plane {
   std::vector<std::uint16_t> u16;
   std::vector<float> f32;
+
+  // Room for so many values of the type.
+  void* resize(PixelType type, std::size_t pixels) {
+    u16.resize(type == PixelType::kUint16 ? pixels : 0);
+    f32.resize(type == PixelType::kUint16 ? 0 : pixels);
+    return u16.empty() ? static_cast<void*>(f32.data()) : static_cast<void*>(u16.data());
+  }
+  const void* data() const { return u16.empty() ? static_cast<const void*>(f32.data()) : u16.data(); }
+};
+
+struct Picture : Plane {
+  Geometry geometry;
+  PixelType type = PixelType::kUint16;
 };
 
 // 8 bit become 16 by 257 v. Thread: any.
@@ -25,7 +40,11 @@ Status write_png8(const std::filesystem::path& file, Geometry geometry, const st
 
 // Pages of grey values, uint16 or float32. Thread: any one at a time.
 Result<std::size_t> count_tiff_pages(const std::filesystem::path& file);
-Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t page);
+
+struct TiffCloser {
+  void operator()(tiff* file) const;
+};
+using TiffHandle = std::unique_ptr<tiff, TiffCloser>;
 
 // Many pages of a file in their order: each leads to the next only, so that a file of thousands is gone through once.
 class TiffReader {
@@ -35,11 +54,8 @@ class TiffReader {
   Result<Picture> read(std::size_t page);
 
  private:
-  struct Closer {
-    void operator()(void* tiff) const;
-  };
-  explicit TiffReader(void* tiff) : tiff_(tiff) {}
-  std::unique_ptr<void, Closer> tiff_;
+  explicit TiffReader(TiffHandle tiff) : tiff_(std::move(tiff)) {}
+  TiffHandle tiff_;
   std::size_t at_ = 0;
 };
 
@@ -51,11 +67,8 @@ class TiffWriter {
   Status close();
 
  private:
-  struct Closer {
-    void operator()(void* tiff) const;
-  };
-  explicit TiffWriter(void* tiff) : tiff_(tiff) {}
-  std::unique_ptr<void, Closer> tiff_;
+  explicit TiffWriter(TiffHandle tiff) : tiff_(std::move(tiff)) {}
+  TiffHandle tiff_;
 };
 
 }  // namespace bolo::tools

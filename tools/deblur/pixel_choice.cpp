@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "drivers/replay/replay_source.hpp"
 #include "src/core/number_rows.hpp"
 
 namespace bolo::tools {
@@ -55,11 +54,17 @@ std::pair<int, int> PixelChoice::place(std::size_t i) const {
 }
 
 void PixelChoice::take(const void* plane, std::size_t value_bytes, void* out) const {
-  if (points_.empty()) return replay::copy_region(plane, frame_, value_bytes, region_, out);
+  const auto* from = static_cast<const std::byte*>(plane);
   auto* to = static_cast<std::byte*>(out);
   for (const std::uint32_t point : points_) {
-    std::memcpy(to, static_cast<const std::byte*>(plane) + point * value_bytes, value_bytes);
+    std::memcpy(to, from + point * value_bytes, value_bytes);
     to += value_bytes;
+  }
+  if (!points_.empty()) return;
+  const auto width = static_cast<std::size_t>(region_.width);
+  for (std::size_t i = 0; i < geometry().pixels(); i += width, to += width * value_bytes) {
+    const auto [x, y] = place(i);
+    std::memcpy(to, from + static_cast<std::size_t>(y * frame_.width + x) * value_bytes, width * value_bytes);
   }
 }
 

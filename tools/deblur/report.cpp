@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "src/core/clock.hpp"
@@ -100,13 +101,16 @@ Json folder_json(const DeblurRequest& request, const FolderSummary& s) {
 // Files have names that need not be UTF-8, which JSON must be.
 void print(const Json& json) { std::puts(json_text(json, 2).c_str()); }
 
-void print_truth(const RunFacts& facts) {
-  if (!facts.rmse) return;
-  std::printf("against the truth: blurred %.4f K, deblurred %.4f K rms\n", facts.rmse->blurred_k,
-              facts.rmse->deblurred_k);
-}
-
-void print_gyro(const DeblurRequest& request, const RunFacts& facts) {
+// `more`: at the first line's end.
+void print_one(const DeblurRequest& request, const CaptureSummary& capture, const std::string& more) {
+  const RunFacts& facts = capture.facts;
+  std::printf("%s: %llu of %llu frames (%llu lost before), %s, %.3f ms a frame%s\n",
+              printable(capture.file.output.string()).c_str(), count(facts.frames_out), count(capture.frames_in),
+              count(facts.lost), facts.solver_text.c_str(), ms_per_frame(facts), more.c_str());
+  if (facts.rmse) {
+    std::printf("against the truth: blurred %.4f K, deblurred %.4f K rms\n", facts.rmse->blurred_k,
+                facts.rmse->deblurred_k);
+  }
   if (request.gyro == nullptr) return;
   const auto& [used, silent, ignored] = facts.gyro;
   std::printf("gyro: used for %llu frames; ignored for %llu, where the picture moved otherwise; no samples for %llu\n",
@@ -120,12 +124,7 @@ void print_capture(const DeblurRequest& request, const CaptureSummary& capture, 
     print(common_json(request, {capture}, seconds));
     return;
   }
-  const RunFacts& facts = capture.facts;
-  std::printf("%s: %llu of %llu frames (%llu lost before), %s, %.3f ms a frame on %d threads, %.1f s\n",
-              printable(capture.file.output.string()).c_str(), count(facts.frames_out), count(capture.frames_in),
-              count(facts.lost), facts.solver_text.c_str(), ms_per_frame(facts), request.options.workers, seconds);
-  print_truth(facts);
-  print_gyro(request, facts);
+  print_one(request, capture, fmt::format(" on {} threads, {:.1f} s", request.options.workers, seconds));
 }
 
 void print_folder(const DeblurRequest& request, const FolderSummary& s) {
@@ -139,12 +138,7 @@ void print_folder(const DeblurRequest& request, const FolderSummary& s) {
   std::uint64_t frames = 0;
   for (const CaptureSummary& capture : s.captures) {
     frames += capture.facts.frames_out;
-    std::printf("%s: %llu of %llu frames (%llu lost before), %s, %.3f ms a frame\n",
-                printable(capture.file.output.string()).c_str(), count(capture.facts.frames_out),
-                count(capture.frames_in), count(capture.facts.lost), capture.facts.solver_text.c_str(),
-                ms_per_frame(capture.facts));
-    print_truth(capture.facts);
-    print_gyro(request, capture.facts);
+    print_one(request, capture, "");
   }
   std::printf("%zu captures, %llu frames in %.1f s; %zu done before", s.captures.size(), count(frames), s.seconds,
               s.skipped.size());

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdlib>
 #include <optional>
 #include <set>
@@ -16,6 +15,7 @@
 #include "src/capture/pixel_maps_io.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/number_rows.hpp"
+#include "src/core/text.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
@@ -27,16 +27,9 @@ namespace {
 
 constexpr std::size_t kMostShares = 1'000'000;
 
-std::optional<std::size_t> count_of(std::string_view text) {
-  std::size_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
 std::optional<std::size_t> count_of(const Environment& environment, const char* name) {
   const char* const text = environment(name);
-  return text != nullptr ? count_of(std::string_view(text)) : std::nullopt;
+  return text != nullptr ? whole_number<std::size_t>(std::string_view(text)) : std::nullopt;
 }
 
 tl::unexpected<Error> contradiction(const std::string& from) {
@@ -105,9 +98,10 @@ namespace fs = std::filesystem;
 Status read_lambda(const std::string& text, deblur::Settings& settings) {
   settings.auto_lambda = text == "auto";
   if (settings.auto_lambda) return {};
-  const char* end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, settings.lambda);
-  if (error == std::errc() && stop == end) return {};
+  if (const auto lambda = bolo::number_of(text)) {
+    settings.lambda = *lambda;
+    return {};
+  }
   return bad_input("--lambda '" + text + "': give a number of 0 or more, or auto");
 }
 
@@ -236,8 +230,9 @@ Status check_files(const DeblurRequest& request) {
 
 Result<Share> share_named(const std::string& text) {
   const std::size_t slash = text.find('/');
-  const auto index = count_of(std::string_view(text).substr(0, slash));
-  const auto count = slash == std::string::npos ? std::nullopt : count_of(std::string_view(text).substr(slash + 1));
+  const auto index = whole_number<std::size_t>(std::string_view(text).substr(0, slash));
+  const auto count =
+      slash == std::string::npos ? std::nullopt : whole_number<std::size_t>(std::string_view(text).substr(slash + 1));
   if (!index || !count || *count < 1 || *count > kMostShares || *index > *count) {
     return bad_input("--shard '" + text + "': give I/N, the I-th of N parts, counted from 0 or from 1");
   }

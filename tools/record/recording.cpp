@@ -27,16 +27,11 @@ bool same_stream(const bolo_shm_header& a, const bolo_shm_header& b) {
 }
 
 FileWriterOptions writer_options(const RecordRequest& request, const bolo_shm_header& header) {
-  FileWriterOptions options;
-  options.file = request.file;
+  FileWriterOptions options = request.writer;
   options.info.format = shm::format_of(header);
   options.info.camera_model = header.camera_model;
   options.info.camera_serial = header.camera_serial;
-  options.split_s = request.split_s;
-  options.buffer_bytes = request.buffer_bytes;
-  options.replace = request.replace;
   options.motion = header.motion_offset != 0;
-  options.log = request.log;
   if (request.plane == RecordedPlane::kDeblurred) {
     options.attributes = {{"plane", std::string("deblurred")}, {"solver", std::string(header.solver)}};
   }
@@ -204,7 +199,7 @@ Result<FollowedStream> open_daemon(const RecordRequest& request, const std::atom
   Result<FollowedStream> stream = FollowedStream::open(request.name, 0);
   const std::int64_t until_ns = monotonic_ns() + static_cast<std::int64_t>(request.wait_s * kNsPerSecond);
   const bool waits = !stream && request.wait_at_start;
-  if (waits) request.log("waiting for the daemon '" + request.name + "': " + stream.error().message);
+  if (waits) request.writer.log("waiting for the daemon '" + request.name + "': " + stream.error().message);
   while (waits && !stream && !stop.load(std::memory_order_relaxed) && monotonic_ns() < until_ns) {
     std::this_thread::sleep_for(kRetry);
     stream = FollowedStream::open(request.name, 0);

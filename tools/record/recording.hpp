@@ -42,16 +42,12 @@ enum class RecordedPlane { kRaw, kDeblurred };
 
 struct RecordRequest {
   std::string name;  // of the shared memory
-  std::filesystem::path file;
   RecordedPlane plane = RecordedPlane::kRaw;
   std::uint64_t frames = 0;    // 0: no limit
   double seconds = 0.0;        // of the host's clock, from the first frame on; 0: no limit
   double wait_s = 30.0;        // for a daemon that went away
   bool wait_at_start = false;  // also for one that is not there yet
-  double split_s = 0.0;
-  std::size_t buffer_bytes = std::size_t{256} << 20;
-  Replace replace = Replace::kNothing;
-  std::function<void(const std::string&)> log = [](const std::string&) {};  // as of FileWriterOptions
+  FileWriterOptions writer;    // but for what the daemon tells: info, attributes, motion
 };
 
 struct RecordResult {

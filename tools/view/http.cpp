@@ -1,14 +1,14 @@
 #include "tools/view/http.hpp"
 
-#include <arpa/inet.h>
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/eventfd.h>
-#include <sys/socket.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+
+#include "src/core/ip_address.hpp"
 
 namespace bolo::view {
 namespace {
@@ -16,30 +16,6 @@ namespace {
 constexpr int kAskAgain_ms = 50;                 // requests that wait may have waited long enough
 constexpr std::size_t kConnectionBytes = 16384;  // request line and headers; more is refused with 431
 constexpr int kBacklog = 16;
-
-struct Address {
-  sockaddr_storage place{};
-  socklen_t bytes = 0;
-};
-
-Result<Address> parse_address(const std::string& text, std::uint16_t port) {
-  Address address;
-  auto* v4 = reinterpret_cast<sockaddr_in*>(&address.place);
-  auto* v6 = reinterpret_cast<sockaddr_in6*>(&address.place);
-  if (inet_pton(AF_INET, text.c_str(), &v4->sin_addr) == 1) {
-    v4->sin_family = AF_INET;
-    v4->sin_port = htons(port);
-    address.bytes = sizeof(sockaddr_in);
-    return address;
-  }
-  if (inet_pton(AF_INET6, text.c_str(), &v6->sin6_addr) == 1) {
-    v6->sin6_family = AF_INET6;
-    v6->sin6_port = htons(port);
-    address.bytes = sizeof(sockaddr_in6);
-    return address;
-  }
-  return bad_input("address '" + text + "' is not a numeric IP address such as 192.168.1.10 or ::1");
-}
 
 std::string describe_bind_error(const std::string& address, std::uint16_t port) {
   const std::string where = "cannot listen on " + address + " port " + std::to_string(port) + ": ";
@@ -51,17 +27,12 @@ std::string describe_bind_error(const std::string& address, std::uint16_t port) 
 
 // `absent`: the host does not have this address, or not this family of addresses.
 Result<UniqueFd> listening_socket(const std::string& text, std::uint16_t port, bool& absent) {
-  ASSIGN_OR_RETURN(const Address address, parse_address(text, port));
-  UniqueFd fd(socket(address.place.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  const int on = 1;
-  if (fd) setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  if (fd && address.place.ss_family == AF_INET6) setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &on, sizeof on);
-  if (!fd || bind(fd.get(), reinterpret_cast<const sockaddr*>(&address.place), address.bytes) != 0 ||
-      ::listen(fd.get(), kBacklog) != 0) {
-    absent = errno == EADDRNOTAVAIL || errno == EAFNOSUPPORT;
-    return bad_input(describe_bind_error(text, port));
-  }
-  return fd;
+  const auto address = ip_address(text, port);
+  if (!address) return bad_input("address '" + text + "' is not a numeric IP address such as 192.168.1.10 or ::1");
+  UniqueFd fd = listen_on(*address, kBacklog, address->place.ss_family == AF_INET6);
+  if (fd) return fd;
+  absent = errno == EADDRNOTAVAIL || errno == EAFNOSUPPORT;
+  return bad_input(describe_bind_error(text, port));
 }
 
 std::uint16_t port_of(int fd) {

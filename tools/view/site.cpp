@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <charconv>
 #include <string_view>
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <strings.h>
 #include <sys/random.h>
 #include <sys/stat.h>
 
 #include "src/core/input_file.hpp"
+#include "src/core/ip_address.hpp"
+#include "src/core/text.hpp"
 #include "tools/view/page_files.hpp"
 
 namespace bolo::view {
@@ -58,11 +58,7 @@ constexpr std::chrono::milliseconds kFramePatience{2000};
 template <typename Number>
 std::optional<Number> number(const Request& request, const char* name) {
   const auto text = request.argument(name);
-  Number value{};
-  if (!text) return std::nullopt;
-  const char* end = text->data() + text->size();
-  const auto [rest, error] = std::from_chars(text->data(), end, value);
-  return error == std::errc{} && rest == end ? std::optional<Number>(value) : std::nullopt;
+  return text ? whole_number<Number>(*text) : std::nullopt;
 }
 
 std::optional<Place> place(const Request& request) {
@@ -85,8 +81,6 @@ Answer json_answer(const nlohmann::ordered_json& json) {
           .body = std::make_shared<const std::string>(
               json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace))};
 }
-
-std::string contents(const std::filesystem::path& file) { return read_input(file).value_or(""); }
 
 std::optional<Answer> frame(LiveStream& stream, const Request& request) {
   const auto seen = place(request);
@@ -144,24 +138,13 @@ Result<std::string> read_token(const std::string& file) {
   return token;
 }
 
-bool is_numeric(const std::string& address) {
-  in6_addr place{};
-  return inet_pton(AF_INET, address.c_str(), &place) == 1 || inet_pton(AF_INET6, address.c_str(), &place) == 1;
-}
-
-bool is_loopback(const std::string& address) {
-  in_addr v4{};
-  if (inet_pton(AF_INET, address.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == 127;
-  in6_addr v6{};
-  return inet_pton(AF_INET6, address.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6) != 0;
-}
-
 bool is_this_computer(const Access& access, const std::string& host) {
   const std::string name = without_port(host);
-  if (equal_names(name, "localhost") || is_loopback(name)) return true;
+  const auto address = ip_address(name);
+  if (equal_names(name, "localhost") || (address && address->loopback)) return true;
   if (!access.beyond_loopback) return false;
   // Rebinding needs a name of its own: an address, or the name this computer gives itself, is none.
-  return is_numeric(name) || equal_names(name, access.host_name) || equal_names(name, access.host_name + ".local");
+  return address || equal_names(name, access.host_name) || equal_names(name, access.host_name + ".local");
 }
 
 std::optional<Answer> refusal(const Access& access, const Request& request) {
@@ -254,7 +237,8 @@ Answer Site::page(const std::string& path, bool of_one) const {
   const auto files = page_files();
   const auto file = std::find_if(files.begin(), files.end(), [&](const PageFile& f) { return f.name == name; });
   if (file == files.end()) return line(404, "there is no such page");
-  const std::string content = page_folder_.empty() ? std::string(file->content) : contents(page_folder_ / file->name);
+  const std::string content =
+      page_folder_.empty() ? std::string(file->content) : read_input(page_folder_ / file->name).value_or("");
   return {.type = type_of(name), .body = std::make_shared<const std::string>(content)};
 }
 

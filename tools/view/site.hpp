@@ -9,16 +9,15 @@
 //   POST /api/nuc                  has the camera correct its pixels: 202; the status says what came of it
 #pragma once
 
-#include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <future>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <system_error>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -57,13 +56,7 @@ std::optional<std::string> cookie_for(const Access& access, const Request& reque
 // True if a Host header ("localhost:8640", "[::1]") names this computer. Thread: any.
 bool is_this_computer(const Access& access, const std::string& host);
 
-// True for an IP address, and no more than that. Thread: any.
-bool is_numeric(const std::string& address);
-
-// True for a numeric address of the loopback interface. Thread: any.
-bool is_loopback(const std::string& address);
-
-// --- Requests a NUC without blocking the caller: one at a time.
+// --- Requests a NUC without blocking the caller: one at a time. Thread: one at a time.
 
 class NucTrigger {
  public:
@@ -71,47 +64,31 @@ class NucTrigger {
   using Ask = std::function<Status()>;
 
   explicit NucTrigger(Ask ask) : ask_(std::move(ask)) {}
-  // Waits for an answer that is still to come.
-  ~NucTrigger() {
-    if (thread_.joinable()) thread_.join();
-  }
-  NucTrigger(const NucTrigger&) = delete;
-  NucTrigger& operator=(const NucTrigger&) = delete;
 
-  // False while the one before is not answered. Thread: one at a time.
+  // False while the one before is not answered.
   bool start() {
-    if (pending_.exchange(true)) return false;
-    if (thread_.joinable()) thread_.join();
+    if (pending()) return false;
     try {
-      thread_ = std::thread([this] { note(ask_()); });
+      answer_ = std::async(std::launch::async, ask_).share();
     } catch (const std::system_error& e) {
-      note(failed("the camera was not asked: " + describe_exception(e)));
+      std::promise<Status> none;
+      none.set_value(failed("the camera was not asked: " + describe_exception(e)));
+      answer_ = none.get_future().share();
     }
     return true;
   }
-
-  // Thread: any.
-  bool pending() const noexcept { return pending_.load(); }
-  // Why the last one was not made; empty: it was, or none was asked for. Thread: any.
+  bool pending() const {
+    return answer_.valid() && answer_.wait_for(std::chrono::seconds(0)) != std::future_status::ready;
+  }
+  // Why the last one was not made; empty: it was, or none was asked for.
   std::string trouble() const {
-    const std::lock_guard lock(mutex_);
-    return trouble_;
+    if (!answer_.valid() || pending() || answer_.get()) return {};
+    return answer_.get().error().message;
   }
 
  private:
-  void note(const Status& done) {
-    {
-      const std::lock_guard lock(mutex_);
-      trouble_ = done ? "" : done.error().message;
-    }
-    pending_.store(false);
-  }
-
   const Ask ask_;
-  std::thread thread_;
-  std::atomic<bool> pending_{false};
-  mutable std::mutex mutex_;
-  std::string trouble_;
+  std::shared_future<Status> answer_;  // its end waits for it
 };
 
 class Site {

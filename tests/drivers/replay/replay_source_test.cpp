@@ -1,7 +1,7 @@
 #include "drivers/replay/replay_source.hpp"
 #include "src/core/clock.hpp"
-#include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::replay::replay_source_test {
 
@@ -89,7 +89,7 @@ TEST_F(ReplaySourceTest, HandsInEveryFrameWithItsNumberTimeAndPixels) {
 
 TEST_F(ReplaySourceTest, LapsRiseOnAndBeginANewWindow) {
   const std::vector<std::uint64_t> ids{3, 4, 6};
-  ReplaySource source(write(ids), Pace::kAsFastAsPossible, {}, Laps::kForEver);
+  ReplaySource source(write(ids), Pace::kAsFastAsPossible, Laps::kForEver);
   const auto info = must(source.open());
   pipeline::FrameInlet inlet(info->format, 1, 2);
   ASSERT_TRUE(source.start(inlet));
@@ -106,29 +106,6 @@ TEST_F(ReplaySourceTest, LapsRiseOnAndBeginANewWindow) {
   }
   source.stop();
   EXPECT_TRUE(source.result());
-}
-
-TEST_F(ReplaySourceTest, ARegionIsTheSamePixels) {
-  ReplaySource source(write({0, 1, 2}), Pace::kAsFastAsPossible, Region{2, 1, 3, 2});
-  const auto info = must(source.open());
-  EXPECT_EQ(info->format.geometry, (Geometry{3, 2}));
-  pipeline::FrameInlet inlet(info->format, 1, 2);
-  const auto taken = take_all(source, inlet);
-  ASSERT_EQ(taken.size(), 3U);
-  for (const Taken& frame : taken) {
-    const std::uint64_t id = frame.meta.frame_id;
-    EXPECT_EQ(frame.plane, (std::vector<std::uint16_t>{value(id, 7), value(id, 8), value(id, 9), value(id, 12),
-                                                       value(id, 13), value(id, 14)}));
-  }
-}
-
-TEST_F(ReplaySourceTest, ARegionOutsideTheFrameIsRefused) {
-  const auto reader = write({0, 1});
-  for (const Region& region :
-       {Region{3, 0, 3, 1}, Region{0, 0, 5, 5}, Region{-1, 0, 2, 2}, Region{0, 0, 0, 1}, Region{0, 4, 1, 1}}) {
-    ReplaySource source(reader, Pace::kAsFastAsPossible, region);
-    expect_refused(source.open(), {"not inside the frame of 5x4"});
-  }
 }
 
 TEST_F(ReplaySourceTest, JumpsOfTheFrameNumberAreCountedAsMissing) {
@@ -183,13 +160,6 @@ TEST_F(ReplaySourceTest, StopEndsAReplayThatSleeps) {
   while (inlet.received() < 1) std::this_thread::yield();
   source.stop();
   EXPECT_EQ(inlet.received(), 1U);
-}
-
-TEST(CopyRegion, TakesRowsOutOfAPlane) {
-  const std::vector<float> plane{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
-  std::vector<float> out(4, -1.0F);
-  copy_region(plane.data(), {4, 3}, sizeof(float), {1, 1, 2, 2}, out.data());
-  EXPECT_EQ(out, (std::vector<float>{5, 6, 9, 10}));
 }
 
 }  // namespace bolo::replay::replay_source_test

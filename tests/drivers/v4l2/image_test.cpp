@@ -1,5 +1,4 @@
 // The bytes that a video device is given.
-#include <linux/videodev2.h>
 
 #include "drivers/v4l2/image.hpp"
 #include "tests/refusal.hpp"
@@ -57,12 +56,6 @@ TEST(Image, GreyIsOneByteAPixelAndYuyvTheSameWithNeutralColour) {
 TEST(Image, YuyvNeedsAnEvenWidth) {
   expect_refused(ImageMaker::create(PixelFormat::kYuyv, Y16Unit::k10mK, {3, 2}, k10mK, kFixed), {"3"});
   EXPECT_TRUE(ImageMaker::create(PixelFormat::kGrey, Y16Unit::k10mK, {3, 2}, k10mK, kFixed));
-}
-
-TEST(Image, CodesAreThoseOfV4l2) {
-  EXPECT_EQ(fourcc(PixelFormat::kY16), std::uint32_t{V4L2_PIX_FMT_Y16});
-  EXPECT_EQ(fourcc(PixelFormat::kGrey), std::uint32_t{V4L2_PIX_FMT_GREY});
-  EXPECT_EQ(fourcc(PixelFormat::kYuyv), std::uint32_t{V4L2_PIX_FMT_YUYV});
 }
 
 // --- Which grey a temperature becomes.

@@ -92,7 +92,7 @@ TEST_F(V4l2SourceTest, PixelsAreTheDevicesWithoutItsPadding) {
 
 TEST_F(V4l2SourceTest, OnlyTheRowsThatWereAskedForAreTheImage) {
   options_.rows = {3, 2};
-  options_.format = Container::kYuyv;
+  options_.format = V4L2_PIX_FMT_YUYV;
   camera().formats = {V4L2_PIX_FMT_MJPEG, V4L2_PIX_FMT_YUYV};
   camera().code = V4L2_PIX_FMT_MJPEG;
   start();

@@ -9,7 +9,6 @@
 #include "tools/bolod/config.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/metrics.hpp"
-#include "tools/bolod/reload.hpp"
 
 namespace bolo::daemon::config_test {
 
@@ -103,7 +102,7 @@ TEST_F(Config, KeysOfEachKindReachTheirPlaces) {
   EXPECT_EQ(shared.options().slots, 100);
   EXPECT_EQ(shared.options().mode, 0640U);
   EXPECT_EQ(shared.options().group, "video");
-  EXPECT_EQ(config.log.level, LogLevel::kDebug);
+  EXPECT_EQ(config.log.level, spdlog::level::debug);
   EXPECT_EQ(config.log.format, LogFormat::kJournal);
 }
 
@@ -281,7 +280,7 @@ TEST_F(Reload, SeesNoChangeInOtherWords) {
   const ConfigChange change =
       compare(good("[nuc]\ninterval_s = 60\n[source]\nwidth = 640\n"), good("[nuc]\ninterval_s = 60.0\n"));
   EXPECT_EQ(change.live, Keys{});
-  EXPECT_EQ(change.restart, Keys{}) << key_list(change.restart);
+  EXPECT_EQ(change.restart, Keys{});
 }
 
 TEST_F(Reload, SeesAKeyWithoutDefaultComeAndGo) {

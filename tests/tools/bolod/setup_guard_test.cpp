@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 TEST(SetupGuardTest, ASignalEndsASetUpThatIsHeldUp) {
   const auto held_up = [](int signal) {
     daemon::block_signals();
-    const daemon::SetupGuard guard(200ms);
+    const std::jthread guard = daemon::guard_setup(200ms);
     kill(getpid(), signal);
     std::this_thread::sleep_for(60s);
     _exit(0);
@@ -28,7 +28,7 @@ TEST(SetupGuardTest, ASetUpThatEndsLeavesTheSignalToTheDaemon) {
   const auto set_up = [] {
     daemon::block_signals();
     {
-      const daemon::SetupGuard guard(20s);
+      const std::jthread guard = daemon::guard_setup(20s);
       kill(getpid(), SIGTERM);
       kill(getpid(), SIGHUP);
       std::this_thread::sleep_for(300ms);
