@@ -1,5 +1,6 @@
 // `bolo deblur` of many captures: what is done is not done again, and processes share what is not.
 #include "tests/tools/deblur_verb.hpp"
+#include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/request.hpp"
 
 namespace bolo::tools::deblur_folder_test {
@@ -280,6 +281,24 @@ TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
     fs::remove_all(file("sharp"));
   }
+}
+
+// --- what changes meanwhile ---
+
+TEST(CaptureRun, RefusesACaptureThatAnotherProgramReplacedMeanwhile) {
+  const Scratch scratch;
+  const fs::path file = scratch / "in.h5";
+  write_blurred(file, {});
+  DeblurRequest request;
+  auto run = must(CaptureRun::open(request, file));
+  for (const Blurred& other : {Blurred{.width = 2 * kWidth}, Blurred{.frames = 20}, Blurred{.truth = false}}) {
+    write_blurred(file, other);
+    expect_refused(run->run(scratch / "out.h5", "", [](std::uint64_t, bool) {}),
+                   {"in.h5", "replaced by another program"});
+    EXPECT_FALSE(fs::exists(scratch / "out.h5"));
+  }
+  write_blurred(file, {});  // the same again
+  EXPECT_TRUE(run->run(scratch / "out.h5", "", [](std::uint64_t, bool) {}));
 }
 
 }  // namespace bolo::tools::deblur_folder_test
