@@ -3,8 +3,9 @@
 #include <signal.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <system_error>
+
+#include "tools/bolod/log.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -43,7 +44,7 @@ void SetupGuard::watch(std::chrono::milliseconds grace) {
   while (!ended_.wait_for(lock, kSetupPollPeriod, [this] { return over_; })) {
     waited = end_requested() ? waited + kSetupPollPeriod : std::chrono::milliseconds(0);
     if (waited < grace) continue;
-    std::fputs("bolod: ended by a signal while it was set up\n", stderr);
+    write_to_stderr("bolod: ended by a signal while it was set up\n", 0);
     _exit(1);
   }
 }
