@@ -1,6 +1,7 @@
 // `bolo deblur` of many captures: what is done is not done again, and processes share what is not.
 #include "tests/tools/deblur_verb.hpp"
 #include "tools/deblur/capture_run.hpp"
+#include "tools/deblur/made_from.hpp"
 #include "tools/deblur/request.hpp"
 
 namespace bolo::tools::deblur_folder_test {
@@ -165,6 +166,22 @@ TEST_F(DeblurFolder, OtherSettingsMakeItAgain) {
   const auto before = contents(file("sharp/a.h5"));
   ended(2, words("@archive -o @sharp --lambda 0.5"), {"--overwrite"});
   EXPECT_TRUE(contents(file("sharp/a.h5")) == before);
+}
+
+TEST_F(DeblurFolder, AProfileThatChangesMeanwhileIsNotTakenForTheOneThatWasRead) {
+  write("p.toml", "tau_s = 0.011\n");
+  const auto request_now = [this] {
+    std::vector<std::string> line{"deblur", file("archive"), "-o", file("sharp"), "--profile", file("p.toml")};
+    std::vector<char*> arguments;
+    for (std::string& word : line) arguments.push_back(word.data());
+    return read_deblur_request(deblur_command_line().parse(static_cast<int>(arguments.size()), arguments.data()));
+  };
+  const auto input = must(capture::CaptureReader::open(file("archive/a.h5")));
+  const auto request = must(request_now());
+  const std::string before = *must(made_from(*request, *input));
+  write("p.toml", "tau_s = 0.030\n");
+  EXPECT_EQ(*must(made_from(*request, *input)), before);
+  EXPECT_NE(*must(made_from(*must(request_now()), *input)), before);
 }
 
 TEST_F(DeblurFolder, AnotherInputMakesItAgain) {
