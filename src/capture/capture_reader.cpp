@@ -59,7 +59,9 @@ struct CaptureReader::Impl {
   std::string name;
   h5::Handle file;  // closed last: the stores hold datasets in it
   Contents contents;
+  Trust trust;
 
+  Status check_whole() const { return trust == Trust::kDamaged ? Status{} : at(name, check_reads(file.get())); }
   Status read(std::optional<FrameStore>& planes, const char* path, std::size_t index, void* out) {
     const h5::Quiet quiet;
     if (!planes) return bad_input(name + ": there is no " + path + " in this capture");
@@ -91,7 +93,11 @@ Result<CaptureReader> CaptureReader::open_as(const std::filesystem::path& file, 
   ASSIGN_OR_RETURN(Contents contents,
                    at(file.string(), is_matlab_capture(handle.get()) ? read_matlab_capture(handle.get())
                                                                      : read_bolo_capture(handle.get(), trust)));
-  return CaptureReader(std::make_unique<Impl>(Impl{file.string(), std::move(handle), std::move(contents)}));
+  if (Status whole = check_reads(handle.get()); !whole) {
+    if (trust != Trust::kDamaged) return at(file.string(), std::move(whole.error()));
+    contents.warnings.push_back(whole.error().message);
+  }
+  return CaptureReader(std::make_unique<Impl>(Impl{file.string(), std::move(handle), std::move(contents), trust}));
 }
 
 const CaptureInfo& CaptureReader::info() const noexcept { return impl_->contents.info; }
@@ -106,13 +112,18 @@ Result<Stimulus> CaptureReader::stimulus() const { return at(impl_->name, impl_-
 
 Result<std::vector<Attribute>> CaptureReader::attributes() const {
   const h5::Quiet quiet;
-  return other_attributes(impl_->file.get());
+  auto attributes = other_attributes(impl_->file.get());
+  RETURN_IF_ERROR(impl_->check_whole());
+  return attributes;
 }
 
 Result<std::vector<Point>> CaptureReader::points() const {
   const h5::Quiet quiet;
   std::vector<Point> points;
-  if (!h5::exists(impl_->file.get(), "/points")) return points;
+  if (!h5::exists(impl_->file.get(), "/points")) {
+    RETURN_IF_ERROR(impl_->check_whole());
+    return points;
+  }
   ASSIGN_OR_RETURN(const std::vector<double> x, at(impl_->name, h5::read_doubles(impl_->file.get(), "/points/x")));
   ASSIGN_OR_RETURN(const std::vector<double> y, at(impl_->name, h5::read_doubles(impl_->file.get(), "/points/y")));
   const std::size_t pixels = impl_->contents.info.format.geometry.pixels();

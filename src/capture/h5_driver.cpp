@@ -94,7 +94,13 @@ herr_t read_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t by
   if (gone) errno = EIO;
   const bool good = !gone && driven.file->read(offset, bytes, out);
   driven.erred |= !good;
+  if (!good && !gone) driven.read_error = errno != 0 ? errno : EIO;
   return done_or_why(good, "cannot be read");
+}
+
+herr_t give_driven(H5FD_t* file, hid_t, void** out) {
+  *out = self(file).shared.get();
+  return 0;
 }
 
 herr_t write_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t bytes, const void* data) {
@@ -129,6 +135,7 @@ H5FD_class_t driver_class() {
   driver.get_eoa = allocated_end;
   driver.set_eoa = set_allocated_end;
   driver.get_eof = file_end;
+  driver.get_handle = give_driven;
   driver.read = read_file;
   driver.write = write_file;
   driver.flush = flush_file;
@@ -194,6 +201,14 @@ Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
     return bad_input("is being written by another program; read it when that has ended (" + reason + ")");
   }
   return bad_input("cannot be opened as HDF5: " + reason);
+}
+
+Status check_reads(hid_t file) {
+  void* driven = nullptr;
+  if (H5Fget_vfd_handle(file, H5P_DEFAULT, &driven) < 0) return {};
+  const int error = std::exchange(static_cast<DrivenFile*>(driven)->read_error, 0);
+  if (error == 0) return {};
+  return bad_input(std::string("cannot be read whole: ") + std::strerror(error));
 }
 
 }  // namespace bolo::capture

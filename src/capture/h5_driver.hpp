@@ -19,6 +19,7 @@ struct DrivenFile {
   bool ending = false;
   bool erred = false;  // a read or a write failed: HDF5's state may be inconsistent
   int error = 0;       // errno of what failed since `ending`
+  int read_error = 0;  // errno of a read that the disk failed at since check_reads()
 };
 
 // A new HDF5 file of that name, which `driven` has open for writing and keeps when HDF5 has closed it: its owner has to
@@ -33,5 +34,9 @@ enum class FileUse {
 // Errors (kBadInput, without the file's name): not there, not HDF5 (what it is, where that shows), cut off, being
 // written by another program. Thread: any one at a time.
 Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use = FileUse::kRead);
+
+// HDF5 takes what the disk fails to give (a bad sector, a network) for what is not there: after looking for what need
+// not be there this says whether that is so. Errors (kBadInput, without the file's name). Thread: any one at a time.
+Status check_reads(hid_t file);
 
 }  // namespace bolo::capture

@@ -156,6 +156,7 @@ Result<model::PixelMaps> read_pixel_maps(const std::filesystem::path& file) {
   const h5::Quiet quiet;
   ASSIGN_OR_RETURN(const h5::Handle handle, at(file.string(), open_hdf5(file)));
   ASSIGN_OR_RETURN(model::PixelMaps maps, at(file.string(), read_all(handle.get())));
+  RETURN_IF_ERROR(at(file.string(), check_reads(handle.get())));
   return maps;
 }
 

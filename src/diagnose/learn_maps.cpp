@@ -46,7 +46,8 @@ Result<std::vector<capture::CaptureReader>> open_all(const Session& session,
     const Recording& wanted = session.recordings[readers.size()];
     if (file.filename() != wanted.name) continue;
     auto reader = capture::CaptureReader::open(file);
-    if (reader && reader->info().frames == wanted.t.size()) readers.push_back(std::move(*reader));
+    if (!reader || reader->info().format.geometry != Geometry{session.width, session.height}) break;
+    if (reader->info().frames == wanted.t.size()) readers.push_back(std::move(*reader));
   }
   if (readers.size() == session.recordings.size()) return readers;
   return failed("the captures changed while they were diagnosed; start again");

@@ -19,7 +19,7 @@ class Turning {
   // Adds the angles turned from `from_ns` to `to_ns`, which rise from call to call. False where samples are missing.
   bool add(double from_ns, double to_ns, Turn& turn) noexcept {
     while (at_ + 1 < samples_.size() && time(at_ + 1) <= from_ns) ++at_;
-    for (std::size_t i = at_; from_ns < to_ns; ++i) {
+    for (std::size_t i = at_; from_ns < to_ns && i < samples_.size(); ++i) {
       const bool last = i + 1 == samples_.size();
       const double until = last ? time(i) + kLatest * period_ns_ : time(i + 1);
       if (until <= from_ns || (!last && until - time(i) > kLongestPause * period_ns_)) return false;
@@ -31,7 +31,7 @@ class Turning {
       }
       from_ns = end;
     }
-    return true;
+    return from_ns >= to_ns;
   }
 
  private:

@@ -211,4 +211,12 @@ TEST(GyroMotion, WhereSamplesAreMissingItIsSilent) {
   EXPECT_FALSE(motion.find(samples, std::int64_t{1} << 62, by_gyro));
 }
 
+TEST(GyroMotion, WhatLiesBehindTheLastSampleIsNotRead) {
+  const GyroMotion motion({640, 120}, 1, {kFocal, 0.0, 0.0, 0.0}, kPeriod, kInertia);
+  GyroMotions by_gyro;
+  auto samples = turning({0.0, 1.0, 0.0}, 110);
+  samples.erase(samples.begin() + 101, samples.begin() + 104);  // the next would be of the time asked for
+  EXPECT_FALSE(motion.find(std::span<const GyroSample>(samples).first(101), to_ns(0.1026), by_gyro));
+}
+
 }  // namespace bolo::deblur::gyro_test

@@ -1,9 +1,12 @@
 // Shared parts of all verbs: the line of progress, on a terminal, and the end by a library's exception.
 #include <fcntl.h>
+#include <pty.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <new>
 
+#include "tests/child.hpp"
 #include "tests/refusal.hpp"
 #include "tools/cli/cli.hpp"
 
@@ -97,6 +100,24 @@ class Terminal {
   int stderr_;
   int terminal_;
 };
+
+TEST(Progress, DoesNotWaitForATerminalThatTakesNothing) {
+  const int ended = in_child([] {
+    int master = -1;
+    int slave = -1;
+    if (openpty(&master, &slave, nullptr, nullptr, nullptr) != 0) return 1;
+    dup2(slave, STDERR_FILENO);
+    tcflow(slave, TCOOFF);  // as by Ctrl-S
+    alarm(30);
+    Progress progress("recording", 0);
+    for (int i = 0; i < 3; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(110));
+      progress.update(static_cast<std::uint64_t>(i));
+    }
+    return 0;
+  });
+  EXPECT_EQ(ended, 0);
+}
 
 TEST(Progress, SaysTheRateSinceTheWorkBeganAndTheTimeLeft) {
   const Terminal terminal;

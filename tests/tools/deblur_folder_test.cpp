@@ -1,5 +1,7 @@
 // `bolo deblur` of many captures: what is done is not done again, and processes share what is not.
 #include "tests/tools/deblur_verb.hpp"
+#include "tools/deblur/capture_run.hpp"
+#include "tools/deblur/made_from.hpp"
 #include "tools/deblur/request.hpp"
 
 namespace bolo::tools::deblur_folder_test {
@@ -166,6 +168,22 @@ TEST_F(DeblurFolder, OtherSettingsMakeItAgain) {
   EXPECT_TRUE(contents(file("sharp/a.h5")) == before);
 }
 
+TEST_F(DeblurFolder, AProfileThatChangesMeanwhileIsNotTakenForTheOneThatWasRead) {
+  write("p.toml", "tau_s = 0.011\n");
+  const auto request_now = [this] {
+    std::vector<std::string> line{"deblur", file("archive"), "-o", file("sharp"), "--profile", file("p.toml")};
+    std::vector<char*> arguments;
+    for (std::string& word : line) arguments.push_back(word.data());
+    return read_deblur_request(deblur_command_line().parse(static_cast<int>(arguments.size()), arguments.data()));
+  };
+  const auto input = must(capture::CaptureReader::open(file("archive/a.h5")));
+  const auto request = must(request_now());
+  const std::string before = *must(made_from(*request, *input));
+  write("p.toml", "tau_s = 0.030\n");
+  EXPECT_EQ(*must(made_from(*request, *input)), before);
+  EXPECT_NE(*must(made_from(*must(request_now()), *input)), before);
+}
+
 TEST_F(DeblurFolder, AnotherInputMakesItAgain) {
   (void)archive();
   Blurred longer = capture('a');
@@ -280,6 +298,24 @@ TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
     fs::remove_all(file("sharp"));
   }
+}
+
+// --- what changes meanwhile ---
+
+TEST(CaptureRun, RefusesACaptureThatAnotherProgramReplacedMeanwhile) {
+  const Scratch scratch;
+  const fs::path file = scratch / "in.h5";
+  write_blurred(file, {});
+  DeblurRequest request;
+  auto run = must(CaptureRun::open(request, file));
+  for (const Blurred& other : {Blurred{.width = 2 * kWidth}, Blurred{.frames = 20}, Blurred{.truth = false}}) {
+    write_blurred(file, other);
+    expect_refused(run->run(scratch / "out.h5", "", [](std::uint64_t, bool) {}),
+                   {"in.h5", "replaced by another program"});
+    EXPECT_FALSE(fs::exists(scratch / "out.h5"));
+  }
+  write_blurred(file, {});  // the same again
+  EXPECT_TRUE(run->run(scratch / "out.h5", "", [](std::uint64_t, bool) {}));
 }
 
 }  // namespace bolo::tools::deblur_folder_test

@@ -1,5 +1,6 @@
 #include "tools/bolod/log.hpp"
 
+#include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -8,9 +9,10 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
+#include <climits>
 #include <condition_variable>
 #include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <ctime>
 #include <deque>
@@ -24,7 +26,6 @@
 #include <spdlog/details/log_msg_buffer.h>
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/base_sink.h>
-#include <spdlog/sinks/stdout_sinks.h>
 
 #include "src/core/text.hpp"
 #include "src/rt/thread.hpp"
@@ -73,7 +74,7 @@ class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
     vectors.reserve(fields.size());
     for (std::string& one : fields) vectors.push_back({one.data(), one.size()});
     if (send_(vectors) >= 0) return;
-    std::fprintf(stderr, "<%c>%s\n", priority(message.level), printable(text).c_str());
+    write_to_stderr(std::string("<") + priority(message.level) + ">" + printable(text) + "\n", -1);
   }
   void flush_() override {}
 
@@ -195,8 +196,18 @@ class PrintableText final : public spdlog::custom_flag_formatter {
   std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<PrintableText>(); }
 };
 
+class TextSink final : public spdlog::sinks::base_sink<std::mutex> {
+ protected:
+  void sink_it_(const spdlog::details::log_msg& message) override {
+    spdlog::memory_buf_t text;
+    formatter_->format(message, text);
+    write_to_stderr({text.data(), text.size()}, -1);
+  }
+  void flush_() override {}
+};
+
 spdlog::sink_ptr text_sink() {
-  auto sink = std::make_shared<spdlog::sinks::stderr_sink_mt>();
+  auto sink = std::make_shared<TextSink>();
   auto formatter = std::make_unique<spdlog::pattern_formatter>();
   formatter->add_flag<PrintableText>('*').set_pattern("%Y-%m-%d %H:%M:%S.%e %l: %*");
   sink->set_formatter(std::move(formatter));
@@ -253,6 +264,19 @@ std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::s
   log->set_level(options.level);
   log->flush_on(spdlog::level::trace);
   return log;
+}
+
+void write_to_stderr(std::string_view text, int patience_ms) {
+  pollfd event{STDERR_FILENO, POLLOUT, 0};
+  while (!text.empty()) {
+    const int ready = poll(&event, 1, patience_ms);
+    if (ready == 0) return;
+    // A pipe that is ready takes PIPE_BUF bytes without waiting.
+    const ssize_t done =
+        ready < 0 ? -1 : ::write(STDERR_FILENO, text.data(), std::min<std::size_t>(text.size(), PIPE_BUF));
+    if (done < 0 && errno != EINTR) return;
+    if (done > 0) text.remove_prefix(static_cast<std::size_t>(done));
+  }
 }
 
 }  // namespace bolo::daemon

@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <spdlog/logger.h>
@@ -62,5 +63,10 @@ void log_notice(spdlog::logger& log, spdlog::level::level_enum level, const pipe
 std::shared_ptr<spdlog::sinks::sink> make_queued_sink(std::shared_ptr<spdlog::sinks::sink> inner,
                                                       std::size_t most = 1000,
                                                       std::chrono::milliseconds patience = std::chrono::seconds(1));
+
+// Onto standard error past stdio, whose lock a thread that hangs there (a pipe that nobody reads) would hold: the end
+// of the program takes that lock. What standard error does not take in time is dropped; -1: it is waited for. Thread:
+// any.
+void write_to_stderr(std::string_view text, int patience_ms);
 
 }  // namespace bolo::daemon

@@ -19,6 +19,7 @@ namespace {
 constexpr int kExitDone = 0;
 constexpr int kExitFailed = 1;
 constexpr int kExitUsage = 2;
+constexpr int kPatience_ms = 1000;  // with a reader of the last line, which is to hold up no restart
 
 cxxopts::Options bolod_options() {
   cxxopts::Options options("bolod", "Deblurs a thermal camera's frames and hands them to other programs.");
@@ -32,7 +33,7 @@ cxxopts::Options bolod_options() {
 }
 
 int report(const bolo::Error& error) {
-  std::fprintf(stderr, "bolod: %s\n", bolo::printable(error.message).c_str());
+  bolo::daemon::write_to_stderr("bolod: " + bolo::printable(error.message) + "\n", kPatience_ms);
   return error.exit_code();
 }
 

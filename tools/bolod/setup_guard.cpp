@@ -4,9 +4,10 @@
 #include <unistd.h>
 
 #include <condition_variable>
-#include <cstdio>
 #include <mutex>
 #include <system_error>
+
+#include "tools/bolod/log.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -27,7 +28,7 @@ void watch(const std::stop_token& over, std::chrono::milliseconds grace) {
   while (!ended.wait_for(lock, over, kSetupPollPeriod, [&over] { return over.stop_requested(); })) {
     waited = end_requested() ? waited + kSetupPollPeriod : std::chrono::milliseconds(0);
     if (waited < grace) continue;
-    std::fputs("bolod: ended by a signal while it was set up\n", stderr);
+    write_to_stderr("bolod: ended by a signal while it was set up\n", 0);
     _exit(1);
   }
 }

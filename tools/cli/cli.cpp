@@ -1,5 +1,7 @@
 #include "tools/cli/cli.hpp"
 
+#include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -171,12 +173,21 @@ Progress::Progress(std::string what, std::uint64_t total, double log_every_s)
       total_(total),
       log_every_s_(log_every_s),
       terminal_(isatty(STDERR_FILENO) == 1),
+      own_(terminal_ ? ::open("/proc/self/fd/2", O_WRONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC) : -1),
       start_(std::chrono::steady_clock::now()),
       rate_start_(start_),
       last_(start_) {}
 
 Progress::~Progress() {
-  if (printed_) std::fputc('\n', stderr);
+  if (printed_) show("\n");
+}
+
+// A terminal that takes nothing (Ctrl-S, a connection that stalls) must not hold up the work: a recorder would lose
+// frames.
+void Progress::show(std::string_view text) const {
+  pollfd event{own_ ? own_.get() : STDERR_FILENO, POLLOUT, 0};
+  if (poll(&event, 1, 0) <= 0) return;
+  [[maybe_unused]] const ssize_t done = ::write(event.fd, text.data(), text.size());
 }
 
 void Progress::start_rate(std::uint64_t done) {
@@ -204,13 +215,12 @@ void Progress::update(std::uint64_t done) {
   printed_ = true;
   if (total_ == 0) {
     const double seconds = std::chrono::duration<double>(now - start_).count();
-    std::fprintf(stderr, "\r%s: %llu, %.1f s ", what_.c_str(), static_cast<unsigned long long>(done), seconds);
+    show(fmt::format("\r{}: {}, {:.1f} s ", what_, done, seconds));
     return;
   }
   // Spaces wipe out what is left of a longer line.
-  std::fprintf(stderr, "\r%s: %llu of %llu (%.0f %%)%s    ", what_.c_str(), static_cast<unsigned long long>(done),
-               static_cast<unsigned long long>(total_), 100.0 * static_cast<double>(done) / static_cast<double>(total_),
-               rate(done, now).c_str());
+  const double percent = 100.0 * static_cast<double>(done) / static_cast<double>(total_);
+  show(fmt::format("\r{}: {} of {} ({:.0f} %){}    ", what_, done, total_, percent, rate(done, now)));
 }
 
 void Progress::log(std::uint64_t done, std::chrono::steady_clock::time_point now) {

@@ -17,6 +17,7 @@
 #include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "src/core/text.hpp"
+#include "src/core/unique_fd.hpp"
 
 // cxxopts itself takes the number that a value begins with, and drops the rest: "0,03" was 0.
 template <>
@@ -111,11 +112,13 @@ class Progress {
  private:
   std::string rate(std::uint64_t done, std::chrono::steady_clock::time_point now) const;
   void log(std::uint64_t done, std::chrono::steady_clock::time_point now);
+  void show(std::string_view text) const;
 
   std::string what_;
   std::uint64_t total_;
   double log_every_s_;
   bool terminal_;
+  UniqueFd own_;  // the terminal once more, for writes that do not wait; none where it can't be opened
   bool printed_ = false;
   std::chrono::steady_clock::time_point start_;
   std::chrono::steady_clock::time_point rate_start_;

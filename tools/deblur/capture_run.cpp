@@ -59,6 +59,13 @@ capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& ch
   return stimulus;
 }
 
+// What the run takes from one reader is for frames of the other.
+bool same_frames(const capture::CaptureReader& a, const capture::CaptureReader& b) {
+  return a.info().format.geometry == b.info().format.geometry && a.info().format.type == b.info().format.type &&
+         a.info().has_truth == b.info().has_truth && a.info().has_times == b.info().has_times && a.t() == b.t() &&
+         a.frame_id() == b.frame_id();
+}
+
 // The error that states what was solved before the run was given up.
 Error interruption(DeblurSink& sink, const pipeline::Pipeline& pipeline, const DeblurRequest& request,
                    const std::filesystem::path& output) {
@@ -257,6 +264,9 @@ Result<CaptureRun> CaptureRun::open(const DeblurRequest& request, const std::fil
 Result<RunFacts> CaptureRun::run(const OutputFile& output, const std::string& made_from,
                                  const DeblurSink::FrameCallback& on_frame) {
   ASSIGN_OR_RETURN(auto own_reader, capture::CaptureReader::open(file_));
+  if (!same_frames(own_reader, *reader_)) {
+    return bad_input(file_.string() + ": was replaced by another program meanwhile; start again");
+  }
   PixelChoice choice(info().format.geometry, options_.region, options_.points);
   DeblurSink sink(file_, std::move(own_reader), std::move(choice), output, on_frame);
   auto source = std::make_unique<replay::ReplaySource>(reader_, replay::Pace::kAsFastAsPossible);

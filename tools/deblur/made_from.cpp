@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <fstream>
-#include <sstream>
 #include <system_error>
 #include <variant>
 #include <vector>
@@ -26,6 +25,8 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
+constexpr std::streamsize kPieceBytes = 1 << 16;
+
 class Checksum {
  public:
   void add(const void* data, std::size_t bytes) {
@@ -40,18 +41,6 @@ class Checksum {
  private:
   uLong value_ = crc32_z(0, nullptr, 0);
 };
-
-Status add_file(const char* name, const fs::path& file, json& all) {
-  if (file.empty()) return {};
-  ASSIGN_OR_RETURN(const std::ifstream in, stream_input(file));
-  std::ostringstream bytes;
-  bytes << in.rdbuf();
-  if (!bytes) return bad_input(file.string() + ": cannot be read");
-  Checksum sum;
-  sum.add(bytes.str().data(), bytes.str().size());
-  all[name] = sum.value();
-  return {};
-}
 
 // The instruction set only where it was chosen: hosts of several kinds may share a folder.
 json settings_of(const DeblurRequest& request) {
@@ -87,14 +76,26 @@ Result<std::uint64_t> checksum_of(const capture::CaptureReader& input) {
 
 }  // namespace
 
+Result<std::uint64_t> checksum_of_file(const fs::path& file) {
+  ASSIGN_OR_RETURN(std::ifstream in, stream_input(file));
+  Checksum sum;
+  for (std::vector<char> piece(kPieceBytes); in;) {
+    in.read(piece.data(), kPieceBytes);
+    sum.add(piece.data(), static_cast<std::size_t>(in.gcount()));
+  }
+  if (in.bad()) return bad_input(file.string() + ": cannot be read");
+  return sum.value();
+}
+
 Result<std::string> made_from(const DeblurRequest& request, const capture::CaptureReader& input) {
   json all{{"settings", settings_of(request)}, {"frames", input.info().frames}};
   ASSIGN_OR_RETURN(const auto sum, checksum_of(input));
   all["input"] = sum;
-  RETURN_IF_ERROR(add_file("profile", request.profile_file, all));
-  RETURN_IF_ERROR(add_file("maps", request.maps_file, all));
-  RETURN_IF_ERROR(add_file("points", request.points_file, all));
-  RETURN_IF_ERROR(add_file("gyro", request.gyro_file, all));
+  for (const auto& [name, of_file] : request.sums) all[name] = of_file;
+  if (!request.points_file.empty()) {  // read for each capture
+    ASSIGN_OR_RETURN(const auto points, checksum_of_file(request.points_file));
+    all["points"] = points;
+  }
   return all.dump();
 }
 

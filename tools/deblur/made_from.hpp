@@ -13,6 +13,9 @@ namespace bolo::tools {
 // Root attribute of outputs in a folder, written last of all: what has it is whole.
 inline constexpr const char* kMadeFrom = "made_from";
 
+// CRC-32 of a file. kBadInput when it cannot be read. Thread: any.
+Result<std::uint64_t> checksum_of_file(const std::filesystem::path& file);
+
 // The settings, checksums of profile, maps and points, and of the input its size, times, numbers, first and last frame;
 // the same text for the same work. A change of other pixels alone is seen by the input's being newer (is_made()).
 // kBadInput when a file cannot be read. Thread: any one at a time.

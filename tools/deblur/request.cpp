@@ -20,6 +20,7 @@
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/deblur/made_from.hpp"
 #include "tools/deblur/pixel_choice.hpp"
 
 namespace bolo::tools {
@@ -105,11 +106,20 @@ Status read_lambda(const std::string& text, deblur::Settings& settings) {
   return bad_input("--lambda '" + text + "': give a number of 0 or more, or auto");
 }
 
+// Before the file is read: one that changes meanwhile is then taken for another, and what was made of it made again.
+// What is wrong with the file is said by its reader.
+void note_sum(const char* name, const fs::path& file, DeblurRequest& request) {
+  if (!request.into_folder || file.empty()) return;
+  if (const auto sum = checksum_of_file(file)) request.sums[name] = *sum;
+}
+
 Status read_profile(const cxxopts::ParseResult& args, DeblurRequest& request) {
   if (args.count("profile") == 0) return {};
   request.profile_file = args["profile"].as<std::string>();
+  note_sum("profile", request.profile_file, request);
   ASSIGN_OR_RETURN(const auto profile, model::read_profile(request.profile_file));
   request.maps_file = profile.maps;
+  note_sum("maps", request.maps_file, request);
   ASSIGN_OR_RETURN(auto maps, capture::read_profile_maps(profile));
   pipeline::apply_profile(profile, std::move(maps), request.options);
   return {};
@@ -131,6 +141,7 @@ Status read_gyro_file(const cxxopts::ParseResult& args, DeblurRequest& request) 
   if (args.count("gyro") == 0) return {};
   request.gyro_file = args["gyro"].as<std::string>();
   if (const Status status = deblur::check_gyro(request.options.deblur); !status) return at("--gyro", status.error());
+  note_sum("gyro", request.gyro_file, request);
   ASSIGN_OR_RETURN(auto samples, read_gyro(request.gyro_file));
   request.gyro = std::make_shared<const std::vector<GyroSample>>(std::move(samples));
   return {};

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -78,6 +80,7 @@ struct DeblurRequest {
   std::filesystem::path profile_file;
   std::filesystem::path maps_file;
   std::filesystem::path gyro_file;
+  std::map<std::string, std::uint64_t> sums;            // checksums of profile, maps and gyro, as they were read
   std::shared_ptr<const std::vector<GyroSample>> gyro;  // of gyro_file; null: none
   pipeline::PipelineOptions options;                    // points are of a capture (points_of)
   Replace replace = Replace::kNothing;

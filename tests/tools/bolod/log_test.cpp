@@ -1,7 +1,9 @@
 // Logging into a place that takes nothing for a while, and the fields of a message on their way into the journal.
 #include "tools/bolod/log.hpp"
+#include "tests/child.hpp"
 #include "tests/no_threads.hpp"
 
+#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -110,6 +112,24 @@ TEST(QueuedSink, ItsEndWritesWhatIsLeftAndDoesNotWaitForEver) {
   }
   gate->open();  // the thread may end
   EXPECT_EQ(gate->taken(1).size(), 1U);
+}
+
+// A thread that hangs in it must not hold what the end of a program needs.
+TEST(TextLog, APipeThatNobodyReadsKeepsNoProgramFromItsEnd) {
+  const int ended = in_child([] {
+    std::array<int, 2> pipe_ends{};
+    if (pipe2(pipe_ends.data(), O_NONBLOCK) != 0) return 1;
+    while (write(pipe_ends[1], "full", 4) == 4) {
+    }
+    fcntl(pipe_ends[1], F_SETFL, 0);
+    dup2(pipe_ends[1], STDERR_FILENO);
+    alarm(30);
+    make_log({.format = LogFormat::kText}, "front")->info("into nothing");
+    write_to_stderr("nor this", 10);
+    std::exit(0);
+    return 1;
+  });
+  EXPECT_EQ(ended, 0);
 }
 
 // --- the journal
