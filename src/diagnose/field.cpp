@@ -159,7 +159,6 @@ void add_named(Findings& out, const std::string& effect, double z, Estimates par
 }
 
 void name_parts(const FieldParts& parts, Findings& out) {
-  if (parts.gap_after >= parts.gap_before) return;  // of the scene: what one half tells does not help the other
   const Gaps gaps{parts.gap_before, parts.gap_after};
   const auto clear = [&](const Measured& m, double least) {
     return m.z > kPatternIsSure && m.value > least * parts.noise;
@@ -173,6 +172,7 @@ void name_parts(const FieldParts& parts, Findings& out) {
               "pixels show more or less of the scene's changes than others");
   }
   if (parts.after_freeze || !(clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn))) return;
+  if (parts.gap_after >= parts.gap_before) return;  // of the scene: what one half tells does not help the other
   if (parts.growth.value > kLeastGrowth && parts.growth.z > kPatternIsSure) {
     const double change = parts.growth.value * offset.pixel.value;
     add_named(out, "drift", parts.growth.z, {{"change_k", interval(change, parts.growth.error * offset.pixel.value)}},

@@ -115,11 +115,9 @@ struct UsedFrames {
   std::vector<Observation::Jump> jumps{};
 
   Geometry geometry() const { return reader.info().format.geometry; }
-  // The offset removed at a frame.
-  double jump_at(std::size_t k) const {
-    return sum_of(jumps, [at = frame[k]](const Observation::Jump& jump) {
-      return static_cast<Index>(jump.frame) == at ? jump.size : 0.0;
-    });
+  // The offset removed from a frame of the recording on.
+  double jump_from(std::size_t at) const {
+    return sum_of(jumps, [at](const Observation::Jump& jump) { return jump.frame == at ? jump.size : 0.0; });
   }
 
   Status read(Index k, std::span<float> out) const {
@@ -196,7 +194,7 @@ Result<Advance> advance_of(const UsedFrames& used, Matcher& matcher) {
     matcher.smooth(frame.data(), now);
     const motion::Affine d = k == 0 ? motion::Affine{} : matcher.whole(last, now);
     out.step.emplace_back(d.p[0], d.p[3]);
-    add_rise(k == 0 ? frame : before, frame, g, d, used.jump_at(k), out.rise);
+    add_rise(k == 0 ? frame : before, frame, g, d, used.jump_from(static_cast<std::size_t>(used.frame[k])), out.rise);
   }
   return out;
 }
@@ -289,7 +287,17 @@ Result<FieldMotion> follow_field(const std::filesystem::path& file, const Record
   // Frames are matched without candidate jumps, which are confirmed by a change along the motion.
   used.jumps = jumps_among(recording.statistics, noise);
   Matcher matcher{used.geometry(), noise};
-  ASSIGN_OR_RETURN(const auto advance, advance_of(used, matcher));
+  ASSIGN_OR_RETURN(auto advance, advance_of(used, matcher));
+  // An offset that moved by less than the scene changed each pixel is not yet among these, and disturbed its frame's
+  // match.
+  if (auto seen = jumps_among(advance.rise, noise); !seen.empty()) {
+    for (Observation::Jump& jump : seen) jump.frame = static_cast<std::size_t>(used.frame[jump.frame]);
+    const auto removed = [&](const Observation::Jump& jump) { return used.jump_from(jump.frame) != 0.0; };
+    if (!std::ranges::all_of(seen, removed)) {
+      used.jumps = std::move(seen);
+      ASSIGN_OR_RETURN(advance, advance_of(used, matcher));
+    }
+  }
   out.lost = find_lost(used.frame, advance.step);
   for (auto [k, size] : jumps_among(advance.rise, noise)) {
     if (is_followed(advance.rise, k, size)) out.jumps.push_back({static_cast<std::size_t>(used.frame[k]), size});

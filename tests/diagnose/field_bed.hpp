@@ -75,6 +75,14 @@ inline sim::Path restless(double from_s = -10.0) {
   return sim::Path(std::move(points));
 }
 
+// Up to 300 px/s.
+inline sim::Path slow_hand() {
+  std::vector<sim::PathPoint> points;
+  for (double t = -0.6; t < 8.0; t += 0.002)
+    points.push_back({t, 60.0 * std::sin(4.0 * t) + 20.0 * std::sin(9.0 * t), 25.0 * std::sin(6.3 * t)});
+  return sim::Path(std::move(points));
+}
+
 // A hand at rest except for some moves of about four times `rise_s`.
 inline sim::Path jerks(double rise_s = 0.008) {
   std::vector<sim::PathPoint> points;

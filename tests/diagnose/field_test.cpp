@@ -96,6 +96,18 @@ TEST_F(FieldRecording, NamesTheFrameThatJumped) {
   }
 }
 
+// An offset that is no candidate before the scene is followed misleads the match of its frame.
+TEST_F(FieldRecording, NamesALargeJumpOfAMovingScene) {
+  Shot shot{.view = {128, 96}, .frames = 200, .path = bed::slow_hand(), .period_s = 1.0 / 30.0};
+  for (const auto& [jump_k, at_s] : {std::pair{1.35, 1.505}, std::pair{-1.15, 2.616}, std::pair{-0.75, 4.838}}) {
+    shot.effects = {"offset_jump:jump_k=" + std::to_string(jump_k) + ",at_s=" + std::to_string(at_s)};
+    const Report report = diagnosed(shot);
+    EXPECT_EQ(told(report), "explained: offset_jump") << jump_k;
+    ASSERT_EQ(report.observations.front().jumps.size(), 1U);
+    EXPECT_NEAR(report.observations.front().jumps[0].size, jump_k, 0.05);
+  }
+}
+
 // At a jerk of the hand, all pixels of an uneven sky change alike, but over some frames, unlike an offset.
 TEST_F(FieldRecording, AJerkOverAnUnevenSkyIsNoJump) {
   for (const bool jumps : {false, true}) {
