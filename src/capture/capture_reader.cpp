@@ -108,7 +108,11 @@ const std::vector<double>& CaptureReader::t_host() const noexcept { return impl_
 const std::vector<double>& CaptureReader::t_utc() const noexcept { return impl_->contents.t_utc; }
 const std::vector<Event>& CaptureReader::events() const noexcept { return impl_->contents.events; }
 const std::vector<std::string>& CaptureReader::warnings() const noexcept { return impl_->contents.warnings; }
-Result<Stimulus> CaptureReader::stimulus() const { return at(impl_->name, impl_->contents.stimulus); }
+Result<Stimulus> CaptureReader::stimulus() const {
+  const Result<Stimulus>& read = impl_->contents.stimulus;
+  if (!read) return at(impl_->name, read.error());
+  return *read;  // a copy of the Result itself is noexcept: without memory for it the process would end
+}
 
 Result<std::vector<Attribute>> CaptureReader::attributes() const {
   const h5::Quiet quiet;

@@ -132,8 +132,7 @@ Status CaptureWriter::Impl::create() {
   driven->file = std::move(created);
   // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages found no room.
   if (Status good = driven->file->reserve(frame_bytes()); !good) return at(part_name.string(), std::move(good.error()));
-  file = create_hdf5(part_name, driven);
-  if (!file) return broken("cannot be created");
+  ASSIGN_OR_RETURN(file, at(part_name.string(), create_hdf5(part_name, driven)));
   return create_items();
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <limits>
 
@@ -195,6 +196,13 @@ Handle simple_space(const Dims& dims) {
 }
 
 }  // namespace
+
+bool has_memory_for_a_file() noexcept {
+  constexpr std::size_t kOfAFile = std::size_t{4} << 20;
+  void* volatile memory = std::malloc(kOfAFile);  // volatile: or the compiler leaves both calls out
+  std::free(memory);
+  return memory != nullptr;
+}
 
 Quiet::Quiet() noexcept {
   H5Eget_auto2(H5E_DEFAULT, &function_, &data_);

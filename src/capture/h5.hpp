@@ -35,6 +35,10 @@ class Handle {
   hid_t id_ = H5I_INVALID_HID;
 };
 
+// False: opening or creating one would end the process, for HDF5 1.10 does not survive that its cache of a file, 600
+// KB, finds no memory. Thread: any.
+bool has_memory_for_a_file() noexcept;
+
 // While one lives, the library doesn't print its error stack in this thread: errors leave as values. Declare it before
 // the handles of a function, so that their closing is covered. Thread: any.
 class Quiet {

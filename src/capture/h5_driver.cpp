@@ -174,10 +174,13 @@ Status read_head(const std::filesystem::path& file, std::array<char, 128>& head)
 
 }  // namespace
 
-h5::Handle create_hdf5(const std::filesystem::path& name, const std::shared_ptr<DrivenFile>& driven) {
+Result<h5::Handle> create_hdf5(const std::filesystem::path& name, const std::shared_ptr<DrivenFile>& driven) {
   driven->writes = true;
+  if (!h5::has_memory_for_a_file()) return failed("cannot be created: not enough memory");
   const h5::Handle access = file_access(driven);
-  return h5::Handle(access ? H5Fcreate(name.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()) : H5I_INVALID_HID);
+  h5::Handle file(access ? H5Fcreate(name.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()) : H5I_INVALID_HID);
+  if (!file) return failed("cannot be created" + h5::because());  // before `access` is closed, which forgets the reason
+  return file;
 }
 
 Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
@@ -188,6 +191,7 @@ Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
   }
   if (H5Fis_hdf5(file.c_str()) == 0) return bad_input("is not an HDF5 file; expected a capture (.h5 or .mat v7.3)");
   ASSIGN_OR_RETURN(std::unique_ptr<CrashSafeFile> opened, CrashSafeFile::open(file));
+  if (!h5::has_memory_for_a_file()) return failed("cannot be opened: not enough memory");
   const auto driven = std::make_shared<DrivenFile>();
   driven->file = std::move(opened);
   driven->salvages = use == FileUse::kSalvage;

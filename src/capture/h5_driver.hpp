@@ -23,8 +23,8 @@ struct DrivenFile {
 };
 
 // A new HDF5 file of that name, which `driven` has open for writing and keeps when HDF5 has closed it: its owner has to
-// finish it. Nothing on failure, h5::cause() tells why. Thread: any one at a time.
-h5::Handle create_hdf5(const std::filesystem::path& name, const std::shared_ptr<DrivenFile>& driven);
+// finish it. Errors (without the file's name): no memory, no room. Thread: any one at a time.
+Result<h5::Handle> create_hdf5(const std::filesystem::path& name, const std::shared_ptr<DrivenFile>& driven);
 
 enum class FileUse {
   kRead,     // with what the records beside it lay over the file

@@ -139,6 +139,7 @@ Status write_maps(hid_t file, const model::PixelMaps& maps) {
 // Made in memory: HDF5 does not survive a disk that is full.
 Result<std::string> to_bytes(const model::PixelMaps& maps) {
   constexpr std::size_t kStep = std::size_t{1} << 20;
+  if (!h5::has_memory_for_a_file()) return failed("cannot be made in memory: not enough memory");
   const h5::Handle access(H5Pcreate(H5P_FILE_ACCESS));
   if (H5Pset_fapl_core(access.get(), kStep, 0) < 0) return failed("cannot be made in memory" + h5::because());
   const h5::Handle file(H5Fcreate("bolo-maps in memory", H5F_ACC_TRUNC, H5P_DEFAULT, access.get()));

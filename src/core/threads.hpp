@@ -14,12 +14,19 @@
 namespace bolo {
 
 // work(i) for each i < count, begun in order, on at most `threads` threads: the calling one, and as many others as the
-// system gives. It must not throw. Thread: any.
+// system gives. The first exception that it throws ends the work and is thrown here. Thread: any.
 template <typename Work>
 void share_out(std::size_t count, std::size_t threads, Work&& work) {
   std::atomic<std::size_t> next{0};
+  std::atomic<bool> failed{false};
+  std::exception_ptr thrown;
   const auto run = [&] {
-    for (std::size_t i = next++; i < count; i = next++) work(i);
+    try {
+      for (std::size_t i = next++; i < count; i = next++) work(i);
+    } catch (...) {
+      next = count;
+      if (!failed.exchange(true)) thrown = std::current_exception();
+    }
   };
   std::vector<std::jthread> team;
   try {
@@ -28,6 +35,8 @@ void share_out(std::size_t count, std::size_t threads, Work&& work) {
     // Those that are there do it all.
   }
   run();
+  team.clear();
+  if (thrown) std::rethrow_exception(thrown);
 }
 
 // Message of a library's exception; for refused memory and threads, one that helps. Thread: any.

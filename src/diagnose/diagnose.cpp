@@ -82,8 +82,7 @@ void learn_undo(const LearnTask& task, model::Undo& undo) {
 }
 
 // The profile common to all pixels, and the maps if requested.
-Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::path>& captures, const Options& options,
-                      const Progress& progress) {
+Result<Learned> learn(const LearnTask& task, const Options& options, const Progress& progress) {
   Learned learned{task.profile, {}};
   model::CameraProfile& profile = learned.profile;
   profile.tau_s *= value_of(task, "tau_global", "scale", 1.0);
@@ -94,7 +93,7 @@ Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::
   learn_undo(task, profile.undo);
   if (options.maps) {
     if (!progress("every pixel", 0.95)) return failed("interrupted");
-    ASSIGN_OR_RETURN(learned.maps, learn_maps(task, captures, options.threads));
+    ASSIGN_OR_RETURN(learned.maps, learn_maps(task, options.threads));
   }
   learned.maps.row_delay_s = profile.row_delay_s;
   return learned;
@@ -121,11 +120,11 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
     if (!progress("looking at what is left", 0.85)) return failed("interrupted");
     left = test_remainder(events, noise, fit, options.threads);
   }
-  ASSIGN_OR_RETURN(const auto field, judge_field(captures, events, noise, options, progress));
+  ASSIGN_OR_RETURN(const auto field, judge_field(events, noise, options, progress));
   Report report = make_report(events, noise, fit, field, left, options);
   ASSIGN_OR_RETURN(report.learned, learn({fit.session, fit.done ? &fit.state : nullptr, fit.jumps, events.bad,
                                           noise.statistics.filter, field.maps, report.effects, options.profile},
-                                         captures, options, progress));
+                                         options, progress));
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;
 }

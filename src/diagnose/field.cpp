@@ -231,9 +231,8 @@ double first_noise(const Recording& r, const Options& options) {
 }
 
 // Judges a recording with a moving scene; if it cannot be tracked, jumps only.
-Result<FieldParts> judge_moving(const std::filesystem::path& file, const Recording& r, Events& events,
-                                const Options& options) {
-  ASSIGN_OR_RETURN(auto motion, follow_field(file, r, first_noise(r, options), options.profile.tau_s));
+Result<FieldParts> judge_moving(const Recording& r, Events& events, const Options& options) {
+  ASSIGN_OR_RETURN(auto motion, follow_field(r, first_noise(r, options), options.profile.tau_s));
   FieldParts parts;
   if (motion.triplets.size() >= kFewestTriplets) {
     const Mask known = events.bad.dead(events.session);
@@ -285,8 +284,7 @@ void prepare_field(Events& events) {
   find_jumping_pixels(events.session, events.bad, events.coarse ? events.step_k : 0.0, Kind::kField);
 }
 
-Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Events& events, const Noise& noise,
-                          const Options& options, const Progress& progress) {
+Result<Field> judge_field(Events& events, const Noise& noise, const Options& options, const Progress& progress) {
   Field out;
   double cells = 0.0;
   double before = 0.0;
@@ -296,17 +294,15 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
   const bool bench = has_bench(events.session);
   for (const Recording& r : events.session.recordings) {
     if (has_model(r)) continue;
-    const auto file = std::ranges::find(files, r.name, [](const auto& path) { return path.filename().string(); });
-    if (file == files.end()) continue;
     if (!progress("following the scene", 0.9)) return failed("interrupted");
     Observation& seen = out.seen[r.name] = observe(r);
-    ASSIGN_OR_RETURN(seen.motion, learn_from_motion(*file, r, events.session, options.profile));
+    ASSIGN_OR_RETURN(seen.motion, learn_from_motion(r, events.session, options.profile));
     if (bench || r.used_frames().size() < kMinFrames) continue;
     if (r.kind == Kind::kField || r.kind == Kind::kUniform) {
       out.still = out.still || noise.statistics.frames > 0;
       continue;
     }
-    ASSIGN_OR_RETURN(auto parts, judge_moving(*file, r, events, options));
+    ASSIGN_OR_RETURN(auto parts, judge_moving(r, events, options));
     note_jumps(events, static_cast<std::size_t>(&r - events.session.recordings.data()), parts.jumps);
     seen.jumps = std::move(parts.jumps);
     if (!parts.followed) {

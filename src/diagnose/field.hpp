@@ -33,7 +33,6 @@ struct Field {
 void prepare_field(Events& events);
 
 // Dead pixels found by motion only are added to `events.bad`. kBadInput, kFailed: a file cannot be read again.
-Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Events& events, const Noise& noise,
-                          const Options& options, const Progress& progress);
+Result<Field> judge_field(Events& events, const Noise& noise, const Options& options, const Progress& progress);
 
 }  // namespace bolo::diagnose

@@ -277,9 +277,8 @@ void match_triplets(const FieldFrames& frames, Matcher& matcher, std::vector<Tri
 
 }  // namespace
 
-Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording, double noise,
-                                 double tau_s) {
-  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
+Result<FieldMotion> follow_field(const Recording& recording, double noise, double tau_s) {
+  ASSIGN_OR_RETURN(auto reader, open_again(recording));
   UsedFrames used{std::move(reader), recording.used_frames()};
   if (used.frame.size() > kMostFrames) used.frame.resize(kMostFrames);
   FieldMotion out;

@@ -221,10 +221,10 @@ std::optional<FromMotion::Figure> find_row_delay(const MotionTrack& all, double 
 
 }  // namespace
 
-Result<std::optional<FromMotion>> learn_from_motion(const std::filesystem::path& file, const Recording& recording,
-                                                    const Session& session, const model::CameraProfile& profile) {
+Result<std::optional<FromMotion>> learn_from_motion(const Recording& recording, const Session& session,
+                                                    const model::CameraProfile& profile) {
   if (session.period_s > profile.tau_s) return std::optional<FromMotion>();
-  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
+  ASSIGN_OR_RETURN(auto reader, open_again(recording));
   const Geometry frame = reader.info().format.geometry;
   if (std::min(frame.width, frame.height) < motion::kLeastSide) return std::optional<FromMotion>();
   deblur::Settings settings;

@@ -43,8 +43,7 @@ struct FieldMotion {
 };
 
 // `noise`: standard deviation of one value. kBadInput, kFailed: the file cannot be read again. Thread: setup.
-Result<FieldMotion> follow_field(const std::filesystem::path& file, const Recording& recording, double noise,
-                                 double tau_s);
+Result<FieldMotion> follow_field(const Recording& recording, double noise, double tau_s);
 
 // Blocks of frames.
 struct Blocks {
@@ -171,9 +170,9 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& tri
 // - the row delay by regression of shear on acceleration: rows that are read one after another are displaced by their
 //   delay times the change of velocity.
 // Intervals are of a jackknife over blocks of time. Nothing if the period is too long for tracking (above tau), or too
-// few frames are consecutive. `recording`: of `session`, as read from `file`. kBadInput, kFailed: the file cannot be
-// read again. Thread: setup.
-Result<std::optional<FromMotion>> learn_from_motion(const std::filesystem::path& file, const Recording& recording,
-                                                    const Session& session, const model::CameraProfile& profile);
+// few frames are consecutive. `recording`: of `session`. kBadInput, kFailed: its file cannot be read again.
+// Thread: setup.
+Result<std::optional<FromMotion>> learn_from_motion(const Recording& recording, const Session& session,
+                                                    const model::CameraProfile& profile);
 
 }  // namespace bolo::diagnose

@@ -37,20 +37,14 @@ std::size_t first_pixel(const Session& band) {
   return static_cast<std::size_t>(band.grid.rows.front()) * static_cast<std::size_t>(band.width);
 }
 
-// One reader for each recording; recordings are in the order of the files, some of which were excluded.
-Result<std::vector<capture::CaptureReader>> open_all(const Session& session,
-                                                     const std::vector<std::filesystem::path>& files) {
+// One reader for each recording.
+Result<std::vector<capture::CaptureReader>> open_all(const Session& session) {
   std::vector<capture::CaptureReader> readers;
-  for (const std::filesystem::path& file : files) {
-    if (readers.size() == session.recordings.size()) break;
-    const Recording& wanted = session.recordings[readers.size()];
-    if (file.filename() != wanted.name) continue;
-    auto reader = capture::CaptureReader::open(file);
-    if (!reader || reader->info().format.geometry != Geometry{session.width, session.height}) break;
-    if (reader->info().frames == wanted.t.size()) readers.push_back(std::move(*reader));
+  for (const Recording& recording : session.recordings) {
+    ASSIGN_OR_RETURN(auto reader, open_again(recording));
+    readers.push_back(std::move(reader));
   }
-  if (readers.size() == session.recordings.size()) return readers;
-  return failed("the captures changed while they were diagnosed; start again");
+  return readers;
 }
 
 Status read_band(const capture::CaptureReader& reader, const Session& band, Series& values) {
@@ -187,12 +181,11 @@ void fill(const LearnTask& task, const Found& found, bool tau, model::PixelMaps&
 
 }  // namespace
 
-Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std::filesystem::path>& files,
-                                    int threads) {
+Result<model::PixelMaps> learn_maps(const LearnTask& task, int threads) {
   const Session& session = task.session;
   model::PixelMaps maps;
   maps.geometry = {session.width, session.height};
-  ASSIGN_OR_RETURN(auto readers, open_all(session, files));
+  ASSIGN_OR_RETURN(auto readers, open_all(session));
   const Wanted wanted{task.found("fpn_offset") != nullptr, task.found("fpn_gain") != nullptr,
                       task.found("tau_spread") != nullptr,
                       task.found("drift") != nullptr && task.state != nullptr && !task.state->camera.drift.empty() &&

@@ -70,6 +70,7 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
   ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
   const capture::CaptureInfo& info = reader.info();
   Recording recording;
+  recording.file = file;
   recording.name = file.filename().string();
   const auto refuse = [&](const std::string& what) { return bad_input(recording.name + ": " + what); };
   if (info.frames < kMinFrames) {
@@ -124,6 +125,17 @@ Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_
     clipped += counted && (counts[i] == 0 || counts[i] == 65535) ? 1 : 0;
   }
   return clipped;
+}
+
+Result<capture::CaptureReader> open_again(const Recording& recording) {
+  auto reader = capture::CaptureReader::open(recording.file);
+  const FrameStatistics& read = recording.statistics;
+  const auto same_time = [&](double t, double before) { return t - recording.start_s == before; };
+  if (reader && reader->info().format.geometry == Geometry{read.width, read.height} &&
+      std::ranges::equal(reader->t(), recording.t, same_time)) {
+    return reader;
+  }
+  return failed(recording.file.string() + " changed while it was diagnosed; start again");
 }
 
 Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress) {

@@ -98,6 +98,7 @@ class FrameStatisticsSum {
 };
 
 struct Recording {
+  std::filesystem::path file;
   std::string name;  // the file's, without folders
   Kind kind = Kind::kField;
   capture::Stimulus stimulus;
@@ -163,6 +164,10 @@ void visit_around(Geometry frame, PixelPlace at, int reach, const Visit& visit) 
 // the limits of 16 bits. Thread: one at a time on a reader.
 Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
                                 std::span<float> out);
+
+// Opens the capture of a recording once more, for all pixels. Error: it is not the one that was read, by the size and
+// times of its frames. Thread: setup.
+Result<capture::CaptureReader> open_again(const Recording& recording);
 
 // Reads a session's captures. The first one defines the camera; a capture of another camera or size, an empty one and a
 // saturated one are excluded with a line in `warnings`. kBadInput when none is left. Thread: setup.

@@ -3,6 +3,10 @@
 // HDF5 1.10 itself is not safe against every damage of its structures: attribute messages with a wrong length make
 // it read beyond its buffers, about once in a thousand damaged files. Damage of the structure is therefore tried in
 // processes of their own: none may hang, and all but a few must end well. Damage of values must always end well.
+#include <sys/resource.h>
+
+#include <numeric>
+
 #include "src/core/input_file.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
@@ -149,6 +153,49 @@ TEST(CaptureDamageLayout, ContiguousFramesAreWhole) {
     ASSERT_TRUE(reader) << reader.error().message;
     expect_frames(*reader, kFrames);
     EXPECT_TRUE(reader->warnings().empty());
+  }
+}
+
+rlim_t address_space() {
+  rlim_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  return pages * static_cast<rlim_t>(sysconf(_SC_PAGESIZE));
+}
+
+// With a little more memory each time: HDF5 by itself ends a process that has none for its cache of a file.
+TEST(Memory, TooLittleIsAnErrorWhereverItEnds) {
+  if (address_space() > rlim_t{1} << 40) GTEST_SKIP() << "a sanitizer has taken all addresses";
+  const Scratch scratch;
+  const std::filesystem::path file = scratch / "scene.h5";
+  {
+    SceneStimulus scene{4, 4, std::vector<float>(16, 300.0F), std::vector<double>(100'000), {}, {}};
+    std::iota(scene.t_s.begin(), scene.t_s.end(), 0.0);
+    scene.x_px = scene.y_px = scene.t_s;
+    auto writer = must(CaptureWriter::create(file, small_info()));
+    ASSERT_TRUE(writer->write_stimulus(scene));
+    ASSERT_TRUE(append(*writer, 0));
+    ASSERT_TRUE(writer->close());
+  }
+  const auto use = [&] {
+    const auto reader = CaptureReader::open(file);
+    if (!reader || !reader->stimulus()) return false;
+    auto writer = CaptureWriter::create(scratch / "other.h5", small_info());
+    return writer && append(*writer, 0);
+  };
+  bool whole = false;
+  for (rlim_t more = 0; !whole; more += 48 << 10) {
+    ASSERT_LT(more, rlim_t{64} << 20);
+    const int ended = in_child([&] {
+      const rlimit limit{address_space() + more, RLIM_INFINITY};
+      setrlimit(RLIMIT_AS, &limit);
+      try {
+        return use() ? 0 : 1;
+      } catch (const std::bad_alloc&) {
+        return 1;
+      }
+    });
+    ASSERT_GE(ended, 0) << "with " << more << " bytes more";
+    whole = ended == 0;
   }
 }
 

@@ -17,6 +17,14 @@ TEST(ShareOut, DoesEachOnceWithAsManyThreadsAsThereAre) {
   EXPECT_EQ(times_done(100, 4), std::vector<int>(100, 1));
 }
 
+TEST(ShareOut, ThrowsWhatTheWorkThrowsOnAnyThread) {
+  const auto refuse = [](std::size_t i) {
+    if (i % 7 == 3) throw std::bad_alloc();
+    std::this_thread::yield();
+  };
+  for (int round = 0; round < 20; ++round) EXPECT_THROW(share_out(100, 4, refuse), std::bad_alloc);
+}
+
 TEST(WordsOf, SayWhatTheSystemRefuses) {
   EXPECT_EQ(describe_exception(std::bad_alloc()), "not enough memory");
   EXPECT_EQ(describe_exception(std::runtime_error("other")), "other");

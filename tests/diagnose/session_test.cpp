@@ -93,6 +93,33 @@ TEST_F(SessionFiles, TheDiagnosisCanBeStopped) {
   EXPECT_FALSE(diagnose({shutter("a.h5")}, {}, [](const std::string&, double) { return false; }));
 }
 
+// What was found by then is of the frames that were there before: of another size, or of other moments.
+TEST_F(SessionFiles, ACaptureThatChangesMeanwhileIsSaid) {
+  const auto pan = [this](const std::string& name, Geometry size, int frames) {
+    const auto fill = [size](int k, std::vector<std::uint16_t>& plane) {
+      for (std::size_t p = 0; p < plane.size(); ++p) {
+        const double x = static_cast<double>(p % static_cast<std::size_t>(size.width)) + 1.5 * k;
+        const double y = static_cast<double>(p / static_cast<std::size_t>(size.width));
+        const double noise = static_cast<double>((p * 7919 + static_cast<std::size_t>(k) * 104729) % 13);
+        plane[p] = static_cast<std::uint16_t>(30000.0 + 400.0 * std::sin(0.2 * x) * std::cos(0.3 * y) +
+                                              300.0 * std::sin(0.07 * x + 0.11 * y) + noise);
+      }
+    };
+    return testing::write_capture<std::uint16_t>(scratch_ / name, size, frames, fill);
+  };
+  for (const auto& [size, frames] : {std::pair{Geometry{160, 120}, 150}, {Geometry{96, 64}, 90}}) {
+    const std::filesystem::path file = pan("pan.h5", {96, 64}, 150);
+    const std::filesystem::path other = pan("other.h5", size, frames);
+    const auto replace = [&](const std::string& step, double) {
+      if (step == "following the scene" && std::filesystem::exists(other)) std::filesystem::rename(other, file);
+      return true;
+    };
+    expect_error(diagnose({file}, {}, replace), {"pan.h5", "changed while it was diagnosed"});
+    EXPECT_FALSE(std::filesystem::exists(other));
+    std::filesystem::remove(file);
+  }
+}
+
 TEST_F(SessionFiles, AnEffectToWithholdMustBeKnown) {
   expect_refused(diagnose({shutter("a.h5")}, {.withheld = {"tau_globl"}}, go_on), {"tau_globl"});
 }

@@ -7,6 +7,7 @@ usage: gstreamer_test.py BOLO PLUGIN_FOLDER MODULE_FOLDER LIBRARY. Exit code 77 
 
 import os
 import resource
+import struct
 import subprocess
 import sys
 import tempfile
@@ -368,6 +369,27 @@ class Source(unittest.TestCase):
             while live.pull():
                 continue
             self.assertIsNotNone(live.message(Gst.MessageType.EOS))
+
+    def test_times_that_cannot_be_hold_up_no_sink(self):
+        """A frame of a ring that says a time years from now, and times below 0."""
+        camera = bolo.Camera(self.name)
+        while camera.state().published < camera.info.slot_count:
+            time.sleep(0.05)
+        with open(f"/dev/shm/bolo.{self.name}", "rb") as shared:
+            ring = bytearray(shared.read())
+        forged = f"/dev/shm/bolo.{self.name}-forged"
+        (slots,), (first, stride) = struct.unpack_from("<I", ring, 24), struct.unpack_from("<QQ", ring, 32)
+        for place in range(first, first + slots * stride, stride):
+            struct.pack_into("<q", ring, place + 16, -1)  # camera_ns
+            struct.pack_into("<qq", ring, place + 56, time.monotonic_ns() + 10**18, -1)  # host_ns, utc_ns
+        self.addCleanup(os.unlink, forged)
+        with open(forged, "wb") as file:
+            file.write(ring)
+        done = subprocess.run(["gst-launch-1.0", "bolosrc", f"camera={self.name}-forged", "num-buffers=1", "!", "fakesink",
+                               "sync=true"],
+                              capture_output=True, text=True, timeout=HANG_S)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        self.assertNotIn("CRITICAL", done.stderr)
 
     def test_rtsp_clients_see_the_picture(self):
         """By gst-rtsp-server, as JPEG: two clients, one after the other."""

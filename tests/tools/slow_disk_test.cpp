@@ -134,6 +134,21 @@ TEST_F(SlowDisk, NoThreadCanBeStarted) {
   EXPECT_EQ(frames, result.written.frames);
 }
 
+// Its frames are not among those of the files.
+TEST_F(SlowDisk, APartThatCannotGetItsNameIsTold) {
+  constexpr double kSplit_s = 0.2;
+  ASSERT_TRUE(writer_.open());
+  const RecordResult result = record_while(
+      [this] {
+        std::ofstream(scratch_ / "a_001.h5") << "another program's";
+        writer_.publish_until([&] { return written_ > 200 || ended_; });
+      },
+      kSplit_s);
+  EXPECT_FALSE(result.status);
+  EXPECT_EQ(result.written.parts, std::vector<std::filesystem::path>{scratch_ / "a_001.h5.part"});
+  EXPECT_FALSE(result.written.files.empty());
+}
+
 // As NFS does not for a while (ESTALE).
 TEST_F(SlowDisk, WhatCannotBeBegunIsNoUnfinishedRecording) {
   g_stat_error = ESTALE;

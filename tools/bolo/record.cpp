@@ -195,6 +195,15 @@ std::string files_text(const FileWriterResult& written) {
   return text;
 }
 
+// Where the frames of a recording are that ended with an error.
+std::string saved_text(const FileWriterResult& written) {
+  if (written.files.empty() && written.parts.empty()) return "no file was finished";
+  std::string text = std::to_string(written.frames) + " frames are in ";
+  if (!written.files.empty()) text += files_text(written);
+  for (const fs::path& part : written.parts) text += (text.back() == ' ' ? "" : " and ") + part.string();
+  return written.parts.empty() ? text : text + ", which bolo recover finishes";
+}
+
 nlohmann::json to_json(const RecordResult& result) {
   const FileWriterResult& w = result.written;
   nlohmann::json files = nlohmann::json::array();
@@ -245,10 +254,7 @@ Result<int> run_record(const cxxopts::ParseResult& given) {
   }
   if (result.status) return kExitDone;
   const FileWriterResult& written = result.written;
-  const std::string saved = written.files.empty()
-                                ? "; no file was finished"
-                                : "; " + std::to_string(written.frames) + " frames are in " + files_text(written);
-  return failed(result.status.error().message + saved);
+  return failed(result.status.error().message + "; " + saved_text(written));
 }
 
 }  // namespace

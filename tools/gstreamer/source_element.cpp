@@ -284,6 +284,7 @@ bool copy_plane(State& state, const bolo_client_frame& frame, const MappedFrame&
 }
 
 void add_reference(GstBuffer* buffer, const char* clock, std::int64_t ns) {
+  if (ns < 0) return;  // no time to GStreamer
   GstCaps* caps = gst_caps_new_empty_simple(clock);
   gst_buffer_add_reference_timestamp_meta(buffer, caps, static_cast<GstClockTime>(ns), GST_CLOCK_TIME_NONE);
   gst_caps_unref(caps);
@@ -294,7 +295,8 @@ std::optional<GstClockTime> running_time(BoloSrc* self, const bolo_client_frame&
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
   if (clock == nullptr) return GST_CLOCK_TIME_NONE;
   const std::int64_t taken_ns = frame.host_ns != 0 ? frame.host_ns : frame.receive_ns;
-  const std::int64_t age_ns = monotonic_ns() - taken_ns;
+  const std::int64_t now_ns = monotonic_ns();
+  const std::int64_t age_ns = now_ns - std::clamp(taken_ns, std::int64_t{0}, now_ns);  // else a sink waits for years
   const auto base = static_cast<std::int64_t>(gst_element_get_base_time(GST_ELEMENT(self)));
   const std::int64_t taken = static_cast<std::int64_t>(gst_clock_get_time(clock)) - base - age_ns;
   gst_object_unref(clock);

@@ -145,6 +145,8 @@ Status FileWriter::close_current() {
     };
     // If the system has no thread to give, this one closes it, in take_closed().
     closing_.push_back({current_, std::async(close)});
+  } else {
+    result_.parts.emplace_back(current_.string() + ".part");
   }
   capture_.reset();
   return good;
@@ -157,8 +159,9 @@ void FileWriter::take_closed(bool wait) {
     if (!wait && oldest.outcome.wait_for(std::chrono::seconds(0)) == std::future_status::timeout) return;
     if (Status good = oldest.outcome.get(); good) {
       result_.files.push_back(std::move(oldest.file));
-    } else if (result_.status) {  // its frames are in its ".part"; those to come have files of their own
-      result_.status = std::move(good);
+    } else {  // frames to come have files of their own
+      result_.parts.emplace_back(oldest.file.string() + ".part");
+      if (result_.status) result_.status = std::move(good);
     }
     closing_.pop_front();
   }

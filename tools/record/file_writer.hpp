@@ -45,6 +45,7 @@ enum Mark : std::uint32_t {
 
 struct FileWriterResult {
   std::vector<std::filesystem::path> files;  // closed, under their final names
+  std::vector<std::filesystem::path> parts;  // with frames, which could not get their final names
   std::uint64_t frames = 0;
   std::uint64_t unwritten = 0;  // frames that were in the queue when writing failed
   double longest_write_ms = 0.0;
