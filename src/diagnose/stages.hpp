@@ -307,8 +307,7 @@ struct LearnTask {
 
 // Learned::maps. Offset, gain and time constant of each pixel by regression on all frames that have a model, with the
 // fitted stimuli; smooth effects (vignetting, heating) from their fitted shapes; dead pixels as found. Without a fit,
-// offset and gain are those of a moving scene. The session's
-// captures are read again. Thread: setup.
+// offset and gain are those of a moving scene. The session's captures are read again. Thread: setup.
 Result<model::PixelMaps> learn_maps(const LearnTask& task, int threads);
 
 }  // namespace bolo::diagnose
