@@ -1,4 +1,6 @@
 // Events of whole frames and single pixels, found and excluded before any fit.
+#include <complex>
+
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -21,10 +23,9 @@ constexpr double kHop = 1.4;              // of the step between values: less is
 constexpr double kHysteresis = 0.2;       // of the step, about the middle
 
 // Steps between values, and clipped values.
-constexpr double kMultiples = 0.998;  // of the distances between values must be multiples of the step
-constexpr long kLargestStep = 200;    // in stored steps
-constexpr double kPiled = 0.002;      // of all values
-constexpr long kPileOverBelow = 8;    // times those of the two steps below
+constexpr double kLargestStep = 200.0;  // of values, in stored steps
+constexpr double kPiled = 0.002;        // of all values
+constexpr long kPileOverBelow = 8;      // times those of the two steps below
 
 // A frozen stream carries no information on the camera.
 void leave_out_frozen(Session& session, std::vector<std::string>& warnings) {
@@ -156,6 +157,51 @@ bool changes_much(const Recording& r) {
   return median(s.range) > kLeastRange * std::max(scatter[scatter.size() / 10], r.step / kNoiseSteps);
 }
 
+// Mean direction of values on a circle of this circumference: 1 if all are multiples of it, apart from one offset.
+double coherence(const std::map<long, long>& seen, double circumference) {
+  std::complex<double> sum;
+  double all = 0.0;
+  for (const auto& [value, count] : seen) {
+    sum += std::polar(static_cast<double>(count), 2.0 * std::numbers::pi * static_cast<double>(value) / circumference);
+    all += static_cast<double>(count);
+  }
+  return std::abs(sum) / all;
+}
+
+// Spacing of values that are rounded to whole numbers, which it need not be itself; from 2 on, 1: none, 0: there is but
+// one value. Below 2 it cannot be told from another one above.
+double spacing_of(std::map<long, long> seen) {
+  constexpr long kAround = 1000;     // of the most frequent value
+  constexpr double kBeside = 1.5;    // times the usual gap: no value is missing between
+  constexpr double kAbout = 0.6;     // error of the gaps' mean
+  constexpr double kCoherent = 0.9;  // of the coherence that rounding leaves
+  if (seen.empty()) return 0.0;
+  const auto most = *std::ranges::max_element(seen, {}, [](const auto& one) { return one.second; });
+  std::erase_if(seen, [&](const auto& one) { return std::abs(one.first - most.first) > kAround; });
+  if (seen.size() < 2) return 0.0;
+  std::vector<double> gaps;
+  for (auto at = std::next(seen.begin()); at != seen.end(); ++at) {
+    gaps.push_back(static_cast<double>(at->first - std::prev(at)->first));
+  }
+  const double usual = median(gaps);
+  if (usual < 2.0 || usual > kLargestStep) return 1.0;
+  std::erase_if(gaps, [usual](double gap) { return gap > kBeside * usual; });
+  const double mean = sum_of(gaps) / static_cast<double>(gaps.size());
+  const auto range = static_cast<double>(seen.rbegin()->first - seen.begin()->first);
+  const double parts = std::ceil(8.0 * range / mean / mean);  // of one: whole numbers are tried
+  double best = 1.0;
+  double highest = 0.0;
+  for (double part = std::floor((mean + kAbout) * parts); part >= std::max(2.0, mean - kAbout) * parts; part -= 1.0) {
+    const double spacing = part / parts;
+    const double height = coherence(seen, spacing);
+    if (height <= highest) continue;
+    highest = height;
+    best = spacing;
+  }
+  const double turn = std::numbers::pi / best;
+  return highest > kCoherent * std::sin(turn) / turn ? best : 1.0;
+}
+
 }  // namespace
 
 std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& repeated_frames) {
@@ -244,31 +290,18 @@ void find_jumping_pixels(Session& session, BadPixels& bad, double step_k, Kind o
 }
 
 double find_step(const Session& session) {
-  // The greatest common divisor of the distances between values, in units of the stored step.
-  double step = 0.0;
+  const Recording& first = session.recordings.front();
+  std::map<long, long> seen;  // values of all recordings in stored steps, and how often
   for (const Recording& r : session.recordings) {
     if (r.step <= 0.0) return 0.0;
-    const double base = r.values(0, 0);
-    std::map<long, long> seen;  // distances, and how often
-    long all = 0;
+    if (r.step != first.step) continue;
     for (Index k = 0; k < r.values.rows(); k += 3) {
       for (Index p = 0; p < r.values.cols(); p += 3) {
-        if (!session.is_good(p)) continue;
-        ++seen[std::lround((r.values(k, p) - base) / r.step)];
-        ++all;
+        if (session.is_good(p)) ++seen[std::lround((r.values(k, p) - first.values(0, 0)) / r.step)];
       }
     }
-    if (seen[0] == all) continue;
-    // The largest common divisor of nearly all distances.
-    long best = 1;
-    for (long candidate = 2; candidate <= kLargestStep; ++candidate) {
-      const double hits = sum_of(seen, [candidate](const auto& one) { return one.first % candidate ? 0 : one.second; });
-      if (hits > kMultiples * static_cast<double>(all)) best = candidate;
-    }
-    const double found = static_cast<double>(best) * r.step;
-    step = step == 0.0 ? found : std::min(step, found);
   }
-  return step;
+  return spacing_of(seen) * first.step;
 }
 
 double find_ceiling(const Recording& recording, double level_step) {

@@ -47,7 +47,10 @@ Findings judge_values(const Events& events, const Noise& noise, const Options& o
             0.999);
   }
   if (events.coarse && options.profile.quantisation_k > 0.0 && session.recordings.front().kelvin) {
-    const Estimate step_k = interval(events.step_k, 0.001 * events.step_k);
+    const double steps =
+        events.step_k / session.recordings.front().step;  // others than whole ones are rounded to these
+    const double rounded = steps == std::round(steps) ? 0.0 : 0.1 * session.recordings.front().step;
+    const Estimate step_k = interval(events.step_k, 0.001 * events.step_k + rounded);
     out.add("coarse_quantisation", 10.0, "values are multiples of a coarser step", {{"step_k", step_k}}, 0.999)
         .of_noise = true;
   }

@@ -213,6 +213,10 @@ TEST_F(Events, ACoarseStepIsFoundAndOneWithoutAnyChangeIsNotKnown) {
   const auto coarse = [this](int, int, int) { return noise(0.08); };
   EXPECT_NEAR(find_step(testing::session_of({testing::shutter(kFrames, coarse, 0.1)})), 0.1, 1e-6);
   EXPECT_EQ(find_step(testing::session_of({testing::shutter(kFrames, [](int, int, int) { return 0.0; })})), 0.0);
+  for (const double step : {0.02, 0.025, 0.05, 0.106, 0.1537}) {  // most are no multiples of the stored one
+    const auto rounded = [&](int, int, int) { return step * std::round(noise(0.08) / step); };
+    EXPECT_NEAR(find_step(testing::session_of({testing::shutter(kFrames, rounded)})), step, 0.03 * step);
+  }
 }
 
 TEST_F(Events, ValuesThatPileUpAtTheTopAreACeiling) {
