@@ -129,7 +129,7 @@ std::vector<EffectType> firmware_effects() {
                   {"at_s", "s", 0.8, {-1e6, 1e6}, {{0.3, 1.2}}, "when, the capture's time"}},
                  {"global", "pixel"}, hooked(jump)),
       EffectType("coarse_quantisation", Stage::kFirmware, Order::kOutput, "values come in coarser steps",
-                 {{"step_k", "K", 0.1, {0.001, 20.0}, {{0.07, 0.15}}, "between two values"}}, {}, hooked(coarsen)),
+                 {{"step_k", "K", 0.1, {0.001, 20.0}, {{0.1, 0.1}}, "between two values"}}, {}, hooked(coarsen)),
   };
 }
 

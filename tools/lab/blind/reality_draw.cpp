@@ -22,7 +22,7 @@ struct Entry {
 const std::vector<Entry>& entries() {
   static const std::vector<Entry> all{
       {"clock_skew", "", true, {{"skew", 1.5e-4, 1e-3, true}}},
-      {"coarse_quantisation", "", true, {{"step_k", 0.07, 0.15}}},
+      {"coarse_quantisation", "", true, {{"step_k", 0.1, 0.1}}},
       {"crosstalk", "", true, {{"coupling", 0.02, 0.06}}},
       {"crosstalk", "eight", true, {{"coupling", 0.015, 0.04}}},
       {"dead_pixels", "", true, {{"fraction", 0.003, 0.01}}},
