@@ -12,6 +12,7 @@
 
 #include <hwy/contrib/math/math-inl.h>
 
+#include "src/motion/check-inl.hpp"
 #include "src/motion/estimate-inl.hpp"
 #include "src/motion/matching-inl.hpp"
 #include "src/motion/targets.hpp"
