@@ -236,7 +236,7 @@ Result<FieldParts> judge_moving(const Recording& r, Events& events, const Option
   FieldParts parts;
   if (motion.triplets.size() >= kFewestTriplets) {
     const Mask known = events.bad.dead(events.session);
-    parts = take_field_apart(motion.frames, motion.triplets, known);
+    parts = take_field_apart(motion.frames, motion.triplets, known, options.maps);
     parts.followed = parts.followed && parts.moving <= kMostOwn;
     parts.patterns = motion.triplets.size() >= std::min(kFewestOfPattern, r.used_frames().size() / 2);
     for (std::size_t p = 0; parts.followed && parts.patterns && p < parts.dead.size(); ++p) {

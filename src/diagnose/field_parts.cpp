@@ -295,7 +295,7 @@ Cells cells_of(const Residual& r, const PredictionFloor& floor, const Mask& bad)
   return out;
 }
 
-FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& triplets, Mask dead) {
+FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& triplets, Mask dead, bool maps) {
   FieldParts out;
   const Geometry g = frames.geometry;
   Series nominal;  // mean squares of the blocks, without corrections
@@ -344,7 +344,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& tri
   out.gain = shared(slopes, g);
   out.gain_likeness = likeness(slopes, g);
   out.beside_gain = offsets_of(without_gains(pattern, gains), g);
-  out.maps = maps_of(cells, triplets, pattern, gains);
+  if (maps) out.maps = maps_of(cells, triplets, pattern, gains);
 
   // A pattern of high contrast is a still background behind a moving object.
   out.followed = out.offset.pixel.value < kMostPattern * contrast_of(frames) && follows(frames, triplets, left);

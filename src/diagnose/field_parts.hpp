@@ -150,7 +150,7 @@ struct FieldParts {
   Measured gain;               // of single pixels with enough change of the scene
   double gain_likeness = 0.0;  // correlation of these with their neighbours
   Offsets beside_gain;         // `offset` less the gains' effect on the scene
-  FieldMaps maps;              // of single pixels
+  FieldMaps maps;              // of single pixels, if wanted
   Mask dead;
   std::vector<std::size_t> lost;  // frames before which others are missing
   std::vector<Observation::Jump> jumps;
@@ -159,8 +159,8 @@ struct FieldParts {
 };
 
 // Decomposes the residual of a moving scene. `dead`: known dead pixels; those that do not respond to the scene are
-// added. `frames`: dead pixels are filled.
-FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& triplets, Mask dead);
+// added. `frames`: dead pixels are filled. `maps`: FieldParts::maps are wanted.
+FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& triplets, Mask dead, bool maps);
 
 // --- Camera parameters from the motion.
 
