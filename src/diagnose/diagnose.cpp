@@ -3,6 +3,7 @@
 
 #include <chrono>
 
+#include "src/capture/pixel_maps_io.hpp"
 #include "src/diagnose/field.hpp"
 
 namespace bolo::diagnose {
@@ -81,6 +82,19 @@ void learn_undo(const LearnTask& task, model::Undo& undo) {
   if (task.found("radiometric_nonlinearity") != nullptr) undo.radiance = camera.radiance > 0.5;
 }
 
+// Turns maps of frames to which `known` was applied into maps of the camera's own frames. Dead pixels are all there.
+void follow(const model::PixelMaps& known, model::PixelMaps& maps) {
+  const std::size_t pixels = std::max(known.gain.size(), known.offset.size());
+  if (pixels > 0 && maps.offset.empty()) maps.offset.assign(pixels, 0.0F);
+  if (!known.gain.empty() && maps.gain.empty()) maps.gain.assign(pixels, 1.0F);
+  for (std::size_t p = 0; p < pixels; ++p) {
+    const float gain = maps.gain.empty() ? 1.0F : maps.gain[p];
+    if (!known.offset.empty()) maps.offset[p] += gain * known.offset[p];
+    if (!known.gain.empty()) maps.gain[p] = gain * known.gain[p];
+  }
+  if (maps.tau_s.empty()) maps.tau_s = known.tau_s;
+}
+
 // The profile common to all pixels, and the maps if requested.
 Result<Learned> learn(const LearnTask& task, const Options& options, const Progress& progress) {
   Learned learned{task.profile, {}};
@@ -95,6 +109,7 @@ Result<Learned> learn(const LearnTask& task, const Options& options, const Progr
     if (!progress("every pixel", 0.95)) return failed("interrupted");
     ASSIGN_OR_RETURN(learned.maps, learn_maps(task, options.threads));
   }
+  follow(task.session.known, learned.maps);
   learned.maps.row_delay_s = profile.row_delay_s;
   return learned;
 }
@@ -108,7 +123,8 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
       return bad_input("--withhold " + name + ": no effect of the catalogue has this name");
   }
   const auto start = std::chrono::steady_clock::now();
-  ASSIGN_OR_RETURN(auto session, read_session(captures, progress));
+  ASSIGN_OR_RETURN(auto known, capture::read_profile_maps(options.profile));
+  ASSIGN_OR_RETURN(auto session, read_session(captures, progress, std::move(known)));
   if (!progress("events and pixels", 0.03)) return failed("interrupted");
   Events events = find_events(std::move(session), options);
   prepare_field(events);
@@ -122,6 +138,11 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   }
   ASSIGN_OR_RETURN(const auto field, judge_field(events, noise, options, progress));
   Report report = make_report(events, noise, fit, field, left, options);
+  if (options.profile.undo != model::Undo{} || !events.session.known.tau_s.empty()) {
+    report.warnings.emplace_back(
+        "of the profile's corrections only gains, offsets and dead pixels were applied before; what the others undo is "
+        "named again");
+  }
   ASSIGN_OR_RETURN(report.learned, learn({fit.session, fit.done ? &fit.state : nullptr, fit.jumps, events.bad,
                                           noise.statistics.filter, field.maps, report.effects, options.profile},
                                          options, progress));

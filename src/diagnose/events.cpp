@@ -262,7 +262,8 @@ std::vector<int> noisy_pixels(const FrameStatistics& s) {
 }
 
 Mask BadPixels::dead(const Session& session) const {
-  Mask all(Geometry{session.width, session.height}.pixels(), 0);
+  Mask all = session.known.dead;
+  all.resize(Geometry{session.width, session.height}.pixels(), 0);
   for (const auto* of : {&stuck, &noisy}) {
     for (const int p : *of) all[static_cast<std::size_t>(p)] = 1;
   }

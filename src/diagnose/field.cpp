@@ -232,7 +232,7 @@ double first_noise(const Recording& r, const Options& options) {
 
 // Judges a recording with a moving scene; if it cannot be tracked, jumps only.
 Result<FieldParts> judge_moving(const Recording& r, Events& events, const Options& options) {
-  ASSIGN_OR_RETURN(auto motion, follow_field(r, first_noise(r, options), options.profile.tau_s));
+  ASSIGN_OR_RETURN(auto motion, follow_field(r, events.session.known, first_noise(r, options), options.profile.tau_s));
   FieldParts parts;
   if (motion.triplets.size() >= kFewestTriplets) {
     const Mask known = events.bad.dead(events.session);

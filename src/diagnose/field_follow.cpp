@@ -110,19 +110,19 @@ double noise_gain(Aligner& aligner, const Triplet& triplet, const Series& noise)
 
 // The used frames of a recording, read again from its file, with jumps removed.
 struct UsedFrames {
-  capture::CaptureReader reader;
+  FrameReader reader;
   std::vector<Index> frame;  // of the recording
   std::vector<Observation::Jump> jumps{};
 
-  Geometry geometry() const { return reader.info().format.geometry; }
+  Geometry geometry() const { return reader.format().geometry; }
   // The offset removed from a frame of the recording on.
   double jump_from(std::size_t at) const {
     return sum_of(jumps, [at](const Observation::Jump& jump) { return jump.frame == at ? jump.size : 0.0; });
   }
 
-  Status read(Index k, std::span<float> out) const {
+  Status read(Index k, std::span<float> out) {
     const auto at = static_cast<std::size_t>(frame[static_cast<std::size_t>(k)]);
-    RETURN_IF_ERROR(read_values(reader, at, 0, out));
+    RETURN_IF_ERROR(reader.read(at, 0, out));
     for (const Observation::Jump& jump : jumps) {
       if (at < jump.frame) continue;
       for (float& v : out) v -= static_cast<float>(jump.size);
@@ -180,7 +180,7 @@ bool is_followed(const FrameStatistics& rise, std::size_t k, double jump) {
   return rise.scatter[k] < std::max(kMost * std::max(beside, median(rise.scatter)), kOfJump * std::abs(jump));
 }
 
-Result<Advance> advance_of(const UsedFrames& used, Matcher& matcher) {
+Result<Advance> advance_of(UsedFrames& used, Matcher& matcher) {
   const Geometry g = used.geometry();
   motion::Pyramid last(g);
   motion::Pyramid now(g);
@@ -237,7 +237,7 @@ std::vector<Triplet> choose_triplets(const std::vector<Shift>& step, std::size_t
 }
 
 // Reads the triplets' frames and changes their indices to rows of the result.
-Result<FieldFrames> read_for(std::vector<Triplet>& triplets, const UsedFrames& used) {
+Result<FieldFrames> read_for(std::vector<Triplet>& triplets, UsedFrames& used) {
   std::map<Index, Index> row;  // of each needed frame
   const auto of_triplets = [&triplets](const auto& visit) {
     for (Triplet& s : triplets) {
@@ -277,8 +277,9 @@ void match_triplets(const FieldFrames& frames, Matcher& matcher, std::vector<Tri
 
 }  // namespace
 
-Result<FieldMotion> follow_field(const Recording& recording, double noise, double tau_s) {
-  ASSIGN_OR_RETURN(auto reader, open_again(recording));
+Result<FieldMotion> follow_field(const Recording& recording, const model::PixelMaps& known, double noise,
+                                 double tau_s) {
+  ASSIGN_OR_RETURN(auto reader, open_again(recording, known));
   UsedFrames used{std::move(reader), recording.used_frames()};
   if (used.frame.size() > kMostFrames) used.frame.resize(kMostFrames);
   FieldMotion out;
@@ -304,8 +305,8 @@ Result<FieldMotion> follow_field(const Recording& recording, double noise, doubl
   used.jumps = out.jumps;
   const auto [first, last] = longest_stretch(used.frame);
   out.after_freeze = first > 0;
-  out.triplets = choose_triplets(advance.step, first, last, tau_s / used.reader.info().format.frame_period_s,
-                                 used.geometry().pixels());
+  out.triplets =
+      choose_triplets(advance.step, first, last, tau_s / used.reader.format().frame_period_s, used.geometry().pixels());
   ASSIGN_OR_RETURN(out.frames, read_for(out.triplets, used));
   match_triplets(out.frames, matcher, out.triplets);
   return out;

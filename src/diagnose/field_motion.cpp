@@ -45,9 +45,9 @@ std::uint64_t periods_between(std::uint64_t before, std::uint64_t now) {
   return now > before ? std::min(now - before, kMany) : kMany;
 }
 
-Result<MotionTrack> follow(const capture::CaptureReader& reader, const Recording& recording,
-                           const deblur::Settings& settings) {
-  const StreamFormat& format = reader.info().format;
+Result<MotionTrack> follow(FrameReader& reader, const Recording& recording, const deblur::Settings& settings) {
+  const StreamFormat format = reader.format();
+  const std::vector<std::uint64_t>& frame_id = reader.capture().frame_id();
   auto solver = deblur::Solver::create(settings, format, PixelType::kFloat32);
   if (!solver) return MotionTrack{};  // no motion solver for this format
   // The newest planes, of the solver's window and of a burst.
@@ -58,7 +58,7 @@ Result<MotionTrack> follow(const capture::CaptureReader& reader, const Recording
   GapMeter meter(format, settings.tau_s);
   int whole = 0;  // planes in a row, since the last burst's middle
   MotionTrack out;
-  out.frames.resize(std::min({reader.info().frames, recording.used.size(), kMostFrames}));
+  out.frames.resize(std::min({frame_id.size(), recording.used.size(), kMostFrames}));
   std::uint64_t newest = 0;
   const auto push = [&](const void* plane) {
     std::shift_left(planes.begin(), planes.end(), 1);
@@ -68,10 +68,10 @@ Result<MotionTrack> follow(const capture::CaptureReader& reader, const Recording
   };
   std::array<double, 2> place{};
   for (std::size_t k = 0; k < out.frames.size(); ++k) {
-    const std::uint64_t periods = k == 0 ? 1 : periods_between(reader.frame_id()[k - 1], reader.frame_id()[k]);
+    const std::uint64_t periods = k == 0 ? 1 : periods_between(frame_id[k - 1], frame_id[k]);
     for (std::uint64_t lost = 1; lost < periods; ++lost) push(nullptr);
     std::vector<std::byte>& plane = ring[newest % kKept];
-    RETURN_IF_ERROR(reader.read_frame(k, plane.data()));
+    RETURN_IF_ERROR(reader.read_plane(k, plane.data()));
     const bool used = recording.is_used(static_cast<Index>(k));
     push(used ? plane.data() : nullptr);
     if (whole == GapMeter::kFrames) {
@@ -224,14 +224,14 @@ std::optional<FromMotion::Figure> find_row_delay(const MotionTrack& all, double 
 Result<std::optional<FromMotion>> learn_from_motion(const Recording& recording, const Session& session,
                                                     const model::CameraProfile& profile) {
   if (session.period_s > profile.tau_s) return std::optional<FromMotion>();
-  ASSIGN_OR_RETURN(auto reader, open_again(recording));
-  const Geometry frame = reader.info().format.geometry;
+  ASSIGN_OR_RETURN(auto reader, open_again(recording, session.known));
+  const Geometry frame = reader.format().geometry;
   if (std::min(frame.width, frame.height) < motion::kLeastSide) return std::optional<FromMotion>();
   deblur::Settings settings;
   settings.method = deblur::Method::kMotion;
   settings.tau_s = profile.tau_s;
   settings.period_s = session.period_s;
-  if (reader.info().frames < static_cast<std::size_t>(settings.window)) return std::optional<FromMotion>();
+  if (reader.capture().info().frames < static_cast<std::size_t>(settings.window)) return std::optional<FromMotion>();
   ASSIGN_OR_RETURN(const auto followed, follow(reader, recording, settings));
   std::vector<double> speeds;
   for (const MotionTrack::Frame& f : followed.frames) {

@@ -42,8 +42,9 @@ struct FieldMotion {
   std::vector<Observation::Jump> jumps;
 };
 
-// `noise`: standard deviation of one value. kBadInput, kFailed: the file cannot be read again. Thread: setup.
-Result<FieldMotion> follow_field(const Recording& recording, double noise, double tau_s);
+// `known`: Session::known. `noise`: standard deviation of one value. kBadInput, kFailed: the file cannot be read again.
+// Thread: setup.
+Result<FieldMotion> follow_field(const Recording& recording, const model::PixelMaps& known, double noise, double tau_s);
 
 // Blocks of frames.
 struct Blocks {

@@ -38,19 +38,19 @@ std::size_t first_pixel(const Session& band) {
 }
 
 // One reader for each recording.
-Result<std::vector<capture::CaptureReader>> open_all(const Session& session) {
-  std::vector<capture::CaptureReader> readers;
+Result<std::vector<FrameReader>> open_all(const Session& session) {
+  std::vector<FrameReader> readers;
   for (const Recording& recording : session.recordings) {
-    ASSIGN_OR_RETURN(auto reader, open_again(recording));
+    ASSIGN_OR_RETURN(auto reader, open_again(recording, session.known));
     readers.push_back(std::move(reader));
   }
   return readers;
 }
 
-Status read_band(const capture::CaptureReader& reader, const Session& band, Series& values) {
+Status read_band(FrameReader& reader, const Session& band, Series& values) {
   for (Index k = 0; k < values.rows(); ++k) {
     const std::span<float> row(values.row(k).data(), static_cast<std::size_t>(values.cols()));
-    RETURN_IF_ERROR(read_values(reader, static_cast<std::size_t>(k), first_pixel(band), row));
+    RETURN_IF_ERROR(reader.read(static_cast<std::size_t>(k), first_pixel(band), row));
   }
   return {};
 }

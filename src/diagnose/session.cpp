@@ -31,14 +31,14 @@ std::string fault(const capture::Stimulus& stimulus) {
 }
 
 // Reads all frames into `recording`. Returns the fault of their values, or an empty string.
-Result<std::string> read_frames(const capture::CaptureReader& reader, const Grid& grid, Recording& recording) {
-  const Geometry geometry = reader.info().format.geometry;
+Result<std::string> read_frames(FrameReader& reader, const Grid& grid, Recording& recording) {
+  const Geometry geometry = reader.format().geometry;
   std::vector<float> frame(geometry.pixels());
-  recording.values.resize(static_cast<Index>(reader.info().frames), grid.pixels());
+  recording.values.resize(static_cast<Index>(reader.capture().info().frames), grid.pixels());
   FrameStatisticsSum statistics(geometry.width, geometry.height);
   std::size_t clipped = 0;
   for (Index k = 0; k < recording.values.rows(); ++k) {
-    ASSIGN_OR_RETURN(const auto at_limits, read_values(reader, static_cast<std::size_t>(k), 0, frame));
+    ASSIGN_OR_RETURN(const auto at_limits, reader.read(static_cast<std::size_t>(k), 0, frame));
     clipped += at_limits;
     if (!std::ranges::all_of(frame, [](float v) { return std::isfinite(v); })) {
       return "/frames has values that are no numbers";
@@ -47,7 +47,7 @@ Result<std::string> read_frames(const capture::CaptureReader& reader, const Grid
     grid.take(frame, geometry.width, k, recording.values);
   }
   recording.statistics = statistics.statistics();
-  const auto values = static_cast<double>(frame.size() * std::max<std::size_t>(1, reader.info().frames));
+  const auto values = static_cast<double>(frame.size() * std::max<std::size_t>(1, reader.capture().info().frames));
   const bool saturated = static_cast<double>(clipped) / values > kSaturatedShare;
   return saturated ? "most of its values are at the limit of 16 bits" : "";
 }
@@ -67,8 +67,8 @@ std::string difference(const capture::CaptureInfo& info, const Session& session,
 
 // One recording, or the reason why it can't be used.
 Result<Recording> read_recording(const std::filesystem::path& file, Session& session, std::string& camera) {
-  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
-  const capture::CaptureInfo& info = reader.info();
+  ASSIGN_OR_RETURN(auto reader, FrameReader::open(file, session.known));
+  const capture::CaptureInfo& info = reader.capture().info();
   Recording recording;
   recording.file = file;
   recording.name = file.filename().string();
@@ -89,15 +89,15 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
   if (const std::string what = difference(info, session, camera); !what.empty()) {
     return refuse(what + "; left out, diagnose it by itself");
   }
-  ASSIGN_OR_RETURN(recording.stimulus, reader.stimulus());
+  ASSIGN_OR_RETURN(recording.stimulus, reader.capture().stimulus());
   if (const std::string what = fault(recording.stimulus); !what.empty()) {
     return refuse("/stimulus: " + what + "; left out");
   }
   recording.kind = kind_of(recording.stimulus);
   recording.kelvin = info.format.scale.unit == Unit::kKelvin;
   if (info.format.type == PixelType::kUint16) recording.step = recording.kelvin ? info.format.scale.scale : 1.0;
-  recording.start_s = reader.t().front();
-  recording.t = mapped(reader.t(), [&](double t) { return t - recording.start_s; });
+  recording.start_s = reader.capture().t().front();
+  recording.t = mapped(reader.capture().t(), [&](double t) { return t - recording.start_s; });
   ASSIGN_OR_RETURN(const auto what, read_frames(reader, session.grid, recording));
   if (!what.empty()) return refuse(what + "; left out");
   recording.used.assign(recording.t.size(), 1);
@@ -111,35 +111,68 @@ std::vector<float> to_vector(const ArrayXd& values) {
 
 }  // namespace
 
-Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
-                                std::span<float> out) {
-  const StreamFormat& format = reader.info().format;
-  std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
-  RETURN_IF_ERROR(reader.read_frame(frame, plane.data()));
-  const auto* counts = reinterpret_cast<const std::uint16_t*>(plane.data()) + first;
-  const auto* kelvin = reinterpret_cast<const float*>(plane.data()) + first;
-  const bool counted = format.type == PixelType::kUint16;
-  std::size_t clipped = 0;
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    out[i] = static_cast<float>(format.scale.to_physical(counted ? counts[i] : static_cast<double>(kelvin[i])));
-    clipped += counted && (counts[i] == 0 || counts[i] == 65535) ? 1 : 0;
+Result<FrameReader> FrameReader::open(const std::filesystem::path& file, const model::PixelMaps& known) {
+  ASSIGN_OR_RETURN(auto capture, capture::CaptureReader::open(file));
+  model::PixelMaps maps = known;
+  maps.tau_s.clear();
+  ASSIGN_OR_RETURN(auto correction, corrections::PixelCorrection::create({}, capture.info().format, maps));
+  return FrameReader(std::move(capture), std::move(correction));
+}
+
+FrameReader::FrameReader(capture::CaptureReader capture, corrections::PixelCorrection correction)
+    : capture_(std::move(capture)),
+      correction_(std::move(correction)),
+      raw_(plane_bytes(capture_.info().format.geometry, capture_.info().format.type)),
+      plane_(plane_bytes(format().geometry, format().type)) {}
+
+StreamFormat FrameReader::format() const {
+  StreamFormat format = capture_.info().format;
+  if (correction_.changes_samples()) format.type = PixelType::kFloat32;
+  return format;
+}
+
+Result<std::size_t> FrameReader::read_plane(std::size_t frame, std::byte* plane) {
+  const PixelType type = capture_.info().format.type;
+  const bool corrected = correction_.changes_samples();
+  std::byte* const raw = corrected ? raw_.data() : plane;
+  RETURN_IF_ERROR(capture_.read_frame(frame, raw));
+  const PixelRange all{0, capture_.info().format.geometry.pixels()};
+  const auto* counts = reinterpret_cast<const std::uint16_t*>(raw);
+  const auto clipped = type == PixelType::kUint16
+                           ? std::count_if(counts, counts + all.end, [](auto v) { return v == 0 || v == 65535; })
+                           : 0;
+  if (corrected) {
+    auto* values = reinterpret_cast<float*>(plane);
+    corrections::to_float(raw, type, values, all);
+    correction_.apply(values, all);
+    correction_.finish(values);
   }
+  return static_cast<std::size_t>(clipped);
+}
+
+Result<std::size_t> FrameReader::read(std::size_t frame, std::size_t first, std::span<float> out) {
+  ASSIGN_OR_RETURN(const auto clipped, read_plane(frame, plane_.data()));
+  const StreamFormat stored = format();
+  corrections::to_float(plane_.data() + first * bytes_of(stored.type), stored.type, out.data(), {0, out.size()});
+  for (float& value : out) value = static_cast<float>(stored.scale.to_physical(static_cast<double>(value)));
   return clipped;
 }
 
-Result<capture::CaptureReader> open_again(const Recording& recording) {
-  auto reader = capture::CaptureReader::open(recording.file);
+Result<FrameReader> open_again(const Recording& recording, const model::PixelMaps& known) {
+  auto reader = FrameReader::open(recording.file, known);
   const FrameStatistics& read = recording.statistics;
   const auto same_time = [&](double t, double before) { return t - recording.start_s == before; };
-  if (reader && reader->info().format.geometry == Geometry{read.width, read.height} &&
-      std::ranges::equal(reader->t(), recording.t, same_time)) {
+  if (reader && reader->format().geometry == Geometry{read.width, read.height} &&
+      std::ranges::equal(reader->capture().t(), recording.t, same_time)) {
     return reader;
   }
   return failed(recording.file.string() + " changed while it was diagnosed; start again");
 }
 
-Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress) {
+Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress,
+                             model::PixelMaps known) {
   Session session;
+  session.known = std::move(known);
   std::string camera;
   for (std::size_t i = 0; i < files.size(); ++i) {
     if (!progress("reading", static_cast<double>(i) / static_cast<double>(files.size()))) return failed("interrupted");

@@ -15,6 +15,7 @@
 #include "src/capture/capture.hpp"
 #include "src/core/result.hpp"
 #include "src/core/statistics.hpp"
+#include "src/corrections/pixel_correction.hpp"
 #include "src/diagnose/diagnose.hpp"
 
 namespace bolo::diagnose {
@@ -124,6 +125,7 @@ struct Session {
   double period_s = 0.005;
   Grid grid;
   std::vector<char> good;  // of each pixel of the grid: neither dead nor jumping
+  model::PixelMaps known;  // already applied to the frames, but for tau_s
   std::vector<Recording> recordings;
   std::vector<std::string> warnings;  // excluded captures
   bool is_good(Index pixel) const { return good[static_cast<std::size_t>(pixel)] != 0; }
@@ -160,17 +162,37 @@ void visit_around(Geometry frame, PixelPlace at, int reach, const Visit& visit) 
   }
 }
 
-// Values of a frame of a capture, from its pixel `first` on, as K (counts if not radiometric). Returns the number at
-// the limits of 16 bits. Thread: one at a time on a reader.
-Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
-                                std::span<float> out);
+// Frames of a capture with known gains and offsets applied and dead pixels filled. Thread: one at a time.
+class FrameReader {
+ public:
+  // `known`: the maps of single pixels, but for tau_s. Errors: of the capture; kBadInput: maps of another size.
+  static Result<FrameReader> open(const std::filesystem::path& file, const model::PixelMaps& known = {});
+
+  const capture::CaptureReader& capture() const { return capture_; }
+  // Of read_plane(): the capture's, float32 when maps apply.
+  StreamFormat format() const;
+  // A whole frame as stored values, plane_bytes() of it. Returns the number of pixels that the camera had at the limits
+  // of 16 bits.
+  Result<std::size_t> read_plane(std::size_t frame, std::byte* plane);
+  // The same from pixel `first` on, as K (counts if not radiometric).
+  Result<std::size_t> read(std::size_t frame, std::size_t first, std::span<float> out);
+
+ private:
+  FrameReader(capture::CaptureReader capture, corrections::PixelCorrection correction);
+  capture::CaptureReader capture_;
+  corrections::PixelCorrection correction_;
+  std::vector<std::byte> raw_;
+  std::vector<std::byte> plane_;
+};
 
 // Opens the capture of a recording once more, for all pixels. Error: it is not the one that was read, by the size and
 // times of its frames. Thread: setup.
-Result<capture::CaptureReader> open_again(const Recording& recording);
+Result<FrameReader> open_again(const Recording& recording, const model::PixelMaps& known);
 
-// Reads a session's captures. The first one defines the camera; a capture of another camera or size, an empty one and a
-// saturated one are excluded with a line in `warnings`. kBadInput when none is left. Thread: setup.
-Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress);
+// Reads a session's captures; Session::known is `known`. The first one defines the camera; a capture of another camera
+// or size, an empty one and a saturated one are excluded with a line in `warnings`. kBadInput when none is left.
+// Thread: setup.
+Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress,
+                             model::PixelMaps known = {});
 
 }  // namespace bolo::diagnose

@@ -67,9 +67,10 @@ Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const
   };
   const auto jump = std::ranges::find(jumps, false, &Jump::after_freeze);
   if (jump != jumps.end()) {
-    const double size = std::abs(jump->global_k);
-    found("offset_jump", "the offset jumps at one frame", {{"jump_k", interval(size, 0.01 * size + kJumpError_k)}},
-          0.99);
+    // Down or up; of pixels that jump each by its own, their rms.
+    const double size = std::abs(jump->global_k) < jump->pixel_k ? jump->pixel_k : jump->global_k;
+    found("offset_jump", "the offset jumps at one frame",
+          {{"jump_k", interval(size, 0.01 * std::abs(size) + kJumpError_k)}}, 0.99);
   }
   // A freeze up to the end is not a shutter event.
   const auto freeze = std::ranges::find_if(events.freezes, [&events](const Freeze& f) {

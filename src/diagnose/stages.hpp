@@ -29,7 +29,7 @@ struct BadPixels {
   std::vector<int> noisy;
   std::vector<int> jumping;                 // of the grid: between two levels
   double step_k = 0.0;                      // of the jumping ones, median
-  Mask dead(const Session& session) const;  // the stuck and the noisy ones
+  Mask dead(const Session& session) const;  // the stuck, the noisy and the known ones
 };
 
 inline constexpr std::size_t kFreezeFrames = 12;  // shorter runs are repeated frames

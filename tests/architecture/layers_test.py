@@ -26,7 +26,7 @@ ALLOWED = {
     "capture": {"core", "model"},
     "sim": {"core", "rt", "model", "capture"},
     "report": {"core"},
-    "diagnose": {"core", "model", "motion", "deblur", "capture", "report"},
+    "diagnose": {"core", "model", "motion", "deblur", "corrections", "capture", "report"},
     "pipeline": {"core", "rt", "model", "deblur", "corrections", "motion"},
     "daemon": PIPELINE,  # and daemon_drivers()
 }

@@ -1,5 +1,6 @@
 // Diagnoses of simulated recordings without a bench, with and without a fault.
 #include "src/diagnose/field.hpp"
+#include "src/capture/pixel_maps_io.hpp"
 #include "tests/diagnose/field_bed.hpp"
 
 namespace bolo::diagnose::field_test {
@@ -13,16 +14,19 @@ Shot hand() { return {.view = {96, 72}, .frames = 220, .path = bed::restless()};
 
 class FieldRecording : public ::testing::Test {
  protected:
-  Report diagnosed(const Shot& shot, const std::vector<std::string>& withheld = {}, bool maps = false) {
+  Report diagnosed(const Shot& shot, const std::vector<std::string>& withheld = {}, bool maps = false,
+                   const std::filesystem::path& known = {}) {
     const auto file = scratch_ / ("shot-" + std::to_string(++shots_) + ".h5");
     Options options;
     options.withheld = withheld;
     options.maps = maps;
+    options.profile.maps = known;
     return testing::diagnosed({bed::shoot(shot, file)}, options);
   }
 
- private:
   Scratch scratch_;
+
+ private:
   int shots_ = 0;
 };
 
@@ -85,6 +89,32 @@ TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
   }
 }
 
+// What a profile's maps undo is not named again, what they leave is; new maps are of frames as they come.
+TEST_F(FieldRecording, AppliesKnownMapsBefore) {
+  Shot shot = hand();
+  shot.view = {128, 96};
+  shot.frames = 400;
+  shot.effects = {"fpn_offset"};
+  model::PixelMaps maps = diagnosed(shot, {}, true).learned.maps;
+  constexpr double kScene = 295.0;  // K
+  const double before = testing::unevenness(bed::camera_of(shot), {}, kScene);
+  shot.effects.push_back("dead_pixels:form=stuck");
+  const std::vector<float> cold = testing::flat_frame(bed::camera_of(shot), kScene);
+  const std::vector<float> warm = testing::flat_frame(bed::camera_of(shot), kScene + 5.0);
+  for (std::size_t p = 0; p < cold.size(); ++p) maps.dead.push_back(cold[p] == warm[p] ? 1 : 0);
+  ASSERT_GT(std::ranges::count(maps.dead, 1), 20);
+  for (const float share : {1.0F, 0.2F}) {
+    model::PixelMaps known = maps;
+    for (float& offset : known.offset) offset *= share;
+    const auto file = scratch_ / "known-maps.h5";
+    must(capture::write_pixel_maps({file, Replace::kExisting}, known));
+    const Report report = diagnosed(shot, {}, true, file);
+    EXPECT_EQ(told(report), share == 1.0F ? "no_gap:" : "explained: fpn_offset");
+    EXPECT_LT(testing::unevenness(bed::camera_of(shot), report.learned.maps, kScene), 0.75 * before) << share;
+    EXPECT_EQ(report.learned.maps.dead, maps.dead);
+  }
+}
+
 TEST_F(FieldRecording, NamesTheFrameThatJumped) {
   for (Shot shot : {still(), hand()}) {
     // Far below the scene's changes at each pixel.
@@ -93,6 +123,7 @@ TEST_F(FieldRecording, NamesTheFrameThatJumped) {
     EXPECT_EQ(told(report), "explained: offset_jump");
     ASSERT_EQ(report.observations.front().jumps.size(), 1U);
     EXPECT_EQ(report.observations.front().jumps[0].frame, 150U);
+    EXPECT_NEAR(report.effects.front().parameters.at("jump_k").value, -0.4, 0.02);
   }
 }
 

@@ -26,7 +26,8 @@ cxxopts::Options diagnose_options() {
                            "Says how far the simulator is from a camera, why, and what closes the gap.\n"
                            "Give all captures of one bench session together: shutter, flats, chopper, pans, target.");
   add_option<std::string>(options, "o,output", "Folder for report.json and report.html", nullptr, "DIR");
-  add_option<std::string>(options, "profile", "The camera that the simulator assumes (default: a655sc)", nullptr,
+  add_option<std::string>(options, "profile",
+                          "The camera that the simulator assumes, its maps applied (default: a655sc)", nullptr,
                           "P.toml");
   add_option<Words>(options, "withhold", "Take an effect out of the catalogue; repeatable", nullptr, "EFFECT");
   add_option<std::string>(options, "write-profile",

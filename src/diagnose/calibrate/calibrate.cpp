@@ -60,19 +60,19 @@ double mean_over(const std::vector<double>& values, const std::vector<std::size_
 constexpr std::size_t kKeptBytes = std::size_t{512} << 20U;  // recordings up to this size are kept in memory
 
 // A capture as frames, in memory up to kKeptBytes.
-Result<FrameSeries> open_series(const std::filesystem::path& file, const capture::CaptureReader& reader) {
-  const StreamFormat& format = reader.info().format;
+Result<FrameSeries> open_series(const std::filesystem::path& file, FrameReader& reader) {
+  const StreamFormat format = reader.format();
   FrameSeries series;
   series.name = file.string();
   series.geometry = format.geometry;
-  series.t_s = reader.t();
+  series.t_s = reader.capture().t();
   const bool counts = format.type == PixelType::kUint16;
   series.step = counts ? (format.scale.unit == Unit::kKelvin ? std::abs(format.scale.scale) : 1.0) : 0.0;
   series.sixteen_bits = counts;
   series.lowest = std::min(format.scale.to_physical(0.0), format.scale.to_physical(65535.0));
   series.highest = std::max(format.scale.to_physical(0.0), format.scale.to_physical(65535.0));
   series.read = [&reader](std::size_t k, std::span<float> out) -> Status {
-    RETURN_IF_ERROR(read_values(reader, k, 0, out));
+    RETURN_IF_ERROR(reader.read(k, 0, out));
     return {};
   };
   const std::size_t pixels = format.geometry.pixels();
@@ -90,20 +90,20 @@ Result<FrameSeries> open_series(const std::filesystem::path& file, const capture
 
 struct Source {
   std::filesystem::path file;
-  capture::CaptureReader reader;
+  FrameReader reader;
   bool still = false;  // by its /stimulus, or because it is not the first
 };
 
 Result<std::vector<Source>> open_sources(const std::vector<std::filesystem::path>& files) {
   std::vector<Source> sources;
   for (const auto& file : files) {
-    ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
-    ASSIGN_OR_RETURN(const auto stimulus, reader.stimulus());
+    ASSIGN_OR_RETURN(auto reader, FrameReader::open(file));
+    ASSIGN_OR_RETURN(const auto stimulus, reader.capture().stimulus());
     const bool chopper = std::holds_alternative<capture::Chopper>(stimulus);
     const bool uniform = std::holds_alternative<capture::Uniform>(stimulus);
     sources.push_back({file, std::move(reader), uniform || (!chopper && !sources.empty())});
-    const capture::CaptureInfo& first = sources.front().reader.info();
-    const capture::CaptureInfo& info = sources.back().reader.info();
+    const capture::CaptureInfo& first = sources.front().reader.capture().info();
+    const capture::CaptureInfo& info = sources.back().reader.capture().info();
     const auto differs = [&](const std::string& what) {
       return bad_input(file.string() + ": " + what + " than in " + sources.front().file.string() +
                        "; give captures of one camera in one mode");
@@ -241,7 +241,7 @@ Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures
   ASSIGN_OR_RETURN(result.fit, fit_pulses(frames, progress));
   result.pulses.push_back(pulses->file.string());
 
-  for (const Source& source : sources) {
+  for (Source& source : sources) {
     if (&source == &*pulses) continue;
     if (!source.still) {
       result.warnings.push_back(source.file.string() + ": not used: one capture with pulses is enough");
@@ -258,7 +258,7 @@ Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures
   }
   result.noise_k = result.still ? result.still->noise_k : result.fit.noise_k;
   result.gap = result.noise_k > 0.0 ? result.fit.rmse_k / result.noise_k : result.fit.gap;
-  fill_profile(pulses->reader.info(), frames, result);
+  fill_profile(pulses->reader.capture().info(), frames, result);
   return result;
 }
 

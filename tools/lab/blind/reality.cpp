@@ -50,9 +50,12 @@ struct Array {
       const double smooth = std::sqrt(2.0) * std::sin(4.0 * (x * std::cos(turn) + y * std::sin(turn)) + turn);
       tau[p] = 0.8 * luck.even(-1.732, 1.732) + 0.6 * smooth;
     }
-    // The spread is about the mean.
-    const double mean = std::accumulate(tau.begin(), tau.end(), 0.0) / static_cast<double>(tau.size());
-    for (double& one : tau) one = kTauS * scale * (1.0 + spread * (one - mean));
+    // The spread is about the mean, and exact: a piece of a wave has an rms of its own.
+    const auto pixels = static_cast<double>(tau.size());
+    const double mean = std::accumulate(tau.begin(), tau.end(), 0.0) / pixels;
+    double square = 0.0;
+    for (const double one : tau) square += (one - mean) * (one - mean) / pixels;
+    for (double& one : tau) one = kTauS * scale * (1.0 + spread * (one - mean) / std::sqrt(square));
     scene(begin_s, input);
     fast = slow = input;
     past.assign(kPast, input);
