@@ -28,15 +28,11 @@ std::string fault(const CameraSettings& s) {
   if (s.geometry.height < 1 || s.geometry.height > 16384) return "height must be 1 to 16384 pixels";
   if (!within(s.rate_hz, 0.1, 1e5)) return "rate must be 0.1 to 100000 Hz";
   if (!within(s.tau_s, 1e-6, 10.0)) return "tau must be 0.000001 to 10 s";
-  if (s.kind == CameraKind::kVisible && !(s.exposure_s >= 1e-7 && s.exposure_s * s.rate_hz <= 1.0 + 1e-9)) {
-    return "exposure must be 0.0000001 s to one frame period, " + std::to_string(1.0 / s.rate_hz) + " s";
-  }
   if (!within(r.noise_k, 0.0, 1000.0)) return "noise must be 0 to 1000 K";
   if (!within(r.quantisation_k, 0.0, 100.0)) return "quantisation must be 0 to 100 K";
   if (r.type == PixelType::kUint16 && r.quantisation_k == 0.0) return "quantisation 0 needs the type float32";
   if (!within(s.threads, 1, 64)) return "threads must be 1 to 64";
   if (!within(s.session_start_s, 0.0, 1e6)) return "the session's start must be 0 to 1000000 s";
-  if (!s.effects.empty() && s.kind == CameraKind::kVisible) return "effects are a bolometer's; leave them out";
   if (!s.effects.empty() && s.tau_s < 1e-4) return "with effects tau must be 0.0001 to 10 s";
   if (const Status effects = check_effects(s.effects); !effects) return effects.error().message;
   return {};
@@ -65,20 +61,10 @@ std::array<double, 3> moments(double z) noexcept {
 
 // Writes the camera's settings, as root attributes beside the format's own.
 Status write_settings(capture::CaptureWriter& writer, const CameraSettings& settings) {
-  const bool bolometer = settings.kind == CameraKind::kBolometer;
-  Status status = writer.write_attribute("simulated_camera", std::string(bolometer ? "bolometer" : "visible"));
-  const auto add = [&](const char* name, double value) {
-    if (status) status = writer.write_attribute(name, value);
-  };
-  if (bolometer) {
-    add("simulated_tau_s", settings.tau_s);
-  } else {
-    add("simulated_exposure_s", settings.exposure_s);
-  }
-  add("simulated_noise_k", settings.readout.noise_k);
-  add("simulated_quantisation_k", settings.readout.quantisation_k);
-  if (status) status = writer.write_attribute("simulated_seed", std::to_string(settings.readout.seed));
-  return status;
+  return writer.write_attributes({{"simulated_tau_s", settings.tau_s},
+                                  {"simulated_noise_k", settings.readout.noise_k},
+                                  {"simulated_quantisation_k", settings.readout.quantisation_k},
+                                  {"simulated_seed", std::to_string(settings.readout.seed)}});
 }
 
 }  // namespace
@@ -116,19 +102,12 @@ StepWeights bolometer_step(double duration_s, double tau_s) noexcept {
   return {std::exp(-z), 2.0 * m[2] - 3.0 * m[1] + m[0], 4.0 * (m[1] - m[2]), 2.0 * m[2] - m[1]};
 }
 
-StepWeights exposure_step(double duration_s, double exposure_s) noexcept {
-  const double share = duration_s / exposure_s;
-  return {1.0, share / 6.0, share * 4.0 / 6.0, share / 6.0};
-}
-
 Result<CameraSettings> checked(const CameraSettings& settings) {
   if (const std::string what = fault(settings); !what.empty()) return bad_input(what);
   return settings;
 }
 
-double history_s(const CameraSettings& settings) {
-  return settings.kind == CameraKind::kBolometer ? kMemory * settings.tau_s : settings.exposure_s;
-}
+double history_s(const CameraSettings& settings) { return kMemory * settings.tau_s; }
 
 Result<std::unique_ptr<Simulator>> Simulator::create(const CameraSettings& settings,
                                                      std::unique_ptr<const Field> field) {
@@ -186,24 +165,20 @@ void Simulator::next_with_effects(void* plane, float* truth) {
   ++frame_;
 }
 
-// A bolometer's pixel goes on from the frame before; an exposure begins anew.
+// A pixel goes on from the frame before.
 void Simulator::plan() {
-  const bool bolometer = settings_.kind == CameraKind::kBolometer;
   const double to_s = static_cast<double>(frame_) / settings_.rate_hz;
   const double before_s = (static_cast<double>(frame_) - 1.0) / settings_.rate_hz;
-  from_s_ = bolometer && frame_ > 0 ? before_s : to_s - history_s(settings_);
-  const double response_s = bolometer ? settings_.tau_s : settings_.exposure_s;
+  from_s_ = frame_ > 0 ? before_s : to_s - history_s(settings_);
   instants_.clear();
-  field_->instants(from_s_, to_s, response_s, instants_);
+  field_->instants(from_s_, to_s, settings_.tau_s, instants_);
   steps_.clear();
   double start_s = from_s_;
   for (const double end_s : instants_) {
     const double h = end_s - start_s;
-    steps_.push_back({start_s + h / 2.0, end_s,
-                      bolometer ? bolometer_step(h, settings_.tau_s) : exposure_step(h, settings_.exposure_s)});
+    steps_.push_back({start_s + h / 2.0, end_s, bolometer_step(h, settings_.tau_s)});
     start_s = end_s;
   }
-  if (!bolometer) steps_.front().weights.keep = 0.0;
 }
 
 void Simulator::work(int part) noexcept {

@@ -32,20 +32,13 @@ LinearScale readout_scale(const ReadoutSettings& settings);
 void read_row(const ReadoutSettings& settings, std::uint64_t frame, int row, std::span<double> kelvin,
               std::span<double> noise, void* out) noexcept;
 
-enum class CameraKind {
-  kBolometer,  // thermal inertia (paper eq. 7)
-  kVisible,    // mean over the exposure (paper eq. 1)
-};
-
 struct CameraSettings {
-  CameraKind kind = CameraKind::kBolometer;
   Geometry geometry{640, 120};
-  double rate_hz = 200.0;     // frame k is read at t = k / rate_hz
-  double tau_s = 0.011;       // bolometer: thermal time constant
-  double exposure_s = 0.005;  // visible: the exposure ends at the frame's time; at most 1 / rate_hz
+  double rate_hz = 200.0;  // frame k is read at t = k / rate_hz
+  double tau_s = 0.011;    // thermal time constant
   ReadoutSettings readout;
-  int threads = 2;                           // the result does not depend on them
-  std::vector<EffectSpec> effects;           // bolometer only
+  int threads = 2;  // the result does not depend on them
+  std::vector<EffectSpec> effects;
   std::optional<std::uint64_t> camera_seed;  // of what effects fix in the camera, such as patterns; else the noise's
   double session_start_s = 0.0;              // how long the camera had been on at t = 0
 };
@@ -68,10 +61,6 @@ struct StepWeights {
 // Microbolometer, tau dT/dt + T = T_ss (paper eq. 7): the exact solution for such a T_ss. duration_s >= 0, tau_s > 0.
 // Thread: any.
 StepWeights bolometer_step(double duration_s, double tau_s) noexcept;
-
-// Photon-counting pixel, a frame is the mean of T_ss over the exposure (paper eq. 1): the part of one step, exact for
-// such a T_ss (Simpson's rule). Thread: any.
-StepWeights exposure_step(double duration_s, double exposure_s) noexcept;
 
 class EffectCamera;
 

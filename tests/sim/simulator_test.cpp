@@ -110,36 +110,6 @@ TEST(Simulator, MovingBarsAreWithinTheStatedTolerance) {
   }
 }
 
-TEST(Simulator, AVisibleFrameIsTheMeanOverItsExposure) {
-  CameraSettings camera = ideal_camera({12, 2});
-  camera.kind = CameraKind::kVisible;
-  camera.exposure_s = 0.003;
-  const auto image = hard_edges(60, 2);
-  const Path path = steady_pan(777.0).shifted({40.0, 0.0});
-  const auto frames = run(camera, make_scene(image, path, {12, 2}), 8);
-  for (const std::size_t k : {0U, 3U, 7U}) {
-    const double end = kPeriod * static_cast<double>(k);
-    for (int x = 0; x < 12; ++x) {
-      double sum = 0.0;
-      constexpr int kPoints = 3000;
-      for (int i = 0; i < kPoints; ++i) {
-        sum += bilinear(image, path.at(end - camera.exposure_s * (i + 0.5) / kPoints).x_px + x, 0.0);
-      }
-      EXPECT_NEAR(frames.shown[k][static_cast<std::size_t>(x)], sum / kPoints, 2e-3) << "frame " << k << " x " << x;
-    }
-  }
-}
-
-TEST(Simulator, AVisibleStepIsSharedOverTheFrameItFallsIn) {
-  CameraSettings camera = ideal_camera({1, 1});
-  camera.kind = CameraKind::kVisible;
-  camera.exposure_s = kPeriod;
-  const auto frames = run(camera, make_chopper({295, {0.0125}, {0.1}, {305}}), 6);
-  EXPECT_NEAR(frames.shown[2][0], 295.0, 1e-4);
-  EXPECT_NEAR(frames.shown[3][0], 300.0, 1e-4);  // half of the exposure
-  EXPECT_NEAR(frames.shown[4][0], 305.0, 1e-4);
-}
-
 TEST(Simulator, TheResultDoesNotDependOnTheThreads) {
   CameraSettings camera = noisy_camera({50, 23});
   std::vector<std::vector<std::vector<float>>> results;
@@ -180,10 +150,6 @@ TEST(Simulator, RefusesSettingsOutOfRange) {
   EXPECT_TRUE(refused([](CameraSettings& c) { c.readout.quantisation_k = 0.0; }));
   EXPECT_TRUE(refused([](CameraSettings& c) { c.readout.quantisation_k = 0.001; }));  // reaches only 65 K
   EXPECT_TRUE(refused([](CameraSettings& c) { c.threads = 0; }));
-  EXPECT_TRUE(refused([](CameraSettings& c) {
-    c.kind = CameraKind::kVisible;
-    c.exposure_s = 0.006;
-  }));
 }
 
 // One step of a pixel against plain numerical integration.
