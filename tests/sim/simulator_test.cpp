@@ -152,44 +152,6 @@ TEST(Simulator, RefusesSettingsOutOfRange) {
   EXPECT_TRUE(refused([](CameraSettings& c) { c.threads = 0; }));
 }
 
-// One step of a pixel against plain numerical integration.
-double quadratic(double s) { return 300.0 + 12.0 * s - 31.0 * s * s; }
-
-// tau dT/dt + T = T_ss over one step, by the classical Runge-Kutta method.
-double runge_kutta(double before, double z) {
-  constexpr int kSteps = 20000;
-  const double h = 1.0 / kSteps;
-  const auto slope = [z](double s, double t) { return z * (quadratic(s) - t); };
-  double t = before;
-  for (int i = 0; i < kSteps; ++i) {
-    const double s = i * h;
-    const double a = slope(s, t);
-    const double b = slope(s + h / 2, t + a * h / 2);
-    const double c = slope(s + h / 2, t + b * h / 2);
-    const double d = slope(s + h, t + c * h);
-    t += (a + 2 * b + 2 * c + d) * h / 6;
-  }
-  return t;
-}
-
-class BolometerStep : public ::testing::TestWithParam<double> {};
-
-TEST_P(BolometerStep, SolvesTheEquationForAQuadraticInput) {
-  const StepWeights w = bolometer_step(GetParam() * kTau, kTau);
-  const double after = w.keep * 290.0 + w.start * quadratic(0) + w.middle * quadratic(0.5) + w.end * quadratic(1);
-  EXPECT_NEAR(after, runge_kutta(290.0, GetParam()), 1e-8);
-}
-
-TEST_P(BolometerStep, LeavesASteadyPixelAlone) {
-  const StepWeights w = bolometer_step(GetParam(), 1.0);
-  EXPECT_NEAR(w.keep + w.start + w.middle + w.end, 1.0, 1e-14);
-}
-
-INSTANTIATE_TEST_SUITE_P(Durations, BolometerStep,
-                         ::testing::Values(0.0, 1e-12, 1e-6, 0.01, 0.4545, 0.4999999, 0.5000001, 3.0, 14.0));
-
-using namespace testing;
-
 // --- Noise and stored values.
 
 std::vector<double> normal(std::uint64_t seed, std::uint64_t frame, std::uint64_t row, std::size_t size) {
