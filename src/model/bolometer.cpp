@@ -8,7 +8,6 @@
 #include <cstddef>
 #include <numbers>
 #include <utility>
-#include <vector>
 
 namespace bolo::model {
 namespace {
@@ -118,36 +117,21 @@ double fine_column_bound(int frames, double period_s, double tau_s) {
   return std::sqrt(parts) * edge * edge / response * unit_l1(frames);
 }
 
+// One level after the other: the coarser wavelets twice as wide, then the finest ones.
 Eigen::MatrixXd haar_matrix(int bins) {
-  Eigen::MatrixXd h = Eigen::MatrixXd::Identity(bins, bins);
-  for (Eigen::Index column = 0; column < bins; ++column) {
-    haar_forward({h.col(column).data(), static_cast<std::size_t>(bins)});
+  assert(std::has_single_bit(static_cast<unsigned>(bins)));
+  Eigen::MatrixXd h = Eigen::MatrixXd::Identity(1, 1);
+  while (h.rows() < bins) {
+    const Eigen::Index size = h.rows();
+    Eigen::MatrixXd next = Eigen::MatrixXd::Zero(2 * size, 2 * size);
+    for (Eigen::Index k = 0; k < size; ++k) {
+      next.block(0, 2 * k, size, 1) = next.block(0, 2 * k + 1, size, 1) = kHalf * h.col(k);
+      next(size + k, 2 * k) = kHalf;
+      next(size + k, 2 * k + 1) = -kHalf;
+    }
+    h = std::move(next);
   }
   return h;
-}
-
-void haar_forward(std::span<double> values) {
-  assert(std::has_single_bit(values.size()));
-  std::vector<double> next(values.size());
-  for (std::size_t sums = values.size() / 2; sums > 0; sums /= 2) {
-    for (std::size_t k = 0; k < sums; ++k) {
-      next[k] = kHalf * (values[2 * k] + values[2 * k + 1]);
-      next[sums + k] = kHalf * (values[2 * k] - values[2 * k + 1]);
-    }
-    std::copy_n(next.begin(), 2 * sums, values.begin());
-  }
-}
-
-void haar_inverse(std::span<double> values) {
-  assert(std::has_single_bit(values.size()));
-  std::vector<double> next(values.size());
-  for (std::size_t sums = 1; sums < values.size(); sums *= 2) {
-    for (std::size_t k = 0; k < sums; ++k) {
-      next[2 * k] = kHalf * (values[k] + values[sums + k]);
-      next[2 * k + 1] = kHalf * (values[k] - values[sums + k]);
-    }
-    std::copy_n(next.begin(), 2 * sums, values.begin());
-  }
 }
 
 double band_radiance(double kelvin) noexcept {

@@ -32,11 +32,6 @@ int strongest_wavelet_level(double period_s, double tau_s);
 // H (K x K), rows are basis functions: D = H A, A = H^T D. K a power of two. Thread: setup.
 Eigen::MatrixXd haar_matrix(int bins);
 
-// D = H A in place, K = values.size(), O(K). Thread: any.
-void haar_forward(std::span<double> values);
-// A = H^T D in place. Thread: any.
-void haar_inverse(std::span<double> values);
-
 // --- Planck's law over the band of an uncooled camera, 7.5 to 14 um.
 
 // Band radiance of a black body in kelvin-like units: 300 at 300 K, where it grows by 1 for each kelvin. `kelvin` above

@@ -95,8 +95,6 @@ struct KeyTable::Reading {
       const std::string path = prefix + std::string(name.str());
       if (const Key* key = keys.find(path)) {
         take(*key, node);
-      } else if (const Removed* gone = keys.find_removed(path, "")) {
-        problems.push_back({place(name.source()), "'" + path + "' was removed: " + gone->advice});
       } else if (!keys.has_section(path)) {
         problems.push_back({place(name.source()), "unknown key '" + path + "'" + keys.nearest(path)});
       } else if (const toml::table* inner = node.as_table()) {
@@ -110,11 +108,6 @@ struct KeyTable::Reading {
 
   void take(const Key& key, const toml::node& node) {
     places.emplace(key.path, place(node.source()));
-    const std::string text = node.value_or(std::string());
-    if (const Removed* gone = text.empty() ? nullptr : keys.find_removed(key.path, text)) {
-      problems.push_back({place(node.source()), key.path + " = \"" + text + "\" was removed: " + gone->advice});
-      return;
-    }
     Checked checked = key.check(key.file ? resolved(value_of(node)) : value_of(node));
     if (checked) {
       commits.push_back(std::move(*checked));
@@ -166,12 +159,6 @@ KeyTable::Key* KeyTable::find(std::string_view path) {
 bool KeyTable::has_section(std::string_view path) const {
   return !path.empty() &&
          std::any_of(sections_.begin(), sections_.end(), [path](const Section& s) { return s.name == path; });
-}
-
-const KeyTable::Removed* KeyTable::find_removed(std::string_view path, std::string_view value) const {
-  const auto found = std::find_if(removed_.begin(), removed_.end(),
-                                  [&](const Removed& r) { return r.path == path && r.value == value; });
-  return found == removed_.end() ? nullptr : &*found;
 }
 
 // "; did you mean '...'?" for a slip of a third of the letters or less, or a key under the wrong section.

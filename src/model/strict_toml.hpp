@@ -68,10 +68,6 @@ class KeyTable {
   // the number of others. The variables keep their values when anything is wrong. Thread: setup.
   Status read(const std::filesystem::path& file);
 
-  // Declares that a section or key is gone; with `value`, that one choice of a declared key is. A file that still has
-  // it is refused with `advice`.
-  void removed(std::string_view path, std::string_view value, std::string_view advice);
-
   // A word on a declared key that document() prints beside its default.
   void mark(std::string_view path, std::string_view word);
   // Replaces "default" and the value in document()'s line for a key.
@@ -111,11 +107,6 @@ class KeyTable {
     std::string meaning;
     std::vector<Key> keys;
   };
-  struct Removed {
-    std::string path;
-    std::string value;  // empty: the whole section or key
-    std::string advice;
-  };
   struct Place {
     std::int64_t line = 0;
     std::int64_t column = 0;
@@ -130,7 +121,6 @@ class KeyTable {
   void add(Key key);
   Key* find(std::string_view path);
   bool has_section(std::string_view path) const;
-  const Removed* find_removed(std::string_view path, std::string_view value) const;
   std::string nearest(std::string_view path) const;
 
   // The choices' names as text, so that one function not depending on Enum does the work; `store` gets the index.
@@ -138,7 +128,6 @@ class KeyTable {
                   std::function<void(std::size_t)> store, std::string_view meaning);
 
   std::vector<Section> sections_{{}};  // the first has no name: the keys before any section
-  std::vector<Removed> removed_;
   std::filesystem::path file_;
   std::map<std::string, Place, std::less<>> places_;
 };

@@ -219,10 +219,6 @@ void KeyTable::add_choice(std::string_view key, const std::vector<std::string>& 
        check});
 }
 
-void KeyTable::removed(std::string_view path, std::string_view value, std::string_view advice) {
-  removed_.push_back({std::string(path), std::string(value), std::string(advice)});
-}
-
 void KeyTable::mark(std::string_view path, std::string_view word) {
   if (Key* const key = find(path)) key->mark = word;
 }

@@ -15,7 +15,7 @@ struct Moments {
   double m0, m1, m2;
 };
 
-// For z up to kShort: the series of m2 (see simulator.cpp); m1 and m0 follow without cancellation. Good to 1e-9.
+// For z up to kShort: the series of m2; m1 and m0 follow without cancellation. Good to 1e-9.
 constexpr double kShort = 0.3;
 inline Moments short_moments(double z) noexcept {
   const double m2 =
@@ -52,10 +52,13 @@ void answer_row(std::span<const float> a, std::span<const float> m, std::span<co
   }
 }
 
+inline Moments moments(double z) noexcept { return z <= kShort ? short_moments(z) : long_moments(z); }
+
 // Time constants that a pixel, and a slow part of it, remember; see Simulator.
 constexpr double kTimeConstants = 14.0;
 constexpr double kSlowMemory = 8.0;
-// Steps are so many times longer, squared, than kStepToleranceK asks for: within 3 mK, a tenth of a camera's noise.
+// With effects steps are so many times longer, squared, than kStepToleranceK asks for: within 3 mK, a tenth of a
+// camera's noise.
 constexpr double kPatience = 4.0;
 
 CameraModel nominal(const CameraSettings& settings) {
@@ -210,18 +213,17 @@ void PixelBand::advance(double h, double part, std::size_t first, std::size_t co
       if (share != 0.0) sum[i] += share * model_.slow_tau_s * slow[i];
     }
   }
-  const bool is_short = h_part * *std::max_element(rate, rate + count) <= kShort;
-  if (is_short) {
+  const auto [slowest, fastest] = std::minmax_element(rate, rate + count);
+  if (*slowest == *fastest) {
+    answer_row(a, m, b, h_part, part, rate, fast, [same = moments(h_part * *rate)](double) { return same; });
+  } else if (h_part * *fastest <= kShort) {
     answer_row(a, m, b, h_part, part, rate, fast, short_moments);
   } else {
     answer_row(a, m, b, h_part, part, rate, fast, long_moments);
   }
   if (slow != nullptr) {
-    const double z = h_part / model_.slow_tau_s;
-    const Moments moments = z <= kShort ? short_moments(z) : long_moments(z);
-    for (std::size_t i = 0; i < count; ++i) {
-      slow[i] = answer(Quadratic(a[i], m[i], b[i], part), moments, slow[i]);
-    }
+    const Moments of_slow = moments(h_part / model_.slow_tau_s);
+    for (std::size_t i = 0; i < count; ++i) slow[i] = answer(Quadratic(a[i], m[i], b[i], part), of_slow, slow[i]);
   }
   if (sum != nullptr) {
     for (std::size_t i = 0; i < count; ++i) {
@@ -360,7 +362,8 @@ void EffectCamera::plan_steps(double to_s) {
   steps_.clear();
   if (to_s <= now_s_) return;
   instants_.clear();
-  field_.instants(now_s_, to_s, settings_.tau_s * kPatience * bands_.front().patience(), instants_);
+  const double patience = effects_.empty() ? 1.0 : kPatience * bands_.front().patience();
+  field_.instants(now_s_, to_s, settings_.tau_s * patience, instants_);
   for (const double instant_s : instants_) {
     ends_.clear();
     divide(now_s_, instant_s, longest_step_s_, ends_);

@@ -1,4 +1,4 @@
-// The camera with effects: scene -> optics -> pixels -> read-out -> firmware -> transport.
+// The camera, and its effects: scene -> optics -> pixels -> read-out -> firmware -> transport.
 #pragma once
 
 #include <cstdint>
@@ -84,7 +84,7 @@ class PixelBand {
 
 class EffectCamera {
  public:
-  // Lends settings, field and team. The settings are checked, and there is at least one effect. Thread: setup.
+  // Lends settings, field and team. The settings are checked. Thread: setup.
   EffectCamera(const CameraSettings& settings, const Field& field, rt::WorkerTeam& team);
 
   // The next frame that is sent, in the settings' type. Thread: one at a time.

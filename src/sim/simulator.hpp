@@ -32,20 +32,13 @@ LinearScale readout_scale(const ReadoutSettings& settings);
 void read_row(const ReadoutSettings& settings, std::uint64_t frame, int row, std::span<double> kelvin,
               std::span<double> noise, void* out) noexcept;
 
-enum class CameraKind {
-  kBolometer,  // thermal inertia (paper eq. 7)
-  kVisible,    // mean over the exposure (paper eq. 1)
-};
-
 struct CameraSettings {
-  CameraKind kind = CameraKind::kBolometer;
   Geometry geometry{640, 120};
-  double rate_hz = 200.0;     // frame k is read at t = k / rate_hz
-  double tau_s = 0.011;       // bolometer: thermal time constant
-  double exposure_s = 0.005;  // visible: the exposure ends at the frame's time; at most 1 / rate_hz
+  double rate_hz = 200.0;  // frame k is read at t = k / rate_hz
+  double tau_s = 0.011;    // thermal time constant
   ReadoutSettings readout;
-  int threads = 2;                           // the result does not depend on them
-  std::vector<EffectSpec> effects;           // bolometer only
+  int threads = 2;  // the result does not depend on them
+  std::vector<EffectSpec> effects;
   std::optional<std::uint64_t> camera_seed;  // of what effects fix in the camera, such as patterns; else the noise's
   double session_start_s = 0.0;              // how long the camera had been on at t = 0
 };
@@ -55,23 +48,6 @@ Result<CameraSettings> checked(const CameraSettings& settings);
 
 // The time before t = 0 that a pixel still remembers, s: the field must be valid from its negative on. Thread: any.
 double history_s(const CameraSettings& settings);
-
-// A pixel's value after a step in which T_ss is the quadratic through `start`, `middle` and `end`:
-//   keep * before + start * T_ss(0) + middle * T_ss(h / 2) + end * T_ss(h).
-struct StepWeights {
-  double keep = 0.0;
-  double start = 0.0;
-  double middle = 0.0;
-  double end = 0.0;
-};
-
-// Microbolometer, tau dT/dt + T = T_ss (paper eq. 7): the exact solution for such a T_ss. duration_s >= 0, tau_s > 0.
-// Thread: any.
-StepWeights bolometer_step(double duration_s, double tau_s) noexcept;
-
-// Photon-counting pixel, a frame is the mean of T_ss over the exposure (paper eq. 1): the part of one step, exact for
-// such a T_ss (Simpson's rule). Thread: any.
-StepWeights exposure_step(double duration_s, double exposure_s) noexcept;
 
 class EffectCamera;
 
@@ -83,8 +59,8 @@ class Simulator {
   // Thread: setup.
   static Result<std::unique_ptr<Simulator>> create(const CameraSettings& settings, std::unique_ptr<const Field> field);
 
-  // The next frame: `plane` in the settings' type, `truth` (may be null) T_ss at the frame's time, K.
-  // Thread: one at a time.
+  // The next frame: `plane` in the settings' type, `truth` (may be null) T_ss at the frame's nominal time, without the
+  // camera's effects, K. Thread: one at a time.
   void next(void* plane, float* truth);
 
   ~Simulator();
@@ -95,40 +71,13 @@ class Simulator {
   StreamFormat format() const;
 
  private:
-  struct Step {  // of every pixel, from the end of the step before
-    double middle_s = 0.0;
-    double end_s = 0.0;
-    StepWeights weights;
-  };
-  struct Scratch {  // one a part: rows of T_ss, and of the read-out
-    std::vector<float> start;
-    std::vector<float> middle;
-    std::vector<float> end;
-    std::vector<double> kelvin;
-    std::vector<double> noise;
-  };
-
   Simulator(const CameraSettings& settings, std::unique_ptr<const Field> field);
-  void plan();
-  void work(int part) noexcept;
-  void integrate(int row, Scratch& scratch) noexcept;
-  void read_out(int row, Scratch& scratch) noexcept;
-  void next_with_effects(void* plane, float* truth);
 
   CameraSettings settings_;
   std::unique_ptr<const Field> field_;
   std::uint64_t frame_ = 0;
-  std::vector<double> shown_;  // what each pixel shows, K; rows belong to their part
-  std::vector<Scratch> scratch_;
   rt::WorkerTeam team_;
-  std::unique_ptr<EffectCamera> effects_;  // in place of the rest when there are effects
-
-  // The frame in work, read by all workers.
-  double from_s_ = 0.0;
-  std::vector<double> instants_;
-  std::vector<Step> steps_;
-  void* plane_ = nullptr;
-  float* truth_ = nullptr;
+  std::unique_ptr<EffectCamera> camera_;
 };
 
 struct CaptureOptions {

@@ -62,14 +62,6 @@ TEST(Haar, OrderIsScalingThenCoarseToFine) {
   EXPECT_NEAR((h - wanted).cwiseAbs().maxCoeff(), 0.0, 1e-12);
 }
 
-TEST(Haar, InverseUndoesForward) {
-  std::vector<double> values{3, 1, 4, 1, 5, 9, 2, 6};
-  const std::vector<double> before = values;
-  haar_forward(values);
-  haar_inverse(values);
-  for (std::size_t i = 0; i < values.size(); ++i) EXPECT_NEAR(values[i], before[i], 1e-12);
-}
-
 // The bound is where the exact reduction holds: 2.06 tanh(T / 4 tau) < 1 for 16 frames, that is T / tau < 2.1.
 TEST(Reduction, BoundFollowsItsClosedForm) {
   for (const double ratio : {0.1, 0.4545, 1.0, 2.0, 3.0}) {

@@ -12,32 +12,6 @@ std::unique_ptr<const Field> street_pan(Geometry view) {
   return std::move(*field);
 }
 
-// FNV-1a over the values of twelve frames.
-std::uint64_t fingerprint(CameraKind kind, std::unique_ptr<const Field> field) {
-  CameraSettings camera;
-  camera.kind = kind;
-  camera.geometry = {33, 14};
-  camera.readout.seed = 7;
-  auto simulator = must(Simulator::create(camera, std::move(field)));
-  std::vector<std::uint16_t> plane(camera.geometry.pixels());
-  std::uint64_t hash = 0xcbf29ce484222325ULL;
-  for (int k = 0; k < 12; ++k) {
-    (*simulator)->next(plane.data(), nullptr);
-    for (const std::uint16_t value : plane) hash = (hash ^ value) * 0x100000001b3ULL;
-  }
-  return hash;
-}
-
-// Recorded before there were effects.
-TEST(NominalCamera, IsWhatItWasBeforeThereWereEffects) {
-  const auto bolometer = CameraKind::kBolometer;
-  EXPECT_EQ(fingerprint(bolometer, make_uniform(301.3)), 0x8e96c7af4b456268ULL);
-  EXPECT_EQ(fingerprint(bolometer, make_chopper({295, {0.0131}, {0.0377}, {320}})), 0x618006d11805e98dULL);
-  EXPECT_EQ(fingerprint(bolometer, make_bars({285, 310, 12, 6, 0.25, 300})), 0x4e0c7296255926e7ULL);
-  EXPECT_EQ(fingerprint(bolometer, street_pan({33, 14})), 0x2e20c46f0344f9d6ULL);
-  EXPECT_EQ(fingerprint(CameraKind::kVisible, street_pan({33, 14})), 0xc19280e902cfe89aULL);
-}
-
 // An effect of size zero shows the nominal camera, to the tolerance of the steps in time.
 TEST(EffectCamera, WithAnEffectOfSizeZeroIsTheNominalCamera) {
   const Geometry view{30, 12};
@@ -174,9 +148,6 @@ TEST(EffectCamera, RefusesWhatItCannotDo) {
   camera.effects = {{"iir", "", {{"alpha", 3.0}}}};
   EXPECT_TRUE(refused(camera));
   camera.effects = {{"iir", "", {}}};
-  camera.kind = CameraKind::kVisible;
-  EXPECT_TRUE(refused(camera));
-  camera.kind = CameraKind::kBolometer;
   camera.session_start_s = -1.0;
   EXPECT_TRUE(refused(camera));
 }

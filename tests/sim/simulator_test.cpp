@@ -110,36 +110,6 @@ TEST(Simulator, MovingBarsAreWithinTheStatedTolerance) {
   }
 }
 
-TEST(Simulator, AVisibleFrameIsTheMeanOverItsExposure) {
-  CameraSettings camera = ideal_camera({12, 2});
-  camera.kind = CameraKind::kVisible;
-  camera.exposure_s = 0.003;
-  const auto image = hard_edges(60, 2);
-  const Path path = steady_pan(777.0).shifted({40.0, 0.0});
-  const auto frames = run(camera, make_scene(image, path, {12, 2}), 8);
-  for (const std::size_t k : {0U, 3U, 7U}) {
-    const double end = kPeriod * static_cast<double>(k);
-    for (int x = 0; x < 12; ++x) {
-      double sum = 0.0;
-      constexpr int kPoints = 3000;
-      for (int i = 0; i < kPoints; ++i) {
-        sum += bilinear(image, path.at(end - camera.exposure_s * (i + 0.5) / kPoints).x_px + x, 0.0);
-      }
-      EXPECT_NEAR(frames.shown[k][static_cast<std::size_t>(x)], sum / kPoints, 2e-3) << "frame " << k << " x " << x;
-    }
-  }
-}
-
-TEST(Simulator, AVisibleStepIsSharedOverTheFrameItFallsIn) {
-  CameraSettings camera = ideal_camera({1, 1});
-  camera.kind = CameraKind::kVisible;
-  camera.exposure_s = kPeriod;
-  const auto frames = run(camera, make_chopper({295, {0.0125}, {0.1}, {305}}), 6);
-  EXPECT_NEAR(frames.shown[2][0], 295.0, 1e-4);
-  EXPECT_NEAR(frames.shown[3][0], 300.0, 1e-4);  // half of the exposure
-  EXPECT_NEAR(frames.shown[4][0], 305.0, 1e-4);
-}
-
 TEST(Simulator, TheResultDoesNotDependOnTheThreads) {
   CameraSettings camera = noisy_camera({50, 23});
   std::vector<std::vector<std::vector<float>>> results;
@@ -180,49 +150,7 @@ TEST(Simulator, RefusesSettingsOutOfRange) {
   EXPECT_TRUE(refused([](CameraSettings& c) { c.readout.quantisation_k = 0.0; }));
   EXPECT_TRUE(refused([](CameraSettings& c) { c.readout.quantisation_k = 0.001; }));  // reaches only 65 K
   EXPECT_TRUE(refused([](CameraSettings& c) { c.threads = 0; }));
-  EXPECT_TRUE(refused([](CameraSettings& c) {
-    c.kind = CameraKind::kVisible;
-    c.exposure_s = 0.006;
-  }));
 }
-
-// One step of a pixel against plain numerical integration.
-double quadratic(double s) { return 300.0 + 12.0 * s - 31.0 * s * s; }
-
-// tau dT/dt + T = T_ss over one step, by the classical Runge-Kutta method.
-double runge_kutta(double before, double z) {
-  constexpr int kSteps = 20000;
-  const double h = 1.0 / kSteps;
-  const auto slope = [z](double s, double t) { return z * (quadratic(s) - t); };
-  double t = before;
-  for (int i = 0; i < kSteps; ++i) {
-    const double s = i * h;
-    const double a = slope(s, t);
-    const double b = slope(s + h / 2, t + a * h / 2);
-    const double c = slope(s + h / 2, t + b * h / 2);
-    const double d = slope(s + h, t + c * h);
-    t += (a + 2 * b + 2 * c + d) * h / 6;
-  }
-  return t;
-}
-
-class BolometerStep : public ::testing::TestWithParam<double> {};
-
-TEST_P(BolometerStep, SolvesTheEquationForAQuadraticInput) {
-  const StepWeights w = bolometer_step(GetParam() * kTau, kTau);
-  const double after = w.keep * 290.0 + w.start * quadratic(0) + w.middle * quadratic(0.5) + w.end * quadratic(1);
-  EXPECT_NEAR(after, runge_kutta(290.0, GetParam()), 1e-8);
-}
-
-TEST_P(BolometerStep, LeavesASteadyPixelAlone) {
-  const StepWeights w = bolometer_step(GetParam(), 1.0);
-  EXPECT_NEAR(w.keep + w.start + w.middle + w.end, 1.0, 1e-14);
-}
-
-INSTANTIATE_TEST_SUITE_P(Durations, BolometerStep,
-                         ::testing::Values(0.0, 1e-12, 1e-6, 0.01, 0.4545, 0.4999999, 0.5000001, 3.0, 14.0));
-
-using namespace testing;
 
 // --- Noise and stored values.
 

@@ -74,8 +74,7 @@ TEST_F(SimulateVerb, FollowsATrajectoryOverAPicture) {
 
 TEST_F(SimulateVerb, FloatFramesWithoutNoiseAndTruth) {
   const auto reader = must(simulated(
-      "--stimulus uniform --temperature 299.987 --type float32 --noise 0 --no-truth --compress --frames 2 --rate 50 "
-      "--camera visible --exposure 0.02"));
+      "--stimulus uniform --temperature 299.987 --type float32 --noise 0 --no-truth --compress --frames 2 --rate 50"));
   EXPECT_FALSE(reader->info().has_truth);
   EXPECT_EQ(reader->t()[1], 0.02);
   std::vector<float> plane(32 * 12);
@@ -94,10 +93,9 @@ TEST_F(SimulateVerb, RefusesInOneLineWithExitCodeTwo) {
                "--stimulus chopper --scene street", "--stimulus chopper --frames 3", "--stimulus chopper --pulses 0",
                "--scene street --hot 320", "--scene bars --cold 320", "--temperature 300", "--scene /nonexistent.png",
                "--frames 0", "--frames x", "--rate 0", "--tau 0", "--noise -1", "--quantisation 0",
-               "--quantisation 0.001", "--type uint8", "--camera infrared", "--camera visible --tau 0.01",
-               "--camera visible --exposure 1", "--exposure 0.001", "--threads 0", "--speed 1e9", "--effect nothing",
-               "--effect iir:alpha=9", "--effect iir --effect iir:alpha=0.7", "--effect iir --camera visible",
-               "--effect", "--session-start -1", "--camera-seed x", "--stimulus chopper --stimulus-error sweep=1",
+               "--quantisation 0.001", "--type uint8", "--threads 0", "--speed 1e9", "--effect nothing",
+               "--effect iir:alpha=9", "--effect iir --effect iir:alpha=0.7", "--effect", "--session-start -1",
+               "--camera-seed x", "--stimulus chopper --stimulus-error sweep=1",
                "--stimulus uniform --stimulus-error sweep_s=0.001", "--stimulus chopper --stimulus-error sweep_s=9",
                "--trajectory /nonexistent.csv", "--trajectory-scale 2", "--origin 1", "--unknown", "stray");
   EXPECT_FALSE(std::filesystem::exists(file("a.h5")) || std::filesystem::exists(file("a.h5.part")));

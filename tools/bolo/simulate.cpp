@@ -192,10 +192,7 @@ cxxopts::Options simulate_options() {
   camera("height", "Pixels", cxxopts::value<int>()->default_value("120"));
   camera("rate", "Frames a second", number("200"));
   camera("frames", "How many", cxxopts::value<std::int64_t>()->default_value("400"));
-  camera("camera", "bolometer (thermal inertia) or visible (mean over the exposure)", text("bolometer"));
-  camera("tau", "Thermal time constant, s (bolometer)", number("0.011"));
-  camera("exposure", "s, ends at the frame's time (visible; default: the frame period, at most 5 ms)",
-         cxxopts::value<double>());
+  camera("tau", "Thermal time constant, s", number("0.011"));
   camera("noise", "White noise, K rms", number("0.03"));
   camera("quantisation", "K a step (uint16: default 0.01; float32: default none)", cxxopts::value<double>());
   camera("type", "uint16 or float32", text("uint16"));
@@ -248,15 +245,6 @@ Result<sim::CameraSettings> camera_of(const Options& given) {
   camera.rate_hz = given["rate"].as<double>();
   camera.tau_s = given["tau"].as<double>();
   camera.threads = given["threads"].as<int>();
-  const auto kind = given["camera"].as<std::string>();
-  if (kind != "bolometer" && kind != "visible")
-    return bad_input("--camera " + kind + ": expected bolometer or visible");
-  camera.kind = kind == "visible" ? sim::CameraKind::kVisible : sim::CameraKind::kBolometer;
-  const char* const foreign = kind == "visible" ? "tau" : "exposure";
-  if (given.count(foreign) != 0)
-    return bad_input("--" + std::string(foreign) + " has no meaning with --camera " + kind);
-  camera.exposure_s =
-      given.count("exposure") != 0 ? given["exposure"].as<double>() : std::min(0.005, 1.0 / camera.rate_hz);
   const auto type = given["type"].as<std::string>();
   if (type != "uint16" && type != "float32") return bad_input("--type " + type + ": expected uint16 or float32");
   camera.readout.type = type == "uint16" ? PixelType::kUint16 : PixelType::kFloat32;

@@ -75,8 +75,6 @@ std::string describe_scale(std::size_t columns, double interval_s, double top_ms
                      static_cast<double>(columns) * interval_s, top_ms);
 }
 
-}  // namespace
-
 StatColumn column_of(const StatSample& sample) {
   double lost = 0.0;
   for (const double hz : sample.lost_hz) lost += hz * sample.interval_s;
@@ -85,14 +83,8 @@ StatColumn column_of(const StatSample& sample) {
           static_cast<std::uint64_t>(std::lround(lost))};
 }
 
-StatHistory::StatHistory(double interval_s)
-    : interval_s_(interval_s), most_(std::max(kLeastColumns, static_cast<std::size_t>(kShown_s / interval_s))) {}
-
-void StatHistory::add(const StatSample& sample) {
-  columns_.push_back(column_of(sample));
-  if (columns_.size() > most_) columns_.pop_front();
-}
-
+// Bars of eighths of a character from 0 to `top`, `rows` lines from the top down: no bar where a value is not finite,
+// at least an eighth where it is; those above the top end there.
 std::vector<std::string> character_bars(std::span<const double> values, double top, int rows) {
   constexpr std::array<const char*, 9> kEighths{" ",      "\u2581", "\u2582", "\u2583", "\u2584",
                                                 "\u2585", "\u2586", "\u2587", "\u2588"};
@@ -106,6 +98,48 @@ std::vector<std::string> character_bars(std::span<const double> values, double t
     }
   }
   return lines;
+}
+
+// Of standard output; 80 by 24 where it is no terminal.
+TextSpace terminal_space() {
+  winsize size{};
+  if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) return {};
+  return {size.ws_col, size.ws_row};
+}
+
+// A table of ended lines and lines below it, cut to what a terminal shows: first the table's end goes. Letters count
+// as one column each.
+std::vector<std::string> fitted(const std::string& table, const std::vector<std::string>& below, TextSpace space) {
+  std::vector<std::string> lines;
+  for (std::size_t begin = 0; begin < table.size();) {
+    const std::size_t end = std::min(table.find('\n', begin), table.size());
+    lines.push_back(cut(std::string_view(table).substr(begin, end - begin), space.columns));
+    begin = end + 1;
+  }
+  // The cursor stands in the line after the last one.
+  const int room = space.rows - 1;
+  const int of_table = std::max(0, room - static_cast<int>(below.size()));
+  lines.resize(std::min(lines.size(), static_cast<std::size_t>(of_table)));
+  lines.insert(lines.end(), below.begin(), below.end());
+  lines.resize(std::min(lines.size(), static_cast<std::size_t>(std::max(0, room))));
+  return lines;
+}
+
+// Text that draws `lines` over the `drawn` lines above the cursor without blanking them in between.
+std::string redrawn(const std::vector<std::string>& lines, int drawn) {
+  std::string out = drawn > 0 ? "\x1b[" + std::to_string(drawn) + "A\r" : "";
+  for (const std::string& line : lines) out += line + "\x1b[K\n";
+  return out + "\x1b[J";
+}
+
+}  // namespace
+
+StatHistory::StatHistory(double interval_s)
+    : interval_s_(interval_s), most_(std::max(kLeastColumns, static_cast<std::size_t>(kShown_s / interval_s))) {}
+
+void StatHistory::add(const StatSample& sample) {
+  columns_.push_back(column_of(sample));
+  if (columns_.size() > most_) columns_.pop_front();
 }
 
 std::vector<std::string> history_lines(const StatHistory& history, TextSpace space, bool colour) {
@@ -134,34 +168,6 @@ std::vector<std::string> history_lines(const StatHistory& history, TextSpace spa
   add("  p50", p50, kBlue);
   lines.push_back(label("  lost") + in_colour(loss_marks(shown), kRed, colour));
   return lines;
-}
-
-TextSpace terminal_space() {
-  winsize size{};
-  if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) return {};
-  return {size.ws_col, size.ws_row};
-}
-
-std::vector<std::string> fitted(const std::string& table, const std::vector<std::string>& below, TextSpace space) {
-  std::vector<std::string> lines;
-  for (std::size_t begin = 0; begin < table.size();) {
-    const std::size_t end = std::min(table.find('\n', begin), table.size());
-    lines.push_back(cut(std::string_view(table).substr(begin, end - begin), space.columns));
-    begin = end + 1;
-  }
-  // The cursor stands in the line after the last one.
-  const int room = space.rows - 1;
-  const int of_table = std::max(0, room - static_cast<int>(below.size()));
-  lines.resize(std::min(lines.size(), static_cast<std::size_t>(of_table)));
-  lines.insert(lines.end(), below.begin(), below.end());
-  lines.resize(std::min(lines.size(), static_cast<std::size_t>(std::max(0, room))));
-  return lines;
-}
-
-std::string redrawn(const std::vector<std::string>& lines, int drawn) {
-  std::string out = drawn > 0 ? "\x1b[" + std::to_string(drawn) + "A\r" : "";
-  for (const std::string& line : lines) out += line + "\x1b[K\n";
-  return out + "\x1b[J";
 }
 
 bool StatScreen::is_there() {

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <deque>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -17,7 +16,6 @@ struct StatColumn {
   double p99_ms = 0.0;
   std::uint64_t lost = 0;  // frames, by all causes
 };
-StatColumn column_of(const StatSample& sample);
 
 // At most a minute, and at least sixty columns. Thread: one at a time.
 class StatHistory {
@@ -33,10 +31,6 @@ class StatHistory {
   std::deque<StatColumn> columns_;
 };
 
-// Bars of eighths of a character from 0 to `top`, `rows` lines from the top down: no bar where a value is not finite,
-// at least an eighth where it is; those above the top end there. Thread: any.
-std::vector<std::string> character_bars(std::span<const double> values, double top, int rows);
-
 struct TextSpace {
   int columns = 80;
   int rows = 24;
@@ -46,18 +40,7 @@ struct TextSpace {
 // `rows` of them. Nothing where there is no room. Thread: any.
 std::vector<std::string> history_lines(const StatHistory& history, TextSpace space, bool colour);
 
-// --- The terminal that `bolo stat` draws on, one picture over the other.
-
-// A table of ended lines and lines below it, cut to what a terminal shows: first the table's end goes. Letters count
-// as one column each. Thread: any.
-std::vector<std::string> fitted(const std::string& table, const std::vector<std::string>& below, TextSpace space);
-
-// Text that draws `lines` over the `drawn` lines above the cursor without blanking them in between. Thread: any.
-std::string redrawn(const std::vector<std::string>& lines, int drawn);
-
-// Of standard output; 80 by 24 where it is no terminal. Thread: any.
-TextSpace terminal_space();
-
+// The terminal that `bolo stat` draws on, one picture over the other.
 class StatScreen {
  public:
   // True if standard output is a terminal that can be drawn over.

@@ -292,8 +292,6 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
             "Camera profile. Left out: what is known of the A655sc at 200 Hz.");
   source_keys(keys, config, overrides);
   camera_keys(keys, config.camera);
-  keys.removed("source.type", "usb", "use \"genicam\", which receives USB3 Vision cameras too, or \"replay\"");
-  keys.removed("usb", "", "delete the section; source.type = \"genicam\" receives USB3 Vision cameras");
   deblur_keys(keys, config, overrides);
   motion_keys(keys, config);
   pipeline_keys(keys, config);

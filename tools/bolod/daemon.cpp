@@ -187,7 +187,7 @@ struct Daemon::Impl {
 
   std::optional<Supervisor> supervisor;    // from create() on
   std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others
-  std::unique_ptr<MetricsServer> metrics;
+  std::unique_ptr<RequestServer> metrics;
   std::int64_t next_metrics_try_ns = 0;
   std::int64_t next_control_check_ns = 0;
   bool control_missed = false;  // and logged
@@ -271,7 +271,7 @@ void Daemon::Impl::keep_listening() {
 void Daemon::Impl::serve_metrics() {
   if (!config.metrics.enabled || metrics != nullptr || monotonic_ns() < next_metrics_try_ns) return;
   const bool first = std::exchange(next_metrics_try_ns, monotonic_ns() + kRetryNs) == 0;
-  auto made = MetricsServer::start(config.metrics, [this] {
+  auto made = metrics_server(config.metrics, [this] {
     return collect_metrics({config.name, *pipeline, supervisor->flows()});
   });
   if (made) {

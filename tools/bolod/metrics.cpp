@@ -202,7 +202,7 @@ std::string http_answer(const std::string& status, const std::string& body) {
 }
 
 // Nothing: the headers have not ended yet.
-std::optional<std::string> answer_to(std::string_view received, const MetricsServer::Collect& collect) {
+std::optional<std::string> answer_to(std::string_view received, const CollectMetrics& collect) {
   if (received.find("\r\n\r\n") == std::string_view::npos) return std::nullopt;
   if (!received.starts_with("GET ")) return http_answer("405 Method Not Allowed", "only GET is understood\n");
   const std::string_view path = received.substr(4, received.find_first_of(" ?\r", 4) - 4);
@@ -234,7 +234,7 @@ Status check_listen(const MetricsOptions& options) {
                    "\" is within other computers' reach: use 127.0.0.1, or set metrics.allow_remote = true");
 }
 
-Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const MetricsOptions& options, Collect collect) {
+Result<std::unique_ptr<RequestServer>> metrics_server(const MetricsOptions& options, CollectMetrics collect) {
   RETURN_IF_ERROR(check_listen(options));
   const Listen listen = *parse(options.listen);
   UniqueFd listener = listen_on(listen.address, RequestServer::kBacklog, false);
@@ -244,14 +244,12 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const MetricsOptions
                   "'; end that, or set metrics.listen to a free port");
   }
   try {
-    return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(listener), std::move(collect)));
+    return std::make_unique<RequestServer>(
+        std::move(listener), kMetricsLimits,
+        [collect = std::move(collect)](std::string_view received) { return answer_to(received, collect); });
   } catch (const std::system_error& e) {
     return failed("metrics: " + describe_exception(e));
   }
 }
-
-MetricsServer::MetricsServer(UniqueFd listener, Collect collect)
-    : server_(std::move(listener), kMetricsLimits,
-              [collect = std::move(collect)](std::string_view received) { return answer_to(received, collect); }) {}
 
 }  // namespace bolo::daemon

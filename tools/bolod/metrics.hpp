@@ -31,19 +31,9 @@ std::vector<prometheus::MetricFamily> collect_metrics(const MetricsView& view);
 // An address and port; of another computer's reach only where that is allowed. Thread: any.
 Status check_listen(const MetricsOptions& options);
 
-// Serves /metrics as RequestServer does.
-class MetricsServer {
- public:
-  // Collects the metrics for a scrape. Thread: the server's.
-  using Collect = std::function<std::vector<prometheus::MetricFamily>()>;
-
-  // An address that another program has, or no interface, is a failure. Thread: setup.
-  static Result<std::unique_ptr<MetricsServer>> start(const MetricsOptions& options, Collect collect);
-
- private:
-  MetricsServer(UniqueFd listener, Collect collect);
-
-  RequestServer server_;
-};
+// Serves /metrics; `collect` collects the metrics for a scrape, on the server's thread. An address that another program
+// has, or no interface, is a failure. Thread: setup.
+using CollectMetrics = std::function<std::vector<prometheus::MetricFamily>()>;
+Result<std::unique_ptr<RequestServer>> metrics_server(const MetricsOptions& options, CollectMetrics collect);
 
 }  // namespace bolo::daemon

@@ -200,17 +200,6 @@ TEST_F(Config, MapsComeWithTheProfile) {
   EXPECT_EQ(config.pipeline.maps.row_delay_s, 2e-5);
 }
 
-TEST_F(Config, RemovedUsbStreamsAreNamedWithWhatToUse) {
-  const std::string source =
-      "bolod.toml:2:8: source.type = \"usb\" was removed: use \"genicam\", which receives USB3 Vision cameras too, or "
-      "\"replay\"";
-  EXPECT_EQ(complaint("[source]\ntype = 'usb'\n"), source);
-  EXPECT_EQ(complaint("[source]\ntype = 'usb'\n[usb]\ndevice = '09cb:1007'\n"), source + " (and 1 more wrong)");
-  EXPECT_EQ(
-      complaint("[source]\ntype = 'genicam'\n[usb]\ndevice = '09cb:1007'\n"),
-      "bolod.toml:3:2: 'usb' was removed: delete the section; source.type = \"genicam\" receives USB3 Vision cameras");
-}
-
 TEST_F(Config, WhatDoesNotFitIsNamed) {
   expect_parts(complaint("[deblur]\nwindow = 16\n"), {"window"});
   expect_parts(complaint("[deblur]\nwindow = 5\nlookahead = 4\n"), {"lookahead"});

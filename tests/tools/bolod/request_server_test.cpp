@@ -150,8 +150,8 @@ TEST(RequestServers, WithoutAThreadThereIsAnErrorAndNoSocket) {
   const Scratch scratch;
   const std::string path = (scratch.path() / "s").string();
   const auto control = ControlServer::start(path, 0600, [](std::string_view) { return "{}"; });
-  const auto metrics = MetricsServer::start({true, tools::test::own_address() + ":9464", false},
-                                            [] { return std::vector<prometheus::MetricFamily>(); });
+  const auto metrics = metrics_server({true, tools::test::own_address() + ":9464", false},
+                                      [] { return std::vector<prometheus::MetricFamily>(); });
   expect_error(control, {"no thread"});
   EXPECT_FALSE(std::filesystem::exists(path));
   expect_error(metrics, {"no thread"});

@@ -276,7 +276,8 @@ std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vect
   constexpr int kMostSweeps = 50000;
   constexpr double kAccuracy = 1e-9;
   const Problem p = problem_of(trial, samples);
-  const Eigen::MatrixXd z = p.v * model::haar_matrix(1 << trial.levels).transpose();
+  const Eigen::MatrixXd inverse = model::haar_matrix(1 << trial.levels).transpose();
+  const Eigen::MatrixXd z = p.v * inverse;
   const double lambda = trial.lambda / (2.0 * trial.kappa);  // of 1/2 ||.||^2 + lambda ||.||_1
   Eigen::VectorXd d = Eigen::VectorXd::Zero(z.cols());
   Eigen::VectorXd left = p.y;
@@ -293,8 +294,7 @@ std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vect
     }
     if (change < kAccuracy) break;
   }
-  model::haar_inverse(std::span<double>(d.data(), static_cast<std::size_t>(d.size())));
-  return with_mean(d, p.mean);
+  return with_mean(inverse * d, p.mean);
 }
 
 double rmse(const std::vector<double>& a, const std::vector<double>& b) {
