@@ -32,24 +32,19 @@ namespace bolo::deblur::HWY_NAMESPACE {
 constexpr float kBegin = 0.3F;  // tau
 constexpr float kFall = 0.95F;  // of tau, where a step goes its whole way
 constexpr float kLeastTau = 1e-7F;
-constexpr float kBack = 0.98F;    // of the way to the nearest bound
+constexpr float kBack = 0.998F;   // of the way to the nearest bound
 constexpr float kEdge = 2.5e-7F;  // of a bound that t stays off it
 constexpr float kLeastSize = 1e-6F;
 
 struct Bound {
   HWY_ALIGN Row t;
   HWY_ALIGN Row c;     // on the way to the leaves: y
-  HWY_ALIGN Row step;  // of t
-};
-
-struct Tree {
-  HWY_ALIGN Row alpha;
+  HWY_ALIGN Row step;  // of t; on the way to the sum: alpha of its subtree
   HWY_ALIGN Row beta;
 };
 
 struct Wavelet {
   Bound bound;
-  Tree tree;
   HWY_ALIGN Row room;  // room, pull and push over room + pull (beta_left + beta_right); of the sum room + pull beta
   HWY_ALIGN Row pull;
   HWY_ALIGN Row push;
@@ -57,7 +52,6 @@ struct Wavelet {
 
 struct Leaf {
   Bound bound;
-  Tree tree;
   HWY_ALIGN Row h;
   HWY_ALIGN Row lost;  // e
   HWY_ALIGN Row rest;  // h + e_i - a e_{i-1} - q Q v
@@ -173,11 +167,11 @@ HWY_INLINE void eliminate_leaves(const InteriorPlan& plan, Interior& m) {
     if (HWY_LIKELY(row.weight != 0.0F || i == plan.border)) {
       const Linear bound = linearise(m.tau, plan.bound, leaf.bound);
       const Pair share = reciprocal(fma(all(row.diagonal) * q, bound.room, bound.pull));
-      store(share * bound.room, leaf.tree.beta);
-      store(share * (bound.room * rest - bound.push), leaf.tree.alpha);
+      store(share * bound.room, leaf.bound.beta);
+      store(share * (bound.room * rest - bound.push), leaf.bound.step);
     } else {
-      store(pair(0.0F), leaf.tree.beta);
-      store(fma(all(row.carry), next, pair(0.0F) - v), leaf.tree.alpha);
+      store(pair(0.0F), leaf.bound.beta);
+      store(fma(all(row.carry), next, pair(0.0F) - v), leaf.bound.step);
       lost_before = all(row.carry) * load(leaf.lost);
     }
     row_before = w;
@@ -185,13 +179,13 @@ HWY_INLINE void eliminate_leaves(const InteriorPlan& plan, Interior& m) {
   }
 }
 
-HWY_INLINE Tree& left_of(int i, Interior& m) {
+HWY_INLINE Bound& left_of(int i, Interior& m) {
   const int half = i & -i;
-  return half == 1 ? m.leaf[i - 1].tree : m.wavelet[i - half / 2].tree;
+  return half == 1 ? m.leaf[i - 1].bound : m.wavelet[i - half / 2].bound;
 }
-HWY_INLINE Tree& right_of(int i, Interior& m) {
+HWY_INLINE Bound& right_of(int i, Interior& m) {
   const int half = i & -i;
-  return half == 1 ? m.leaf[i].tree : m.wavelet[i + half / 2].tree;
+  return half == 1 ? m.leaf[i].bound : m.wavelet[i + half / 2].bound;
 }
 
 // Calls on(i, half) for all wavelets, from the leaves to the whole window; on_way_down: the other way round.
@@ -221,28 +215,28 @@ HWY_INLINE void eliminate(const InteriorPlan& plan, Interior& m) {
   eliminate_leaves(plan, m);
   on_way_up(plan.bins, [&](int i, int /*half*/) HWY_ATTR {
     Wavelet& w = m.wavelet[i];
-    const Tree& left = left_of(i, m);
-    const Tree& right = right_of(i, m);
+    const Bound& left = left_of(i, m);
+    const Bound& right = right_of(i, m);
     const Pair left_beta = load(left.beta);
     const Pair right_beta = load(right.beta);
-    const Pair left_alpha = load(left.alpha);
-    const Pair right_alpha = load(right.alpha);
+    const Pair left_alpha = load(left.step);
+    const Pair right_alpha = load(right.step);
     const Pair beta = left_beta + right_beta;
     const Linear bound = keep(linearise(m.tau, plan.row[static_cast<std::size_t>(i)].limit, w.bound), beta, w);
     const Pair twice = bound.pull + bound.pull;
     const Pair crossed = fma(right_beta, left_alpha, left_beta * right_alpha);
     const Pair alpha = fma(twice, crossed, bound.room * (left_alpha + right_alpha));
-    store(fma(bound.push, right_beta - left_beta, alpha), w.tree.alpha);
-    store(fma(twice + twice, left_beta * right_beta, bound.room * beta), w.tree.beta);
+    store(fma(bound.push, right_beta - left_beta, alpha), w.bound.step);
+    store(fma(twice + twice, left_beta * right_beta, bound.room * beta), w.bound.beta);
   });
   Wavelet& sum = m.wavelet[0];
-  keep(linearise(m.tau, plan.row[0].limit, sum.bound), load(m.wavelet[plan.bins / 2].tree.beta), sum);
+  keep(linearise(m.tau, plan.row[0].limit, sum.bound), load(m.wavelet[plan.bins / 2].bound.beta), sum);
 }
 
 HWY_INLINE void substitute_leaf(const InteriorPlan& plan, int i, Pair y, Interior& m) {
   Leaf& leaf = m.leaf[i];
   const InteriorRow& row = plan.row[static_cast<std::size_t>(i)];
-  const Pair step = fma(load(leaf.tree.beta), y, load(leaf.tree.alpha));
+  const Pair step = fma(load(leaf.bound.beta), y, load(leaf.bound.step));
   const Pair held = all(row.diagonal) * load(m.q) * step;
   const Pair force = load(leaf.rest) + y;
   store(step, leaf.bound.step);
@@ -256,8 +250,8 @@ HWY_INLINE void substitute_leaf(const InteriorPlan& plan, int i, Pair y, Interio
 // The steps and the multipliers, from the sum to the leaves.
 HWY_INLINE void substitute(const InteriorPlan& plan, Interior& m) {
   Wavelet& sum = m.wavelet[0];
-  const Tree& whole = m.wavelet[plan.bins / 2].tree;
-  const Pair alpha = load(whole.alpha);
+  const Bound& whole = m.wavelet[plan.bins / 2].bound;
+  const Pair alpha = load(whole.step);
   const Pair sum_push = load(sum.push);
   const Pair sum_c = fma(load(sum.pull), alpha, sum_push);
   store(fnma(sum_push, load(whole.beta), load(sum.room) * alpha), sum.bound.step);
@@ -265,12 +259,12 @@ HWY_INLINE void substitute(const InteriorPlan& plan, Interior& m) {
   store(pair(0.0F) - sum_c, m.wavelet[plan.bins / 2].bound.c);
   on_way_down(plan.bins, [&](int i, int half) HWY_ATTR {
     Wavelet& w = m.wavelet[i];
-    const Tree& left = left_of(i, m);
-    const Tree& right = right_of(i, m);
+    const Bound& left = left_of(i, m);
+    const Bound& right = right_of(i, m);
     const Pair left_beta = load(left.beta);
     const Pair right_beta = load(right.beta);
     const Pair y = load(w.bound.c);
-    const Pair difference = fma(left_beta - right_beta, y, load(left.alpha) - load(right.alpha));
+    const Pair difference = fma(left_beta - right_beta, y, load(left.step) - load(right.step));
     const Pair push = load(w.push);
     const Pair c = fma(load(w.pull), difference, push);
     store(fnma(push, left_beta + right_beta, load(w.room) * difference), w.bound.step);
@@ -293,7 +287,7 @@ HWY_INLINE void solve_border(const InteriorPlan& plan, Interior& m) {
   const auto alpha_at = [&](int i, int half, int side) -> Row& {
     return half == 1 ? b.alpha[0][side < 0 ? i - 1 : i] : b.alpha[1][i + side * half / 2];
   };
-  for (int i = 0; i < plan.bins; ++i) store(all(force_of(i)) * load(m.leaf[i].tree.beta), b.alpha[0][i]);
+  for (int i = 0; i < plan.bins; ++i) store(all(force_of(i)) * load(m.leaf[i].bound.beta), b.alpha[0][i]);
   on_way_up(plan.bins, [&](int i, int half) HWY_ATTR {
     const Wavelet& w = m.wavelet[i];
     const Pair left = load(alpha_at(i, half, -1));
@@ -321,7 +315,7 @@ HWY_INLINE void solve_border(const InteriorPlan& plan, Interior& m) {
   });
   for (int i = 0; i < plan.bins; ++i) {
     const Pair y = load(b.c[0][i]);
-    const Pair step = fma(load(m.leaf[i].tree.beta), y, load(b.alpha[0][i]));
+    const Pair step = fma(load(m.leaf[i].bound.beta), y, load(b.alpha[0][i]));
     store(step, b.step[0][i]);
     store(fnma(all(plan.row[static_cast<std::size_t>(i)].diagonal) * load(m.q), step, y + pair(force_of(i))),
           b.c[0][i]);
@@ -351,11 +345,15 @@ HWY_INLINE void move(Pair part, float limit, Bound& b) {
   store(clip(fma(part, load(b.step), load(b.t)), all(-edge), all(edge)), b.t);
 }
 
-// One step of Newton.
-HWY_INLINE void step(const InteriorPlan& plan, Interior& m) {
+// The steps of Newton, whole.
+HWY_INLINE void find_step(const InteriorPlan& plan, Interior& m) {
   eliminate(plan, m);
   substitute(plan, m);
   if (plan.border >= 0) solve_border(plan, m);
+}
+
+// As far along them as all t stay within their bounds.
+HWY_INLINE void move(const InteriorPlan& plan, Interior& m) {
   Pair largest = pair(kBack);
   for (int i = 0; i < plan.bins; ++i) {
     const float limit = plan.row[static_cast<std::size_t>(i)].limit;
@@ -387,7 +385,11 @@ void solve(const InteriorPlan& plan, const PixelRun& run) noexcept {
   Interior m;
   for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
     begin(plan, run, at, count, m);
-    for (int k = 0; k < plan.steps; ++k) step(plan, m);
+    find_step(plan, m);
+    for (int k = 1; k < plan.steps; ++k) {
+      move(plan, m);
+      find_step(plan, m);
+    }
     const Pair sum = load(m.sum);
     const Pair mean = fma(all(plan.inverse_count), sum, sum - sum);  // a sample that is not a number shows
     const Pair late = fma(all(run.published.weight_after), input_at(plan, m, run.published.after), mean);
