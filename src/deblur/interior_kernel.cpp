@@ -1,13 +1,15 @@
-// A primal-dual interior point on the dual of interior_plan.hpp.
+// An interior point on the dual of interior_plan.hpp: Newton's method, its bounds smoothed less from step to step.
 //
-//   v          the dual's variable, in units of lambda_s; h, x, f and all multipliers in units of `size`
-//   q          lambda_s / size: what v weighs beside h
-//   Bound      |t| <= b, t = psi^T v for a wavelet psi = (1 .. 1, -1 .. -1) or the sum, t = v_i for a leaf:
-//              above = b - t, below = b + t, and their multipliers; c = z_above - z_below
-//   tau        what each slack times its multiplier should be after the step
-//   D, k       the bound's part of the Newton system: D = z_above / above + z_below / below, force k = tau / above -
-//              tau / below
+//   v       the dual's variable, in units of lambda_s; h, x, f and all multipliers in units of `size`
+//   q       lambda_s / size: what v weighs beside h
+//   Bound   |t| <= b, with its multiplier c: t = psi^T v for a wavelet psi = (1 .. 1, -1 .. -1) or the sum, t = v_i for
+//           a leaf
+//   tau     smooths it: c (b^2 - t^2) / 2 = tau t; for tau = 0: c = 0, or t is at the bound
+//   room, pull, push   its equation for Newton: room c = push + pull (step of t), room = (b^2 - t^2) / 2, push = tau t,
+//           pull = tau + t c, without t c where their signs differ: it stays positive
 //   alpha, beta  of a subtree: the sum of its steps is alpha + beta y for a common force y on all its leaves
+//
+// A multiplier for each side of a bound, and slacks that are kept beside t, cost twice the work and more steps.
 #include "src/deblur/interior_kernel.hpp"
 
 #include "src/core/simd_targets.hpp"
@@ -27,47 +29,39 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
-constexpr float kCentring = 0.1F;  // of the mean product, the next tau
-constexpr float kBack = 0.99F;     // of the way to the nearest bound
+constexpr float kBegin = 0.3F;  // tau
+constexpr float kFall = 0.95F;  // of tau, where a step goes its whole way
 constexpr float kLeastTau = 1e-7F;
-constexpr float kBegin = 0.3F;  // all multipliers, to begin with
+constexpr float kBack = 0.998F;   // of the way to the nearest bound
+constexpr float kEdge = 2.5e-7F;  // of a bound that t stays off it
 constexpr float kLeastSize = 1e-6F;
-constexpr float kTiny = 1e-30F;
 
 struct Bound {
-  HWY_ALIGN Row above;
-  HWY_ALIGN Row below;
-  HWY_ALIGN Row z_above;
-  HWY_ALIGN Row z_below;
-  HWY_ALIGN Row per_above;  // 1 / above
-  HWY_ALIGN Row per_below;
-  HWY_ALIGN Row step;    // of t
-  HWY_ALIGN Row border;  // of t, for a unit of the border's multiplier
-};
-
-struct Tree {
-  HWY_ALIGN Row alpha;
+  HWY_ALIGN Row t;
+  HWY_ALIGN Row c;     // on the way to the leaves: y
+  HWY_ALIGN Row step;  // of t; on the way to the sum: alpha of its subtree
   HWY_ALIGN Row beta;
-  HWY_ALIGN Row border;  // alpha of a unit of the border's multiplier
 };
 
 struct Wavelet {
   Bound bound;
-  Tree tree;
-  HWY_ALIGN Row d;
-  HWY_ALIGN Row k;
-  HWY_ALIGN Row share;  // 1 / (1 + D (beta_left + beta_right)); of the sum 1 / (1 + D beta)
-  HWY_ALIGN Row force;  // y, then the wavelet's part of x
+  HWY_ALIGN Row room;  // room, pull and push over room + pull (beta_left + beta_right); of the sum room + pull beta
+  HWY_ALIGN Row pull;
+  HWY_ALIGN Row push;
 };
 
 struct Leaf {
   Bound bound;
-  Tree tree;
   HWY_ALIGN Row h;
-  HWY_ALIGN Row v;
   HWY_ALIGN Row lost;  // e
-  HWY_ALIGN Row rhs;
-  HWY_ALIGN Row force;
+  HWY_ALIGN Row rest;  // h + e_i - a e_{i-1} - q Q v
+};
+
+// Of a unit of the border's multiplier.
+struct Border {
+  HWY_ALIGN Row alpha[2][kMaxDualBins];  // leaves; wavelets
+  HWY_ALIGN Row step[2][kMaxDualBins];
+  HWY_ALIGN Row c[2][kMaxDualBins];
 };
 
 struct Interior {
@@ -77,6 +71,7 @@ struct Interior {
   HWY_ALIGN Row size;  // of the values less their mean
   HWY_ALIGN Row q;
   Pair tau;
+  Border border;
 };
 
 HWY_INLINE Vec max(Vec x, Vec y) { return hn::Max(x, y); }
@@ -85,6 +80,8 @@ HWY_INLINE Pair min(Pair x, Pair y) { return {hn::Min(x.a, y.a), hn::Min(x.b, y.
 HWY_INLINE Pair fma(Pair k, Pair x, Pair y) { return {hn::MulAdd(k.a, x.a, y.a), hn::MulAdd(k.b, x.b, y.b)}; }
 HWY_INLINE Pair fnma(Pair k, Pair x, Pair y) { return {hn::NegMulAdd(k.a, x.a, y.a), hn::NegMulAdd(k.b, x.b, y.b)}; }
 HWY_INLINE Pair rough_reciprocal(Pair x) { return {hn::ApproximateReciprocal(x.a), hn::ApproximateReciprocal(x.b)}; }
+HWY_INLINE Pair magnitude(Pair x) { return {hn::Abs(x.a), hn::Abs(x.b)}; }
+HWY_INLINE Pair sign(Pair x) { return {hn::CopySign(all(1.0F), x.a), hn::CopySign(all(1.0F), x.b)}; }
 // Newton's step after the processor's 12 bits.
 HWY_INLINE Pair reciprocal(Pair x) {
   const Pair r = rough_reciprocal(x);
@@ -103,11 +100,9 @@ HWY_INLINE Pair load_slot(const InteriorPlan& plan, const PixelRun& run, int slo
   return fma(all(value.weight), load_pixels(run, value.after, at, count) - before, before);
 }
 
-HWY_INLINE void begin_bound(float limit, Bound& b) {
-  store(pair(limit), b.above);
-  store(pair(limit), b.below);
-  store(pair(kBegin), b.z_above);
-  store(pair(kBegin), b.z_below);
+HWY_INLINE void begin_bound(Bound& b) {
+  store(pair(0.0F), b.t);
+  store(pair(0.0F), b.c);
 }
 
 HWY_INLINE void begin(const InteriorPlan& plan, const PixelRun& run, std::size_t at, std::size_t count, Interior& m) {
@@ -129,65 +124,54 @@ HWY_INLINE void begin(const InteriorPlan& plan, const PixelRun& run, std::size_t
   }
   size = size + largest;
   const Pair per_size = pair(1.0F) / size;
-  float products = 0.0F;  // of slack and multiplier, their mean
   for (int i = 0; i < plan.bins; ++i) {
     Leaf& leaf = m.leaf[i];
     store(per_size * load(leaf.h), leaf.h);
-    store(pair(0.0F), leaf.v);
     store(pair(0.0F), leaf.lost);
-    begin_bound(plan.bound, leaf.bound);
-    const auto support = static_cast<float>(i == 0 ? plan.bins : 2 * (i & -i));
-    begin_bound(std::sqrt(support), m.wavelet[i].bound);
-    products += kBegin * (plan.bound + std::sqrt(support)) / static_cast<float>(2 * plan.bins);
+    begin_bound(leaf.bound);
+    begin_bound(m.wavelet[i].bound);
   }
-  m.tau = pair(kCentring * products);
+  m.tau = pair(kBegin);
   store(sum, m.sum);
   store(size, m.size);
   store(lambda * per_size, m.q);
 }
 
 struct Linear {
-  Pair d;
-  Pair k;
+  Pair room;
+  Pair pull;
+  Pair push;
 };
 
-HWY_INLINE Linear linearise(Pair tau, Bound& b) {
-  const Pair above = load(b.above);
-  const Pair below = load(b.below);
-  const Pair both = reciprocal(above * below);
-  const Pair per_above = both * below;
-  const Pair per_below = both * above;
-  store(per_above, b.per_above);
-  store(per_below, b.per_below);
-  return {fma(load(b.z_above), per_above, load(b.z_below) * per_below), tau * (per_above - per_below)};
+HWY_INLINE Linear linearise(Pair tau, float limit, const Bound& b) {
+  const Pair t = load(b.t);
+  const Pair below = fma(all(0.5F), t, pair(0.5F * limit));
+  return {(pair(limit) - t) * below, max(fma(t, load(b.c), tau), tau), tau * t};
 }
 
-// The residual of every leaf: h + e_i - a e_{i-1} - q Q v - k.
-HWY_INLINE void linearise_leaves(const InteriorPlan& plan, Interior& m) {
-  const Pair q = all(plan.curvature) * load(m.q);
+HWY_INLINE void eliminate_leaves(const InteriorPlan& plan, Interior& m) {
+  const Pair q = load(m.q);
+  const Pair curvature = all(plan.curvature) * q;
   const Vec a = all(plan.decay);
   Pair row_before = pair(0.0F);  // of W B^T v
   Pair lost_before = pair(0.0F);
-  Pair v = load(m.leaf[0].v);
+  Pair v = load(m.leaf[0].bound.t);
   for (int i = 0; i < plan.bins; ++i) {
     Leaf& leaf = m.leaf[i];
     const InteriorRow& row = plan.row[static_cast<std::size_t>(i)];
-    const Pair next = i + 1 < plan.bins ? load(m.leaf[i + 1].v) : pair(0.0F);
+    const Pair next = i + 1 < plan.bins ? load(m.leaf[i + 1].bound.t) : pair(0.0F);
     const Pair w = all(row.weight) * fnma(a, next, v);
-    const Linear bound = linearise(m.tau, leaf.bound);
-    Pair rhs = load(leaf.h) - bound.k - lost_before;
-    rhs = fnma(q, fnma(a, row_before, w), rhs);
-    store(rhs, leaf.rhs);
-    const Pair diagonal = fma(all(row.diagonal), load(m.q), bound.d);
+    const Pair rest = fnma(curvature, fnma(a, row_before, w), load(leaf.h) - lost_before);
+    store(rest, leaf.rest);
+    lost_before = pair(0.0F);
     if (HWY_LIKELY(row.weight != 0.0F || i == plan.border)) {
-      const Pair beta = reciprocal(diagonal);
-      store(beta, leaf.tree.beta);
-      store(beta * rhs, leaf.tree.alpha);
-      lost_before = pair(0.0F);
+      const Linear bound = linearise(m.tau, plan.bound, leaf.bound);
+      const Pair share = reciprocal(fma(all(row.diagonal) * q, bound.room, bound.pull));
+      store(share * bound.room, leaf.bound.beta);
+      store(share * (bound.room * rest - bound.push), leaf.bound.step);
     } else {
-      store(diagonal, leaf.bound.step);  // until the step is known
-      store(pair(0.0F), leaf.tree.beta);
-      store(fma(all(row.carry), next, pair(0.0F) - v), leaf.tree.alpha);
+      store(pair(0.0F), leaf.bound.beta);
+      store(fma(all(row.carry), next, pair(0.0F) - v), leaf.bound.step);
       lost_before = all(row.carry) * load(leaf.lost);
     }
     row_before = w;
@@ -195,191 +179,217 @@ HWY_INLINE void linearise_leaves(const InteriorPlan& plan, Interior& m) {
   }
 }
 
-HWY_INLINE Tree& left_of(int i, Interior& m) {
+HWY_INLINE Bound& left_of(int i, Interior& m) {
   const int half = i & -i;
-  return half == 1 ? m.leaf[i - 1].tree : m.wavelet[i - half / 2].tree;
+  return half == 1 ? m.leaf[i - 1].bound : m.wavelet[i - half / 2].bound;
 }
-HWY_INLINE Tree& right_of(int i, Interior& m) {
+HWY_INLINE Bound& right_of(int i, Interior& m) {
   const int half = i & -i;
-  return half == 1 ? m.leaf[i].tree : m.wavelet[i + half / 2].tree;
+  return half == 1 ? m.leaf[i].bound : m.wavelet[i + half / 2].bound;
 }
 
-HWY_INLINE void keep(const Linear& bound, Pair share, Wavelet& w) {
-  store(bound.d, w.d);
-  store(bound.k, w.k);
-  store(share, w.share);
+// Calls on(i, half) for all wavelets, from the leaves to the whole window; on_way_down: the other way round.
+template <typename On>
+HWY_INLINE void on_way_up(int bins, const On& on) {
+  for (int half = 1; half < bins; half *= 2) {
+    for (int i = half; i < bins; i += 2 * half) on(i, half);
+  }
+}
+template <typename On>
+HWY_INLINE void on_way_down(int bins, const On& on) {
+  for (int half = bins / 2; half > 0; half /= 2) {
+    for (int i = half; i < bins; i += 2 * half) on(i, half);
+  }
 }
 
-// From the leaves to the sum.
+HWY_INLINE Linear keep(const Linear& bound, Pair beta, Wavelet& w) {
+  const Pair share = reciprocal(fma(bound.pull, beta, bound.room));
+  const Linear kept{share * bound.room, share * bound.pull, share * bound.push};
+  store(kept.room, w.room);
+  store(kept.pull, w.pull);
+  store(kept.push, w.push);
+  return kept;
+}
+
 HWY_INLINE void eliminate(const InteriorPlan& plan, Interior& m) {
-  for (int half = 1; half < plan.bins; half *= 2) {
-    for (int i = half; i < plan.bins; i += 2 * half) {
-      Wavelet& w = m.wavelet[i];
-      const Linear bound = linearise(m.tau, w.bound);
-      const Tree& left = left_of(i, m);
-      const Tree& right = right_of(i, m);
-      const Pair left_beta = load(left.beta);
-      const Pair right_beta = load(right.beta);
-      const Pair left_alpha = fnma(left_beta, bound.k, load(left.alpha));
-      const Pair right_alpha = fma(right_beta, bound.k, load(right.alpha));
-      const Pair beta = left_beta + right_beta;
-      const Pair share = reciprocal(fma(bound.d, beta, pair(1.0F)));
-      const Pair twice_d = bound.d + bound.d;
-      const Pair crossed = fma(right_beta, left_alpha, left_beta * right_alpha);
-      store(share * fma(twice_d, crossed, left_alpha + right_alpha), w.tree.alpha);
-      store(share * fma(twice_d + twice_d, left_beta * right_beta, beta), w.tree.beta);
-      keep(bound, share, w);
-    }
-  }
+  eliminate_leaves(plan, m);
+  on_way_up(plan.bins, [&](int i, int /*half*/) HWY_ATTR {
+    Wavelet& w = m.wavelet[i];
+    const Bound& left = left_of(i, m);
+    const Bound& right = right_of(i, m);
+    const Pair left_beta = load(left.beta);
+    const Pair right_beta = load(right.beta);
+    const Pair left_alpha = load(left.step);
+    const Pair right_alpha = load(right.step);
+    const Pair beta = left_beta + right_beta;
+    const Linear bound = keep(linearise(m.tau, plan.row[static_cast<std::size_t>(i)].limit, w.bound), beta, w);
+    const Pair twice = bound.pull + bound.pull;
+    const Pair crossed = fma(right_beta, left_alpha, left_beta * right_alpha);
+    const Pair alpha = fma(twice, crossed, bound.room * (left_alpha + right_alpha));
+    store(fma(bound.push, right_beta - left_beta, alpha), w.bound.step);
+    store(fma(twice + twice, left_beta * right_beta, bound.room * beta), w.bound.beta);
+  });
   Wavelet& sum = m.wavelet[0];
-  const Linear bound = linearise(m.tau, sum.bound);
-  keep(bound, reciprocal(fma(bound.d, load(m.wavelet[plan.bins / 2].tree.beta), pair(1.0F))), sum);
+  keep(linearise(m.tau, plan.row[0].limit, sum.bound), load(m.wavelet[plan.bins / 2].bound.beta), sum);
 }
 
-// The largest share of the way to a bound, of slacks and multipliers, that a whole step would go.
-HWY_INLINE Pair reach(Pair tau, const Bound& b, Pair largest) {
-  const Pair step = load(b.step);
-  const Pair per_above = load(b.per_above);
-  const Pair per_below = load(b.per_below);
-  const Pair z_above = load(b.z_above);
-  const Pair z_below = load(b.z_below);
-  const Pair to_above = step * per_above;
-  const Pair to_below = step * per_below;
-  largest = max(largest, max(to_above, pair(0.0F) - to_below));
-  const Pair per_both = rough_reciprocal(max(z_above * z_below, pair(kTiny)));
-  const Pair down_above = fnma(tau * per_above, per_both * z_below, pair(1.0F) - to_above);
-  const Pair down_below = fnma(tau * per_below, per_both * z_above, pair(1.0F) + to_below);
-  return max(largest, max(down_above, down_below));
+HWY_INLINE void substitute_leaf(const InteriorPlan& plan, int i, Pair y, Interior& m) {
+  Leaf& leaf = m.leaf[i];
+  const InteriorRow& row = plan.row[static_cast<std::size_t>(i)];
+  const Pair step = fma(load(leaf.bound.beta), y, load(leaf.bound.step));
+  const Pair held = all(row.diagonal) * load(m.q) * step;
+  const Pair force = load(leaf.rest) + y;
+  store(step, leaf.bound.step);
+  if (HWY_LIKELY(row.weight != 0.0F || i == plan.border)) return store(force - held, leaf.bound.c);
+  const Linear bound = linearise(m.tau, plan.bound, leaf.bound);
+  const Pair c = fma(bound.pull, step, bound.push) / bound.room;
+  store(c, leaf.bound.c);
+  store(held + c - force, leaf.lost);
 }
 
-// The steps, from the sum to the leaves. kBorder: those for a unit of the border's multiplier.
-template <bool kBorder>
+// The steps and the multipliers, from the sum to the leaves.
 HWY_INLINE void substitute(const InteriorPlan& plan, Interior& m) {
-  const auto alpha_of = [](const Tree& tree) HWY_ATTR { return load(kBorder ? tree.border : tree.alpha); };
-  const auto step_of = [](Bound& b) -> float* { return kBorder ? b.border : b.step; };
   Wavelet& sum = m.wavelet[0];
-  const Pair sum_k = kBorder ? pair(0.0F) : load(sum.k);
-  const Tree& whole = m.wavelet[plan.bins / 2].tree;
-  const Pair total = fnma(load(whole.beta), sum_k, alpha_of(whole)) * load(sum.share);
-  store(total, step_of(sum.bound));
-  store(pair(0.0F) - fma(load(sum.d), total, sum_k), m.wavelet[plan.bins / 2].force);
-  for (int half = plan.bins / 2; half > 0; half /= 2) {
-    for (int i = half; i < plan.bins; i += 2 * half) {
-      Wavelet& w = m.wavelet[i];
-      const Tree& left = left_of(i, m);
-      const Tree& right = right_of(i, m);
-      const Pair left_beta = load(left.beta);
-      const Pair right_beta = load(right.beta);
-      const Pair y = load(w.force);
-      Pair step = fma(left_beta - right_beta, y, alpha_of(left) - alpha_of(right));
-      if (!kBorder) step = fnma(left_beta + right_beta, load(w.k), step);
-      step = load(w.share) * step;
-      const Pair force = kBorder ? load(w.d) * step : fma(load(w.d), step, load(w.k));
-      store(step, step_of(w.bound));
-      store(y - force, half == 1 ? m.leaf[i - 1].force : m.wavelet[i - half / 2].force);
-      store(y + force, half == 1 ? m.leaf[i].force : m.wavelet[i + half / 2].force);
+  const Bound& whole = m.wavelet[plan.bins / 2].bound;
+  const Pair alpha = load(whole.step);
+  const Pair sum_push = load(sum.push);
+  const Pair sum_c = fma(load(sum.pull), alpha, sum_push);
+  store(fnma(sum_push, load(whole.beta), load(sum.room) * alpha), sum.bound.step);
+  store(sum_c, sum.bound.c);
+  store(pair(0.0F) - sum_c, m.wavelet[plan.bins / 2].bound.c);
+  on_way_down(plan.bins, [&](int i, int half) HWY_ATTR {
+    Wavelet& w = m.wavelet[i];
+    const Bound& left = left_of(i, m);
+    const Bound& right = right_of(i, m);
+    const Pair left_beta = load(left.beta);
+    const Pair right_beta = load(right.beta);
+    const Pair y = load(w.bound.c);
+    const Pair difference = fma(left_beta - right_beta, y, load(left.step) - load(right.step));
+    const Pair push = load(w.push);
+    const Pair c = fma(load(w.pull), difference, push);
+    store(fnma(push, left_beta + right_beta, load(w.room) * difference), w.bound.step);
+    store(c, w.bound.c);
+    if (half > 1) {
+      store(y - c, m.wavelet[i - half / 2].bound.c);
+      store(y + c, m.wavelet[i + half / 2].bound.c);
+    } else {
+      substitute_leaf(plan, i - 1, y - c, m);
+      substitute_leaf(plan, i, y + c, m);
     }
-  }
-  for (int i = 0; i < plan.bins; ++i) {
-    Leaf& leaf = m.leaf[i];
-    const Pair y = load(leaf.force);
-    const Pair step = fma(load(leaf.tree.beta), y, alpha_of(leaf.tree));
-    if (!kBorder && plan.row[static_cast<std::size_t>(i)].weight == 0.0F && i != plan.border) {
-      store(load(leaf.bound.step) * step - load(leaf.rhs) - y, leaf.lost);
-    }
-    store(step, step_of(leaf.bound));
-  }
+  });
 }
 
 // One lost sample: its multiplier, so that v_j = a v_{j+1} after the whole step, and the steps with it.
 HWY_INLINE void solve_border(const InteriorPlan& plan, Interior& m) {
   const Vec a = all(plan.decay);
-  for (int i = 0; i < plan.bins; ++i) store(pair(0.0F), m.leaf[i].tree.border);
-  Leaf& lost = m.leaf[plan.border];
-  Leaf& next = m.leaf[plan.border + 1];
-  store(load(lost.tree.beta), lost.tree.border);
-  store(pair(0.0F) - a * load(next.tree.beta), next.tree.border);
-  for (int half = 1; half < plan.bins; half *= 2) {
-    for (int i = half; i < plan.bins; i += 2 * half) {
-      Wavelet& w = m.wavelet[i];
-      const Tree& left = left_of(i, m);
-      const Tree& right = right_of(i, m);
-      const Pair left_alpha = load(left.border);
-      const Pair right_alpha = load(right.border);
-      const Pair crossed = fma(load(right.beta), left_alpha, load(left.beta) * right_alpha);
-      const Pair d = load(w.d);
-      store(load(w.share) * fma(d + d, crossed, left_alpha + right_alpha), w.tree.border);
-    }
+  Border& b = m.border;
+  const auto force_of = [&](int i) { return i == plan.border ? 1.0F : i == plan.border + 1 ? -plan.decay : 0.0F; };
+  const auto alpha_at = [&](int i, int half, int side) -> Row& {
+    return half == 1 ? b.alpha[0][side < 0 ? i - 1 : i] : b.alpha[1][i + side * half / 2];
+  };
+  for (int i = 0; i < plan.bins; ++i) store(all(force_of(i)) * load(m.leaf[i].bound.beta), b.alpha[0][i]);
+  on_way_up(plan.bins, [&](int i, int half) HWY_ATTR {
+    const Wavelet& w = m.wavelet[i];
+    const Pair left = load(alpha_at(i, half, -1));
+    const Pair right = load(alpha_at(i, half, 1));
+    const Pair crossed = fma(load(right_of(i, m).beta), left, load(left_of(i, m).beta) * right);
+    const Pair pull = load(w.pull);
+    store(fma(pull + pull, crossed, load(w.room) * (left + right)), b.alpha[1][i]);
+  });
+  const Pair total = load(b.alpha[1][plan.bins / 2]);
+  const Pair sum_c = load(m.wavelet[0].pull) * total;
+  store(load(m.wavelet[0].room) * total, b.step[1][0]);
+  store(sum_c, b.c[1][0]);
+  store(pair(0.0F) - sum_c, b.c[1][plan.bins / 2]);
+  on_way_down(plan.bins, [&](int i, int half) HWY_ATTR {
+    const Wavelet& w = m.wavelet[i];
+    const Pair y = load(b.c[1][i]);
+    const Pair slope = load(left_of(i, m).beta) - load(right_of(i, m).beta);
+    const Pair difference = fma(slope, y, load(alpha_at(i, half, -1)) - load(alpha_at(i, half, 1)));
+    const Pair c = load(w.pull) * difference;
+    store(load(w.room) * difference, b.step[1][i]);
+    store(c, b.c[1][i]);
+    const std::size_t leaves = half == 1 ? 0 : 1;
+    store(y - c, b.c[leaves][half == 1 ? i - 1 : i - half / 2]);
+    store(y + c, b.c[leaves][half == 1 ? i : i + half / 2]);
+  });
+  for (int i = 0; i < plan.bins; ++i) {
+    const Pair y = load(b.c[0][i]);
+    const Pair step = fma(load(m.leaf[i].bound.beta), y, load(b.alpha[0][i]));
+    store(step, b.step[0][i]);
+    store(fnma(all(plan.row[static_cast<std::size_t>(i)].diagonal) * load(m.q), step, y + pair(force_of(i))),
+          b.c[0][i]);
   }
-  substitute<true>(plan, m);
-  const Pair missing = fnma(a, load(next.v) + load(next.bound.step), load(lost.v) + load(lost.bound.step));
-  const Pair effect = fnma(a, load(next.bound.border), load(lost.bound.border));
+  const Bound& lost = m.leaf[plan.border].bound;
+  const Bound& next = m.leaf[plan.border + 1].bound;
+  const Pair missing = fnma(a, load(next.t) + load(next.step), load(lost.t) + load(lost.step));
+  const Pair effect = fnma(a, load(b.step[0][plan.border + 1]), load(b.step[0][plan.border]));
   const Pair multiplier = pair(0.0F) - missing / effect;
   for (int i = 0; i < plan.bins; ++i) {
-    for (Bound* b : {&m.leaf[i].bound, &m.wavelet[i].bound}) {
-      store(fma(multiplier, load(b->border), load(b->step)), b->step);
+    for (const std::size_t wavelet : {0U, 1U}) {
+      Bound& bound = wavelet == 0 ? m.leaf[i].bound : m.wavelet[i].bound;
+      store(fma(multiplier, load(b.step[wavelet][i]), load(bound.step)), bound.step);
+      store(fma(multiplier, load(b.c[wavelet][i]), load(bound.c)), bound.c);
     }
   }
 }
 
-HWY_INLINE Pair move_bound(Pair tau, Pair part, Bound& b) {
+// The largest share of the way to a bound that a whole step would go.
+HWY_INLINE Pair reach(float limit, const Bound& b, Pair largest) {
   const Pair step = load(b.step);
-  const Pair z_above = load(b.z_above);
-  const Pair z_below = load(b.z_below);
-  const Pair to_above = fma(z_above, step, tau) * load(b.per_above) - z_above;
-  const Pair to_below = fnma(z_below, step, tau) * load(b.per_below) - z_below;
-  const Pair above = max(fnma(part, step, load(b.above)), pair(kTiny));
-  const Pair below = max(fma(part, step, load(b.below)), pair(kTiny));
-  const Pair new_above = max(fma(part, to_above, z_above), pair(kTiny));
-  const Pair new_below = max(fma(part, to_below, z_below), pair(kTiny));
-  store(above, b.above);
-  store(below, b.below);
-  store(new_above, b.z_above);
-  store(new_below, b.z_below);
-  return fma(above, new_above, below * new_below);
+  return max(largest, magnitude(step) * rough_reciprocal(fnma(sign(step), load(b.t), pair(limit))));
 }
 
-// One step of Newton.
-HWY_INLINE void step(const InteriorPlan& plan, Interior& m) {
-  linearise_leaves(plan, m);
+HWY_INLINE void move(Pair part, float limit, Bound& b) {
+  const float edge = (1.0F - kEdge) * limit;
+  store(clip(fma(part, load(b.step), load(b.t)), all(-edge), all(edge)), b.t);
+}
+
+// The steps of Newton, whole.
+HWY_INLINE void find_step(const InteriorPlan& plan, Interior& m) {
   eliminate(plan, m);
-  substitute<false>(plan, m);
+  substitute(plan, m);
   if (plan.border >= 0) solve_border(plan, m);
+}
+
+// As far along them as all t stay within their bounds.
+HWY_INLINE void move(const InteriorPlan& plan, Interior& m) {
   Pair largest = pair(kBack);
   for (int i = 0; i < plan.bins; ++i) {
-    largest = reach(m.tau, m.leaf[i].bound, reach(m.tau, m.wavelet[i].bound, largest));
+    const float limit = plan.row[static_cast<std::size_t>(i)].limit;
+    largest = reach(plan.bound, m.leaf[i].bound, reach(limit, m.wavelet[i].bound, largest));
   }
   const Pair part = min(all(kBack) * reciprocal(largest), pair(1.0F));
-  Pair products = pair(0.0F);
   for (int i = 0; i < plan.bins; ++i) {
-    Leaf& leaf = m.leaf[i];
-    store(fma(part, load(leaf.bound.step), load(leaf.v)), leaf.v);
-    products = products + move_bound(m.tau, part, leaf.bound) + move_bound(m.tau, part, m.wavelet[i].bound);
+    move(part, plan.bound, m.leaf[i].bound);
+    move(part, plan.row[static_cast<std::size_t>(i)].limit, m.wavelet[i].bound);
   }
-  m.tau = max(all(kCentring / static_cast<float>(4 * plan.bins)) * products, pair(kLeastTau));
+  m.tau = max(m.tau * fnma(all(kFall), part, pair(1.0F)), pair(kLeastTau));
 }
-
-HWY_INLINE Pair multiplier(const Bound& b) { return load(b.z_above) - load(b.z_below); }
 
 // The input in one of the `parts` bins of an interval, of the values less their mean.
 HWY_INLINE Pair input_at(const InteriorPlan& plan, const Interior& m, int bin) {
   const int frame = bin / plan.parts;
   const int from_end = plan.parts - 1 - bin % plan.parts;
-  Pair x = multiplier(m.wavelet[0].bound);
+  Pair x = load(m.wavelet[0].bound.c);
   for (int half = plan.bins / 2; half > 0; half /= 2) {
-    const Pair c = multiplier(m.wavelet[(frame & ~(2 * half - 1)) + half].bound);
+    const Pair c = load(m.wavelet[(frame & ~(2 * half - 1)) + half].bound.c);
     x = (frame & half) != 0 ? x - c : x + c;
   }
   if (from_end > 1) return load(m.size) * x;
   const Vec within = all(from_end == 0 ? plan.overshoot : -plan.overshoot);
-  return load(m.size) * fma(within, multiplier(m.leaf[frame].bound), x);
+  return load(m.size) * fma(within, load(m.leaf[frame].bound.c), x);
 }
 
 void solve(const InteriorPlan& plan, const PixelRun& run) noexcept {
   Interior m;
   for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
     begin(plan, run, at, count, m);
-    for (int k = 0; k < plan.steps; ++k) step(plan, m);
+    find_step(plan, m);
+    for (int k = 1; k < plan.steps; ++k) {
+      move(plan, m);
+      find_step(plan, m);
+    }
     const Pair sum = load(m.sum);
     const Pair mean = fma(all(plan.inverse_count), sum, sum - sum);  // a sample that is not a number shows
     const Pair late = fma(all(run.published.weight_after), input_at(plan, m, run.published.after), mean);

@@ -7,7 +7,8 @@
 // Its dual is a box in the basis of H and one in that of the bins:
 //   minimise 1/2 v^T Q v - h^T v  over  |H v| <= lambda_s, |v_i| <= lambda / |g|,   Q = B B^T / p^2, h = G^-1 Y
 // (dual_plan.hpp); c = H x and f are the multipliers of its bounds. First-order methods need hundreds of iterations for
-// them where lambda is small, a primal-dual interior point takes a dozen Newton steps, whatever the data. Each solves
+// them where lambda is small, an interior point (interior_kernel.cpp) eleven Newton steps, whatever the data. Each
+// solves
 //   (diag Q + H^T D_H H + D_f) step = residual
 // by elimination along the tree of wavelets, in as many operations as a few Haar transforms; the off-diagonal part of Q
 // (at most a / (1 + a^2) = 0.12 of the diagonal) stands in the residual alone and is gone after a few steps.
@@ -30,6 +31,7 @@ namespace bolo::deblur {
 struct InteriorRow {
   float weight = 0.0F;    // 1; 0 where the sample was lost or the reference comes later
   float diagonal = 0.0F;  // Q_ii
+  float limit = 0.0F;     // of |t|, t of the wavelet with its middle at bin i, in units of lambda_s; of row 0: the sum
   float carry = 0.0F;     // a where v_i = a v_{i+1}; 0 for the other lost ones: v_i = 0
 };
 

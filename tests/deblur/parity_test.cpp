@@ -164,6 +164,12 @@ TEST(Parity, OfSlowCameras) {
   for (const int levels : {5, 6, 8}) expect_parity({17, levels, 25.0, 0, {}, 40});
 }
 
+// A step less, or none after the first whole one with the least smoothing, leaves some of so many pixels 50 mK and
+// more.
+TEST(Parity, OfSlowCamerasOverManyPixels) {
+  for (const double rate_hz : {30.0, 25.0, 15.0}) expect_parity({17, 7, rate_hz, 0, {}, 300});
+}
+
 TEST(Parity, OfSlowCamerasWithLostFrames) {
   for (const double rate_hz : {40.0, 25.0}) {
     for (const int slot : {0, 1, 8, 15}) expect_parity({17, 7, rate_hz, 0, {slot}, 40}, kScenes);
