@@ -240,7 +240,7 @@ std::string because() {
 
 tl::unexpected<Error> not_read(const std::string& what) {
   std::string message = cause();
-  if (message.empty() && !has_memory_for_a_file()) message = kNoMemory;  // not even for the library's errors
+  if (!has_memory_for_a_file()) message = kNoMemory;  // a filter does not say so, and the errors themselves take memory
   const std::string line = what + " cannot be read" + (message.empty() ? "" : ": " + message);
   return message == kNoMemory ? failed(line) : bad_input(line);
 }
