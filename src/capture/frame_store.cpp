@@ -184,7 +184,7 @@ Status FrameStore::read_plane(std::size_t index, void* out) {
     return bad_input(path_ + ": frame " + std::to_string(index) + " is not whole: the file is damaged");
   }
   if (h5::read_block(dataset_.get(), memory_type(type_), corner(index), one_frame_, out)) return {};
-  return bad_input(path_ + ": frame " + std::to_string(index) + " cannot be read" + h5::because());
+  return h5::not_read(path_ + ": frame " + std::to_string(index));
 }
 
 Status FrameStore::read_block(std::size_t index) {
@@ -194,7 +194,7 @@ Status FrameStore::read_block(std::size_t index) {
   block_.resize(plane_bytes(geometry_, type_) * frames);
   block_count_ = 0;  // nothing usable until the read succeeds
   if (!h5::read_block(dataset_.get(), memory_type(type_), {0, 0, begin}, count, block_.data())) {
-    return bad_input(path_ + ": frames from " + std::to_string(begin) + " cannot be read" + h5::because());
+    return h5::not_read(path_ + ": frames from " + std::to_string(begin));
   }
   block_begin_ = begin;
   block_count_ = frames;

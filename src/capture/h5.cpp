@@ -19,9 +19,12 @@ constexpr std::size_t kMostCompression = 2048;
 // and print errors. All that is written here is closed here.
 [[maybe_unused]] const herr_t kLeftAlone = H5dont_atexit();
 
+constexpr const char* kNoMemory = "not enough memory";
+
 herr_t keep_first(unsigned, const H5E_error2_t* error, void* out) {
   auto& message = *static_cast<std::string*>(out);
   if (error->desc != nullptr) message = error->desc;
+  if (error->maj_num == H5E_RESOURCE && error->min_num == H5E_NOSPACE) message = kNoMemory;
   return 1;  // stop: the innermost comes first
 }
 
@@ -204,6 +207,16 @@ bool has_memory_for_a_file() noexcept {
   return memory != nullptr;
 }
 
+// Any call of the library clears its errors, closing too.
+bool Handle::close() noexcept {
+  if (id_ < 0) return true;
+  const hid_t id = std::exchange(id_, H5I_INVALID_HID);
+  const hid_t errors = H5Eget_num(H5E_DEFAULT) > 0 ? H5Eget_current_stack() : H5I_INVALID_HID;
+  const bool good = H5Idec_ref(id) >= 0;
+  if (errors >= 0) H5Eset_current_stack(errors);
+  return good;
+}
+
 Quiet::Quiet() noexcept {
   H5Eget_auto2(H5E_DEFAULT, &function_, &data_);
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
@@ -223,6 +236,13 @@ std::string cause() {
 std::string because() {
   const std::string message = cause();
   return message.empty() ? message : ": " + message;
+}
+
+tl::unexpected<Error> not_read(const std::string& what) {
+  std::string message = cause();
+  if (!has_memory_for_a_file()) message = kNoMemory;  // a filter does not say so, and the errors themselves take memory
+  const std::string line = what + " cannot be read" + (message.empty() ? "" : ": " + message);
+  return message == kNoMemory ? failed(line) : bad_input(line);
 }
 
 std::string text(double value) {

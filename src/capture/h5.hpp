@@ -28,8 +28,8 @@ class Handle {
 
   hid_t get() const noexcept { return id_; }
   explicit operator bool() const noexcept { return id_ >= 0; }
-  // False when closing failed, for example a file's last write.
-  bool close() noexcept { return id_ < 0 || H5Idec_ref(std::exchange(id_, H5I_INVALID_HID)) >= 0; }
+  // False when closing failed, for example a file's last write. cause() stays that of a call that failed before it.
+  bool close() noexcept;
 
  private:
   hid_t id_ = H5I_INVALID_HID;
@@ -58,6 +58,10 @@ std::string cause();
 
 // ": cause()" or nothing, to end a message with. Thread: any.
 std::string because();
+
+// "WHAT cannot be read: cause()", after a read that failed: bad input, but where the system refused memory.
+// Thread: any.
+tl::unexpected<Error> not_read(const std::string& what);
 
 using Dims = std::vector<hsize_t>;
 

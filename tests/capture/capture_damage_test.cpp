@@ -199,4 +199,29 @@ TEST(Memory, TooLittleIsAnErrorWhereverItEnds) {
   }
 }
 
+// What a library says of a frame that it has no memory for does not sound like it, or is lost.
+TEST(Memory, AFrameThatFindsNoneIsNoDamage) {
+  if (address_space() > rlim_t{1} << 40) GTEST_SKIP() << "a sanitizer has taken all addresses";
+  const Scratch scratch;
+  const std::filesystem::path file = scratch / "large.h5";
+  const CaptureInfo info = small_info(PixelType::kUint16, {1024, 1024});
+  std::vector<std::uint16_t> plane = plane_of<std::uint16_t>(0, info.format.geometry.pixels());
+  {
+    auto writer = must(CaptureWriter::create(file, info, {.deflate_level = 1}));
+    ASSERT_TRUE(writer->append(0.0, 0, plane.data()));
+    ASSERT_TRUE(writer->close());
+  }
+  const auto reader = must(CaptureReader::open(file));
+  EXPECT_EQ(in_child([&] {
+              const rlimit all{address_space(), RLIM_INFINITY};
+              setrlimit(RLIMIT_AS, &all);
+              void* volatile taken = &plane;  // all that was freed before is taken, too
+              while (taken != nullptr) taken = std::malloc(std::size_t{1} << 16);
+              const Status read = reader->read_frame(0, plane.data());
+              const bool told = !read && read.error().message.ends_with("frame 0 cannot be read: not enough memory");
+              return told && read.error().kind == ErrorKind::kFailed ? 0 : 1;
+            }),
+            0);
+}
+
 }  // namespace bolo::capture::capture_damage_test

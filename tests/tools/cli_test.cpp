@@ -1,6 +1,7 @@
 // Shared parts of all verbs: the line of progress, on a terminal, and the end by a library's exception.
 #include <fcntl.h>
 #include <pty.h>
+#include <sys/resource.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -14,7 +15,18 @@ namespace bolo::tools::cli_test {
 
 int run_out_of_memory(int, char**) { throw std::bad_alloc(); }
 int fail(int, char**) { throw std::runtime_error("no\nthread"); }
-constexpr std::array<Verb, 2> kVerbs{{{"hunger", "", run_out_of_memory}, {"fail", "", fail}}};
+// Under a limit that leaves no memory at all, calls go deep.
+int go_deep(int, char**) {
+  constexpr std::size_t kDeep = 900'000;
+  rlim_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  const rlimit all{pages * static_cast<rlim_t>(sysconf(_SC_PAGESIZE)), RLIM_INFINITY};
+  setrlimit(RLIMIT_AS, &all);
+  auto* const block = static_cast<volatile char*>(__builtin_alloca(kDeep));
+  block[0] = 0;
+  return block[0];
+}
+constexpr std::array<Verb, 3> kVerbs{{{"hunger", "", run_out_of_memory}, {"fail", "", fail}, {"deep", "", go_deep}}};
 
 // The line of error; exit code 1 is expected.
 std::string ended(std::string verb) {
@@ -30,6 +42,13 @@ std::string ended(std::string verb) {
 TEST(Dispatch, AnExceptionIsAFailureInOneLine) {
   EXPECT_EQ(ended("hunger"), "bolo hunger: not enough memory\n");
   EXPECT_EQ(ended("fail"), "bolo fail: no?thread\n");
+}
+
+TEST(Dispatch, TheStackHasItsMemoryBeforeALimitIsReached) {
+  std::string program = "bolo";
+  std::string verb = "deep";
+  std::array<char*, 2> words{program.data(), verb.data()};
+  EXPECT_EQ(in_child([&] { return dispatch({"bolo", ""}, kVerbs, 2, words.data()); }), 0);
 }
 
 // Exit code and output of parsing words behind a verb's name; no code: they are good.

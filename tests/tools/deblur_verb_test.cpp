@@ -266,6 +266,7 @@ const std::vector<Refusal> kRefusals{
     {kUsual + "--points /dev/zero", "/dev/zero: is a device, not a file"},
     {kUsual + "--points @bad.csv", "bad.csv:4: '3;4' is not a point"},
     {kUsual + "--points @far.csv", "far.csv:1: point 39.5,2 is outside"},
+    {kUsual + "--points @many.csv", "many.csv: more points than"},
     {kUsual + "--points @empty.csv", "empty.csv: no points"},
     {kUsual + "--roi 0,0,2,2 --points @far.csv", "one of them"},
     {kUsual + "--profile @turned.toml", "for frames of 6x40, but"},
@@ -299,6 +300,9 @@ TEST_F(DeblurVerb, RefusesInOneLineWithExitCode2AndNoOutput) {
   write("text.h5", "not a capture\n");
   write("bad.csv", "# points\nx,y\n1,2\n3;4\n");
   write("far.csv", "39.5,2\n");
+  std::string many;
+  for (int i = 0; i <= kWidth * kHeight; ++i) many += "1,1\n";
+  write("many.csv", many);
   write("empty.csv", "x,y\n# none\n");
   write("lens.toml", "[lens]\nfocal_px = 1400\n");
   write("gyro-nan.csv", "t_s,x_rad_s,y_rad_s,z_rad_s\n1,0,0,0\n2,nan,0,0\n");

@@ -2,15 +2,19 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <fstream>
 #include <iostream>
+#include <new>
 #include <set>
 #include <string>
 #include <thread>
@@ -80,9 +84,25 @@ int printed(const std::string& who, int code) {
   return code == kExitDone ? kExitFailed : code;
 }
 
+// Grows the main thread's stack to what a verb may need: where a limit leaves no memory for it later, the kernel ends
+// the process. Throws std::bad_alloc where there is none.
+[[gnu::noinline]] void grow_stack() {
+  constexpr std::size_t kBytes = std::size_t{1} << 20U;
+  constexpr std::size_t kPage = 4096;
+  rlimit limit{};
+  getrlimit(RLIMIT_STACK, &limit);
+  const std::size_t bytes = std::min<std::size_t>(kBytes, limit.rlim_cur / 4);
+  void* volatile memory = std::malloc(kBytes);  // volatile: or the compiler leaves both calls out
+  std::free(memory);
+  if (memory == nullptr) throw std::bad_alloc();
+  auto* const block = static_cast<volatile char*>(__builtin_alloca(bytes));
+  for (std::size_t i = bytes; i > kPage; i -= kPage) block[i - 1] = 0;
+}
+
 // An exception of a library, for want of memory or threads, becomes an error message and exit code instead of an abort.
 int guarded(const std::string& program, const Verb& verb, int argc, char** argv) {
   try {
+    grow_stack();
     return verb.run(argc, argv);
   } catch (const std::exception& e) {
     const std::string words = printable(describe_exception(e));

@@ -33,6 +33,10 @@ Result<std::vector<std::uint32_t>> read_points(const std::filesystem::path& file
     return {};
   }));
   if (points.empty()) return bad_input(file.string() + ": no points; write one x,y in pixels a line");
+  if (points.size() > frame.pixels()) {
+    return bad_input(fmt::format("{}: more points than the {}x{} pixels of a frame; give each once", file.string(),
+                                 frame.width, frame.height));
+  }
   return points;
 }
 

@@ -14,7 +14,8 @@ namespace bolo::tools {
 
 // Reads points, one `x,y` a line in pixels, column and row of the stored frame; decimals mean the nearest pixel. Empty
 // lines, lines that begin with #, and a first line `x,y` or `x_px,y_px` are passed over. Row-major indices in the order
-// of the file. A bad line and a point outside the frame are bad input: "FILE:LINE: what". Thread: setup.
+// of the file. A bad line and a point outside the frame are bad input: "FILE:LINE: what"; so are more points than the
+// frame has pixels. Thread: setup.
 Result<std::vector<std::uint32_t>> read_points(const std::filesystem::path& file, Geometry frame);
 
 class PixelChoice {
