@@ -161,25 +161,54 @@ double velocity_at(const MotionTrack& all, Index k, std::size_t axis) {
   return (8.0 * (p(1) - p(-1)) - (p(2) - p(-2))) / 12.0;
 }
 
+// Change of the velocity since the frame before, px a frame.
+double change_at(const MotionTrack& all, Index k, std::size_t axis) {
+  return velocity_at(all, k, axis) - velocity_at(all, k - 1, axis);
+}
+// True if change_at() is known of all frames k - around to k + around.
+bool change_known(const MotionTrack& all, Index k, Index around) { return all.whole(k - 3 - around, k + 2 + around); }
+
 struct Shear {
-  int block = 0;
-  double change = 0.0;  // of the velocity since the frame before, px a frame
-  double shear = 0.0;   // px a row
+  Index frame = 0;
+  double change = 0.0;
+  double told = 0.0;   // the same as the frames around tell it, where they do
+  double shear = 0.0;  // px a row
 };
+
+// An error of the measured change makes a slope on it too small. So the slope is that of what the changes of frames
+// around tell of it (two-stage least squares), so far away that the tracking does not carry its error there.
+void tell_by_others(const MotionTrack& all, std::size_t axis, std::vector<Shear>& shears) {
+  constexpr Index kNear = 8;
+  constexpr Index kFar = 13;
+  const auto among =
+      places_where(shears.size(), [&](std::size_t i) { return change_known(all, shears[i].frame, kFar); });
+  if (among.size() < kFewestShears) return;
+  MatrixXd others(std::ssize(among), 2 * (kFar - kNear + 1));
+  VectorXd own(others.rows());
+  for (Index row = 0; row < others.rows(); ++row) {
+    const Shear& s = shears[among[static_cast<std::size_t>(row)]];
+    own[row] = s.change;
+    for (Index i = kNear; i <= kFar; ++i) {
+      others(row, 2 * (i - kNear)) = change_at(all, s.frame - i, axis);
+      others(row, 2 * (i - kNear) + 1) = change_at(all, s.frame + i, axis);
+    }
+  }
+  const VectorXd told = others * least_squares(others, own);
+  for (Index row = 0; row < others.rows(); ++row) shears[among[static_cast<std::size_t>(row)]].told = told[row];
+}
 
 std::vector<Shear> shears_of(const MotionTrack& all, std::size_t axis) {
   std::vector<Shear> out;
-  const auto count = static_cast<Index>(all.frames.size());
-  for (Index k = 3; k + 2 < count; ++k) {
-    if (!all.whole(k - 3, k + 2)) continue;
-    const double change = velocity_at(all, k, axis) - velocity_at(all, k - 1, axis);
-    if (std::abs(change) > kMostChange_px) continue;
-    out.push_back({static_cast<int>(k * kBlocks / count), change, all.at(k).affine[3 * axis + 2]});
+  for (Index k = 3; k + 2 < std::ssize(all.frames); ++k) {
+    if (!change_known(all, k, 0)) continue;
+    const double change = change_at(all, k, axis);
+    if (std::abs(change) <= kMostChange_px) out.push_back({k, change, change, all.at(k).affine[3 * axis + 2]});
   }
   if (out.empty()) return out;
   const double middle = median(mapped(out, [](const Shear& s) { return s.shear; }));
   const double spread = kSigmaOfMad * median(mapped(out, [&](const Shear& s) { return std::abs(s.shear - middle); }));
   std::erase_if(out, [&](const Shear& s) { return std::abs(s.shear - middle) > kOutlyingShear * spread; });
+  tell_by_others(all, axis, out);
   return out;
 }
 
@@ -201,9 +230,9 @@ std::optional<FromMotion::Figure> find_row_delay(const MotionTrack& all, double 
       double products = 0.0;
       double squares = 0.0;
       for (const Shear& s : shears) {
-        if (s.block == left_out) continue;
-        products += s.change * s.shear;
-        squares += s.change * s.change;
+        if (s.frame * kBlocks / std::ssize(all.frames) == left_out) continue;
+        products += s.told * s.shear;
+        squares += s.told * s.change;
       }
       return squares > 0.0 ? std::optional(products / squares) : std::nullopt;
     });

@@ -205,6 +205,24 @@ TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
   EXPECT_EQ(report.effects.size(), 2U);
 }
 
+// Of little acceleration much is measurement, of which a slope would be too small.
+TEST_F(Observations, ASlowHandTellsTheRowDelay) {
+  constexpr double kDelay_s = 28e-6;
+  std::vector<sim::PathPoint> points;
+  for (double t = -0.6; t < 5.5; t += 0.002) {
+    points.push_back({t, 60.0 * std::sin(4.0 * t) + 0.6 * std::sin(40.0 * t), 25.0 * std::sin(6.3 * t)});
+  }
+  bed::Shot shot = hand(1000, sim::Path(std::move(points)));
+  shot.effects = {"row_delay:row_delay_s=2.8e-5", "noise_level:scale=3"};
+  const Report report = diagnosed({bed::shoot(shot, scratch_ / "slow.h5")});
+  ASSERT_TRUE(only(report).motion);
+  ASSERT_TRUE(only(report).motion->row_delay_s);
+  const Estimate found = only(report).motion->row_delay_s->value;
+  EXPECT_LT(found.low, kDelay_s);
+  EXPECT_GT(found.high, kDelay_s);
+  EXPECT_NEAR(found.value, kDelay_s, 0.05 * kDelay_s);
+}
+
 // A pan blurs all frames alike: a soft scene is equivalent to a slow pixel.
 TEST_F(Observations, AnEvenPanTellsNoTimeConstant) {
   const Report report = diagnosed({bed::shoot(hand(400, sim::steady_pan(500.0)), scratch_ / "pan.h5")});
