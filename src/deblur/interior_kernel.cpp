@@ -79,14 +79,15 @@ HWY_INLINE Pair max(Pair x, Pair y) { return {max(x.a, y.a), max(x.b, y.b)}; }
 HWY_INLINE Pair min(Pair x, Pair y) { return {hn::Min(x.a, y.a), hn::Min(x.b, y.b)}; }
 HWY_INLINE Pair fma(Pair k, Pair x, Pair y) { return {hn::MulAdd(k.a, x.a, y.a), hn::MulAdd(k.b, x.b, y.b)}; }
 HWY_INLINE Pair fnma(Pair k, Pair x, Pair y) { return {hn::NegMulAdd(k.a, x.a, y.a), hn::NegMulAdd(k.b, x.b, y.b)}; }
-HWY_INLINE Pair rough_reciprocal(Pair x) { return {hn::ApproximateReciprocal(x.a), hn::ApproximateReciprocal(x.b)}; }
+HWY_INLINE Pair newton(Pair x, Pair r) { return r * fnma(x, r, pair(2.0F)); }
+// Good to 12 bits: with the 8 that others than x86 have, steps passed the bounds.
+HWY_INLINE Pair rough_reciprocal(Pair x) {
+  const Pair r{hn::ApproximateReciprocal(x.a), hn::ApproximateReciprocal(x.b)};
+  return HWY_ARCH_X86 ? r : newton(x, r);
+}
 HWY_INLINE Pair magnitude(Pair x) { return {hn::Abs(x.a), hn::Abs(x.b)}; }
 HWY_INLINE Pair sign(Pair x) { return {hn::CopySign(all(1.0F), x.a), hn::CopySign(all(1.0F), x.b)}; }
-// Newton's step after the processor's 12 bits.
-HWY_INLINE Pair reciprocal(Pair x) {
-  const Pair r = rough_reciprocal(x);
-  return r * fnma(x, r, pair(2.0F));
-}
+HWY_INLINE Pair reciprocal(Pair x) { return newton(x, rough_reciprocal(x)); }
 
 HWY_INLINE Pair load_slot(const InteriorPlan& plan, const PixelRun& run, int slot, std::size_t at, std::size_t count,
                           Pair& sum) {
