@@ -115,8 +115,9 @@ Result<FrameReader> FrameReader::open(const std::filesystem::path& file, const m
   ASSIGN_OR_RETURN(auto capture, capture::CaptureReader::open(file));
   model::PixelMaps maps = known;
   maps.tau_s.clear();
-  ASSIGN_OR_RETURN(auto correction, corrections::PixelCorrection::create({}, capture.info().format, maps));
-  return FrameReader(std::move(capture), std::move(correction));
+  auto correction = corrections::PixelCorrection::create({}, capture.info().format, maps);
+  if (!correction) return bad_input(file.filename().string() + ": " + correction.error().message);
+  return FrameReader(std::move(capture), std::move(*correction));
 }
 
 FrameReader::FrameReader(capture::CaptureReader capture, corrections::PixelCorrection correction)

@@ -87,6 +87,12 @@ TEST_F(SessionFiles, AStimulusThatCannotBe) {
   expect_left_out(testing::write(bars, scratch_ / "bars.h5"), {"hot_k"});
 }
 
+TEST_F(SessionFiles, MapsOfAnotherSizeAreRefused) {
+  model::PixelMaps known;
+  known.offset.assign(6, 0.1F);
+  expect_refused(read_session({shutter("a.h5")}, go_on, known), {"a.h5", "maps"});
+}
+
 TEST_F(SessionFiles, NoFilesAtAll) { expect_refused(read_session({}, go_on), {}); }
 
 TEST_F(SessionFiles, TheDiagnosisCanBeStopped) {
