@@ -80,7 +80,7 @@ HWY_INLINE Pair min(Pair x, Pair y) { return {hn::Min(x.a, y.a), hn::Min(x.b, y.
 HWY_INLINE Pair fma(Pair k, Pair x, Pair y) { return {hn::MulAdd(k.a, x.a, y.a), hn::MulAdd(k.b, x.b, y.b)}; }
 HWY_INLINE Pair fnma(Pair k, Pair x, Pair y) { return {hn::NegMulAdd(k.a, x.a, y.a), hn::NegMulAdd(k.b, x.b, y.b)}; }
 HWY_INLINE Pair newton(Pair x, Pair r) { return r * fnma(x, r, pair(2.0F)); }
-// Good to 12 bits: with the 8 that others than x86 have, steps passed the bounds.
+// Good to 12 bits on every processor: with the 8 that ARM gives, some pixels end kelvins off.
 HWY_INLINE Pair rough_reciprocal(Pair x) {
   const Pair r{hn::ApproximateReciprocal(x.a), hn::ApproximateReciprocal(x.b)};
   return HWY_ARCH_X86 ? r : newton(x, r);
