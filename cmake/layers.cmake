@@ -6,6 +6,8 @@ add_library(bolo_options INTERFACE)
 target_compile_options(bolo_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Werror)
 # GCC 12 warns of overlaps inside std::string's own operator+ (GCC bug 105651).
 target_compile_options(bolo_options INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
+# GCC collects its garbage when its heap is 128 MB by default; at 1 GB it takes an eighth less time to compile.
+target_compile_options(bolo_options INTERFACE $<$<CXX_COMPILER_ID:GNU>:--param=ggc-min-heapsize=1000000>)
 # std::regex, which cxxopts would parse options with, takes a third of the time to compile a verb.
 target_compile_definitions(bolo_options INTERFACE CXXOPTS_NO_REGEX)
 target_include_directories(bolo_options INTERFACE ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR})
