@@ -35,14 +35,14 @@ def cache_folder():
 
 
 def options_of(entry):
-    """The options of an entry of compile_commands.json without those that name files, each with its value."""
+    """The options of an entry of compile_commands.json without those that name files or are GCC's, each with its value."""
     words = shlex.split(entry["command"])
     compiler = next(i for i, word in enumerate(words) if os.path.basename(word) != "ccache")
     options = []
     for word in words[compiler + 1 :]:
         if options and options[-1][-1] in WITH_VALUE:
             options[-1] += (word,)
-        elif word not in ("-c", "-MD", entry["file"]):
+        elif word not in ("-c", "-MD", entry["file"]) and not word.startswith("--param"):
             options.append((word,))
     return [option for option in options if option[0] not in ("-o", "-MT", "-MF")]
 
