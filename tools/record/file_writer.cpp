@@ -50,7 +50,7 @@ std::vector<capture::Attribute> origin() {
 
 // Beyond its limit the kernel ends the process, without a line.
 void warn_of_limit(const FileWriterOptions& options) {
-  constexpr std::uint64_t kOtherBytes = std::uint64_t{16} << 20U;  // 5 MB without the buffer, and some for the file
+  constexpr std::uint64_t kOtherBytes = std::uint64_t{8} << 20U;  // 5 MB without the buffer, and some for the file
   const std::uint64_t limit = memory_limit();
   if (limit >= kOtherBytes && limit - kOtherBytes >= options.buffer_bytes) return;
   options.log("the buffer takes " + std::to_string(options.buffer_bytes >> 20U) +
