@@ -1,11 +1,10 @@
-// Work shared out among threads, and error messages for memory and threads that the system refuses.
+// Work shared out among threads, their stacks, and error messages for memory and threads that the system refuses.
 #pragma once
 
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <exception>
-#include <new>
 #include <string>
 #include <system_error>
 #include <thread>
@@ -40,11 +39,10 @@ void share_out(std::size_t count, std::size_t threads, Work&& work) {
 }
 
 // Message of a library's exception; for refused memory and threads, one that helps. Thread: any.
-inline std::string describe_exception(const std::exception& e) {
-  if (dynamic_cast<const std::bad_alloc*>(&e) != nullptr) return "not enough memory";
-  const auto* refused = dynamic_cast<const std::system_error*>(&e);
-  if (refused == nullptr || refused->code() != std::errc::resource_unavailable_try_again) return e.what();
-  return "no thread can be started: raise 'ulimit -u', or TasksMax= of the systemd unit";
-}
+std::string describe_exception(const std::exception& e);
+
+// Grows the main thread's stack to what deep calls may need: where a limit leaves no memory for it later, the kernel
+// ends the process. Throws std::bad_alloc where there is none. Thread: main, when it begins.
+void grow_stack();
 
 }  // namespace bolo

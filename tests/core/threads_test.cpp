@@ -28,12 +28,14 @@ TEST(ShareOut, ThrowsWhatTheWorkThrowsOnAnyThread) {
 TEST(WordsOf, SayWhatTheSystemRefuses) {
   EXPECT_EQ(describe_exception(std::bad_alloc()), "not enough memory");
   EXPECT_EQ(describe_exception(std::runtime_error("other")), "other");
+  EXPECT_EQ(describe_exception(std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again))),
+            "no thread can be started: raise 'ulimit -u', or TasksMax= of the systemd unit");
   const NoThreads none;
   try {
     std::thread([] {}).join();
     FAIL() << "a thread was started";
   } catch (const std::exception& e) {
-    EXPECT_EQ(describe_exception(e), "no thread can be started: raise 'ulimit -u', or TasksMax= of the systemd unit");
+    EXPECT_EQ(describe_exception(e), "no thread can be started: not enough memory for its stack");
   }
 }
 

@@ -370,26 +370,48 @@ class Source(unittest.TestCase):
                 continue
             self.assertIsNotNone(live.message(Gst.MessageType.EOS))
 
-    def test_times_that_cannot_be_hold_up_no_sink(self):
-        """A frame of a ring that says a time years from now, and times below 0."""
-        camera = bolo.Camera(self.name)
-        while camera.state().published < camera.info.slot_count:
-            time.sleep(0.05)
+    def see_a_forged_frame(self, camera_ns=0, utc_ns=0, period_s=0.02, look_ahead=0):
+        """Of a copy of the ring, whose frames are still to come; ends when a sink that keeps to the clock has shown one."""
+        with bolo.Camera(self.name) as camera:
+            while camera.state().published < camera.info.slot_count:
+                time.sleep(0.05)
         with open(f"/dev/shm/bolo.{self.name}", "rb") as shared:
             ring = bytearray(shared.read())
         forged = f"/dev/shm/bolo.{self.name}-forged"
         (slots,), (first, stride) = struct.unpack_from("<I", ring, 24), struct.unpack_from("<QQ", ring, 32)
+        struct.pack_into("<d", ring, 80, period_s)
+        struct.pack_into("<I", ring, 100, look_ahead)
         for place in range(first, first + slots * stride, stride):
-            struct.pack_into("<q", ring, place + 16, -1)  # camera_ns
-            struct.pack_into("<qq", ring, place + 56, time.monotonic_ns() + 10**18, -1)  # host_ns, utc_ns
-        self.addCleanup(os.unlink, forged)
+            struct.pack_into("<q", ring, place + 16, camera_ns)
+            struct.pack_into("<qq", ring, place + 56, time.monotonic_ns() + 10**18, utc_ns)  # host_ns, utc_ns
         with open(forged, "wb") as file:
             file.write(ring)
+        self.addCleanup(os.unlink, forged)
         done = subprocess.run(["gst-launch-1.0", "bolosrc", f"camera={self.name}-forged", "num-buffers=1", "!", "fakesink",
                                "sync=true"],
                               capture_output=True, text=True, timeout=HANG_S)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         self.assertNotIn("CRITICAL", done.stderr)
+
+    def test_times_that_cannot_be_hold_up_no_sink(self):
+        """A frame of a ring that says a time years from now, and times below 0."""
+        self.see_a_forged_frame(camera_ns=-1, utc_ns=-1)
+
+    def test_a_period_of_an_hour_holds_up_no_sink(self):
+        self.see_a_forged_frame(period_s=3600.0)
+
+    def test_a_look_ahead_that_cannot_be_holds_up_no_sink(self):
+        self.see_a_forged_frame(look_ahead=2**31)
+
+    def test_a_daemon_that_takes_longer_is_told_to_the_pipeline(self):
+        """Else sinks drop its frames as too late."""
+        with Pipeline(f"bolosrc camera={self.name} restart-timeout=60000") as live:
+            self.assertIsNotNone(live.pull())
+            while live.message(Gst.MessageType.LATENCY, 0.1):
+                pass
+            self.end()
+            self.start()
+            self.assertIsNotNone(live.message(Gst.MessageType.LATENCY))
 
     def test_rtsp_clients_see_the_picture(self):
         """By gst-rtsp-server, as JPEG: two clients, one after the other."""

@@ -5,12 +5,14 @@ the capture that the daemon replays; and that neither strangers' packets nor the
 usage: ros2_test.py BOLO BOLOD SUBSCRIBER. Exit code 77 where h5py is missing.
 """
 
+import mmap
 import os
 import pathlib
 import random
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -22,6 +24,7 @@ from programs import needed, wait_for
 
 h5py, np = needed("h5py", "numpy")
 BOLO, BOLOD, SUBSCRIBER = sys.argv[1:4]
+BRIDGE = pathlib.Path(BOLOD).with_name("bolo-ros2")
 del sys.argv[1:4]
 DOMAIN = 1 + os.getpid() % 100
 FRAMES = 600
@@ -162,6 +165,37 @@ domain = {DOMAIN}
             daemon.send_signal(end)
             daemon.wait(timeout=10)
             wait_for(lambda: not os.path.exists(f"/proc/{child}"), f"its end after {end}")
+
+    def publish(self, times, subscriber):
+        """Frames that have these times in turn, in UTC, ns, in shared memory made here, until the subscriber ends."""
+        slots, first, stride = 8, 4096, 512
+        shared = pathlib.Path(f"/dev/shm/bolo.{self.name}")
+        header = struct.pack("<QIIIIIIQQQQdddd", 0x4D48534F4C4F42, 3, 2112, 8, 8, slots, 0, first, stride, 128, 256, 0.01, 0, 0.02, 0.01)
+        shared.write_bytes(header.ljust(first + slots * stride, b"\0"))
+        self.addCleanup(shared.unlink)
+        with open(shared, "r+b") as file, mmap.mmap(file.fileno(), 0) as memory:
+            number = 0
+            while subscriber.poll() is None:
+                slot = (2 * number + 2, number, 0, 1, 1, 0, 0, 0.0, 1, times[number % len(times)])
+                struct.pack_into("<QQqqqIIdqq", memory, first + number % slots * stride, *slot)
+                struct.pack_into("<QIIQ", memory, 320, number + 1, number + 1, 1, time.monotonic_ns())
+                number += 1
+                time.sleep(0.02)
+
+    def test_a_time_without_a_stamp_has_the_nearest_and_one_line(self):
+        """A stamp has 31 bits of seconds. A frame whose UTC is before 1970 has none; one of 2038 has the last."""
+        now = time.time_ns()
+        subscriber = self.subscribe("image_raw")
+        with open(self.folder / "bridge.log", "w") as log:
+            self.running.append(subprocess.Popen([BRIDGE, f"--name={self.name}", "--domain", str(DOMAIN)], stderr=log))
+        self.publish((now, -1, 2**31 * 10**9, -(2**62), 2**62), subscriber)
+        images, _ = self.read(subscriber)
+        booted = time.clock_gettime_ns(time.CLOCK_REALTIME) - time.monotonic_ns()  # what the frames' other times say
+        stamps = sorted({image[0] if abs(image[0] - booted) > 10**9 else booted for image in images})
+        self.assertEqual(stamps, [booted, now, 2**31 * 10**9 - 1])
+        said = (self.folder / "bridge.log").read_text()
+        self.assertEqual(said.count("\n"), 1, said)
+        self.assertIn("2038", said)
 
     def refusal(self, config, program=BOLOD):
         done = subprocess.run([program, "--check-config", "--config", config], capture_output=True, text=True, check=False)

@@ -190,4 +190,29 @@ TEST_F(SlowDisk, OneErrorCostsNoFrameThatWasCommitted) {
   }
 }
 
+// The least of a group's and those it is in; "max" is none.
+TEST(MemoryLimit, IsOfAllGroups) {
+  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / shm::unique_name("groups");
+  const std::filesystem::path inner = folder / "system.slice" / "recorder.service";
+  std::filesystem::create_directories(inner);
+  const auto limit_within = [&](const char* own) {
+    std::ofstream(folder / "own") << own;
+    return memory_limit(folder, folder / "own");
+  };
+  constexpr std::uint64_t kAny = ~std::uint64_t{0};
+  std::ofstream(inner / "memory.max") << "max\n";
+  EXPECT_EQ(limit_within("0::/system.slice/recorder.service\n"), kAny);
+  std::ofstream(folder / "system.slice" / "memory.max") << "3000\n";
+  EXPECT_EQ(limit_within("1:cpu:/\n0::/system.slice/recorder.service\n"), 3000U);
+  std::ofstream(inner / "memory.max") << "2000\n";
+  EXPECT_EQ(limit_within("0::/system.slice/recorder.service\n"), 2000U);
+  EXPECT_EQ(limit_within("0::/system.slice\n"), 3000U);
+  EXPECT_EQ(limit_within("0::/\n"), kAny);
+  std::ofstream(folder / "memory.max") << "1000\n";  // a container's own
+  EXPECT_EQ(limit_within("0::/\n"), 1000U);
+  EXPECT_EQ(limit_within("4:memory:/other\n"), kAny);
+  EXPECT_EQ(memory_limit(folder, folder / "missing"), kAny);
+  std::filesystem::remove_all(folder);
+}
+
 }  // namespace bolo::tools::slow_disk_test

@@ -77,6 +77,7 @@ int main(int argc, char** argv) {
   bolo::daemon::ignore_signals();
   cxxopts::Options options = bolod_options();
   try {
+    bolo::grow_stack();
     const cxxopts::ParseResult parsed = options.parse(argc, argv);
     if (!parsed.unmatched().empty()) return usage("unexpected argument '" + parsed.unmatched().front() + "'");
     if (parsed.count("help") != 0) {

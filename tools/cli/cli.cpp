@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -82,21 +81,6 @@ int printed(const std::string& who, int code) {
   std::fprintf(stderr, "%s: standard output cannot be written: %s\n", who.c_str(),
                errno != 0 ? std::strerror(errno) : "the disk took only a part");
   return code == kExitDone ? kExitFailed : code;
-}
-
-// Grows the main thread's stack to what a verb may need: where a limit leaves no memory for it later, the kernel ends
-// the process. Throws std::bad_alloc where there is none.
-[[gnu::noinline]] void grow_stack() {
-  constexpr std::size_t kBytes = std::size_t{1} << 20U;
-  constexpr std::size_t kPage = 4096;
-  rlimit limit{};
-  getrlimit(RLIMIT_STACK, &limit);
-  const std::size_t bytes = std::min<std::size_t>(kBytes, limit.rlim_cur / 4);
-  void* volatile memory = std::malloc(kBytes);  // volatile: or the compiler leaves both calls out
-  std::free(memory);
-  if (memory == nullptr) throw std::bad_alloc();
-  auto* const block = static_cast<volatile char*>(__builtin_alloca(bytes));
-  for (std::size_t i = bytes; i > kPage; i -= kPage) block[i - 1] = 0;
 }
 
 // An exception of a library, for want of memory or threads, becomes an error message and exit code instead of an abort.

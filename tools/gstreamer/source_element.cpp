@@ -24,6 +24,7 @@ namespace {
 constexpr int kOpenMs = 2000;
 constexpr int kWaitMs = 50;  // within which a source that waits notices that it should stop
 constexpr int kStandardRestartMs = 10'000;
+constexpr double kLongestStep_s = 1.0;  // a sink waits as long for a frame, and at the end until the last one is over
 
 enum Plane { kDeblurred, kRaw };
 
@@ -223,10 +224,11 @@ gboolean set_caps(GstBaseSrc* source, GstCaps* caps) {
   return gst_video_info_from_caps(&self_of(source)->state->info, caps);
 }
 
-// The same format of the daemon's new geometry.
+// The same format of the daemon's new geometry. The pipeline asks for its latency anew: sinks drop what comes later.
 bool take_new_geometry(BoloSrc* self) {
   State& state = *self->state;
   read_info(self);
+  gst_element_post_message(GST_ELEMENT(self), gst_message_new_latency(GST_OBJECT(self)));
   const bolo_client_info& info = *bolo_client_get_info(state.client.get());
   const GstVideoFormat format = GST_VIDEO_INFO_FORMAT(&state.info);
   gint rate = 0;
@@ -307,7 +309,7 @@ std::optional<GstClockTime> running_time(BoloSrc* self, const bolo_client_frame&
 // Times on all clocks, numbers and breaks.
 void stamp(State& state, const bolo_client_frame& frame, GstClockTime running, GstBuffer* buffer) {
   GST_BUFFER_PTS(buffer) = running;
-  GST_BUFFER_DURATION(buffer) = static_cast<GstClockTime>(to_ns(state.period_s));
+  GST_BUFFER_DURATION(buffer) = static_cast<GstClockTime>(to_ns(std::min(state.period_s, kLongestStep_s)));
   GST_BUFFER_OFFSET(buffer) = frame.frame_id;
   GST_BUFFER_OFFSET_END(buffer) = frame.frame_id + 1;
   if (!state.any || frame.frame_id != state.last_id + 1) GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_DISCONT);
@@ -354,8 +356,10 @@ gboolean query(GstBaseSrc* source, GstQuery* asked) {
   }
   GST_OBJECT_LOCK(source);
   const State& state = *self_of(source)->state;
-  // A frame is out a look-ahead later than it was taken, and the daemon has a period to read and one to solve it.
-  const double least_s = (state.lookahead + 2) * state.period_s;
+  // A frame is out a look-ahead later than it was taken, which is within the ring, and the daemon has a period to read
+  // and one to solve it.
+  const double least_s =
+      std::min(state.lookahead, state.slots) * state.period_s + 2.0 * std::min(state.period_s, kLongestStep_s);
   const double most_s = std::max(least_s, state.slots * state.period_s / 2.0);  // older ones are skipped
   GST_OBJECT_UNLOCK(source);
   gst_query_set_latency(asked, TRUE, static_cast<GstClockTime>(to_ns(least_s)),

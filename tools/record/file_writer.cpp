@@ -7,6 +7,9 @@
 #include <chrono>
 #include <climits>
 #include <cstdio>
+#include <fstream>
+#include <limits>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -45,9 +48,35 @@ std::vector<capture::Attribute> origin() {
           {"bolo_version", std::string(BOLO_VERSION)}};
 }
 
+// Beyond its limit the kernel ends the process, without a line.
+void warn_of_limit(const FileWriterOptions& options) {
+  constexpr std::uint64_t kOtherBytes = std::uint64_t{8} << 20U;  // 5 MB without the buffer, and some for the file
+  const std::uint64_t limit = memory_limit();
+  if (limit >= kOtherBytes && limit - kOtherBytes >= options.buffer_bytes) return;
+  options.log("the buffer takes " + std::to_string(options.buffer_bytes >> 20U) +
+              " MB, and this service or container may have " + std::to_string(limit >> 20U) +
+              " MB in all: make it smaller with --buffer-mb, or the kernel ends the recording");
+}
+
 double seconds_of(std::int64_t ns) { return static_cast<double>(ns) / kNsPerSecond; }
 
 }  // namespace
+
+std::uint64_t memory_limit(const std::filesystem::path& tree, const std::filesystem::path& own) {
+  constexpr std::string_view kVersion2 = "0::/";
+  std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
+  std::ifstream groups(own);
+  for (std::string line; std::getline(groups, line);) {
+    if (!line.starts_with(kVersion2)) continue;
+    std::filesystem::path group = tree;
+    for (const std::filesystem::path& part : std::filesystem::path("/") / line.substr(kVersion2.size())) {
+      if (part != "/") group /= part;
+      std::uint64_t limit = 0;
+      if (std::ifstream(group / "memory.max") >> limit) least = std::min(least, limit);  // "max" is no number
+    }
+  }
+  return least;
+}
 
 std::filesystem::path file_of_part(const FileWriterOptions& options, std::size_t index) {
   if (options.split_s <= 0.0) return options.file;
@@ -76,6 +105,7 @@ FileWriter::FileWriter(FileWriterOptions options)
 
 Result<std::unique_ptr<FileWriter>> FileWriter::start(FileWriterOptions options) {
   std::unique_ptr<FileWriter> writer;
+  warn_of_limit(options);
   try {
     writer.reset(new FileWriter(std::move(options)));
   } catch (const std::bad_alloc&) {

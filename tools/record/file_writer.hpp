@@ -55,6 +55,11 @@ struct FileWriterResult {
   Status status;  // what ended the writing early
 };
 
+// Most memory that the control groups of this process let it have (a container's, MemoryMax= of a unit), bytes; the
+// largest number: any. `tree`: where groups of version 2 are; `own`: what names the process's. Thread: any.
+std::uint64_t memory_limit(const std::filesystem::path& tree = "/sys/fs/cgroup",
+                           const std::filesystem::path& own = "/proc/self/cgroup");
+
 // The name of file number `index` from 0: FILE itself without splitting, else FILE_001.h5 ... Thread: any.
 std::filesystem::path file_of_part(const FileWriterOptions& options, std::size_t index);
 

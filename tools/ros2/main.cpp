@@ -176,10 +176,23 @@ class Bridge {
     return sent;
   }
 
+  // A stamp has 31 bits of seconds since 1970; a time without one has the nearest.
+  std::int64_t stamped(std::int64_t utc_ns) {
+    constexpr std::int64_t kLastNs = (std::int64_t{1} << 31) * kNsPerS - 1;
+    const std::int64_t ns = std::clamp(utc_ns, std::int64_t{0}, kLastNs);
+    if (ns != utc_ns && !std::exchange(told_no_stamp_, true)) {
+      std::fputs(
+          "bolo-ros2: frames before 1970 or after January 2038 have the first or last stamp of ROS 2: is this "
+          "computer's clock right?\n",
+          stderr);
+    }
+    return ns;
+  }
+
   // When the camera took the frame, in UTC, which is what ROS 2's nodes count in.
   std_msgs_msg_dds__Header_ header(const bolo_client_frame& frame) {
     const std::int64_t taken_ns = frame.host_ns != 0 ? frame.host_ns : frame.receive_ns;
-    const std::int64_t ns = frame.utc_ns != 0 ? frame.utc_ns : dds_time() - monotonic_ns() + taken_ns;
+    const std::int64_t ns = stamped(frame.utc_ns != 0 ? frame.utc_ns : dds_time() - monotonic_ns() + taken_ns);
     std_msgs_msg_dds__Header_ made{};
     made.stamp = {static_cast<std::int32_t>(ns / kNsPerS), static_cast<std::uint32_t>(ns % kNsPerS)};
     made.frame_id = request_.frame_id.data();
@@ -228,6 +241,7 @@ class Bridge {
   Topic info_;
   Client client_;
   Planes planes_;
+  bool told_no_stamp_ = false;
 };
 
 // Ends when its parent does, however that ends.

@@ -34,17 +34,18 @@ std::vector<bolo_client_point> points_of(char** first, char** last) {
   return points;
 }
 
-// The frame whose look-ahead is complete with the newest one. False: not solved, and nothing printed.
-bool print_points(bolo_client* camera, std::uint64_t newest, const std::vector<bolo_client_point>& points) {
+// The frame whose look-ahead is complete with the newest one. Nothing is printed unless the result is BOLO_CLIENT_OK.
+int print_points(bolo_client* camera, std::uint64_t newest, const std::vector<bolo_client_point>& points) {
   const std::uint64_t lookahead = bolo_client_get_info(camera)->lookahead;
-  if (newest < lookahead) return false;
+  if (newest < lookahead) return BOLO_CLIENT_NOT_YET;
   std::vector<float> values(points.size());
   const std::uint64_t number = newest - lookahead;
-  if (bolo_client_points(camera, number, points.data(), points.size(), values.data()) != BOLO_CLIENT_OK) return false;
+  const int result = bolo_client_points(camera, number, points.data(), points.size(), values.data());
+  if (result != BOLO_CLIENT_OK) return result;
   std::printf("frame %llu:", static_cast<unsigned long long>(number));
   for (const float value : values) std::printf(" %.3f", static_cast<double>(value));
   std::puts("");
-  return true;
+  return BOLO_CLIENT_OK;
 }
 
 }  // namespace
@@ -63,14 +64,15 @@ int main(int argc, char** argv) {
   }
   bolo_client_frame frame{};
   for (long left = std::atol(argv[2]); left > 0;) {
-    const int result = bolo_client_latest(camera.get(), kFrameTimeoutMs, &frame);
+    int result = bolo_client_latest(camera.get(), kFrameTimeoutMs, &frame);
     if (result == BOLO_CLIENT_RESTARTED) continue;  // other frames, same points
-    if (result != BOLO_CLIENT_OK) {
-      std::fprintf(stderr, "points: %s\n",
-                   result == BOLO_CLIENT_TIMEOUT ? "no frames" : bolo_client_error(camera.get()));
-      return 1;
+    if (result == BOLO_CLIENT_OK) {
+      result = print_points(camera.get(), frame.number, points);
+      if (result == BOLO_CLIENT_OK) --left;
+      if (result >= 0) continue;  // below: a point outside the frame, a stream whose points cannot be solved
     }
-    if (print_points(camera.get(), frame.number, points)) --left;
+    std::fprintf(stderr, "points: %s\n", result == BOLO_CLIENT_TIMEOUT ? "no frames" : bolo_client_error(camera.get()));
+    return 1;
   }
   return 0;
 }

@@ -60,6 +60,9 @@ class Installed(unittest.TestCase):
         self.assertEqual(len(lines), 5)
         for line in lines:
             self.assertRegex(line, r"^frame \d+: \d{3}\.\d{3} \d{3}\.\d{3}$")
+        outside = subprocess.run([program, self.name, "5", "64,0"], env=self.environment, capture_output=True, text=True, timeout=60)
+        self.assertEqual((outside.returncode, outside.stdout), (1, ""))
+        self.assertIn("(64, 0) is not inside the frame", outside.stderr)
 
     def test_files_are_where_they_are_looked_for(self):
         files = {str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if not path.is_dir()}

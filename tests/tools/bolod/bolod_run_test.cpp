@@ -82,6 +82,19 @@ TEST_F(BolodRun, ALimitOnFilesIsAFullDisk) {
   EXPECT_FALSE(std::filesystem::exists("/dev/shm/bolo." + name_));
 }
 
+// Where a limit leaves no memory for the main thread's stack when calls go deep, the kernel ends the process.
+TEST_F(BolodRun, TheStackHasItsMemoryFromTheBeginning) {
+  const auto daemon = start(20'000);
+  const auto reader = attach(*daemon);
+  std::ifstream status("/proc/" + std::to_string(reader->header().writer_pid) + "/status");
+  long stack_kb = 0;
+  for (std::string word; status >> word && word != "VmStk:";) {
+  }
+  status >> stack_kb;
+  EXPECT_GE(stack_kb, 1024);
+  expect_good_end(*daemon);
+}
+
 // Cleaners of temporary files take sockets away.
 TEST_F(BolodRun, AControlSocketThatWasTakenAwayIsMadeAgain) {
   const std::string socket = file("control");
