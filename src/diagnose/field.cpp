@@ -75,22 +75,6 @@ Quiet quiet_of(const std::vector<double>& ratio) {
   return {quarter, std::max(quarter - quantile(ratio, 0.05), 0.0) / kBetween};
 }
 
-// True if the camera is still: a quarter of the pixels vary no more than noise, equally whatever the local contrast.
-bool stands_still(const Session& session, const Recording& r) {
-  constexpr double kStillRatio = 3.0;
-  constexpr double kAlike = 0.35;
-  const std::vector<Index> used = r.used_frames();
-  if (used.size() < kMinFrames) return false;
-  const auto course_of = [&](Index p) -> ArrayXd { return r.values(used, p).cast<double>().array(); };
-  const std::vector<double> ratio = mapped(session.grid.all(), [&](int p) { return wander(course_of(p)); });
-  const double quarter = quiet_of(ratio).ratio;
-  if (quarter >= kStillRatio) return false;
-  const auto quiet = places_where<Index>(ratio.size(), [&](std::size_t p) { return ratio[p] <= quarter; });
-  const auto noise = mapped(quiet, [&](Index p) { return std::sqrt(step_variance(course_of(p))); });
-  const double usual = median(noise);
-  return kSigmaOfMad * median(mapped(noise, [usual](double v) { return std::abs(v - usual); })) < kAlike * usual;
-}
-
 // Time series of a still picture's tiles: means of their pixels, less the frame's median, outliers clipped.
 Series tiles_of(const Session& session, const Recording& r) {
   constexpr float kClip = 2.5F;  // standard deviations of a pixel
@@ -259,6 +243,20 @@ bool Field::tells(const Effect& effect) const {
          std::ranges::any_of(findings.effects, [&](const Finding& f) { return f.effect.name == effect.name; });
 }
 
+bool is_still(const Session& session, const Recording& r) {
+  constexpr double kStillRatio = 3.0;
+  constexpr double kAlike = 0.35;
+  const std::vector<Index> used = r.used_frames();
+  if (used.size() < kMinFrames) return false;
+  const auto course_of = [&](Index p) -> ArrayXd { return r.values(used, p).cast<double>().array(); };
+  const std::vector<double> ratio = mapped(session.grid.all(), [&](int p) { return wander(course_of(p)); });
+  const double quarter = quiet_of(ratio).ratio;
+  if (quarter >= kStillRatio) return false;
+  const auto quiet = places_where<Index>(ratio.size(), [&](std::size_t p) { return ratio[p] <= quarter; });
+  const auto noise = mapped(quiet, [&](Index p) { return std::sqrt(step_variance(course_of(p))); });
+  return usual_scatter(noise) < kAlike * median(noise);
+}
+
 void prepare_field(Events& events) {
   if (has_bench(events.session)) return;
   std::erase_if(events.bad.stuck, [&events](int p) {  // clipped pixels are not stuck
@@ -275,7 +273,7 @@ void prepare_field(Events& events) {
     const std::vector<Observation::Jump> jumps = take_jumps(still);
     take_drift(still);
     r.kind = Kind::kScene;
-    if (!stands_still(events.session, still) || something_moves(events.session, still)) continue;
+    if (!is_still(events.session, still) || something_moves(events.session, still)) continue;
     r = std::move(still);
     r.kind = Kind::kField;
     note_jumps(events, i, jumps);

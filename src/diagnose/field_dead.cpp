@@ -20,12 +20,6 @@ double around(const ArrayXf& map, Index p, Geometry g) {
   return values.size() < 3 ? 0.0 : median(std::move(values));
 }
 
-// Robust standard deviation.
-double usual_scatter(const std::vector<double>& values) {
-  const double middle = median(values);
-  return kSigmaOfMad * median(mapped(values, [middle](double v) { return std::abs(v - middle); }));
-}
-
 // Difference of the mean scene between opposite neighbours, the larger of both directions.
 double slope_at(const ArrayXf& map, Index p, Geometry g) {
   const Index x = p % g.width;

@@ -114,10 +114,9 @@ int block_of(std::size_t burst, std::size_t bursts) { return static_cast<int>(bu
 // The mean time constant of the bursts but a block of them, in units of the given one; weighted by precision, without
 // outliers.
 std::optional<double> mean_of(const std::vector<GapFigures>& bursts, int left_out) {
-  const double middle = median(mapped(bursts, &GapFigures::tau_ratio));
-  const double spread = std::max(
-      kTauError,
-      kSigmaOfMad * median(mapped(bursts, [&](const GapFigures& f) { return std::abs(f.tau_ratio - middle); })));
+  const std::vector<double> all = mapped(bursts, &GapFigures::tau_ratio);
+  const double middle = median(all);
+  const double spread = std::max(kTauError, usual_scatter(all));
   double sum = 0.0;
   double weights = 0.0;
   for (std::size_t i = 0; i < bursts.size(); ++i) {
@@ -205,8 +204,9 @@ std::vector<Shear> shears_of(const MotionTrack& all, std::size_t axis) {
     if (std::abs(change) <= kMostChange_px) out.push_back({k, change, change, all.at(k).affine[3 * axis + 2]});
   }
   if (out.empty()) return out;
-  const double middle = median(mapped(out, [](const Shear& s) { return s.shear; }));
-  const double spread = kSigmaOfMad * median(mapped(out, [&](const Shear& s) { return std::abs(s.shear - middle); }));
+  const std::vector<double> seen = mapped(out, &Shear::shear);
+  const double middle = median(seen);
+  const double spread = usual_scatter(seen);
   std::erase_if(out, [&](const Shear& s) { return std::abs(s.shear - middle) > kOutlyingShear * spread; });
   tell_by_others(all, axis, out);
   return out;

@@ -240,6 +240,6 @@ inline constexpr double kLeastZ = 2.2;
 
 // `allowed`: the effects that may be selected. `progress` gets the effect being tried.
 Selection select_effects(const FitData& data, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
-                         const std::function<bool(const std::string& step, double done)>& progress);
+                         const Progress& progress);
 
 }  // namespace bolo::diagnose

@@ -107,9 +107,7 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
   const std::vector<Step> steps = steps_of(chopper, stimulus, c);
   const double cold = scene_signal(c, stimulus.level_k[0]);
   const bool varied = c.tau.size() > 0;
-  const TauTables<StepTable> tables(c.response, varied, [&](const Response& response) {
-    return StepTable(steps, response, recording.t.back() + 0.2);
-  });
+  const StepResponse common(steps, c.response);
   Series y(recording.frames(), static_cast<Index>(pixels.size()));
   // Identical, simultaneous pixels share their values.
   const bool together = !varied && stimulus.sweep_s == 0.0 && c.row_delay_s == 0.0;
@@ -122,11 +120,11 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
     const int row = session.grid.row_of(pixel);
     const double x = place_in(session, row, session.grid.column_of(pixel), 0.0).column - 0.5;
     const double shift = row_time(session, c, row) - stimulus.delay_s - stimulus.sweep_s * x;
-    const double own = varied ? c.tau[pixel] : 0.0;
+    const StepResponse own = varied ? StepResponse(steps, c.response.slower(c.tau[pixel])) : common;
     for (Index k = 0; k < y.rows(); ++k) {
       const auto frame = static_cast<std::size_t>(k);
       const double t = recording.t[frame] * (1.0 + c.clock_skew) + stimulus.late_s[frame] + shift;
-      y(k, j) = static_cast<float>(cold + tables.at(t, own));
+      y(k, j) = static_cast<float>(cold + own.at(t));
     }
   }
   filter_frames(c.response, y);
@@ -149,7 +147,7 @@ Series predict_bars(const Session& session, std::size_t index, const State& stat
   return y;
 }
 
-TauTables<BarTable> bar_tables(const CameraModel& c, const StimulusState& stimulus, const Bars& bars, bool moving) {
+BarTables bar_tables(const CameraModel& c, const StimulusState& stimulus, const Bars& bars, bool moving) {
   const double cold = scene_signal(c, stimulus.level_k[0]);
   const double span = scene_signal(c, stimulus.level_k[1]) - cold;
   std::function<double(double)> signal;
@@ -159,8 +157,7 @@ TauTables<BarTable> bar_tables(const CameraModel& c, const StimulusState& stimul
       return (scene_signal(c, kelvin) - cold) / span;
     };
   }
-  const BarShape shape(bars, c.response.blur_px2, signal);
-  return {c.response, moving, [&](const Response& response) { return BarTable(shape, response); }};
+  return {BarShape(bars, c.response.blur_px2, signal), c.response, moving};
 }
 
 // Corrects speeds, which are relative to the nominal clock.

@@ -22,6 +22,12 @@ struct Response {
   FrameFilter filter = FrameFilter::kNone;
   double alpha = 1.0;       // weight of the new frame
   double period_s = 0.005;  // between frames
+  // The same with another time constant: `log_tau` is the logarithm of its share.
+  Response slower(double log_tau) const {
+    Response other = *this;
+    other.tau_s *= std::exp(log_tau);
+    return other;
+  }
 };
 
 // A step of the input: at t_s it changes by `height`.
@@ -30,26 +36,33 @@ struct Step {
   double height = 0.0;
 };
 
-// The response to steps, on a fine grid of times; zero before the first one.
-class StepTable {
+// The response to steps: sums of exponentials that go on from the state at the last step; zero before the first one.
+class StepResponse {
  public:
-  // Steps in order. The table reaches from the first step's time to `end_s`.
-  StepTable(std::span<const Step> steps, const Response& response, double end_s);
+  // Steps in order.
+  StepResponse(std::span<const Step> steps, const Response& response);
   double at(double t_s) const noexcept;
 
  private:
-  double instant(double t_s) const noexcept;
-  double integral(double t_s) const noexcept;
-  struct Kink {
-    double t_s;
-    double value;
+  // The answer of one time constant, and its integral.
+  struct Pole {
+    double tau_s = 0.0;
+    double value = 0.0;
+    double integral = 0.0;
+    void run(double dt, double input) noexcept;
   };
-  double start_s_ = 0.0;
-  double window_s_ = 0.0;
-  std::vector<double> value_;
-  std::vector<double> integral_;
-  std::vector<Kink> kinks_;
-  std::vector<int> kink_of_;  // of each interval: index of its kink, -1: none, -2: several
+  // After a step.
+  struct Node {
+    double t_s = 0.0;
+    double input = 0.0;
+    Pole fast;
+    Pole slow;
+  };
+  double mixed(const Node& node, double Pole::*of) const noexcept;
+  Node node_at(double t_s) const noexcept;
+  std::vector<Node> nodes_;  // the first long before all steps
+  double slow_share_;
+  double window_s_;
 };
 
 struct Bars {
@@ -221,37 +234,25 @@ bool has_model(const Recording& recording);
 std::vector<std::size_t> modelled(const Session& session);  // the recordings that have a model
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 
-// Response tables for pixels of different time constants: three tables, interpolated by Lagrange's polynomial in ln
-// tau.
-template <typename Table>
-struct TauTables {
+// Tables for pixels of different time constants: three, interpolated by Lagrange's polynomial in ln tau.
+struct BarTables {
   static constexpr double kStep = 0.08;  // of the logarithm, between two tables
 
-  // `make`: from a response to its table; one table if pixels do not differ.
-  template <typename Make>
-  TauTables(const Response& response, bool differ, const Make& make) {
+  // One table if pixels do not differ.
+  BarTables(const BarShape& shape, const Response& response, bool differ) {
     for (const double log_tau : {-kStep, 0.0, kStep}) {
-      if (log_tau != 0.0 && !differ) continue;
-      Response scaled = response;
-      if (log_tau != 0.0) scaled.tau_s *= std::exp(log_tau);
-      tables.push_back(make(scaled));
+      if (log_tau == 0.0 || differ) tables.emplace_back(shape, response.slower(log_tau));
     }
   }
-  const Table& middle() const { return tables[tables.size() / 2]; }
-  double at(double x, double log_tau) const {
-    if (tables.size() == 1) return tables[0].at(x);
+  const BarTable& middle() const { return tables[tables.size() / 2]; }
+  double at(double phase_px, double log_tau) const {
+    if (tables.size() == 1) return tables[0].at(phase_px);
     const double f = log_tau / kStep;
-    const auto mixed = [f](double shorter, double middle, double longer) {
-      return f * (f - 1.0) / 2.0 * shorter + (1.0 - f * f) * middle + f * (f + 1.0) / 2.0 * longer;
-    };
-    if constexpr (requires { tables[0].cell(x); }) {
-      const auto cell = tables[0].cell(x);
-      return mixed(tables[0].moving_at(cell), tables[1].moving_at(cell), tables[2].moving_at(cell));
-    } else {
-      return mixed(tables[0].at(x), tables[1].at(x), tables[2].at(x));
-    }
+    const auto cell = tables[0].cell(phase_px);
+    return f * (f - 1.0) / 2.0 * tables[0].moving_at(cell) + (1.0 - f * f) * tables[1].moving_at(cell) +
+           f * (f + 1.0) / 2.0 * tables[2].moving_at(cell);
   }
-  std::vector<Table> tables;
+  std::vector<BarTable> tables;
 };
 
 // Prediction of one frame of moving bars at `shift_px`: values and their derivative by the shift, K/px.
@@ -270,7 +271,7 @@ class BarsModel {
   double mean_speed_;
   double cold_;
   double span_;
-  TauTables<BarTable> tables_;
+  BarTables tables_;
   struct Place {
     double x = 0.0;  // across the bars, px
     double late_s = 0.0;

@@ -13,7 +13,6 @@ constexpr std::size_t kLineReach = 18;     // bins on either side, the reference
 constexpr double kMedianOfPower = 0.6931;  // ln 2: median of an exponential distribution over its mean
 constexpr double kWindowLoss = 0.9;        // Hann's window: the tail of a bin's power is a little longer
 constexpr double kBound = 1.5;             // the same window correlates neighbouring bins
-constexpr double kStillRatio = 3.0;        // variance over the whole recording to that between two frames
 constexpr Index kClippedOneIn = 500;       // one clipped value in so many is allowed
 constexpr double kTails = 0.2;             // minimum excess kurtosis for a fit of tails
 
@@ -279,12 +278,6 @@ struct NoiseSums {
 };
 
 }  // namespace
-
-bool is_still(const Session& session, const Recording& r) {
-  // A pixel that sees motion varies more over the whole recording than between two frames.
-  return median(mapped(session.good_pixels(), [&r](int p) { return wander(r.values.col(p).cast<double>().array()); })) <
-         kStillRatio;
-}
 
 NoiseStatistics measure_noise(const Session& session, double ceiling) {
   for (const bool uniform : {true, false}) {

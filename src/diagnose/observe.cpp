@@ -25,10 +25,8 @@ struct Changes {
 };
 
 Changes changes_of(const FrameStatistics& s) {
-  std::vector<double> changes = s.of_new_frames(s.change);
-  const double usual = median(changes);
-  for (double& change : changes) change = std::abs(change - usual);
-  return {usual, kSigmaOfMad * median(std::move(changes))};
+  const std::vector<double> changes = s.of_new_frames(s.change);
+  return {median(changes), usual_scatter(changes)};
 }
 
 // Long runs of repeated frames are freezes.

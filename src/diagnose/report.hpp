@@ -189,12 +189,6 @@ std::string report_json(const Report& report);
 // A self-contained page.
 std::string report_html(const Report& report);
 
-// Parts of the page with plots; empty if the report has no data.
-std::string captures_part(const Report& report);  // maps, profiles, spectra, time series
-std::string noise_part(const Report& report);     // statistics as dumbbells
-std::string maps_part(const Report& report);      // per-pixel maps
-std::string scene_part(const Report& report);     // a frame of a field recording, before and after
-
 // The files of a report in `folder`: report.json, report.html and, of tracked field recordings, scene.svg.
 std::vector<std::filesystem::path> report_files(const std::filesystem::path& folder);
 

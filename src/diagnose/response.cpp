@@ -5,23 +5,10 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kTableStep_s = 25e-6;  // s between two points of a StepTable
-constexpr int kTableShares = 512;       // steps of a pixel's covered share
+constexpr int kTableShares = 512;  // steps of a pixel's covered share
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
 using Complex = std::complex<double>;
-
-// State of one exponential response to the past input, and its integral.
-struct Pole {
-  double tau_s;
-  double value = 0.0;
-  double integral = 0.0;
-  void run(double dt, double input) { run(dt, input, std::exp(-dt / tau_s)); }
-  void run(double dt, double input, double decay) {
-    integral += input * dt + (value - input) * tau_s * (1.0 - decay);
-    value = input + (value - input) * decay;
-  }
-};
 
 Complex thermal(const Response& r, double omega, double lateral) {
   const Complex i(0.0, 1.0);
@@ -115,68 +102,38 @@ double solved(const SignalOf& signal_of, double signal, double temperature_k, in
 
 }  // namespace
 
-StepTable::StepTable(std::span<const Step> steps, const Response& response, double end_s)
-    : start_s_(steps.front().t_s), window_s_(response.window_s) {
-  const auto points = static_cast<std::size_t>(std::max(2.0, std::ceil((end_s - start_s_) / kTableStep_s) + 2.0));
-  value_.resize(points);
-  integral_.resize(points);
-  kink_of_.assign(points, -1);
-  Pole fast{response.tau_s};
-  Pole slow{response.slow_tau_s};
-  const double share = response.slow_share;
-  const auto mixed = [share](double a, double b) { return (1.0 - share) * a + share * b; };
-  const double fine_fast = std::exp(-kTableStep_s / response.tau_s);
-  const double fine_slow = std::exp(-kTableStep_s / response.slow_tau_s);
-  double input = 0.0;
-  std::size_t next = 0;
-  for (std::size_t i = 0; i < points; ++i) {
-    value_[i] = mixed(fast.value, slow.value);
-    integral_[i] = mixed(fast.integral, slow.integral);
-    double now = start_s_ + static_cast<double>(i) * kTableStep_s;
-    const double end = now + kTableStep_s;
-    if (next == steps.size() || steps[next].t_s >= end) {  // the common interval: no step inside
-      fast.run(kTableStep_s, input, fine_fast);
-      if (share != 0.0) slow.run(kTableStep_s, input, fine_slow);
-      continue;
-    }
-    while (next < steps.size() && steps[next].t_s < end) {
-      const double dt = std::max(0.0, steps[next].t_s - now);
-      fast.run(dt, input);
-      slow.run(dt, input);
-      now += dt;
-      input += steps[next++].height;
-      kink_of_[i] = kink_of_[i] == -1 ? static_cast<int>(kinks_.size()) : -2;
-      kinks_.push_back({now, mixed(fast.value, slow.value)});
-    }
-    fast.run(end - now, input);
-    slow.run(end - now, input);
+void StepResponse::Pole::run(double dt, double input) noexcept {
+  const double decay = std::exp(-dt / tau_s);
+  integral += input * dt + (value - input) * tau_s * (1.0 - decay);
+  value = input + (value - input) * decay;
+}
+
+StepResponse::StepResponse(std::span<const Step> steps, const Response& response)
+    : nodes_{{-1e9, 0.0, {response.tau_s}, {response.slow_tau_s}}},
+      slow_share_(response.slow_share),
+      window_s_(response.window_s) {
+  for (const Step& step : steps) {
+    Node node = node_at(step.t_s);
+    node.input += step.height;
+    nodes_.push_back(node);
   }
 }
 
-double StepTable::instant(double t_s) const noexcept {
-  const double at = (t_s - start_s_) / kTableStep_s;
-  if (at <= 0.0) return 0.0;
-  const std::size_t i = std::min(static_cast<std::size_t>(at), value_.size() - 2);
-  const double f = at - static_cast<double>(i);
-  if (kink_of_[i] >= 0) {
-    const Kink& kink = kinks_[static_cast<std::size_t>(kink_of_[i])];
-    const double split = (kink.t_s - start_s_) / kTableStep_s - static_cast<double>(i);
-    if (f <= split) return split <= 0.0 ? kink.value : value_[i] + (kink.value - value_[i]) * f / split;
-    return kink.value + (value_[i + 1] - kink.value) * (f - split) / (1.0 - split);
-  }
-  return value_[i] + f * (value_[i + 1] - value_[i]);
+StepResponse::Node StepResponse::node_at(double t_s) const noexcept {
+  Node node = *std::prev(std::ranges::upper_bound(nodes_, t_s, {}, &Node::t_s));
+  const double dt = t_s - std::exchange(node.t_s, t_s);
+  node.fast.run(dt, node.input);
+  if (slow_share_ != 0.0) node.slow.run(dt, node.input);
+  return node;
 }
 
-double StepTable::integral(double t_s) const noexcept {
-  const double at = (t_s - start_s_) / kTableStep_s;
-  if (at <= 0.0) return 0.0;
-  const std::size_t i = std::min(static_cast<std::size_t>(at), value_.size() - 2);
-  const double dt = (at - static_cast<double>(i)) * kTableStep_s;
-  return integral_[i] + dt * (value_[i] + dt / (2.0 * kTableStep_s) * (value_[i + 1] - value_[i]));
+double StepResponse::mixed(const Node& node, double Pole::*of) const noexcept {
+  return (1.0 - slow_share_) * (node.fast.*of) + slow_share_ * (node.slow.*of);
 }
 
-double StepTable::at(double t_s) const noexcept {
-  if (window_s_ < 1e-7) return instant(t_s);
+double StepResponse::at(double t_s) const noexcept {
+  if (window_s_ < 1e-7) return mixed(node_at(t_s), &Pole::value);
+  const auto integral = [this](double until_s) { return mixed(node_at(until_s), &Pole::integral); };
   return (integral(t_s + window_s_ / 2.0) - integral(t_s - window_s_ / 2.0)) / window_s_;
 }
 

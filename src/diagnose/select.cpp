@@ -250,7 +250,7 @@ struct Selector {
 }  // namespace
 
 Selection select_effects(const FitData& data, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
-                         const std::function<bool(const std::string& step, double done)>& progress) {
+                         const Progress& progress) {
   Selector selector{data, base, allowed};
   for (std::size_t found = 0; found < kMostEffects; ++found) {
     if (!progress("effect " + std::to_string(found + 1), 0.2 + 0.08 * static_cast<double>(found))) break;

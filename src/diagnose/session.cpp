@@ -202,6 +202,11 @@ double step_variance(const ArrayXd& x) { return (x.tail(x.size() - 1) - x.head(x
 
 double wander(const ArrayXd& x) { return (x - x.mean()).square().mean() / std::max(1e-12, step_variance(x)); }
 
+double usual_scatter(const std::vector<double>& values) {
+  const double middle = median(values);
+  return kSigmaOfMad * median(mapped(values, [middle](double v) { return std::abs(v - middle); }));
+}
+
 void Grid::take(std::span<const float> frame, int width, Index k, Series& values) const {
   for (Index p = 0; p < pixels(); ++p) values(k, p) = frame[static_cast<std::size_t>(row_of(p) * width + column_of(p))];
 }

@@ -146,6 +146,9 @@ std::vector<int> spread_over(int count, int limit);
 double step_variance(const ArrayXd& x);
 double wander(const ArrayXd& x);
 
+// Robust standard deviation about the median. Thread: any.
+double usual_scatter(const std::vector<double>& values);
+
 // A pixel of the frame, by its row-major index.
 inline PixelPlace place_of(std::size_t pixel, int width) {
   const auto index = static_cast<int>(pixel);

@@ -119,7 +119,7 @@ struct NoiseStatistics {
 // pixels. `ceiling`: recordings with values there are excluded.
 NoiseStatistics measure_noise(const Session& session, double ceiling);
 
-// True if a recording without a stimulus is still.
+// True if the camera is still: a quarter of the pixels vary no more than noise, equally whatever the local contrast.
 bool is_still(const Session& session, const Recording& recording);
 
 // A bin of a spectrum.

@@ -56,8 +56,6 @@ std::vector<Tick> log_ticks(double low, double high, int wanted) {
   return linear_ticks(low, high, wanted);  // less than a decade with no round value in it
 }
 
-constexpr double kBarsOfPlace = 0.78;  // what bars take of the room of a category
-
 bool is_drawable(Point p) { return std::isfinite(p.x) && std::isfinite(p.y); }
 
 std::size_t size_of(const Series& series) { return std::min(series.x.size(), series.y.size()); }
@@ -123,24 +121,6 @@ std::string dots_svg(const Series& series, const Placing& placing) {
     if (!is_drawable(points[i])) continue;
     out += format("<circle class=\"f-%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"/>", name_of(series.hue), points[i].x,
                   points[i].y, radius);
-  }
-  return out;
-}
-
-std::string bars_svg(const Plot& plot, const Series& series, std::size_t bar, const Placing& placing) {
-  const auto bars = static_cast<double>(std::ranges::count(plot.series, Kind::kBars, &Series::kind));
-  const double width = kBarsOfPlace / bars;
-  std::string out;
-  for (std::size_t i = 0; i < size_of(series); ++i) {
-    const double middle = series.x[i] + (static_cast<double>(bar) - 0.5 * (bars - 1.0)) * width;
-    const double half = 0.46 * width;  // a little air between two bars
-    const Point a = placing.at(middle - half, series.base);
-    const Point b = placing.at(middle + half, series.y[i]);
-    if (!is_drawable(a) || !is_drawable(b)) continue;
-    out += format("<rect class=\"f-%s\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"", name_of(series.hue),
-                  std::min(a.x, b.x), std::min(a.y, b.y), std::max(std::abs(a.x - b.x), 1.0),
-                  std::max(std::abs(a.y - b.y), 1.0));
-    out += i < series.titles.size() ? "><title>" + escaped(series.titles[i]) + "</title></rect>" : "/>";
   }
   return out;
 }
@@ -302,14 +282,12 @@ Point Placing::at(double x_value, double y_value) const noexcept {
   return {across * width, (down ? upright : 1.0 - upright) * height};
 }
 
-std::string series_svg(const Plot& plot, const Series& series, std::size_t bar, const Placing& placing) {
+std::string series_svg(const Series& series, const Placing& placing) {
   switch (series.kind) {
     case Kind::kLine:
       return line_svg(series, points_of(series, placing), placing.width);
     case Kind::kPoints:
       return dots_svg(series, placing);
-    case Kind::kBars:
-      return bars_svg(plot, series, bar, placing);
     case Kind::kBand:
       return band_svg(series, placing);
   }

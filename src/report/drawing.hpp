@@ -1,4 +1,4 @@
-// Drawing of series between the axes: curves, points, bars, bands, planes.
+// Drawing of series between the axes: curves, points, bands, planes.
 #pragma once
 
 #include <string>
@@ -53,8 +53,7 @@ struct Placing {
   Point at(double x_value, double y_value) const noexcept;
 };
 
-// SVG of one series; `bar` is its place among the series of bars.
-std::string series_svg(const Plot& plot, const Series& series, std::size_t bar, const Placing& placing);
+std::string series_svg(const Series& series, const Placing& placing);
 
 // The point at which a line ends; not finite when nothing of it is drawn.
 Point end_of(const Series& series, const Placing& placing);

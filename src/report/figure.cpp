@@ -124,9 +124,11 @@ const std::string& plot_style() {
   return style;
 }
 
-const std::string& page_style() {
-  static const std::string style = kPageStyle + plot_style();
-  return style;
+std::string page_html(const std::string& title, const std::string& body, const std::string& style) {
+  return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/><meta name=\"viewport\" "
+         "content=\"width=device-width,initial-scale=1\"/><title>" +
+         escaped(title) + "</title><style>" + kPageStyle + plot_style() + style + "</style></head><body><main>\n" +
+         body + "</main></body></html>\n";
 }
 
 bool has_content(const Plot& plot) {
@@ -240,11 +242,7 @@ std::string page_of(const Sheet& sheet) {
   if (!sheet.how.empty()) {
     body += "<h2>How it was measured</h2>\n<p class=\"soft\">" + escaped(sheet.how) + "</p>\n";
   }
-  const std::string title = escaped(sheet.title);
-  return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/><meta name=\"viewport\" "
-         "content=\"width=device-width,initial-scale=1\"/><title>" +
-         title + "</title><style>" + page_style() + "</style></head><body><main>\n<h1>" + title + "</h1>\n" + body +
-         "</main></body></html>\n";
+  return page_html(sheet.title, "<h1>" + escaped(sheet.title) + "</h1>\n" + body);
 }
 
 }  // namespace

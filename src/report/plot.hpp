@@ -82,7 +82,6 @@ struct Axis {
 enum class Kind : std::uint8_t {
   kLine,    // a value that is not finite interrupts it
   kPoints,  //
-  kBars,    // from `base` to y, on an `x` axis with categories; those of several series stand side by side
   kBand,    // filled from y to `to`
 };
 
@@ -92,11 +91,9 @@ struct Series {
   Hue hue = Hue::kDeblurred;
   std::vector<double> x{};
   std::vector<double> y{};
-  std::vector<double> to{};           // of a band
-  std::vector<std::string> titles{};  // of each bar: shown when the mouse rests on it
-  bool dashed = false;                // lines
-  double base = 0.0;                  // bars
-  double width = 2.0;                 // lines, px
+  std::vector<double> to{};  // of a band
+  bool dashed = false;       // lines
+  double width = 2.0;        // lines, px
 };
 
 // A value to compare with: a line at a y.
@@ -139,13 +136,13 @@ bool has_content(const Plot& plot);
 using Rows = std::vector<std::vector<Plot>>;
 std::string to_svg(const Rows& rows, const std::string& heading = {});
 
-// Figures of a page that has page_style(): title, caption and drawing; empty when the plot has no content.
+// Figures of a page_html(): title, caption and drawing; empty when the plot has no content.
 std::string figure_html(const Plot& plot);
 std::string aligned_figures_html(std::span<const Plot> plots);  // their areas begin and end at the same places
 
-// The style of drawings, and that of a page with drawings in it.
+// The style of drawings, and a page that may have some in it, with `style` for what only this one has.
 const std::string& plot_style();
-const std::string& page_style();
+std::string page_html(const std::string& title, const std::string& body, const std::string& style = {});
 
 // --- A verb's plots and tables in one file: `--plot FILE.svg` or `--plot FILE.html`.
 

@@ -34,7 +34,6 @@ std::vector<double> values_of_y(const Plot& plot) {
   for (const Series& series : plot.series) {
     values.insert(values.end(), series.y.begin(), series.y.end());
     if (series.kind == Kind::kBand) values.insert(values.end(), series.to.begin(), series.to.end());
-    if (series.kind == Kind::kBars) values.push_back(series.base);
   }
   for (const Level& level : plot.levels) values.push_back(level.at);
   if (plot.plane.height > 0) values.insert(values.end(), {-0.5, plot.plane.height - 0.5});
@@ -69,8 +68,7 @@ std::string sample(Kind kind, Hue hue, bool dashed) {
   if (kind == Kind::kLine) {
     return format("<path class=\"line s-%s%s\" stroke-width=\"2.5\" d=\"M0 -4H16\"/>", name, dashed ? " dashed" : "");
   }
-  return format("<rect class=\"%sf-%s\" x=\"2\" y=\"-10\" width=\"12\" height=\"12\"/>",
-                kind == Kind::kBand ? "band " : "", name);
+  return format("<rect class=\"band f-%s\" x=\"2\" y=\"-10\" width=\"12\" height=\"12\"/>", name);
 }
 
 }  // namespace
@@ -212,11 +210,7 @@ std::string PlotArea::inside(const Placing& placing) const {
     out += format("<path class=\"level s-%s\" d=\"M%.1f %.1fL%.1f %.1f\"/>", colours_of(level.hue).name, a.x, a.y, b.x,
                   b.y);
   }
-  std::size_t bar = 0;
-  for (const Series& series : plot_.series) {
-    out += series_svg(plot_, series, bar, placing);
-    if (series.kind == Kind::kBars) ++bar;
-  }
+  for (const Series& series : plot_.series) out += series_svg(series, placing);
   return out;
 }
 

@@ -216,10 +216,8 @@ void PixelBand::advance(double h, double part, std::size_t first, std::size_t co
   const auto [slowest, fastest] = std::minmax_element(rate, rate + count);
   if (*slowest == *fastest) {
     answer_row(a, m, b, h_part, part, rate, fast, [same = moments(h_part * *rate)](double) { return same; });
-  } else if (h_part * *fastest <= kShort) {
-    answer_row(a, m, b, h_part, part, rate, fast, short_moments);
   } else {
-    answer_row(a, m, b, h_part, part, rate, fast, long_moments);
+    answer_row(a, m, b, h_part, part, rate, fast, moments);
   }
   if (slow != nullptr) {
     const Moments of_slow = moments(h_part / model_.slow_tau_s);
@@ -263,10 +261,8 @@ EffectCamera::EffectCamera(const CameraSettings& settings, const Field& field, r
       team_(team),
       effects_(make_effects(settings, field.extremes())),
       model_(nominal(settings)),
-      silent_(settings.readout),
       noise_(static_cast<std::size_t>(settings.threads)),
       frame_(plane_bytes(settings.geometry, settings.readout.type)) {
-  silent_.noise_k = 0.0;
   for (auto& row : noise_) row.resize(static_cast<std::size_t>(settings.geometry.width));
   for (const PlacedEffect& placed : effects_) placed.effect->configure(model_);
 
@@ -398,7 +394,7 @@ void EffectCamera::render(int row, std::span<double> noise) noexcept {
   }
   add_noise(row, kelvin, noise);
   for (; placed != effects_.end(); ++placed) placed->effect->row(flight.instant, row, kelvin);
-  read_row(silent_, 0, row, kelvin, noise, frame_.data() + offset * bytes_of(silent_.type));
+  read_row(settings_.readout, kelvin, frame_.data() + offset * bytes_of(settings_.readout.type));
 }
 
 void EffectCamera::add_noise(int row, std::span<double> kelvin, std::span<double> noise) const noexcept {

@@ -113,7 +113,6 @@ class EffectCamera {
   rt::WorkerTeam& team_;
   std::vector<PlacedEffect> effects_;
   CameraModel model_;
-  ReadoutSettings silent_;  // the read-out without its noise, which is added before
   std::vector<PixelBand> bands_;
   std::vector<std::vector<double>> noise_;  // one row a part
 

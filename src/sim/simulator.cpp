@@ -5,7 +5,6 @@
 #include <string>
 
 #include "src/sim/effect_camera.hpp"
-#include "src/sim/random.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -46,12 +45,7 @@ LinearScale readout_scale(const ReadoutSettings& settings) {
   return {Unit::kKelvin, settings.quantisation_k, 0.0};
 }
 
-void read_row(const ReadoutSettings& settings, std::uint64_t frame, int row, std::span<double> kelvin,
-              std::span<double> noise, void* out) noexcept {
-  if (settings.noise_k > 0.0) {
-    fill_normal(settings.seed, frame, static_cast<std::uint64_t>(row), noise);
-    for (std::size_t x = 0; x < kelvin.size(); ++x) kelvin[x] += settings.noise_k * noise[x];
-  }
+void read_row(const ReadoutSettings& settings, std::span<const double> kelvin, void* out) noexcept {
   if (settings.type == PixelType::kUint16) {
     auto* values = static_cast<std::uint16_t*>(out);
     for (std::size_t x = 0; x < kelvin.size(); ++x) {

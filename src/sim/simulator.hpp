@@ -27,10 +27,8 @@ struct ReadoutSettings {
 // uint16: kelvin = quantisation_k * value, clipped to the 16 bits; float32: kelvin, in multiples of quantisation_k.
 LinearScale readout_scale(const ReadoutSettings& settings);
 
-// Stores one row. `kelvin` holds what the pixels show and gets the noise added; `noise` is working space of its size;
-// `out` has kelvin.size() values of the settings' type. Thread: any, different rows at once.
-void read_row(const ReadoutSettings& settings, std::uint64_t frame, int row, std::span<double> kelvin,
-              std::span<double> noise, void* out) noexcept;
+// Stores one row: `kelvin`, with its noise, as so many values of the settings' type. Thread: any.
+void read_row(const ReadoutSettings& settings, std::span<const double> kelvin, void* out) noexcept;
 
 struct CameraSettings {
   Geometry geometry{640, 120};

@@ -14,42 +14,32 @@ using nlohmann::json;
 constexpr int kWidth = 32;
 constexpr int kHeight = 24;
 
-// Reproducible values in [-1, 1).
-struct Dice {
-  std::uint64_t state = 1;
-  double next() {
-    state = state * 6364136223846793005U + 1442695040888963407U;
-    return static_cast<double>(state >> 11U) / 4503599627370496.0 - 1.0;
-  }
-};
-
-plot::Plot gap_map(double top, double bottom, Dice& dice) {
+// From the first row to the last, with waves over the columns.
+plot::Plot gap_map(double top, double bottom) {
   plot::Plot map{.title = "gap", .plane = {.width = kWidth, .height = kHeight, .unit = "noise floors"}};
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      const double along = static_cast<double>(y) / (kHeight - 1);
-      map.plane.values.push_back(static_cast<float>(top + (bottom - top) * along + 0.08 * dice.next()));
+      map.plane.values.push_back(static_cast<float>(std::lerp(top, bottom, y / (kHeight - 1.0)) + 0.08 * std::sin(x)));
     }
   }
   return map;
 }
 
-plot::Plot profile(double slope_k, Dice& dice) {
+plot::Plot profile(double slope_k) {
   plot::Plot plot{.title = "profile", .series = {{.label = "before"}}};
   for (int i = 0; i < kHeight; ++i) {
     plot.series[0].x.push_back(i);
-    plot.series[0].y.push_back(slope_k * i / kHeight + 0.002 * dice.next());
+    plot.series[0].y.push_back(slope_k * i / kHeight);
   }
   return plot;
 }
 
 CapturePlots plots(const char* file, const char* kind, double before, double after) {
-  Dice dice{static_cast<std::uint64_t>(before * 1000.0) + 7U};
   return {file,
           kind,
           before,
           after,
-          {gap_map(1.0, 2.0 * before - 1.0, dice), gap_map(after, after, dice), profile(0.03 * (before - 1.0), dice)}};
+          {gap_map(1.0, 2.0 * before - 1.0), gap_map(after, after), profile(0.03 * (before - 1.0))}};
 }
 
 void add_noise(Report& report, double stripes_k) {
@@ -93,8 +83,7 @@ Report invented_row_delay() {
   report.location = {"readout", {}, 1, kHeight - 1, 0, kWidth - 1, 0.97, {{0.0, 1.6}, {2.1, 2.4}}, {5, 60}, {298, 308}};
   report.unexplained.p_value = 0.4;
   report.not_identifiable = {{"emissivity", "a flat black body at a third temperature"}};
-  Dice dice;
-  report.maps = {gap_map(11.0, 11.0, dice)};
+  report.maps = {gap_map(11.0, 11.0)};
   report.maps[0].title = "Time constant of each pixel";
   add_noise(report, 0.0005);
   add_captures(report, 9.1);
@@ -322,8 +311,8 @@ TEST(ReportHtml, SaysTheVerdictFirstAndShowsAllOfTheReport) {
   for (const CapturePlots& one : report.captures) expect_parts(page, {one.file});
   for (const NotIdentifiable& one : report.not_identifiable) expect_parts(page, {one.needs});
   expect_parts(page, {"sweep_s", "07-field.h5", "offset_jump", "Rows 12 to 23", "sigma th", "Time constant"});
-  // Two maps and a profile of each capture, and one map of the time constants.
-  EXPECT_EQ(count_of(page, "<figure"), 6U * 3U + 1U);
+  // Two maps and a profile of each capture, one map of the time constants, gaps by effect and by capture, the noise.
+  EXPECT_EQ(count_of(page, "<figure>"), 6U * 3U + 4U);
 }
 
 TEST(ReportHtml, CapturesWithoutAGapAreFolded) {

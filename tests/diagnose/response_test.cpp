@@ -118,20 +118,20 @@ TEST_P(Prediction, AgreesOnPulsesAtOddTimesAndOnBarsThatMoveOrStand) {
 INSTANTIATE_TEST_SUITE_P(OfCameras, Prediction, ::testing::ValuesIn(cases()),
                          [](const auto& made) { return made.param.name; });
 
-TEST(StepTable, OneStepIsOneExponential) {
+TEST(StepResponse, OneStepIsOneExponential) {
   Response response;
   const std::vector<Step> steps{{0.0123456, 10.0}};
-  const StepTable table(steps, response, 0.3);
+  const StepResponse table(steps, response);
   EXPECT_EQ(table.at(0.0), 0.0);
   for (const double t : {0.0124, 0.0200001, 0.05, 0.2}) {
     EXPECT_NEAR(table.at(t), 10.0 * (1.0 - std::exp(-(t - 0.0123456) / response.tau_s)), 2e-5) << t;
   }
 }
 
-TEST(StepTable, SeveralStepsWithinOneCellAddUp) {
+TEST(StepResponse, SeveralStepsAddUp) {
   Response response;
   const std::vector<Step> steps{{0.010001, 3.0}, {0.010004, 4.0}, {0.010011, -2.0}};
-  const StepTable table(steps, response, 0.1);
+  const StepResponse table(steps, response);
   double expected = 0.0;
   for (const Step& s : steps) expected += s.height * (1.0 - std::exp(-(0.03 - s.t_s) / response.tau_s));
   EXPECT_NEAR(table.at(0.03), expected, 1e-5);

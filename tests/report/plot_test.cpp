@@ -36,18 +36,15 @@ Plot latency() {
   return plot;
 }
 
-Plot bars(bool sideways) {
+// Over names.
+Plot named(bool sideways) {
   Plot plot{.title = "Errors",
             .x = {.categories = {"dead_pixels", "offset_jump", "a name that is rather long"}},
             .y = {.name = "RMSE", .unit = "K"},
             .sideways = sideways};
-  plot.series.push_back({.kind = Kind::kBars,
-                         .label = "nominal",
-                         .hue = Hue::kBlurred,
-                         .x = {0, 1, 2},
-                         .y = {1.2, 0.598, NAN},
-                         .titles = {"first", "second", "third"}});
-  plot.series.push_back({.kind = Kind::kBars, .label = "diagnosed", .x = {0, 1, 2}, .y = {0.1, 0.0, 0.3}});
+  plot.series.push_back(
+      {.kind = Kind::kPoints, .label = "nominal", .hue = Hue::kBlurred, .x = {0, 1, 2}, .y = {1.2, 0.598, NAN}});
+  plot.series.push_back({.kind = Kind::kPoints, .label = "diagnosed", .x = {0, 1, 2}, .y = {0.1, 0.0, 0.3}});
   plot.levels = {{0.099, "without"}};
   return plot;
 }
@@ -61,7 +58,7 @@ Plot plane() {
 std::vector<Plot> all_kinds() {
   Plot points{.title = "Points", .x = {.name = "lambda", .unit = "K", .logarithmic = true}, .y = {.name = "RMSE"}};
   points.series.push_back({.kind = Kind::kPoints, .label = "trials", .x = {1e-3, 1e-2, 0.0}, .y = {1.0, 2.0, 3.0}});
-  return {latency(), bars(false), bars(true), plane(), points};
+  return {latency(), named(false), named(true), plane(), points};
 }
 
 TEST(Plot, DrawingsAreWellFormedAndEveryNumberIsFinite) {
@@ -78,7 +75,7 @@ TEST(Plot, NoWordStandsOnAnother) {
     const auto found = overlaps(text_boxes(elements_of(to_svg({{plot}}))));
     EXPECT_TRUE(found.empty()) << plot.title << ": " << (found.empty() ? "" : found.front());
   }
-  const Rows rows{{latency()}, {plane(), plane()}, {bars(true)}, {}};
+  const Rows rows{{latency()}, {plane(), plane()}, {named(true)}, {}};
   EXPECT_TRUE(overlaps(text_boxes(elements_of(to_svg(rows, "Everything")))).empty());
 }
 
@@ -126,19 +123,6 @@ TEST(Plot, ManyPointsOnAColumnOfPixelsKeepTheirExtremes) {
   EXPECT_NE(svg.find(" 0.0L"), std::string::npos);  // the one at the top
 }
 
-TEST(Plot, BarsBeginAtTheirBaseAlsoOnALogarithmicAxis) {
-  Plot plot{.x = {.categories = {"a", "b"}}, .y = {.logarithmic = true, .low = 0.1, .high = 10.0}, .height = 200.0};
-  plot.series.push_back({.kind = Kind::kBars, .x = {0, 1}, .y = {10.0, 0.1}, .base = 1.0});
-  int bars = 0;
-  for (const test::Element& element : elements_of(to_svg({{plot}}))) {
-    if (element.name != "rect" || element.attributes.at("class") != "f-deblurred") continue;
-    EXPECT_NEAR(std::stod(element.attributes.at("height")), 100.0, 0.2);
-    EXPECT_NEAR(std::stod(element.attributes.at("y")), bars == 0 ? 0.0 : 100.0, 0.2);
-    ++bars;
-  }
-  EXPECT_EQ(bars, 2);
-}
-
 TEST(Plot, AreasBelowOneAnotherAreAligned) {
   Plot narrow{.y = {.name = "rate"}, .series = {{.label = "a long name at the end", .x = {0, 1}, .y = {0, 100000}}}};
   Plot other{.series = {{.x = {0, 1}, .y = {0, 1}}}};
@@ -167,7 +151,7 @@ TEST(Plot, WithoutDataThereIsNothingToDraw) {
 TEST(Sheet, IsWrittenAsItsNameSays) {
   const Scratch scratch;
   Sheet sheet{.title = "A <sheet>",
-              .rows = {{latency(), plane()}, {bars(true)}, {Plot{.title = "Empty"}}},
+              .rows = {{latency(), plane()}, {named(true)}, {Plot{.title = "Empty"}}},
               .tables = {{{"cause", "frames"}, {{"missing", "12"}, {"incomplete", "3"}}, "Losses"}},
               .how = "seed 7"};
   const auto svg = scratch / "sheet.svg";

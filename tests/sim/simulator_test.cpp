@@ -192,10 +192,9 @@ TEST(FillNormal, AnOddRowIsTheStartOfAnEvenOne) {
 }
 
 template <typename T>
-std::vector<T> stored(const ReadoutSettings& settings, std::vector<double> kelvin) {
-  std::vector<double> noise(kelvin.size());
+std::vector<T> stored(const ReadoutSettings& settings, const std::vector<double>& kelvin) {
   std::vector<T> out(kelvin.size());
-  read_row(settings, 0, 0, kelvin, noise, out.data());
+  read_row(settings, kelvin, out.data());
   return out;
 }
 

@@ -89,19 +89,10 @@ struct IntervalScore {
 IntervalScore score_of(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s) {
   const Regressors x(t_s, interval, tau_s);
   const auto values = y.subspan(interval.first, interval.count);
-  const auto n = static_cast<double>(interval.count);
-  const double y_mean = sum_of(values, [n](double v) { return v / n; });
-  double ey = 0.0;
-  for (std::size_t k = 0; k < values.size(); ++k) ey += x.e[k] * (values[k] - y_mean);
-  const double amplitude = ey / x.ee;
-  IntervalScore s;
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    const double left = values[k] - y_mean - amplitude * x.e[k];
-    s.score += amplitude * x.u[k] * left;
-    s.information += amplitude * amplitude * x.u[k] * x.u[k];
-    s.squares += left * left;
-  }
-  return s;
+  IntervalSums s{.base = values.front()};
+  for (std::size_t k = 0; k < values.size(); ++k) s.add(x, k, values[k]);
+  const double amplitude = s.amplitude(x);
+  return {amplitude * s.uy, amplitude * amplitude * x.uu, s.squares(x)};
 }
 
 }  // namespace
@@ -124,6 +115,7 @@ Regressors::Regressors(std::span<const double> t_s, const Interval& interval, do
     eu += e[k] * u[k];
   }
   for (std::size_t k = 0; k < interval.count; ++k) u[k] -= eu / ee * e[k];
+  uu = sum_of(u, [](double v) { return v * v; });
 }
 
 double freedom_of(const std::vector<Interval>& intervals) {

@@ -7,11 +7,7 @@ namespace {
 
 constexpr double kLongestStep = 0.3;  // of ln tau in one pass
 
-// Sums of one pixel over one interval, of values less the first one, and results kept between intervals.
-struct IntervalSums {
-  double y = 0.0, yy = 0.0, ey = 0.0, uy = 0.0;
-  float base = 0.0F;
-};
+// Results of one pixel, kept between intervals.
 struct Kept {
   double score = 0.0, information = 0.0, squares = 0.0;
   double by_noise = 0.0;  // contribution to the information of noise of variance 1
@@ -32,7 +28,7 @@ struct Pass {
     if (taus.node.empty()) taus.node.assign(frames.geometry.pixels(), DecayTable::kMiddle);
     for (std::size_t i = 0; i < table.intervals().size(); ++i) {
       const Interval& interval = table.intervals()[i];
-      const auto take = [&](std::size_t k, std::span<const float> frame) { add(k, frame, k == interval.first); };
+      const auto take = [&](std::size_t k, std::span<const float> frame) { add(i, k - interval.first, frame); };
       Status read = frames.for_each("fitting every pixel", progress, take, interval.first, interval.end());
       if (!read) return read;
       for (const std::size_t p : pixels) end(i, p);
@@ -41,33 +37,27 @@ struct Pass {
     return {};
   }
 
-  void add(std::size_t k, std::span<const float> frame, bool first) {
-    const DecayTable::Sample* samples = table.samples(k);
+  // The k-th frame of an interval.
+  void add(std::size_t i, std::size_t k, std::span<const float> frame) {
     for (const std::size_t p : pixels) {
-      IntervalSums& s = sums[p];
-      if (first) s = {.base = frame[p]};
-      const DecayTable::Sample& at = samples[taus.node[p]];
-      const double y = static_cast<double>(frame[p]) - static_cast<double>(s.base);
-      s.y += y;
-      s.yy += y * y;
-      s.ey += at.e * y;
-      s.uy += at.u * y;
+      if (k == 0) sums[p] = {.base = frame[p]};
+      sums[p].add(table.at(i, taus.node[p]), k, frame[p]);
     }
   }
 
   // Adds the interval to the pixel's fit, and the switch since the interval before.
   void end(std::size_t i, std::size_t p) {
     const Interval& interval = table.intervals()[i];
-    const auto n = static_cast<double>(interval.count);
-    const DecayTable::Norm& norm = table.norm(i, taus.node[p]);
+    const Regressors& x = table.at(i, taus.node[p]);
     const IntervalSums& s = sums[p];
     Kept& kept = all_kept[p];
-    const double amplitude = s.ey / norm.ee;
+    const double amplitude = s.amplitude(x);
     kept.score += amplitude * s.uy;
-    kept.information += amplitude * amplitude * norm.uu;
-    kept.by_noise += norm.uu / norm.ee;
-    kept.squares += std::max(0.0, s.yy - s.y * s.y / n - s.ey * amplitude);
-    const Decay now{s.base + s.y / n - amplitude * norm.e_mean, amplitude, frames.t_s[interval.first]};
+    kept.information += amplitude * amplitude * x.uu;
+    kept.by_noise += x.uu / x.ee;
+    kept.squares += s.squares(x);
+    const double mean = s.base + s.y / static_cast<double>(interval.count);
+    const Decay now{mean - amplitude * x.e_mean, amplitude, frames.t_s[interval.first]};
     const auto at = std::ranges::find(switches, i, [](const SwitchBetween& b) { return b.before + 1; });
     if (i > 0 && at != switches.end()) {
       const double tau_s = table.tau_s(taus.node[p]);
@@ -108,19 +98,12 @@ struct Pass {
 }  // namespace
 
 DecayTable::DecayTable(const std::vector<double>& t_s, const std::vector<Interval>& intervals, double middle_tau_s)
-    : middle_tau_s_(middle_tau_s), samples_(t_s.size() * kNodes, Sample{0.0F, 0.0F}) {
+    : middle_tau_s_(middle_tau_s) {
   for (const Interval& interval : intervals) {
     if (interval.count >= kLeastCount) intervals_.push_back(interval);
   }
   for (const Interval& interval : intervals_) {
-    for (int node = 0; node < kNodes; ++node) {
-      const Regressors x(t_s, interval, tau_s(node));
-      for (std::size_t k = 0; k < interval.count; ++k) {
-        samples_[(interval.first + k) * kNodes + static_cast<std::size_t>(node)] = {static_cast<float>(x.e[k]),
-                                                                                    static_cast<float>(x.u[k])};
-      }
-      norms_.push_back({x.ee, sum_of(x.u, [](double u) { return u * u; }), x.e_mean});
-    }
+    for (int node = 0; node < kNodes; ++node) regressors_.emplace_back(t_s, interval, tau_s(node));
   }
 }
 

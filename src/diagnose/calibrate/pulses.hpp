@@ -38,8 +38,27 @@ struct Regressors {
   Regressors(std::span<const double> t_s, const Interval& interval, double tau_s);
   std::vector<double> e;
   std::vector<double> u;
-  double e_mean = 0.0;
-  double ee = 0.0;  // sum of e^2
+  double e_mean = 0.0;  // of exp(-t / tau)
+  double ee = 0.0;      // sum of e^2
+  double uu = 0.0;      // sum of u^2
+};
+
+// Sums of one interval's values, less the first one, with its regressors.
+struct IntervalSums {
+  double base = 0.0;
+  double y = 0.0, yy = 0.0, ey = 0.0, uy = 0.0;
+  void add(const Regressors& x, std::size_t k, double value) {
+    const double off = value - base;
+    y += off;
+    yy += off * off;
+    ey += x.e[k] * off;
+    uy += x.u[k] * off;
+  }
+  double amplitude(const Regressors& x) const { return ey / x.ee; }
+  // Of the residual.
+  double squares(const Regressors& x) const {
+    return std::max(0.0, yy - y * y / static_cast<double>(x.e.size()) - ey * ey / x.ee);
+  }
 };
 
 // The best cut for a known tau, by dynamic programming: each interval costs kIntervalCost in squared residuals over
@@ -96,18 +115,8 @@ class DecayTable {
   // Intervals of at least kLeastCount samples.
   DecayTable(const std::vector<double>& t_s, const std::vector<Interval>& intervals, double middle_tau_s);
 
-  struct Sample {  // of Regressors
-    float e;
-    float u;
-  };
-  struct Norm {
-    double ee;      // sum of e^2
-    double uu;      // sum of u^2
-    double e_mean;  // of exp(-t / tau)
-  };
-  const Sample* samples(std::size_t frame) const { return &samples_[frame * kNodes]; }
-  const Norm& norm(std::size_t interval, int node) const {
-    return norms_[interval * kNodes + static_cast<std::size_t>(node)];
+  const Regressors& at(std::size_t interval, int node) const {
+    return regressors_[interval * kNodes + static_cast<std::size_t>(node)];
   }
   double tau_s(int node) const;
   const std::vector<Interval>& intervals() const { return intervals_; }
@@ -115,8 +124,7 @@ class DecayTable {
  private:
   double middle_tau_s_;
   std::vector<Interval> intervals_;
-  std::vector<Sample> samples_;
-  std::vector<Norm> norms_;
+  std::vector<Regressors> regressors_;
 };
 
 // Estimates of each pixel of the frame after a pass.

@@ -2,7 +2,7 @@
 #include "report_text.hpp"  // report.css: styles of this page's own parts
 #include "src/core/statistics.hpp"
 #include "src/diagnose/report.hpp"
-#include "src/report/plot_area.hpp"
+#include "src/report/plot.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::diagnose {
@@ -27,97 +27,55 @@ std::string fact(const std::string& value, const std::string& name) {
 
 std::string arrow(double before, double after) { return gap_text(before) + " \u2192 " + gap_text(after); }
 
-// The axis of gaps: from a little under the floor to a little over the largest.
-plot::Scale gap_axis(const std::vector<double>& gaps) {
-  double low = 0.9;
-  double high = 2.2;
-  for (const double gap : gaps) {
-    if (!std::isfinite(gap) || gap <= 0.0) continue;
-    low = std::min(low, std::max(0.05, 0.95 * gap));
-    high = std::max(high, 1.1 * gap);
+// A line of a figure of gaps.
+struct GapLine {
+  std::string name;
+  double from = 1.0;
+  double to = 1.0;
+  plot::Hue hue = plot::Hue::kBlurred;
+};
+
+// Each from one gap to another, the first above, with both numbers beside its name.
+std::string gap_figure(const std::vector<GapLine>& lines) {
+  constexpr double kLineHeight = 26.0;  // px
+  // At least this far, so that small gaps look small.
+  plot::Plot plot{.y = {.name = "gap, noise floors", .logarithmic = true, .low = 0.9, .high = 2.2},
+                  .levels = {{.at = 1.0, .hue = plot::Hue::kGreen}},
+                  .sideways = true,
+                  .height = kLineHeight * static_cast<double>(lines.size())};
+  for (const auto& [name, from, to, hue] : lines) {
+    const auto place = static_cast<double>(plot.x.categories.size());
+    for (const double gap : {from, to}) {
+      if (!std::isfinite(gap) || gap <= 0.0) continue;
+      plot.y.low = std::min(plot.y.low, 0.95 * gap);
+      plot.y.high = std::max(plot.y.high, 1.1 * gap);
+    }
+    plot.x.categories.push_back(name + "  " + (from == 1.0 ? gap_text(to) : arrow(from, to)));
+    // Room for the lines beside the longest name, which may be a file's.
+    plot.width = std::max(plot.width, plot::text_width(plot.x.categories.back(), 12.0) + 400.0);
+    plot.series.push_back({.hue = hue, .x = {place, place}, .y = {from, to}, .width = 5.0});
+    plot.series.push_back({.kind = plot::Kind::kPoints, .hue = hue, .x = {place}, .y = {to}});
   }
-  return {{.logarithmic = true, .low = low, .high = high}, {}, true};
+  return plot::figure_html(plot);
 }
 
-// Percent of the way along the axis, a little beyond its ends at most.
-double percent(const plot::Scale& axis, double value) {
-  const double place = axis.place(value);
-  return std::isnan(place) ? 0.0 : 100.0 * std::clamp(place, -0.05, 1.05);
-}
-
-// Ticks of the axis and the line at 1.0, behind a bar.
-std::string rules(const plot::Scale& axis) {
-  std::string out;
-  for (const plot::Tick& tick : axis.ticks(6)) out += format("<i style=\"left:%.2f%%\"></i>", percent(axis, tick.at));
-  return out + format("<i class=floor style=\"left:%.2f%%\"></i>", percent(axis, 1.0));
-}
-
-std::string bar_row(const plot::Scale& axis, const std::string& name, const char* look, double from, double to,
-                    const std::string& value) {
-  const double left = percent(axis, std::min(from, to));
-  const double right = percent(axis, std::max(from, to));
-  return "<div class=row><div class=name>" + name + "</div><div class=track>" + rules(axis) +
-         format("<b class=\"%s\" style=\"left:%.2f%%;width:%.2f%%\"></b></div><div class=value>", look, left,
-                std::max(0.0, right - left)) +
-         value + "</div></div>";
-}
-
-std::string scale_row(const plot::Scale& axis) {
-  std::string out = "<div class=row><div class=\"name blank\"></div><div class=scale>";
-  for (const plot::Tick& tick : axis.ticks(6)) {
-    out += format("<span style=\"left:%.2f%%\">%s</span>", percent(axis, tick.at), tick.text.c_str());
-  }
-  return out +
-         "</div><div class=\"value blank\"></div></div><div class=row><div class=\"name blank\"></div>"
-         "<div class=axisname>gap, noise floors</div><div class=blank></div></div>";
-}
-
-// From the floor up to a gap.
-std::string gap_row(const plot::Scale& axis, const std::string& name, const char* look, double gap) {
-  return bar_row(axis, name, look, 1.0, gap, gap_text(gap));
-}
-
-// Waterfall of gaps: the nominal simulator's, its reduction by each effect, and the remaining one.
-std::string waterfall(const Report& report, const plot::Scale& axis, bool of_noise) {
-  std::string out = of_noise ? gap_row(axis, "Nominal noise", "start", report.noise_gap_before)
-                             : gap_row(axis, "Nominal simulator", "start", report.gap_before);
+// The nominal simulator's gap, its reduction by each effect, and the remaining one.
+void add_waterfall(const Report& report, bool of_noise, std::vector<GapLine>& lines) {
+  using enum plot::Hue;
+  lines.push_back(
+      {of_noise ? "Nominal noise" : "Nominal simulator", 1.0, of_noise ? report.noise_gap_before : report.gap_before});
   for (const FoundEffect& effect : report.effects) {
     if (effect.of_noise != of_noise) continue;
-    out += bar_row(axis, "with <b>" + escaped(effect_title(effect.name)) + "</b>", of_noise ? "noise" : "",
-                   effect.gap_before, effect.gap_after, arrow(effect.gap_before, effect.gap_after));
+    lines.push_back(
+        {"with " + effect_title(effect.name), effect.gap_before, effect.gap_after, of_noise ? kPurple : kDeblurred});
   }
   const std::size_t effects = report.effects.size();
   const char* const left = effects == 0 ? "Left" : effects == 1 ? "Left with it" : "Left with all of them";
-  return out + gap_row(axis, left, "left", of_noise ? report.noise_gap_after : report.gap_after);
+  lines.push_back({left, 1.0, of_noise ? report.noise_gap_after : report.gap_after, kSoft});
 }
 
 std::string span_text(double low, double high, const char* unit) {
   return number_text(low) + " to " + number_text(high) + ' ' + unit;
-}
-
-std::string times_text(const Location& where) {
-  std::string text;
-  for (const auto& [from, to] : where.time_s) text += (text.empty() ? "" : ", ") + span_text(from, to, "s");
-  return text;
-}
-
-std::string chain(const Report& report) {
-  constexpr std::array<std::array<const char*, 2>, 8> kStages{{{"radiometry", "Radiometry"},
-                                                               {"optics", "Optics"},
-                                                               {"pixel", "Pixel"},
-                                                               {"package", "Package"},
-                                                               {"readout", "Read-out"},
-                                                               {"noise", "Noise"},
-                                                               {"firmware", "Firmware"},
-                                                               {"transport", "Transport"}}};
-  std::string out = "<ol class=chain aria-label=\"stages of the camera\">";
-  for (const auto& [stage, title] : kStages) {
-    const bool found =
-        std::ranges::any_of(report.effects, [here = stage](const FoundEffect& e) { return e.stage == here; });
-    const bool unknown = report.unexplained.stage == stage;
-    out += format("<li class=\"%s\">%s%s</li>", unknown ? "unknown" : found ? "found" : "", title, unknown ? " ?" : "");
-  }
-  return out + "</ol>";
 }
 
 std::string head_part(const Report& report) {
@@ -135,14 +93,14 @@ std::string head_part(const Report& report) {
   out += "</p><div class=facts>";
   const bool tested = report.tested();
   if (!tested && !std::isfinite(report.noise_gap_before)) return out + "</div>";
-  if (tested)
+  if (tested) {
     out += fact(arrow(report.gap_before, report.gap_after), "gap of the prediction, in noise floors; 1.00 is none");
-  if (tested)
     out += fact(report.gap_before > 1.0 && report.verdict != "no_gap"
                     ? format("%.*f %%", report.closed_fraction > 0.995 && report.closed_fraction < 1.0 ? 1 : 0,
                              100.0 * report.closed_fraction)
                     : "\u2013",
                 "of the gap closed");
+  }
   out += fact(arrow(report.noise_gap_before, report.noise_gap_after), "gap of the noise's own statistics");
   out += fact(quantity("floor_k", report.noise_floor_k, {true, report.kelvin}), "noise floor of a pixel");
   return out + "</div>";
@@ -150,25 +108,22 @@ std::string head_part(const Report& report) {
 
 std::string waterfall_part(const Report& report) {
   if (!report.tested()) return {};
-  std::vector<double> gaps{report.gap_before, report.gap_after};
-  const bool noise = std::ranges::any_of(report.effects, [](const FoundEffect& e) { return e.of_noise; });
-  if (noise) gaps.insert(gaps.end(), {report.noise_gap_before, report.noise_gap_after});
-  for (const FoundEffect& effect : report.effects) gaps.insert(gaps.end(), {effect.gap_before, effect.gap_after});
-  const plot::Scale axis = gap_axis(gaps);
+  std::vector<GapLine> lines;
+  add_waterfall(report, false, lines);
+  if (std::ranges::any_of(report.effects, &FoundEffect::of_noise)) add_waterfall(report, true, lines);
   std::string out = report.effects.empty() ? "<h2>The gap</h2>" : "<h2>What closes the gap</h2>";
   out +=
       "<p class=soft>Root mean square of the residual on data that was held out, in units "
       "of the noise floor, on a logarithmic scale. At the green line the prediction cannot be told from the camera. "
-      "Each bar is what one more effect takes away.</p>";
-  out += waterfall(report, axis, false);
-  if (noise) out += "<h3 style=\"margin-top:14px\">The noise's own statistics</h3>" + waterfall(report, axis, true);
-  return out + scale_row(axis);
+      "Each line is what one more effect takes away; the noise's own statistics stand below.</p>";
+  return out + gap_figure(lines);
 }
 
 std::string location_part(const Report& report) {
   if (!report.tested() || (report.effects.empty() && report.unexplained.stage.empty())) return {};
   const Location& where = report.location;
-  std::string out = "<h2>Where the gap is</h2>" + chain(report) + "<div class=facts>";
+  std::string out = "<h2>Where the gap is</h2><div class=facts>";
+  out += fact(where.stage.empty() ? "\u2013" : escaped(where.stage), "stage of the camera");
   out += fact(format("%d to %d", where.row_first, where.row_last), "rows");
   out += fact(format("%d to %d", where.column_first, where.column_last), "columns");
   out += fact(format("%.3g %%", 100.0 * where.pixel_fraction), "of the pixels");
@@ -176,14 +131,12 @@ std::string location_part(const Report& report) {
   if (where.temperature_k.second > 0.0) {
     out += fact(span_text(where.temperature_k.first, where.temperature_k.second, "K"), "temperatures");
   }
+  for (const auto& [from, to] : where.time_s) out += fact(span_text(from, to, "s"), "times in a capture");
   out += "</div>";
-  const std::string times = times_text(where);
-  if (!times.empty()) out += "<p class=soft style=\"margin-top:10px\">Times in a capture: " + times + ".</p>";
   if (where.captures.empty()) return out;
-  const plot::Scale axis = gap_axis(mapped(where.captures, [](const auto& one) { return one.second; }));
-  out += "<h3 style=\"margin-top:18px\">Gap of each capture before anything was added</h3>";
-  for (const auto& [file, gap] : where.captures) out += gap_row(axis, escaped(file), "start", gap);
-  return out + scale_row(axis);
+  std::vector<GapLine> lines;
+  for (const auto& [file, gap] : where.captures) lines.push_back({file, 1.0, gap});
+  return out + "<h3 style=\"margin-top:18px\">Gap of each capture before anything was added</h3>" + gap_figure(lines);
 }
 
 std::string unexplained_part(const Report& report) {
@@ -209,12 +162,9 @@ std::string unexplained_part(const Report& report) {
 
 std::string parameters_table(const FoundEffect& effect, Wording wording) {
   if (effect.parameters.empty()) return {};
-  std::string out = "<table><tr><th>parameter<th class=n>value<th class=n>95 % interval</tr>";
+  std::string out = "<table><tr><th>parameter<th class=n>value (95 % interval)</tr>";
   for (const auto& [key, estimate] : effect.parameters) {
-    const std::string both = quantity(key, estimate, wording);
-    const std::size_t open = both.rfind(" (");
-    out += "<tr><td><code>" + escaped(key) + "</code><td class=n><b>" + both.substr(0, open) + "</b><td class=n>" +
-           both.substr(open + 2, both.size() - open - 3) + "</tr>";
+    out += "<tr><td><code>" + escaped(key) + "</code><td class=n>" + quantity(key, estimate, wording) + "</tr>";
   }
   return out + "</table>";
 }
@@ -224,14 +174,8 @@ std::string alternatives_text(const FoundEffect& effect) {
   std::string out =
       format("<p class=soft style=\"font-size:14px\">Instead of it, the gap after (with it: %s):</p><table>",
              gap_text(effect.gap_after).c_str());
-  double largest = effect.gap_before;
-  for (const Alternative& other : effect.alternatives) largest = std::max(largest, other.gap_after);
   for (const Alternative& other : effect.alternatives) {
-    out += format(
-        "<tr><td style=\"width:45%%\">%s<td style=\"width:40%%\"><span style=\"display:block;height:8px;margin-top:7px;"
-        "border-radius:3px;background:var(--soft);opacity:.55;width:%.0f%%\"></span><td class=n>%s</tr>",
-        escaped(effect_title(other.name)).c_str(), 100.0 * std::clamp(other.gap_after / largest, 0.0, 1.0),
-        gap_text(other.gap_after).c_str());
+    out += "<tr><td>" + escaped(effect_title(other.name)) + "<td class=n>" + gap_text(other.gap_after) + "</tr>";
   }
   return out + "</table>";
 }
@@ -297,6 +241,80 @@ std::string observed_part(const Report& report) {
          out;
 }
 
+constexpr double kWorthOpening = 1.1;  // minimum gap of a capture that is shown unfolded
+
+std::string figures(const std::vector<plot::Plot>& plots) {
+  std::string out;
+  for (const plot::Plot& one : plots) out += figure_html(one);
+  return out;
+}
+
+std::string capture_part(const CapturePlots& one) {
+  const bool open = std::max(one.gap_before, one.gap_after) > kWorthOpening;
+  std::string kind = one.kind;
+  std::ranges::replace(kind, '_', ' ');
+  const std::string plots = figures(one.plots);
+  return format("<details%s><summary>%s<span>%s, gap %s \u2192 %s</span></summary>", open ? " open" : "",
+                escaped(one.file).c_str(), kind.c_str(), gap_text(one.gap_before).c_str(),
+                gap_text(one.gap_after).c_str()) +
+         (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>" : "<div class=\"pair\">" + plots + "</div>") +
+         "</details>";
+}
+
+std::string captures_part(const Report& report) {
+  if (report.captures.empty()) return {};
+  std::string out =
+      "<h2>Capture by capture</h2><p class=soft>Those with a gap are open. Orange is the nominal simulator, blue is "
+      "with "
+      "the effects added.</p>";
+  for (const CapturePlots& one : report.captures) out += capture_part(one);
+  return out;
+}
+
+std::string noise_part(const Report& report) {
+  if (report.noise.empty()) return {};
+  constexpr double kLeast = 1e-4;  // K: what is less stands at the axis' end
+  const double factor = report.kelvin ? 1e3 : 1.0;
+  plot::Plot plot{.x = {},
+                  .y = {.unit = report.kelvin ? "mK" : "counts", .logarithmic = true, .low = factor * kLeast},
+                  .series = {{.label = "nominal", .hue = plot::Hue::kBlurred},
+                             {.label = "measured", .hue = plot::Hue::kTruth},
+                             {.label = "with the effects", .hue = plot::Hue::kDeblurred}},
+                  .sideways = true,
+                  .height = 26.0 * static_cast<double>(report.noise.size())};
+  for (const NoiseStatistic& one : report.noise) {
+    const auto place = static_cast<double>(plot.x.categories.size());
+    std::string name = one.name;
+    std::ranges::replace(name, '_', ' ');
+    const auto amount = [&](double value) { return quantity("noise_k", value, {true, report.kelvin}); };
+    plot.x.categories.push_back(name + "  " + amount(one.measured) + " (nominal " + amount(one.nominal) + ")");
+    std::size_t at = 0;
+    for (const double value : {one.nominal, one.measured, one.explained}) {
+      plot::Series& series = plot.series[at++];
+      series.kind = plot::Kind::kPoints;
+      series.x.push_back(place);
+      series.y.push_back(factor * std::max(kLeast, value));
+    }
+  }
+  return "<h2>The noise</h2><p class=soft>Three-dimensional noise on closed shutter and flats: sigma with an index t "
+         "is new in each frame, v differs from row to row, h from column to column. Where the measured dot stands "
+         "beside the nominal one, the camera's noise is not the nominal one; where it lies below the third, the "
+         "diagnosed effects account for it.</p>" +
+         figure_html(plot);
+}
+
+std::string scene_part(const Report& report) {
+  if (report.scene.empty()) return {};
+  std::string out;
+  for (const std::vector<plot::Plot>& row : report.scene) out += figures(row);
+  return "<h2>A frame, before and after</h2><div class=\"pair\">" + out + "</div>";
+}
+
+std::string maps_part(const Report& report) {
+  if (report.maps.empty()) return {};
+  return "<h2>What was diagnosed of single pixels</h2><div class=\"plots\">" + figures(report.maps) + "</div>";
+}
+
 std::string limits_part(const Report& report) {
   std::string out;
   if (!report.not_identifiable.empty()) {
@@ -318,17 +336,12 @@ std::string limits_part(const Report& report) {
 }  // namespace
 
 std::string report_html(const Report& report) {
-  std::string out =
-      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" "
-      "content=\"width=device-width,initial-scale=1\"><title>Simulator and camera</title><style>";
-  out += plot::page_style() + kReportStyle;
-  out += "</style></head><body><main>\n";
+  std::string body;
   for (const auto part : {head_part, waterfall_part, effects_part, location_part, unexplained_part, observed_part,
                           captures_part, scene_part, noise_part, maps_part, stimulus_part, limits_part}) {
-    out += part(report);
-    out += '\n';
+    body += part(report) + '\n';
   }
-  return out + "</main></body></html>\n";
+  return plot::page_html("Simulator and camera", body, kReportStyle);
 }
 
 }  // namespace bolo::diagnose

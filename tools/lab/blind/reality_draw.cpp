@@ -176,14 +176,6 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
 
 }  // namespace
 
-std::vector<std::string> effects_of(Kind kind) {
-  std::vector<std::string> names;
-  for (const Entry* entry : entries_of(kind)) {
-    if (names.empty() || names.back() != entry->name) names.emplace_back(entry->name);
-  }
-  return names;
-}
-
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index) {
   Session session;
   session.reality = Reality::kSecond;

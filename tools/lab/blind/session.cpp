@@ -288,15 +288,6 @@ std::optional<Kind> kind_named(std::string_view name) {
   return static_cast<Kind>(found - kNames.begin());
 }
 
-std::vector<std::string> effects_of(Kind kind, Reality reality) {
-  if (reality == Reality::kSecond) return second::effects_of(kind);
-  std::vector<std::string> names;
-  for (const Choice& choice : choices(kind)) {
-    if (names.empty() || names.back() != choice.effect) names.emplace_back(choice.effect);
-  }
-  return names;
-}
-
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index) {
   if (options.reality == Reality::kSecond) return second::draw_session(options, kind, index);
   Session session;

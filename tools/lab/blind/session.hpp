@@ -63,9 +63,6 @@ struct Session {
   std::vector<CapturePlan> captures;
 };
 
-// The effects of a kind's sessions, in turn. Thread: any.
-std::vector<std::string> effects_of(Kind kind, Reality reality = Reality::kFirst);
-
 // Six captures: closed shutter, hot flat, chopper, slow pan, fast pan the other way, static target; 10 mK a count.
 // The same options, kind and index give the same session, whatever others are drawn. kBadInput when `only` names no
 // effect of the kind. Thread: any.
@@ -91,9 +88,6 @@ Result<std::vector<std::filesystem::path>> write_captures(const Session& session
 // frame replaces the next one; lost frames come in bursts; a frame filter starts at its first frame.
 
 namespace second {
-
-// The effects of a kind's sessions, in turn. Thread: any.
-std::vector<std::string> effects_of(Kind kind);
 
 // A session of six captures; the hidden effects have the usual names, with this reality's parameters. kBadInput when
 // `only` names no effect of the kind. Thread: any.

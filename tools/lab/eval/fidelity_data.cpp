@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "src/sim/random.hpp"
 #include "src/sim/simulator.hpp"
 
 namespace bolo::tools::fidelity {
@@ -100,8 +101,11 @@ Sequence read_out(const CleanSequence& clean, double noise_k, std::uint64_t nois
     made.frames.emplace_back(clean.geometry.pixels());
     for (int y = 0; y < clean.geometry.height; ++y) {
       const std::size_t first = static_cast<std::size_t>(y) * width;
-      for (std::size_t x = 0; x < width; ++x) row[x] = static_cast<double>(clean.shown[k][first + x]);
-      sim::read_row(settings, k, y, row, noise, made.frames.back().data() + first);
+      sim::fill_normal(noise_seed, k, static_cast<std::uint64_t>(y), noise);
+      for (std::size_t x = 0; x < width; ++x) {
+        row[x] = static_cast<double>(clean.shown[k][first + x]) + noise_k * noise[x];
+      }
+      sim::read_row(settings, row, made.frames.back().data() + first);
     }
   }
   return made;

@@ -166,7 +166,10 @@ Result<double> deblurred_error(const Recording& scene, const diagnose::Learned& 
 }
 
 Result<std::vector<std::string>> effects_of(const cxxopts::ParseResult& given) {
-  const std::vector<std::string> all = blind::effects_of(blind::Kind::kSingle);
+  std::vector<std::string> all;
+  for (const sim::EffectDescription& effect : sim::effect_descriptions()) {
+    if (effect.in_catalogue) all.emplace_back(effect.name);
+  }
   if (given.count("effects") == 0) return all;
   auto named = given["effects"].as<std::vector<std::string>>();
   for (const std::string& name : named) {
