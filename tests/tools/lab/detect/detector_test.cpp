@@ -5,11 +5,6 @@
 
 namespace bolo::tools::detect::detector_test {
 
-TEST(Picture, LevelsAreThoseOfAVideo) {
-  const std::vector<float> kelvin{280.0F, 285.0F, 298.0F, 310.0F, 400.0F};
-  EXPECT_EQ(levels_of(kelvin, 285.0, 310.0), (Levels{0, 0, 133, 255, 255}));
-}
-
 TEST(Picture, BecomesChannelsInOrderAndScale) {
   DetectorDescription d;
   d.input = {4, 2};
@@ -145,23 +140,6 @@ class Description : public ::testing::Test {
 
   const Scratch scratch_;
 };
-
-TEST_F(Description, SaysAllThatANetworkNeedsAndWhereItsFilesAre) {
-  const auto d = must(read(kGood));
-  EXPECT_EQ(d->name, "one");
-  EXPECT_EQ(d->files.format, NetworkFormat::kDarknet);
-  EXPECT_EQ(d->files.least_score, 0.05);
-  EXPECT_EQ(d->input, (Geometry{320, 256}));
-  EXPECT_EQ(d->order, ChannelOrder::kBgr);
-  EXPECT_EQ(d->red.mean, 12.5);
-  EXPECT_EQ(d->output, OutputKind::kYolo);
-  EXPECT_EQ(d->class_names, "person, car");
-  expect_error(with_files_in(*d, scratch_.path()), {"one.cfg: not there"});
-  for (const char* name : {"one.cfg", "one.weights"}) std::ofstream(scratch_ / name) << "x";
-  const auto there = must(with_files_in(*d, scratch_.path()));
-  EXPECT_EQ(there->files.graph, scratch_ / "one.cfg");
-  EXPECT_EQ(there->files.weights, scratch_ / "one.weights");
-}
 
 TEST_F(Description, RefusesWhatIsWrongInOneLineThatSaysWhere) {
   struct Wrong {

@@ -14,9 +14,13 @@ TEST_F(DetectVerb, RefusesWrongInputInOneLine) {
   write("one.toml",
         "name = \"one\"\n[network]\nformat = \"onnx\"\ngraph = \"one.onnx\"\n[classes]\nnames = \"person\"\n");
   write("one.onnx", "not a network");
+  write("dark.toml",
+        "name = \"one\"\n[network]\nformat = \"darknet\"\ngraph = \"one.onnx\"\nweights = \"one.onnx\"\n[classes]\n"
+        "names = \"person\"\n");
   write("broken.toml", "name = 1\n");
   const std::string stills = "--scenes x.png --trajectories @hand.csv --detectors ";
-  refused_each("", "", "--data /nonexistent", "--data @", stills + "@broken.toml", stills + "/none");
+  refused_each("", "", "--data /nonexistent", "--data @", stills + "@broken.toml", stills + "/none",
+               stills + "@dark.toml");
   // The last of these: the network is none, the still is not there.
   refused_each(stills + "@one.toml", "--size 640", "--size 8x8", "--repeats 0", "--noise -1", "--resamples 1",
                "--threads 0", "--detectors @one.toml", "--unknown", "stray", "");
@@ -49,6 +53,7 @@ TEST_F(DetectVerb, JudgesRealStills) {
     }
   }
   EXPECT_GT(json.at("rows")[0].at("objects").get<double>(), 5.0);
+  EXPECT_GT(json.at("rows")[0].at("columns").at("sharp").at("ap").get<double>(), 20.0) << "what the network finds";
   const auto& own = json.at("rows")[1];
   if (own.at("objects") > 0) {
     EXPECT_NEAR(own.at("columns").at("sharp").at("ap").get<double>(), 100.0, 1e-9);

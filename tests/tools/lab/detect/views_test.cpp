@@ -70,21 +70,6 @@ TEST_F(Views, TheMovedLabelIsWhereTheObjectIsSeen) {
   }
 }
 
-TEST_F(Views, ArePlannedAllOverTheTrajectoryAndFromTheSeedAlone) {
-  const auto still = read_still(file_, classes_);
-  const std::vector<Still> stills{*still, *still};
-  const auto views = must(plan_views(stills, {trajectory_}, {kPicture, 40, 3}));
-  ASSERT_EQ(views->size(), 80U);
-  for (const View& view : *views) {
-    EXPECT_NEAR(view.origin.x_px, 32.0, kJitter.width);
-    EXPECT_NEAR(view.origin.y_px, 24.0, kJitter.height);
-  }
-  EXPECT_LT(std::ranges::min(*views, {}, &View::start_s).start_s, 0.4);
-  EXPECT_GT(std::ranges::max(*views, {}, &View::start_s).start_s, 1.5);
-  EXPECT_EQ((*plan_views(stills, {trajectory_}, {kPicture, 40, 3}))[7].start_s, (*views)[7].start_s);
-  EXPECT_NE((*plan_views(stills, {trajectory_}, {kPicture, 40, 4}))[7].start_s, (*views)[7].start_s);
-}
-
 TEST_F(Views, ShowEveryColumnAndDeblurringBringsTheEdgeBack) {
   const auto still = read_still(file_, classes_);
   const auto clean = must(simulate(*still, trajectory_, {0, 0, 0.5, {21.25, 19.5}}, kPicture));

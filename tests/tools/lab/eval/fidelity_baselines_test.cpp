@@ -21,26 +21,6 @@ Plane boxes() {
   return plane;
 }
 
-TEST(FidelityMotionKernel, IsTheExponentialTrail) {
-  const auto kernel = motion_kernel({400.0, 0.0}, 0.01);  // 4 px a time constant
-  EXPECT_NEAR(kernel[8].weight / kernel[4].weight, std::exp(-1.0), 1e-3);
-  for (const Tap& tap : kernel) EXPECT_TRUE(tap.dy == 0 && tap.dx >= 0);
-  for (const sim::Position velocity : {sim::Position{400.0, 0.0}, {-300.0, 150.0}, {0.0, 0.0}}) {
-    double weight = 0.0;
-    double mean_x = 0.0;
-    double mean_y = 0.0;
-    for (const Tap& tap : motion_kernel(velocity, 0.01)) {
-      weight += double{tap.weight};
-      mean_x += double{tap.weight} * tap.dx;
-      mean_y += double{tap.weight} * tap.dy;
-    }
-    EXPECT_NEAR(weight, 1.0, 1e-6);
-    EXPECT_NEAR(mean_x, 0.01 * velocity.x_px, 0.1);  // an exponential's mean is its length, less the tail that is cut
-    EXPECT_NEAR(mean_y, 0.01 * velocity.y_px, 0.05);
-  }
-  EXPECT_EQ(motion_kernel({0.0, 0.0}, 0.011).size(), 1U) << "stands still";
-}
-
 // Over a steady pan both ways of telling the blur are the same; over a bend only the path itself is right.
 TEST(FidelityPathKernel, FollowsTheWay) {
   const auto kernel = motion_kernel({-300.0, 0.0}, kTauS);
@@ -123,14 +103,6 @@ TEST(FidelityData, TheToldKernelIsTheSimulatedBlur) {
   EXPECT_LT(rmse({cut(kernel, judged, inner)}, seen), 0.1 * rmse(seen, truth));
 }
 
-TEST(FidelityData, NoiseAndQuantisationAreAsAsked) {
-  const CleanSequence clean = small_sequence(100.0);
-  const Sequence s = read_out(clean, 0.1, 5);
-  Planes kelvin;
-  for (std::size_t k = 0; k < s.frames.size(); ++k) kelvin.push_back(s.kelvin(k));
-  EXPECT_NEAR(rmse(kelvin, clean.shown), std::sqrt(0.1 * 0.1 + kQuantisationK * kQuantisationK / 12.0), 0.001);
-}
-
 // The best of what was offered stays, whatever comes after.
 TEST(FidelityOracle, KeepsTheBest) {
   const Planes truth{Plane(4, 300.0F)};
@@ -159,12 +131,6 @@ Plane noisy(const Plane& plane, float sigma, unsigned seed) {
   Plane out = plane;
   for (float& v : out) v += normal(random);
   return out;
-}
-
-TEST(FidelityRmse, IsTheRootMeanSquareOverAllPlanes) {
-  const Planes truth{Plane(4, 300.0F), Plane(4, 300.0F)};
-  const Planes estimate{Plane(4, 303.0F), Plane(4, 296.0F)};
-  EXPECT_NEAR(rmse(estimate, truth), std::sqrt((9.0 + 16.0) / 2.0), 1e-6);
 }
 
 // A step of 10 K in the middle, and the trail that a content speed of `trail` px a time constant leaves of it.
