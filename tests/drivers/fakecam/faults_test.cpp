@@ -168,11 +168,8 @@ constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kStart = 77'000 * kMs;
 
 struct ControlledCamera {
-  explicit ControlledCamera(std::string_view text, bool streams = true) : tallies(script_of({text})) {
-    if (streams) faults.begin(kStart);
-  }
+  explicit ControlledCamera(std::string_view text) : tallies(script_of({text})) {}
   Commands at(std::int64_t ms) { return faults.update(kStart + ms * kMs); }
-  InjectedFault tally() const { return tallies.read().front(); }
 
   int dropped = 0;
   int reboots = 0;
@@ -181,7 +178,7 @@ struct ControlledCamera {
 };
 
 TEST(ControlFaults, AChangeOfWindowingDropsTheConnectionBeforeAnyStreamToo) {
-  ControlledCamera camera("windowing_drop:for=4", false);
+  ControlledCamera camera("windowing_drop:for=4");
   EXPECT_EQ(camera.at(0), Commands::kAnswered);
   camera.faults.windowing_changed(kStart);
   EXPECT_EQ(camera.dropped, 1);
