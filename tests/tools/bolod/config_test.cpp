@@ -3,6 +3,7 @@
 
 #include "drivers/shm/shm_sink.hpp"
 #include "drivers/v4l2/v4l2_sink.hpp"
+#include "src/capture/pixel_maps_io.hpp"
 #include "tests/pipeline/fakes.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/bolod/config.hpp"
@@ -135,6 +136,17 @@ TEST_F(Config, MistakesAreNamed) {
        "metrics.allow_remote = true"},
   };
   for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
+}
+
+TEST_F(Config, MapsComeWithTheProfile) {
+  model::PixelMaps maps;
+  maps.geometry = {4, 2};
+  maps.gain.assign(8, 1.5F);
+  ASSERT_TRUE(capture::write_pixel_maps(folder_ / "maps.h5", maps));
+  write("cam.toml", "row_delay_s = 2e-5\nmaps = 'maps.h5'\n");
+  const auto config = good("profile = 'cam.toml'\n");
+  EXPECT_EQ(config.pipeline.maps.gain, maps.gain);
+  EXPECT_EQ(config.pipeline.maps.row_delay_s, 2e-5);
 }
 
 TEST_F(Config, WhatDoesNotFitIsNamed) {
