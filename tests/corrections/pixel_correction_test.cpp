@@ -33,8 +33,8 @@ PixelCorrection make(const model::PixelMaps& maps, Geometry geometry, const Sett
 
 using Planes = std::vector<std::vector<float>>;
 
-// Frames one period apart, part by part, or each as a whole; an empty one is lost.
-Planes correct_all(PixelCorrection& correction, Planes planes, const std::vector<PixelRange>& parts = {}) {
+// Frames one period apart; an empty one is lost.
+Planes correct_all(PixelCorrection& correction, Planes planes) {
   std::uint64_t periods = 0;
   for (auto& plane : planes) {
     if (plane.empty()) {
@@ -42,8 +42,7 @@ Planes correct_all(PixelCorrection& correction, Planes planes, const std::vector
       continue;
     }
     correction.begin(periods);
-    for (const PixelRange& part : parts) correction.apply(plane.data(), part);
-    if (parts.empty()) correction.apply(plane.data(), {0, plane.size()});
+    correction.apply(plane.data(), {0, plane.size()});
     correction.finish(plane.data());
     periods = 1;
   }
@@ -81,16 +80,6 @@ TEST(PixelCorrection, MapsThatSayNothingChangeNoBit) {
   EXPECT_TRUE(correction.changes_samples());
   const Planes planes = pan(20, settings.tau_s, kFrame, 3U);
   EXPECT_EQ(correct_all(correction, planes), planes);
-}
-
-TEST(PixelCorrection, PartsAreTheWholeFramesBits) {
-  const model::PixelMaps maps = scattered_maps(kFrame, 0.2);
-  PixelCorrection whole = make(maps, kFrame);
-  PixelCorrection parts = make(maps, kFrame);
-  Planes planes = pan(8, 0.011, kFrame, 5U);
-  planes[3].clear();
-  const Planes in_parts = correct_all(parts, planes, {{400, kFrame.pixels()}, {0, 37}, {37, 400}});
-  EXPECT_EQ(in_parts, correct_all(whole, planes));
 }
 
 std::vector<double> response(const std::vector<double>& input, double decay, double start) {

@@ -75,19 +75,6 @@ double rms_error(const std::vector<float>& out, double px_per_frame) {
 
 class Adaptive : public ::testing::TestWithParam<Estimator> {};
 
-TEST_P(Adaptive, PartsAndPointsHaveTheFramesBits) {
-  const auto planes = movie(0.8, 0.05);
-  std::vector<const void*> window = pointers(planes);
-  window[9] = nullptr;
-  const WindowView view{window, kWindow - 1};
-  for (const double row_delay_s : {0.0, 4e-5}) {
-    const auto solver = make(settings_of(GetParam()), row_delay_s);
-    const std::vector<float> whole = whole_frame(*solver, view);
-    testing::expect_parts(*solver, view, kFrame, whole, {{0, 5, 150, 11}, {63, 0, 2, 37}, {140, 30, 10, 7}},
-                          {0, 7, 218, 149, 5549, 2000});
-  }
-}
-
 TEST_P(Adaptive, RowsThatAreReadLaterAreBroughtToTheFramesTime) {
   const double delay_periods = 0.6 / kFrame.height;
   const auto planes = movie(1.0, 0.03, delay_periods);

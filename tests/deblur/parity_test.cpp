@@ -209,11 +209,6 @@ TEST(Parity, OneLostFrameOverFrameRates) {
   }
 }
 
-TEST(Parity, WithoutAFrameTheLastOfTwoSweepsIsNear) {
-  EXPECT_EQ(plan_without({}, 0.005).near_sweeps, 0);
-  for (std::size_t slot = 0; slot < 11; ++slot) EXPECT_EQ(plan_without({slot}, 0.005).near_sweeps, 1) << slot;
-}
-
 TEST(Parity, OneLostFrameWithLookAhead) {
   for (int slot = 0; slot < 17; ++slot) {
     if (slot != 15) expect_parity({17, 7, 200.0, 1, {slot}, 40}, kScenes);
@@ -244,16 +239,6 @@ TEST(Parity, LostFramesAreMovedNoMoreOftenThanTheyAreMany) {
       EXPECT_LE(plan.moves, plan.lost) << "without " << first << " and " << second;
     }
   }
-}
-
-// Along a line for two takes two to three times as long as one after the other.
-TEST(Parity, OnlyLostFramesThatShareMuchAreMovedTogether) {
-  const auto together = [](std::size_t first, std::size_t second) {
-    const DualPlan plan = plan_without({first, second}, 0.5);
-    return plan.moves == 1 && plan.move[0].first != plan.move[0].second;
-  };
-  EXPECT_TRUE(together(0, 2) && together(10, 12) && together(12, 14) && together(4, 8) && together(12, 16));
-  EXPECT_FALSE(together(2, 14) || together(2, 8) || together(6, 10) || together(8, 14) || together(10, 16));
 }
 
 TEST(Parity, OneLostFrameAddsNoSweep) {

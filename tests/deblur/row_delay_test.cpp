@@ -105,46 +105,11 @@ TEST_P(RowDelayOf, CountsSensorRows) {
   EXPECT_EQ(solve(s, ramp.view(), 40e-6, 2), solve(s, ramp.view(), 80e-6, 1));
 }
 
-TEST_P(RowDelayOf, PartsAndPointsAreTheWholeFramesBits) {
-  for (const int lost : {-1, 14}) {
-    const Settings s = settings_for(GetParam(), 1);
-    Ramp ramp(s, 300e-6, 400.0);
-    if (lost >= 0) ramp.lose(static_cast<std::size_t>(lost));
-    const auto solver = make(s, 300e-6);
-    const std::vector<float> whole = testing::whole_frame(*solver, ramp.view(), kFrame);
-    std::vector<std::uint32_t> pixels(kFrame.pixels());
-    std::iota(pixels.begin(), pixels.end(), 0U);
-    std::shuffle(pixels.begin(), pixels.end(), std::mt19937(3U));
-    testing::expect_parts(*solver, ramp.view(), kFrame, whole,
-                          {{0, 0, 2, kFrame.height}, {2, 0, 3, 9}, {2, 9, 3, kFrame.height - 9}}, pixels);
-  }
-}
-
 TEST(RowTime, LongerThanTheWindowIsRefused) {
   expect_refused(Solver::create(Settings(), testing::kelvin(kFrame), PixelType::kFloat32, 0.01), {"row_delay_s"});
 }
 
 INSTANTIATE_TEST_SUITE_P(Solver, RowDelayOf, ::testing::Values(Method::kAdmm, Method::kExact, Method::kInverse),
                          [](const auto& each) { return std::string(name(each.param)); });
-
-// Bins of every length: without delay what was published before there were delays.
-TEST(RowTime, WithoutDelayItIsTheBinsAroundTheTarget) {
-  for (const int levels : {1, 2, 3, 4, 7}) {
-    for (const double period_s : {0.005, 0.033}) {
-      Settings s;
-      s.levels = levels;
-      s.period_s = period_s;
-      const Grid grid = reduce(s, 0.0);
-      for (int target = 1; target < s.window; ++target) {
-        const Published plain = published_bins(grid, s.window, target);
-        const Published delayed = published_bins(grid, s.window, target, 0.0);
-        EXPECT_EQ(delayed.before, plain.before) << levels << " " << target;
-        EXPECT_EQ(delayed.after, plain.after) << levels << " " << target;
-        EXPECT_EQ(delayed.weight_before, 0.5F);
-        EXPECT_EQ(delayed.weight_after, 0.5F);
-      }
-    }
-  }
-}
 
 }  // namespace bolo::deblur::row_delay_test

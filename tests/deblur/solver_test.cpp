@@ -322,14 +322,6 @@ TEST(Solver, CountsAreRoundedAndLimited) {
             (std::vector<std::uint16_t>{0, 30000, 65535}));
 }
 
-TEST(Solver, OnlyItsPixelsAreWritten) {
-  const Settings s = settings_for(17, 0.005);
-  const Planes planes = fill(s, {20, 4}, Input::kPan);
-  const auto solver = testing::make(s, testing::kelvin({20, 4}));
-  const auto whole = testing::whole_frame(*solver, planes.view(16), {20, 4});
-  testing::expect_parts(*solver, planes.view(16), {20, 4}, whole, {{0, 1, 20, 2}}, {0, 79, 21});
-}
-
 void far_ahead(Settings& s) {
   s.window = 65;
   s.lookahead = 16;

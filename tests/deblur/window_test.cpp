@@ -93,20 +93,6 @@ class Player {
   std::uint32_t next_token_ = 0;
 };
 
-TEST(Window, WarmsUpUntilAWholeWindowLiesBehind) {
-  Player player(5);
-  for (std::uint64_t id = 10; id < 16; ++id) EXPECT_FALSE(player.frame(id));
-  ASSERT_EQ(player.shown().size(), 6U);
-  for (std::size_t i = 0; i < 4; ++i) {
-    EXPECT_FALSE(player.shown()[i].full);
-    EXPECT_EQ(player.shown()[i].flags, kFlagWarmUp);
-  }
-  EXPECT_TRUE(player.shown()[4].full);
-  EXPECT_EQ(player.shown()[4].flags, kFlagNone);
-  EXPECT_EQ(player.shown()[4].window, (std::vector<std::int64_t>{10, 11, 12, 13, 14}));
-  EXPECT_EQ(player.shown()[5].window, (std::vector<std::int64_t>{11, 12, 13, 14, 15}));
-}
-
 TEST(Window, ALostFrameLeavesItsPlaceEmptyAndShiftsNothing) {
   Player player(5);
   player.frames({0, 1, 2, 3, 4, 6, 7, 8, 9, 10});

@@ -176,14 +176,6 @@ TEST_F(StrictToml, FilesThatCannotBeReadAreNamed) {
   EXPECT_TRUE(complaint(std::string((1 << 20) + 1, '\n')).ends_with("is larger than the 1 MiB that it may be"));
 }
 
-TEST_F(StrictToml, WhereTellsThePlaceOfAGivenKey) {
-  std::ofstream(file_) << "[box]\n\n  count = 2\n";
-  KeyTable keys = things_.keys();
-  ASSERT_TRUE(keys.read(file_));
-  EXPECT_EQ(keys.where("box.count"), file_ + ":3:11: ");
-  EXPECT_EQ(keys.where("box.spare"), file_ + ": ");
-}
-
 TEST_F(StrictToml, TheDocumentReadsBackAsTheDefaults) {
   const std::string document = things_.keys().document();
   expect_parts(document, {"# Weight\n# 0 to 10 kg; default 1.5\nweight = 1.5\n", "label = \"a \\\"b\\\"\"\n",
@@ -212,24 +204,6 @@ Result<CameraProfile> read_text(const std::string& text) {
   auto profile = read_profile(file);
   std::remove(file.c_str());
   return profile;
-}
-
-TEST(Profile, FourNumbersSuffice) {
-  const auto profile = must(read_text("tau_s = 0.009\nframe_period_s = 0.02\nnoise_k = 0.05\nquantisation_k = 0.1\n"));
-  EXPECT_DOUBLE_EQ(profile->tau_s, 0.009);
-  EXPECT_DOUBLE_EQ(profile->frame_period_s, 0.02);
-  EXPECT_DOUBLE_EQ(profile->noise_k, 0.05);
-  EXPECT_DOUBLE_EQ(profile->quantisation_k, 0.1);
-  EXPECT_EQ(profile->model, CameraProfile().model) << "the rest keeps its default";
-}
-
-TEST(Profile, IdentityAndTransportAreRead) {
-  const auto profile =
-      must(read_text("[camera]\nmodel = 'A65'\nserial = '7'\n[transport]\nbyte_order = 'big'\nmetadata_rows = 3\n"));
-  EXPECT_EQ(profile->model, "A65");
-  EXPECT_EQ(profile->serial, "7");
-  EXPECT_TRUE(profile->big_endian_pixels);
-  EXPECT_EQ(profile->metadata_rows, 3);
 }
 
 TEST(Profile, MistakesAreNamed) {

@@ -106,15 +106,6 @@ TEST(Allocation, OneOnThePipelineThreadIsSeen) {
   EXPECT_GE(allocations_of(eventful(), options_of(deblur::Method::kAdmm), {&allocating}), 1U);
 }
 
-TEST(Allocation, OneOnTheSourcesThreadIsSeen) {
-  Script script = eventful();
-  script.fill = [fill = script.fill](rt::FrameSlot& slot, const StreamFormat& format) {
-    fill(slot, format);
-    if (slot.meta.frame_id == 110) g_kept = std::make_unique<int>(2);
-  };
-  EXPECT_GE(allocations_of(script, options_of(deblur::Method::kAdmm)), 1U);
-}
-
 TEST(Allocation, AMallocIsSeen) {
   if (!bolo::test::counts_malloc()) GTEST_SKIP() << "malloc belongs to the sanitizer here; operator new is counted";
   bolo::test::reset_allocation_count();

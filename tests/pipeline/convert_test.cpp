@@ -54,9 +54,4 @@ TEST(Saturated, SeesATopValueAnywhereInTheRangeAndNowhereElse) {
   }
 }
 
-TEST(Saturated, FloatPlanesHaveNoTop) {
-  const std::vector<float> raw{65'535.0F, 1e9F};
-  EXPECT_FALSE(saturated(PixelType::kFloat32, raw.data(), {0, 2}));
-}
-
 }  // namespace bolo::pipeline::convert_test

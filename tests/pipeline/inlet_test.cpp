@@ -7,24 +7,6 @@ constexpr std::int64_t kNoWait = 0;
 
 constexpr StreamFormat kSmall{.geometry = {4, 2}};
 
-TEST(FrameInlet, HandsFramesOnInOrder) {
-  FrameInlet inlet(kSmall, 3, 4);
-  for (std::uint64_t id = 1; id <= 3; ++id) {
-    rt::FrameSlot* slot = inlet.borrow();
-    ASSERT_NE(slot, nullptr);
-    slot->meta.frame_id = id;
-    ASSERT_TRUE(inlet.commit(*slot));
-  }
-  EXPECT_EQ(inlet.received(), 3U);
-  for (std::uint64_t id = 1; id <= 3; ++id) {
-    const FrameInlet::Arrival arrival = inlet.next(kNoWait);
-    ASSERT_NE(arrival.slot, nullptr);
-    EXPECT_EQ(arrival.slot->meta.frame_id, id);
-    EXPECT_FALSE(arrival.restart_window);
-  }
-  EXPECT_EQ(inlet.next(kNoWait).slot, nullptr);
-}
-
 TEST(FrameInlet, ABorrowedSlotBringsNothingOfItsLastFrame) {
   FrameInlet inlet(kSmall, 0, 1);
   for (int round = 0; round < 8; ++round) {

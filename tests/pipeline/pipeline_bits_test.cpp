@@ -62,6 +62,7 @@ class PipelinePixels : public testing::TestWithParam<deblur::Method> {
     PipelineOptions options{.deblur = {.method = GetParam()}, .output = PixelType::kFloat32, .workers = 1};
     for (std::size_t i = 0; i < test::small_source().format.geometry.pixels(); ++i) {
       options.maps.tau_s.push_back(0.010F + 2e-5F * static_cast<float>(i % 90));
+      options.maps.gain.push_back(1.0F + 1e-3F * static_cast<float>(i % 7));
       options.maps.dead.push_back(i % 11 == 5 ? 1 : 0);
     }
     options.maps.row_delay_s = 1e-4;
@@ -72,8 +73,10 @@ class PipelinePixels : public testing::TestWithParam<deblur::Method> {
 TEST_P(PipelinePixels, ARegionAndPointsAreTheWholeFramesBits) {
   const Geometry geometry = test::small_source().format.geometry;
   const auto width = static_cast<std::size_t>(geometry.width);
+  Script script;
+  script.frames.erase(script.frames.begin() + 30);  // one is lost
   MemorySink whole;
-  play({}, {&whole}, options());
+  play(script, {&whole}, options());
   const Region region{3, 1, 17, 5};
   std::vector<std::uint32_t> points;
   for (std::uint32_t i = 0; i < 300; ++i) points.push_back(i * 59 % static_cast<std::uint32_t>(geometry.pixels()));
@@ -82,11 +85,11 @@ TEST_P(PipelinePixels, ARegionAndPointsAreTheWholeFramesBits) {
     few.workers = workers;
     few.region = region;
     MemorySink of_region;
-    play({}, {&of_region}, few);
+    play(script, {&of_region}, few);
     few.region.reset();
     few.points = points;
     MemorySink of_points;
-    play({}, {&of_points}, few);
+    play(script, {&of_points}, few);
     ASSERT_EQ(of_region.frames.size(), whole.frames.size());
     ASSERT_EQ(of_points.frames.size(), whole.frames.size());
     EXPECT_EQ(of_points.format.points, points);

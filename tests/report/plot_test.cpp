@@ -1,3 +1,4 @@
+#include <glib.h>
 #include <png.h>
 
 #include "src/core/input_file.hpp"
@@ -172,34 +173,17 @@ TEST(Sheet, IsWrittenAsItsNameSays) {
   expect_parts(html, {"<td>missing</td><td class=\"n\">12</td>", "<th>cause</th><th class=\"n\">frames</th>"});
 }
 
-using Bytes = std::vector<unsigned char>;
-
-Bytes from_base64(std::string_view text) {
-  constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  Bytes out;
-  unsigned word = 0;
-  int bits = 0;
-  for (const char c : text) {
-    if (c == '=') break;
-    word = word << 6U | static_cast<unsigned>(kDigits.find(c));
-    bits += 6;
-    if (bits < 8) continue;
-    bits -= 8;
-    out.push_back(static_cast<unsigned char>(word >> static_cast<unsigned>(bits) & 255U));
-  }
-  return out;
-}
-
 // The picture as RGBA.
-Bytes decoded(const std::string& address, unsigned& width, unsigned& height) {
+std::vector<unsigned char> decoded(const std::string& address, unsigned& width, unsigned& height) {
   constexpr std::string_view kHead = "data:image/png;base64,";
   EXPECT_TRUE(address.starts_with(kHead));
-  const Bytes png = from_base64(std::string_view(address).substr(kHead.size()));
+  gsize bytes = 0;
+  const std::unique_ptr<guchar, decltype(&g_free)> png(g_base64_decode(address.c_str() + kHead.size(), &bytes), g_free);
   png_image image{};
   image.version = PNG_IMAGE_VERSION;
-  EXPECT_NE(png_image_begin_read_from_memory(&image, png.data(), png.size()), 0);
+  EXPECT_NE(png_image_begin_read_from_memory(&image, png.get(), bytes), 0);
   image.format = PNG_FORMAT_RGBA;
-  Bytes out(PNG_IMAGE_SIZE(image));
+  std::vector<unsigned char> out(PNG_IMAGE_SIZE(image));
   EXPECT_NE(png_image_finish_read(&image, nullptr, out.data(), 0, nullptr), 0);
   width = image.width;
   height = image.height;
@@ -213,7 +197,7 @@ TEST(Plane, ShowsEachValueInItsColour) {
     for (int i = 0; i < plane.width * plane.height; ++i) plane.values.push_back(i == 1 ? nan : static_cast<float>(i));
     unsigned width = 0;
     unsigned height = 0;
-    const Bytes rgba = decoded(picture_address(plane), width, height);
+    const std::vector<unsigned char> rgba = decoded(picture_address(plane), width, height);
     ASSERT_EQ(width, static_cast<unsigned>(plane.width));
     ASSERT_EQ(height, 2U);
     for (std::size_t i = 0; i < plane.values.size(); ++i) {
@@ -236,11 +220,6 @@ TEST(Plane, ItsSpanLeavesOutliersOutAndCentresSigns) {
   EXPECT_EQ(span_of(plane).low, -span_of(plane).high);
   const PlaneSpan constant = span_of({.width = 2, .height = 1, .values = {5.0F, 5.0F}});
   EXPECT_LT(constant.low, constant.high);
-}
-
-TEST(Plane, OfAnotherSizeThanItSaysIsNotDrawn) {
-  EXPECT_TRUE(picture_address({.width = 3, .height = 3, .values = {1.0F}}).empty());
-  EXPECT_TRUE(picture_address({}).empty());
 }
 
 TEST(Scale, TicksAreRoundAndWithinTheAxis) {
@@ -296,13 +275,6 @@ TEST(Scale, IsNeverEmptyAndCountsBeginAtZero) {
       EXPECT_GE(scale.ticks(4).size(), 1U);
     }
   }
-}
-
-TEST(Scale, CategoriesStandInTheMiddleOfTheirPlaces) {
-  const Scale scale({.categories = {"a", "b"}}, {17.0}, false);
-  EXPECT_DOUBLE_EQ(scale.place(0.0), 0.25);
-  EXPECT_DOUBLE_EQ(scale.place(1.0), 0.75);
-  EXPECT_EQ(scale.ticks(1).size(), 2U);
 }
 
 TEST(Text, MarkupAndBrokenLettersAreEscaped) {

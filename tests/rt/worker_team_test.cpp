@@ -77,27 +77,6 @@ TEST(WorkerTeam, NobodyWaitsForAWorkerThatIsHeldUp) {
   }
 }
 
-TEST(WorkerTeam, NamesItsThreads) {
-  WorkerTeam team(2, {.name = "solve"});
-  struct Seen {
-    std::thread::id caller = std::this_thread::get_id();
-    std::array<char, 16> name{};
-    std::atomic<bool> there{false};
-  } seen;
-  team.run(
-      2,
-      [](void* context, int /*part*/) {
-        auto& s = *static_cast<Seen*>(context);
-        if (std::this_thread::get_id() != s.caller) {
-          pthread_getname_np(pthread_self(), s.name.data(), s.name.size());
-          s.there.store(true);
-        }
-        while (!s.there.load()) std::this_thread::yield();
-      },
-      &seen);
-  EXPECT_STREQ(seen.name.data(), "solve-1");
-}
-
 // The options would stay on the thread that runs the tests.
 void on_own_thread(const std::function<void()>& check) { std::thread(check).join(); }
 

@@ -217,12 +217,4 @@ TEST_F(Host, IsReadFromTheKernelsFiles) {
   EXPECT_FALSE(facts.aravis.empty());
 }
 
-TEST_F(Host, WithoutFilesSaysNothing) {
-  const Facts facts = gather({}, root_);
-  EXPECT_FALSE(facts.receive_buffer_max);
-  EXPECT_FALSE(facts.shared_free);
-  EXPECT_TRUE(facts.governors.empty());
-  EXPECT_TRUE(facts.usb.empty());
-}
-
 }  // namespace bolo::tools::doctor::doctor_test

@@ -80,13 +80,6 @@ class Pages(unittest.TestCase):
             lint = subprocess.run(["mandoc", "-T", "lint", "-W", "warning", page], capture_output=True, text=True)
             self.assertEqual(lint.stdout + lint.stderr, "")
 
-    @unittest.skipUnless(shutil.which("man"), "man is not installed")
-    def test_man_warns_of_nothing(self):
-        for page in sorted(MANUAL.glob("man?/*.[158]")):
-            run = ["man", "--warnings", "--encoding=UTF-8", "--local-file", "-Tutf8", "--ditroff", page]
-            shown = subprocess.run(run, capture_output=True, text=True, env={**os.environ, "MANWIDTH": "80"})
-            self.assertEqual(shown.stderr, "", page)
-
 
 class Completion(unittest.TestCase):
     def test_offers_every_verb_and_option(self):

@@ -175,14 +175,6 @@ TEST(StatSample, TableShowsWhatIsNotPrintableAsQuestionMarks) {
   EXPECT_EQ(table.find_first_of("\x1b\r\a\x7f"), std::string::npos);
 }
 
-// Who cuts them knows how wide it is: pipes get all.
-TEST(StatSample, TableHasWholeLines) {
-  StatSnapshot snapshot = second_snapshot();
-  std::memset(snapshot.header.solver, 's', sizeof(snapshot.header.solver) - 1);
-  for (const auto& stage : pipeline::kStages) snapshot.status["stages"][std::string(stage.name)]["p50_ms"] = 123.456;
-  expect_parts(table_of(snapshot), {std::string(snapshot.header.solver) + "\n", "publish 123.456 ms (p50 of all)\n"});
-}
-
 StatSample sample(double p50_ms, double p99_ms, double lost_hz = 0.0) {
   StatSample s;
   s.interval_s = 0.5;
@@ -191,12 +183,6 @@ StatSample sample(double p50_ms, double p99_ms, double lost_hz = 0.0) {
   s.latency_p99_ms = p99_ms;
   s.lost_hz[1] = lost_hz;
   return s;
-}
-
-std::size_t letters(const std::string& line) {
-  std::size_t count = 0;
-  for (const char c : line) count += (static_cast<unsigned char>(c) & 0xC0U) != 0x80U;
-  return count;
 }
 
 StatHistory example() {
@@ -214,26 +200,6 @@ TEST(StatHistory, ShowsLatencyLossesAndTheirScale) {
   StatHistory silent(1.0);
   silent.add(sample(0.0, 0.0));
   EXPECT_EQ(history_lines(silent, {80, 4}, false).at(1), "  p99     ") << "a scale nevertheless";
-}
-
-TEST(StatHistory, KeepsWithinItsSpace) {
-  StatHistory history(1.0);
-  for (int i = 0; i < 300; ++i) history.add(sample(2.0 + i % 7, 5.0 + i % 40, i % 3));
-  EXPECT_EQ(letters(history_lines(history, {1000, 4}, false).back()), 9U + 60);
-  for (const int columns : {10, 40, 69, 200}) {
-    for (const int rows : {4, 7, 30}) {
-      const auto lines = history_lines(history, {columns, rows}, false);
-      EXPECT_FALSE(lines.empty());
-      EXPECT_LE(lines.size(), static_cast<std::size_t>(rows));
-      for (const std::string& line : lines) EXPECT_LE(letters(line), static_cast<std::size_t>(columns)) << line;
-    }
-  }
-  EXPECT_TRUE(history_lines(history, {9, 10}, false).empty());
-  EXPECT_TRUE(history_lines(history, {80, 3}, false).empty());
-  EXPECT_TRUE(history_lines(StatHistory(1.0), {80, 24}, false).empty());
-  StatHistory fast(0.1);
-  for (int i = 0; i < 1000; ++i) fast.add(sample(2.0, 3.0));
-  EXPECT_EQ(letters(history_lines(fast, {1000, 4}, false).back()), 9U + 600);
 }
 
 }  // namespace bolo::tools::stat_sample_test

@@ -45,31 +45,13 @@ class CommandHandlerTest : public testing::Test {
   gvcp::Status take_control(Peer peer, std::int64_t now_ns = 0, std::uint32_t bits = reg::kPrivilegeControl) {
     return send(command(gvcp::Command::kWriteRegister, {reg::kPrivilege, bits}), peer, now_ns);
   }
-  std::uint32_t word(std::size_t index) const { return load_u32(answer, gvcp::kHeaderBytes + index * 4); }
 
   RegisterMap registers{"<xml?>"};  // 6 bytes: not whole words
   Counters counters;
   int control_losses = 0;
-  std::vector<ResendRequest> resends;
-  CommandHandler handler{
-      registers, counters, {[this](const ResendRequest& r) { resends.push_back(r); }, [this] { ++control_losses; }}};
+  CommandHandler handler{registers, counters, {[](const ResendRequest&) {}, [this] { ++control_losses; }}};
   Packet answer;
 };
-
-TEST_F(CommandHandlerTest, AcknowledgeRepeatsTheIdAndNamesItsLength) {
-  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kWidth, reg::kHeight})), gvcp::Status::kSuccess);
-  ASSERT_EQ(answer.size(), 16U);
-  EXPECT_EQ(load_u16(answer, 2), 0x81);
-  EXPECT_EQ(load_u16(answer, 4), 8);
-  EXPECT_EQ(load_u16(answer, 6), 0x1234);
-  EXPECT_EQ(word(0), 640U);
-  EXPECT_EQ(word(1), 120U);
-}
-
-TEST_F(CommandHandlerTest, FailedReadEndsBeforeTheRegisterThatFailed) {
-  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kWidth, 0xfffffff0})), gvcp::Status::kInvalidAddress);
-  EXPECT_EQ(answer.size(), 12U);
-}
 
 TEST_F(CommandHandlerTest, ChecksAddressesAndCounts) {
   const auto expect = [&](gvcp::Status status, gvcp::Command code, const std::vector<std::uint32_t>& words) {
@@ -83,17 +65,12 @@ TEST_F(CommandHandlerTest, ChecksAddressesAndCounts) {
   expect(gvcp::Status::kInvalidParameter, gvcp::Command::kReadMemory, {0, 540});
   expect(gvcp::Status::kSuccess, gvcp::Command::kReadMemory, {0, 536});
   expect(gvcp::Status::kInvalidParameter, gvcp::Command::kReadMemory, {0});
+  expect(gvcp::Status::kSuccess, gvcp::Command::kReadMemory, {reg::kDescription, 8});
+  expect(gvcp::Status::kInvalidAddress, gvcp::Command::kReadMemory, {reg::kDescription, 12});
   take_control(kAlice);
   expect(gvcp::Status::kWriteProtect, gvcp::Command::kWriteRegister, {reg::kVersion, 1});
   expect(gvcp::Status::kWriteProtect, gvcp::Command::kWriteMemory, {reg::kDescription, 1});
   expect(gvcp::Status::kInvalidAddress, gvcp::Command::kWriteRegister, {0xfffffffc, 1});
-}
-
-TEST_F(CommandHandlerTest, ReadsTheDescriptionUpToItsPaddedEndAndNoFurther) {
-  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {reg::kDescription, 8})), gvcp::Status::kSuccess);
-  EXPECT_EQ(std::string(answer.begin() + 12, answer.end()), std::string("<xml?>\0\0", 8));
-  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {reg::kDescription, 12})), gvcp::Status::kInvalidAddress);
-  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {reg::kDescription + 8, 4})), gvcp::Status::kInvalidAddress);
 }
 
 TEST_F(CommandHandlerTest, WritesNeedControl) {
@@ -104,22 +81,6 @@ TEST_F(CommandHandlerTest, WritesNeedControl) {
   EXPECT_EQ(registers.get(reg::kWidth), 640U);
   EXPECT_EQ(send(write, kAlice), gvcp::Status::kSuccess);
   EXPECT_EQ(registers.get(reg::kWidth), 320U);
-}
-
-TEST_F(CommandHandlerTest, WriteStopsAtTheFirstRefusalAndSaysHowFarItCame) {
-  take_control(kAlice);
-  EXPECT_EQ(send(command(gvcp::Command::kWriteRegister, {reg::kWidth, 320, reg::kHeight, 500, reg::kWidth, 10})),
-            gvcp::Status::kInvalidParameter);
-  EXPECT_EQ(word(0) & 0xffffU, 1U);
-  EXPECT_EQ(registers.get(reg::kWidth), 320U);
-}
-
-TEST_F(CommandHandlerTest, WriteMemorySetsTheUserName) {
-  take_control(kAlice);
-  EXPECT_EQ(send(command(gvcp::Command::kWriteMemory, {reg::kUserName, 0x66726f6e, 0x74000000})),
-            gvcp::Status::kSuccess);
-  send(command(gvcp::Command::kReadMemory, {reg::kUserName, 16}));
-  EXPECT_STREQ(reinterpret_cast<const char*>(answer.data() + 12), "front");
 }
 
 TEST_F(CommandHandlerTest, OnlyOneClientControls) {
@@ -156,36 +117,10 @@ TEST_F(CommandHandlerTest, SilenceLosesControlAndAnyCommandKeepsIt) {
   EXPECT_EQ(take_control(kBob, 1902 * kMs), gvcp::Status::kSuccess);
 }
 
-TEST_F(CommandHandlerTest, HeartbeatCanBeSwitchedOff) {
-  registers.set(reg::kGvcpConfig, reg::kHeartbeatOff);
-  take_control(kAlice);
-  handler.check_heartbeat(100'000 * kMs);
-  EXPECT_TRUE(handler.controlled());
-}
-
-TEST_F(CommandHandlerTest, ResendIsObeyedAndNotAcknowledged) {
-  send(command(gvcp::Command::kPacketResend, {0x0000abcd, 0xff000003, 0x00000007}));
-  EXPECT_TRUE(answer.empty());
-  ASSERT_EQ(resends.size(), 1U);
-  EXPECT_EQ(resends[0].block_id, 0xabcd);
-  EXPECT_EQ(resends[0].first_packet, 3U);
-  EXPECT_EQ(resends[0].last_packet, 7U);
-  send(command(gvcp::Command::kPacketResend, {1, 7, 3}));
-  send(command(gvcp::Command::kPacketResend, {1, 7}));
-  EXPECT_EQ(resends.size(), 1U);
-}
-
 TEST_F(CommandHandlerTest, UnknownCommandIsNotImplemented) {
   EXPECT_EQ(send(command(0x0100, {1, 2})), gvcp::Status::kNotImplemented);
   EXPECT_EQ(load_u16(answer, 2), 0x0101);
   EXPECT_EQ(send(command(gvcp::Command::kForceIp, {})), gvcp::Status::kNotImplemented);
-}
-
-TEST_F(CommandHandlerTest, AnswersOnlyWhenAsked) {
-  take_control(kAlice);
-  send(command(gvcp::Command::kWriteRegister, {reg::kWidth, 12}, 0));
-  EXPECT_TRUE(answer.empty());
-  EXPECT_EQ(registers.get(reg::kWidth), 12U);
 }
 
 TEST_F(CommandHandlerTest, RefusesAnotherLengthThanThePacketsAndIgnoresWhatIsNoCommand) {
@@ -208,29 +143,6 @@ TEST_F(CommandHandlerTest, BroadcastsReachDiscoveryAlone) {
   EXPECT_TRUE(handler.handle_broadcast(Packet{gvcp::kKey}, kBob, 0).empty());
 }
 
-// Random packets, half of them with a plausible header, from a client in control: any answer will do, but the handler
-// stays well and its answers keep to the size of a GVCP packet.
-TEST_F(CommandHandlerTest, SurvivesRandomPackets) {
-  std::mt19937 random(1);
-  const std::array<std::uint16_t, 8> codes{0x02, 0x04, 0x40, 0x80, 0x82, 0x84, 0x86, 0x100};
-  take_control(kAlice);
-  for (int i = 0; i < 50'000; ++i) {
-    Packet packet(random() % 600);
-    for (auto& byte : packet) byte = static_cast<std::uint8_t>(random());
-    if (i % 2 == 0 && packet.size() >= 12) {
-      packet[0] = gvcp::kKey;
-      packet[1] = 1;
-      store_u16(packet, 2, codes[random() % codes.size()]);
-      store_u16(packet, 4, static_cast<std::uint16_t>(packet.size() - 8));
-      store_u32(packet, 8, static_cast<std::uint32_t>(random() % 0x12000));
-    }
-    send(packet);
-    ASSERT_LE(answer.size(), gvcp::kHeaderBytes + gvcp::kMaxDataBytes);
-  }
-  registers.set(reg::kPrivilege, 0);
-  EXPECT_EQ(send(command(gvcp::Command::kDiscovery, {})), gvcp::Status::kSuccess);
-}
-
 class FeaturesTest : public testing::Test {
  protected:
   gvcp::Status write(std::uint32_t address, std::uint32_t value) {
@@ -243,8 +155,6 @@ class FeaturesTest : public testing::Test {
   RegisterMap registers{""};
   Counters counters;
   bool streaming = false;
-  gvcp::Status start_answer = gvcp::Status::kSuccess;
-  int stops = 0;
   int windowings = 0;
   CameraFeatures features{
       registers,
@@ -252,7 +162,7 @@ class FeaturesTest : public testing::Test {
       {.geometry = {640, 480}},  // kelvin at 200 Hz
       {640, 480},
       200.0,
-      {[this] { return start_answer; }, [this] { ++stops; }, [this] { return streaming; }, [this] { ++windowings; }}};
+      {[] { return gvcp::Status::kSuccess; }, [] {}, [this] { return streaming; }, [this] { ++windowings; }}};
 };
 
 TEST_F(FeaturesTest, WindowingReadsTheMiddleRows) {
@@ -265,15 +175,6 @@ TEST_F(FeaturesTest, WindowingReadsTheMiddleRows) {
   EXPECT_EQ(features.region(), (Region{0, 180, 640, 120}));
   EXPECT_EQ(registers.get(reg::kPayloadSize), 153600U);
   EXPECT_EQ(write(reg::kIrWindowing, 3U), gvcp::Status::kInvalidParameter);
-}
-
-TEST_F(FeaturesTest, WindowStaysInTheMiddleUntilAnOffsetIsGiven) {
-  write(reg::kHeight, 120U);
-  write(reg::kWidth, 320U);
-  EXPECT_EQ(features.region(), (Region{160, 180, 320, 120}));
-  EXPECT_EQ(write(reg::kOffsetY, 7U), gvcp::Status::kSuccess);
-  write(reg::kHeight, 100U);
-  EXPECT_EQ(features.region(), (Region{160, 7, 320, 100}));
 }
 
 TEST_F(FeaturesTest, NoWindowReachesBeyondTheSensor) {
@@ -292,42 +193,6 @@ TEST_F(FeaturesTest, ImageIsLockedWhileItStreams) {
     EXPECT_EQ(write(address, 1U), gvcp::Status::kBusy);
   }
   EXPECT_EQ(write(reg::kObjectEmissivity, 0.5F), gvcp::Status::kSuccess);
-}
-
-TEST_F(FeaturesTest, RateIsTheCapturesOwnUntilAnotherIsWritten) {
-  EXPECT_EQ(features.rate_hz(), 0.0);
-  EXPECT_EQ(write(reg::kFrameRate, 50.0F), gvcp::Status::kSuccess);
-  EXPECT_EQ(features.rate_hz(), 50.0);
-  EXPECT_EQ(write(reg::kFrameRate, 200.0F), gvcp::Status::kSuccess);
-  EXPECT_EQ(features.rate_hz(), 0.0);
-  EXPECT_EQ(write(reg::kFrameRate, 0.0F), gvcp::Status::kInvalidParameter);
-  EXPECT_EQ(write(reg::kFrameRate, std::numeric_limits<float>::quiet_NaN()), gvcp::Status::kInvalidParameter);
-}
-
-TEST_F(FeaturesTest, CommandsActAndReadBackZero) {
-  EXPECT_EQ(write(reg::kNucAction, 1U), gvcp::Status::kSuccess);
-  EXPECT_EQ(write(reg::kNucAction, 1U), gvcp::Status::kSuccess);
-  EXPECT_EQ(registers.get(reg::kNucAction), 0U);
-  EXPECT_EQ(registers.get(reg::kNucCount), 2U);
-  EXPECT_EQ(counters.read().nuc_actions, 2U);
-  write(reg::kAcquisitionStop, 1U);
-  EXPECT_EQ(stops, 1);
-  start_answer = gvcp::Status::kWrongConfig;
-  EXPECT_EQ(write(reg::kAcquisitionStart, 1U), gvcp::Status::kWrongConfig);
-}
-
-TEST_F(FeaturesTest, QueryCaseShowsThatRangesLimits) {
-  write(reg::kQueryCase, 2U);
-  EXPECT_FLOAT_EQ(registers.get_float(reg::kQueryCaseLowLimit), 573.15F);
-  EXPECT_EQ(write(reg::kQueryCase, 3U), gvcp::Status::kInvalidParameter);
-  EXPECT_FLOAT_EQ(registers.get_float(reg::kQueryCaseLowLimit), 573.15F);
-}
-
-TEST_F(FeaturesTest, FormatFollowsTheCapturesUnit) {
-  EXPECT_EQ(features.ir_format(), IrFormat::kTemperatureLinear10mK);
-  EXPECT_EQ(write(reg::kIrFormat, 1U), gvcp::Status::kSuccess);
-  EXPECT_EQ(features.ir_format(), IrFormat::kTemperatureLinear100mK);
-  EXPECT_EQ(write(reg::kIrFormat, 3U), gvcp::Status::kInvalidParameter);
 }
 
 }  // namespace bolo::fakecam::command_handler_test

@@ -73,26 +73,6 @@ TEST(Radiometry, TakesOutWhatIsReflectedAndAdded) {
   EXPECT_NEAR(kelvin_of(count_of(seen), kPlanck, object), 330.0, 1e-9);
 }
 
-TEST(Radiometry, TheTableIsInStepsOf10mK) {
-  const auto table = kelvin_table(kPlanck, {});
-  ASSERT_EQ(table.size(), 65536U);
-  const auto count = static_cast<std::size_t>(std::lround(count_of(radiance(300.0))));
-  EXPECT_NEAR(table[count], 30000.0, 5.0) << "a count is some 6 mK there";
-  for (std::size_t i = 1; i < table.size(); ++i) ASSERT_GE(table[i], table[i - 1]);
-  EXPECT_EQ(table[0], 0U);
-}
-
-TEST(GateTest, IsShutUntilOpened) {
-  Gate gate;
-  EXPECT_FALSE(gate.enter());
-  gate.open();
-  EXPECT_TRUE(gate.enter());
-  gate.leave();
-  gate.shut();
-  gate.shut();
-  EXPECT_FALSE(gate.enter());
-}
-
 // The guarded object is destroyed right after shut(); the sanitizers see any later use of it.
 TEST(GateTest, NobodyIsInsideAfterShut) {
   for (int round = 0; round < 100; ++round) {
@@ -157,21 +137,6 @@ TEST_F(DeadProgram, IsNotOneThatLivesOrOnAnotherComputerOrNotInControl) {
   EXPECT_FALSE(free_from_dead_program(address_, "127.0.0.2")) << "another computer's";
   EXPECT_NE(privilege(), 0U);
 }
-
-TEST(NetworkTest, KnowsAnIpv4AddressFromADeviceId) {
-  EXPECT_TRUE(is_ipv4("192.168.0.7"));
-  for (const char* none : {"", "FLIR-12345", "192.168.0", "192.168.0.256"}) EXPECT_FALSE(is_ipv4(none)) << none;
-}
-
-TEST(NetworkTest, FindsTheLoopback) {
-  const auto route = must(route_to("127.0.0.1"));
-  EXPECT_EQ(route->local_address, "127.0.0.1");
-  EXPECT_TRUE(route->loopback);
-  EXPECT_EQ(route->interface.substr(0, 2), "lo");
-  EXPECT_GT(route->mtu, 1500);
-}
-
-TEST(NetworkTest, NothingAnswersWhereNoCameraListens) { EXPECT_FALSE(answers_gvcp("127.93.81.7")); }
 
 UniqueFd socket_at(const char* ipv4, sockaddr_in& address) {
   UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));

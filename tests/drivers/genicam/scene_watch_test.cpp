@@ -39,13 +39,6 @@ TEST(SceneWatch, TellsSinceWhenNothingMoves) {
   EXPECT_EQ(scene.watch.still_since_ns(), 0) << "another connection has shown nothing yet";
 }
 
-TEST(SceneWatch, LooksAtNoMotionUnlessAsked) {
-  SceneWatch watch(kFormat, 0.0);
-  const std::vector<std::uint16_t> plane(kFormat.geometry.pixels(), 1);
-  for (int i = 0; i < 200; ++i) watch.update(plane.data(), i * kPeriodNs);
-  EXPECT_EQ(watch.still_since_ns(), 0);
-}
-
 TEST(SceneWatch, TheMedianIsOfOneEarlyFrame) {
   Scene scene;
   EXPECT_EQ(scene.watch.median(), -1);
@@ -65,20 +58,6 @@ TEST(Implausible, NamesTheSettingThatMakesSense) {
 }
 
 NucOptions policy(NucPolicy which) { return {.policy = which, .interval_s = 100.0, .still_s = 2.0}; }
-
-TEST(NucSchedule, IsNeverDueWhenOthersDecide) {
-  for (const NucPolicy which : {NucPolicy::kCamera, NucPolicy::kManual}) {
-    EXPECT_FALSE(NucSchedule(policy(which)).due(1000 * kSecondNs, kSecondNs));
-  }
-}
-
-TEST(NucSchedule, TimedIsDueAtOnceAndThenAtTheInterval) {
-  NucSchedule schedule(policy(NucPolicy::kTimed));
-  EXPECT_TRUE(schedule.due(kSecondNs, 0));
-  schedule.done(kSecondNs);
-  EXPECT_FALSE(schedule.due(100 * kSecondNs, 0));
-  EXPECT_TRUE(schedule.due(101 * kSecondNs, 0));
-}
 
 TEST(NucSchedule, StillWaitsForTheSceneAndTheInterval) {
   NucSchedule schedule(policy(NucPolicy::kStill));

@@ -43,16 +43,6 @@ TEST_F(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
   EXPECT_GE(result.at("machine").at("processors").get<int>(), 1);
 }
 
-TEST_F(BenchVerb, OptionsChooseTheMainFigures) {
-  const Outcome outcome = run(words("deblur --json --seconds 0.1 --solver inverse --isa SSE4 --threads 2"));
-  if (outcome.exit_code == 2 && outcome.err.find("--isa SSE4") != std::string::npos) GTEST_SKIP() << outcome.err;
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const nlohmann::json result = nlohmann::json::parse(outcome.out);
-  EXPECT_EQ(result.at("solver"), "inverse");
-  EXPECT_EQ(result.at("isa"), "SSE4");
-  EXPECT_EQ(result.at("threads"), 2);
-}
-
 TEST_F(BenchVerb, WrongOptionsAreOneLineAndExitCode2) {
   refused_each("", "", "kettle", "deblur --solver magic", "deblur --isa MMX", "deblur --threads 0",
                "deblur --lambda -1", "deblur --seconds 0");

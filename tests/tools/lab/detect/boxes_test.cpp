@@ -5,15 +5,6 @@
 
 namespace bolo::tools::detect::boxes_test {
 
-TEST(Boxes, OverlapAsByHand) {
-  EXPECT_DOUBLE_EQ(iou({0, 0, 10, 10}, {5, 0, 10, 10}), 50.0 / 150.0);
-  EXPECT_DOUBLE_EQ(iou({0, 0, 10, 10}, {10, 0, 10, 10}), 0.0);
-  EXPECT_DOUBLE_EQ(iou({0, 0, 0, 10}, {0, 0, 0, 10}), 0.0);
-  EXPECT_DOUBLE_EQ(share_within({0, 0, 10, 10}, {5, 0, 100, 100}), 0.5);
-  EXPECT_EQ(clipped({-5, 470, 20, 20}, 640, 480), (Box{0, 470, 15, 10}));
-  EXPECT_DOUBLE_EQ(area(clipped({700, 0, 20, 20}, 640, 480)), 0.0);
-}
-
 class Labels : public ::testing::Test {
  protected:
   std::filesystem::path file(const std::string& text) const {
@@ -23,15 +14,6 @@ class Labels : public ::testing::Test {
   const Scratch scratch_;
   const std::vector<JudgedClass> classes_{{"person", 1}, {"car", 3}};
 };
-
-TEST_F(Labels, AreSharesOfThePicture) {
-  const auto text = file("3 0.5 0.25 0.1 0.5\n\n17 0.5 0.5 0.1 0.1\n1 0.05 0.9 0.1 0.2\r\n");
-  const auto truth = must(read_labels(text, {640, 480}, classes_));
-  ASSERT_EQ(truth->size(), 2U);
-  EXPECT_EQ((*truth)[0].label, 1);
-  EXPECT_NEAR(iou((*truth)[0].box, {288, 0, 64, 240}), 1.0, 1e-9);
-  EXPECT_EQ((*truth)[1].label, 0);
-}
 
 TEST_F(Labels, RefuseWhatIsWrongWithFileAndLine) {
   for (const char* wrong : {"1 0.5 0.5 0.1\n", "1 0.5 0.5 0.1 0.1 0.1\n", "1 0.5 0.5 0.1 1.5\n", "1 0.5 nan 0.1 0.1\n",
@@ -67,18 +49,6 @@ TEST(ViewTruth, WhatLiesBeyondTheStillIsACrowdOfEveryClass) {
   EXPECT_EQ(seen[0].box, (Box{0, 0, 10, 240}));
   EXPECT_EQ(seen[2].box, (Box{0, 212, 320, 28}));
   EXPECT_EQ(seen[3].label, 1);
-}
-
-TEST(Bootstrap, DrawsAsManyScenesAsThereAreAllAlikeOften) {
-  std::vector<int> often(5, 0);
-  for (std::uint64_t draw = 0; draw < 2000; ++draw) {
-    const std::vector<int> times = drawn_scenes(5, 7, draw);
-    EXPECT_EQ(std::accumulate(times.begin(), times.end(), 0), 5);
-    for (std::size_t i = 0; i < often.size(); ++i) often[i] += times[i];
-  }
-  for (const int times : often) EXPECT_NEAR(times, 2000, 200);  // 5 standard deviations of 40
-  EXPECT_EQ(drawn_scenes(5, 7, 3), drawn_scenes(5, 7, 3));
-  EXPECT_NE(drawn_scenes(50, 7, 3), drawn_scenes(50, 8, 3));
 }
 
 TEST(Bootstrap, TheIntervalIsTheMiddleOfTheNumbers) {

@@ -70,21 +70,6 @@ TEST_F(Views, TheMovedLabelIsWhereTheObjectIsSeen) {
   }
 }
 
-TEST_F(Views, ArePlannedAllOverTheTrajectoryAndFromTheSeedAlone) {
-  const auto still = read_still(file_, classes_);
-  const std::vector<Still> stills{*still, *still};
-  const auto views = must(plan_views(stills, {trajectory_}, {kPicture, 40, 3}));
-  ASSERT_EQ(views->size(), 80U);
-  for (const View& view : *views) {
-    EXPECT_NEAR(view.origin.x_px, 32.0, kJitter.width);
-    EXPECT_NEAR(view.origin.y_px, 24.0, kJitter.height);
-  }
-  EXPECT_LT(std::ranges::min(*views, {}, &View::start_s).start_s, 0.4);
-  EXPECT_GT(std::ranges::max(*views, {}, &View::start_s).start_s, 1.5);
-  EXPECT_EQ((*plan_views(stills, {trajectory_}, {kPicture, 40, 3}))[7].start_s, (*views)[7].start_s);
-  EXPECT_NE((*plan_views(stills, {trajectory_}, {kPicture, 40, 4}))[7].start_s, (*views)[7].start_s);
-}
-
 TEST_F(Views, ShowEveryColumnAndDeblurringBringsTheEdgeBack) {
   const auto still = read_still(file_, classes_);
   const auto clean = must(simulate(*still, trajectory_, {0, 0, 0.5, {21.25, 19.5}}, kPicture));
@@ -110,61 +95,6 @@ TEST_F(Views, RefuseWhatIsTooShortOrMissing) {
   EXPECT_FALSE(read_still(scratch_ / "none.png", classes_));
   std::ofstream(scratch_ / "still.txt") << "1 2 3\n";
   EXPECT_FALSE(read_still(file_, classes_));
-}
-
-// Two stills, one of them labelled, looked at twice by two detectors; in the blurred column everything is missed but in
-// the second look, in the others found.
-Found found_boxes(const Options& options) {
-  Found found;
-  found.stills = {{"a.png", {64, 48}, true, {}}, {"b.png", {64, 48}, false, {}}};
-  found.knows = {{true, true}, {true, false}};
-  for (std::size_t i = 0; i < 4; ++i) {
-    Observation& observation = found.observations.emplace_back();
-    observation.view.still = i % 2;
-    observation.speed_px_s = 100.0 * static_cast<double>(i + 1);
-    if (i % 2 == 0) observation.labels = {{0, {4, 4, 20, 20}}, {1, {30, 4, 20, 20}}};
-    const std::vector<Detection> sure{{0, 0.9, {4, 4, 20, 20}}, {1, 0.8, {30, 4, 20, 20}}};
-    observation.found.assign(options.detectors.size(), {columns().size(), sure});
-    observation.found[1].assign(columns().size(), {sure.front()});
-    if (i < 2) {
-      for (auto& of_detector : observation.found) of_detector[kBlurredColumn].clear();
-    }
-  }
-  return found;
-}
-
-TEST(DetectTable, HasEachDetectorAndTheirMeanOfLabelsAndOfOwnBoxes) {
-  Options options;
-  options.picture = {64, 48};
-  options.classes = {{"person", 1}, {"car", 3}};
-  options.trajectories = {"hand.csv"};
-  options.detectors.resize(2);
-  options.detectors[0].name = "first";
-  options.detectors[1].name = "second";
-  options.resamples = 20;
-  const Found found = found_boxes(options);
-  const Json table = table_of(found, options);
-  const Json& rows = table.at("rows");
-  ASSERT_EQ(rows.size(), 6U);  // of labels and of own boxes: each detector, and their mean
-  EXPECT_EQ(table.at("motions")[0].at("speed_px_s").at("p50"), 200.0);
-  for (const Json& row : rows) {
-    SCOPED_TRACE(row.dump());
-    EXPECT_EQ(row.at("looks"), 2);
-    EXPECT_EQ(row.at("stills"), 1);
-    const auto figure = [&](const char* column, const char* key) {
-      return row.at("columns").at(column).at(key).get<double>();
-    };
-    EXPECT_NEAR(figure("sharp", "ap"), 100.0, 1e-9);
-    // One of two pictures: the recalls 0 to 0.5 of 101.
-    EXPECT_NEAR(figure("blurred", "ap"), 100.0 * 51.0 / 101.0, 1e-9);
-    EXPECT_NEAR(figure("auto", "delta_ap"), 100.0 * 50.0 / 101.0, 1e-9);
-    EXPECT_NEAR(figure("auto", "recovered"), 1.0, 1e-9);
-  }
-  EXPECT_EQ(rows[0].at("objects"), 4.0);
-  EXPECT_EQ(rows[1].at("objects"), 2.0);  // it does not know cars
-  EXPECT_TRUE(rows[2].at("detector").is_null());
-  EXPECT_EQ(rows[0].at("truth"), "labels");
-  EXPECT_EQ(rows[3].at("truth"), "own_boxes");
 }
 
 }  // namespace bolo::tools::detect::views_test

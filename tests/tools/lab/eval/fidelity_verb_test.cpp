@@ -40,10 +40,6 @@ TEST_F(FidelityVerb, DoesNotDependOnThreads) {
   EXPECT_NE(one, printed_small("--json --lookaheads 1 --seed 2"));
 }
 
-TEST_F(FidelityVerb, TextHasTheTable) {
-  expect_parts(printed_small("--lookaheads 1"), {"cells\n", "rmse_k", "spatial_wiener_10"});
-}
-
 TEST_F(FidelityVerb, FollowsATrajectoryOverAPictureAndDraws) {
   std::string csv = "t_s,x_px,y_px\n";
   for (int i = 0; i <= 100; ++i) {

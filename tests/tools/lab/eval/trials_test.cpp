@@ -25,34 +25,6 @@ TEST(ReportText, ShowsListsAsTablesAndWhatIsTooWideLineByLine) {
                 "    l  1\n");
 }
 
-TEST(PulseTrials, AllKindsComeOutWithinAPerCent) {
-  const std::atomic<bool> stop{false};
-  for (PulseTrial trial : pulse_trials()) {
-    trial.width = 32;
-    trial.height = 24;
-    const auto score = must(score_pulses(trial, 2, stop));
-    const auto figure = [&](const char* key) { return score->at(key).get<double>(); };
-    EXPECT_EQ(score->at("failed"), 0) << trial.name;
-    EXPECT_LT(figure("worst_error"), 0.01) << trial.name;
-    EXPECT_NEAR(figure("gap"), 1.0, 0.02) << trial.name;
-    EXPECT_NEAR(figure("sweep_s"), trial.sweep_s, trial.noise_k > 0.1 ? 1e-4 : 2e-5) << trial.name;
-    EXPECT_NEAR(figure("tau_spread"), trial.tau_spread, 0.005) << trial.name;
-  }
-}
-
-TEST(PixelTrial, SamplesFollowTheInputExactly) {
-  const PixelTrial trial;
-  const auto samples = sample_pixel(trial);
-  ASSERT_EQ(samples.size(), 17U);
-  EXPECT_EQ(samples[0], 300.0);
-  EXPECT_EQ(samples[2], 300.0);  // 10 ms: before the first jump at 13.5
-  EXPECT_NEAR(samples[3], 300.0 + 15.0 * (1.0 - std::exp(-0.0015 / 0.011)), 1e-9);
-  const auto truth = truth_of(trial);
-  ASSERT_EQ(truth.size(), 128U);
-  EXPECT_EQ(truth.front(), 300.0);
-  EXPECT_EQ(truth[32], 315.0);  // 20 ms
-}
-
 // With next to no prior, both explain the samples of an input that is constant in each frame, and find it.
 TEST(PixelTrial, BothFindAnInputThatJumpsAtFramesOnly) {
   const PixelTrial trial{.levels = 4, .lambda = 1e-7, .switch_s = {0.010, 0.030, 0.045, 0.060}};

@@ -17,12 +17,6 @@ TEST_F(FaultPrograms, FakecamListsEveryFault) {
   EXPECT_TRUE(names.contains("resend_unanswered"));
 }
 
-TEST_F(FaultPrograms, FakecamRefusesAFaultThatIsNone) {
-  refused({"no.h5", "--fault", "loss:rate=0.1", "--fault", "rebot"},
-          "bolo fakecam: --fault: there is no fault 'rebot'; did you mean 'reboot'? (bolo fakecam --list-faults shows "
-          "all)\n");
-}
-
 TEST_F(FaultPrograms, TheDaemonCountsWhatTheFakeCameraSaysItTook) {
   write_capture(folder_ / "in.h5", 90);  // below kLostId: nothing is missing
   const std::string address = own_address();

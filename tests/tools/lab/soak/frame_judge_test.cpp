@@ -79,18 +79,6 @@ class SoakFrameJudge : public testing::Test {
   std::int64_t publish_ns_ = 1;
 };
 
-TEST_F(SoakFrameJudge, FindsNothingWrongWithRightFramesOfAnyLife) {
-  for (std::size_t i = 0; i < 3 * kFrames; ++i) EXPECT_EQ(show(), Grade::kClean);
-  EXPECT_TRUE(findings_.all_hold());
-  EXPECT_EQ(findings_.tally(Invariant::kRaw).checks, 3 * kFrames);
-  judge_.begin_life();
-  number_ = 0;
-  id_ = 1;
-  camera_ns_ = 5;
-  show({.flags = BOLO_FLAG_WARM_UP});
-  EXPECT_TRUE(findings_.all_hold());
-}
-
 TEST_F(SoakFrameJudge, SeesASingleWrongPixelOfARawPlane) {
   settle();
   for (const std::size_t pixel : {std::size_t{0}, kGeometry.pixels() / 2, kGeometry.pixels() - 1}) {
@@ -117,12 +105,6 @@ TEST_F(SoakFrameJudge, ExcusesAWindowAfterWhatCannotBeTold) {
   spoil_ = [&] { deblurred_[7] += 1; };
   for (int i = 0; i < kWindow; ++i) EXPECT_EQ(show(), Grade::kSettling);
   EXPECT_EQ(show(), Grade::kWrong);
-}
-
-TEST_F(SoakFrameJudge, BelievesNoOffsetThatNobodyAskedFor) {
-  settle();
-  EXPECT_EQ(show({.offset = 50}), Grade::kWrong);
-  EXPECT_EQ(broken(Invariant::kRaw), 1U);
 }
 
 TEST_F(SoakFrameJudge, FollowsAShuttersOffset) {

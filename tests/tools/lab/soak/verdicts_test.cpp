@@ -1,7 +1,6 @@
 // Verdicts on the seconds of a soak: growth, latency, overload.
 #include "tools/lab/soak/verdicts.hpp"
-#include "tests/scratch.hpp"
-#include "tools/cli/process.hpp"
+#include "tests/test.hpp"
 
 namespace bolo::tools::soak::verdicts_test {
 
@@ -44,18 +43,6 @@ TEST(SoakVerdicts, FindWhatGrows) {
             2U);
 }
 
-TEST(SoakVerdicts, AnotherDaemonIsAnotherLife) {
-  SoakResult result = ten_minutes();
-  for (std::size_t i = 300; i < 600; ++i) {
-    result.timeline[i].life = 1;
-    result.timeline[i].daemon->rss_mib += 50.0;
-  }
-  Findings findings;
-  judge_growth(result, findings);
-  EXPECT_TRUE(findings.all_hold());
-  EXPECT_EQ(result.lives.size(), 2U);
-}
-
 TEST(SoakVerdicts, LatencyIsJudgedWhereNothingElseRuns) {
   SoakResult result = ten_minutes();
   std::vector<double> quiet_ms(1000, 3.0);
@@ -86,39 +73,6 @@ TEST(SoakVerdicts, FramesAreNotLostBeforeLessIsSpentOnThem) {
   }
 }
 
-TEST(SoakVerdicts, OthersCountFromTheFirstFullSecond) {
-  std::vector<Second> timeline(3);
-  for (std::size_t i = 0; i < timeline.size(); ++i) timeline[i].at_s = static_cast<double>(i + 1);
-  timeline[0].others = 0.9;
-  timeline[2].others = 0.2;
-  EXPECT_EQ(others_since(timeline, 0.0), 0.9);
-  EXPECT_EQ(others_since(timeline, 0.5), 0.2);
-  EXPECT_EQ(others_since(timeline, 2.5), 0.0);
-}
-
-// --- What is watched beside the frames: growth, the log, processes, findings.
-
-std::vector<Reading> readings(double seconds, double (*value)(double)) {
-  std::vector<Reading> all;
-  for (double t = 0.0; t < seconds; t += 1.0) all.push_back({t, value(t)});
-  return all;
-}
-
-bool grows_by_one(const std::vector<Reading>& all, double settle_s) {
-  return grows(growth_of(all, settle_s), all.back().at_s - settle_s, 1.0);
-}
-
-TEST(SoakGrowth, IsFoundWhereItIsSteady) {
-  EXPECT_TRUE(grows_by_one(readings(600, [](double t) { return 100.0 + t * 0.003; }), 60));  // 1.6 MiB
-  for (const auto& other : {+[](double t) { return t < 50 ? 20.0 + t : 70.0; },              // before it settles
-                            +[](double t) { return t == 599.0 ? 500.0 : 100.0; },
-                            +[](double t) { return 100.0 + static_cast<int>(t) % 7 * 0.5; }}) {
-    EXPECT_FALSE(grows_by_one(readings(600, other), 60));
-  }
-  EXPECT_FALSE(growth_of(readings(70, [](double t) { return t; }), 60).judged) << "of too short a life";
-  EXPECT_FALSE(growth_of({}, 60).judged);
-}
-
 TEST(SoakLog, TellsLinesApart) {
   const auto line = [](const std::string& rest) { return classify("2026-11-22 10:00:00.123 " + rest); };
   EXPECT_EQ(line("info: frames arrive"), LogLine::kFine);
@@ -129,38 +83,6 @@ TEST(SoakLog, TellsLinesApart) {
   for (const char* foreign : {"bolod: no camera answers", "Segmentation fault", ""}) {
     EXPECT_EQ(classify(foreign), LogLine::kWrong);
   }
-}
-
-TEST(SoakProcess, TellsHowItEnded) {
-  const Scratch folder;
-  const auto started = [&](const std::string& line, const std::string& log, std::uint64_t most_bytes = 0) {
-    auto process = Process::start({{"/bin/sh", "-c", line}, folder / log, most_bytes});
-    EXPECT_TRUE(process.has_value());
-    return process;
-  };
-  EXPECT_EQ(started("echo one; echo two >&2; exit 3", "well")->wait(20.0), 3);
-  LineTail lines((folder / "well").string() + ".out");
-  EXPECT_EQ(lines.take(), std::vector<std::string>{"one"});
-  EXPECT_TRUE(lines.take().empty());
-  auto killed = started("exec sleep 100", "killed");
-  EXPECT_FALSE(killed->ended().has_value());
-  EXPECT_TRUE(usage_of(killed->pid()).has_value());
-  killed->signal(SIGKILL);
-  EXPECT_EQ(killed->wait(20.0), 128 + SIGKILL);
-  EXPECT_FALSE(usage_of(killed->pid()).has_value());
-  const std::string file = folder / "file";
-  EXPECT_NE(started("head -c 100000 /dev/zero > " + file, "full", 65'536)->wait(20.0), 0);
-  EXPECT_EQ(std::filesystem::file_size(file), 65'536U);
-}
-
-TEST(SoakProcess, ALineIsTakenWhenItIsWhole) {
-  const Scratch folder;
-  LineTail lines(folder / "log");
-  std::ofstream out(folder / "log");
-  out << "first\nsec" << std::flush;
-  EXPECT_EQ(lines.take(), std::vector<std::string>{"first"});
-  out << "ond\n" << std::flush;
-  EXPECT_EQ(lines.take(), std::vector<std::string>{"second"});
 }
 
 }  // namespace bolo::tools::soak::verdicts_test
