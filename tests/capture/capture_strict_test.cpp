@@ -175,6 +175,7 @@ const std::vector<Corruption>& corruptions() {
       {"format_missing", without("format"), {"'format' is missing", "bolo-capture"}},
       {"format_other", with_text("format", "other"), {"'format' is 'other'", "bolo-capture"}},
       {"format_number", with("format", 1), {"'format'", "float64", "string"}},
+      {"version_missing", without("version"), {"'version' is missing", "1"}},
       {"version_2", with("version", 2), {"'version' is 2", "version 1"}},
       {"unit_missing", without("unit"), {"'unit' is missing", "kelvin"}},
       {"unit_unknown", with_text("unit", "celsius"), {"'celsius'", "'kelvin' or 'count'"}},
@@ -182,18 +183,30 @@ const std::vector<Corruption>& corruptions() {
       {"scale_0", with("scale", 0), {"'scale' is 0"}},
       {"scale_of_no_camera", with("scale", 1e308), {"'scale' is 1e+308", "up to 1e+09"}},
       {"scale_next_to_0", with("scale", -5e-324), {"'scale' is -4.9", "other than 0"}},
+      {"offset_of_no_camera", with("offset", -1e308), {"'offset' is -1e+308", "up to 1e+09"}},
+      {"scale_nan", with("scale", kNan), {"'scale'", "finite"}},
+      {"scale_text", with_text("scale", "0.01"), {"'scale'", "string", "number"}},
+      {"offset_missing", without("offset"), {"'offset' is missing"}},
       {"offset_infinite", with("offset", kInfinity), {"'offset'", "finite"}},
+      {"period_missing", without("frame_period_s"), {"'frame_period_s' is missing"}},
       {"period_0", with("frame_period_s", 0), {"'frame_period_s' is 0", "1e-06 to 1000000"}},
       {"period_of_no_camera", with("frame_period_s", 5e-324), {"'frame_period_s' is 4.9", "1e-06 to 1000000"}},
+      {"period_of_weeks", with("frame_period_s", 1e7), {"'frame_period_s' is 1", "1e-06 to 1000000"}},
+      {"period_negative", with("frame_period_s", -0.005), {"'frame_period_s' is -0.005"}},
+      {"period_nan", with("frame_period_s", kNan), {"'frame_period_s'", "finite"}},
       {"period_two_values", two_values, {"'frame_period_s'", "one value"}},
       {"row_step_0", with("row_step", 0), {"'row_step' is 0"}},
+      {"row_step_half", with("row_step", 1.5), {"'row_step' is 1.5", "whole"}},
       {"model_number", with("camera_model", 1), {"'camera_model'", "string"}},
+      {"serial_number", with("camera_serial", 1), {"'camera_serial'", "string"}},
 
       {"frames_missing", without_item("/frames"), {"/frames is missing"}},
       {"frames_group", both(without_item("/frames"), [](hid_t f) { add_group(f, "/frames"); }), {"/frames", "dataset"}},
       {"frames_flat", with_dataset("/frames", H5T_NATIVE_UINT16, {3, 21}), {"/frames", "(3, 21)", "three dimensions"}},
       {"frames_int16", with_dataset("/frames", H5T_NATIVE_INT16, {3, 3, 7}), {"/frames", "int16", "uint16 or float32"}},
+      {"frames_double", with_dataset("/frames", H5T_NATIVE_DOUBLE, {3, 3, 7}), {"/frames", "float64"}},
       {"frames_none", with_dataset("/frames", H5T_NATIVE_UINT16, {0, 3, 7}), {"/frames is empty", "(0, 3, 7)"}},
+      {"frames_no_width", with_dataset("/frames", H5T_NATIVE_UINT16, {3, 3, 0}), {"/frames is empty", "(3, 3, 0)"}},
       {"frames_forged", forged_frames, {"/frames", "1099511627776", "cut off"}},
       {"frames_of_any_file", frames_of_any_file, {"/frames", "in other files"}},
       {"frames_of_themselves", frames_of_themselves, {"/frames", "in other files"}},
@@ -205,10 +218,13 @@ const std::vector<Corruption>& corruptions() {
        {"camera_model", "65000 bytes"}},
 
       {"t_missing", without_item("/t"), {"/t is missing"}},
+      {"t_cube", with_dataset("/t", H5T_NATIVE_DOUBLE, {1, 3, 1}), {"/t", "(1, 3, 1)"}},
       {"t_short", with_doubles("/t", {0, 1}), {"/t has 2 values", "3 frames"}},
       {"t_nan", with_doubles("/t", {0, 1, kNan}), {"/t: value 2", "finite"}},
       {"t_equal", with_doubles("/t", {0, 0.005, 0.005}), {"/t: value 2 (0.005)", "rise"}},
+      {"t_falling", with_doubles("/t", {0, -0.005, 0.005}), {"/t: value 1 (-0.005)", "rise"}},
       {"t_steps_of_no_camera", with_doubles("/t", {0, 5e-324, 1e-323}), {"/t rises by 4.9", "1e-06 to 1000000 s"}},
+      {"t_steps_of_weeks", with_doubles("/t", {0, 1e8, 2e8}), {"/t rises by 1", "1e-06 to 1000000 s"}},
       {"t_beyond_nanoseconds", with_doubles("/t", {0, 1, 1e300}), {"/t: value 2", "expected seconds"}},
       {"t_forged", forged_times, {"/t", "cut off"}},
       {"t_without_end", times_without_end, {"/t", "268435456", "more than any recording"}},
@@ -218,9 +234,13 @@ const std::vector<Corruption>& corruptions() {
 
       {"truth_empty", without_item("/truth/frames"), {"/truth/frames is missing"}},
       {"truth_shape", with_dataset("/truth/frames", H5T_NATIVE_FLOAT, {3, 7, 3}), {"/truth/frames", "3x7", "7x3"}},
+      {"truth_short", with_dataset("/truth/frames", H5T_NATIVE_FLOAT, {2, 3, 7}), {"/truth/frames has 2", "3 frames"}},
       {"motion_shape", with_dataset("/motion", H5T_NATIVE_FLOAT, {3, 1, 2, 3}), {"/motion", "1x1 blocks"}},
       {"motion_flat", with_dataset("/motion", H5T_NATIVE_FLOAT, {3, 1, 3}), {"/motion has the shape", "3)"}},
+      {"motion_values", with_dataset("/motion", H5T_NATIVE_FLOAT, {3, 1, 1, 2}), {"/motion has the shape", "3)"}},
       {"motion_short", with_dataset("/motion", H5T_NATIVE_FLOAT, {2, 1, 1, 3}), {"/motion has 2", "3 frames"}},
+      {"motion_double", with_dataset("/motion", H5T_NATIVE_DOUBLE, {3, 1, 1, 3}), {"/motion", "float64"}},
+      {"truth_double", with_dataset("/truth/frames", H5T_NATIVE_DOUBLE, {3, 3, 7}), {"/truth/frames", "float64"}},
 
       {"events_numbers", with_doubles("/events", {1.0}), {"/events", "float64", "compound"}},
       {"events_no_kind", events_without_kind, {"/events", "'kind'"}},
@@ -231,16 +251,27 @@ const std::vector<Corruption>& corruptions() {
       {"stimulus_no_kind", [](hid_t f) { add_group(f, "/stimulus"); }, {"/stimulus attribute 'kind' is missing"}},
       {"stimulus_other", of_kind("laser"), {"/stimulus", "'laser'", "uniform, chopper, bar_target or scene"}},
       {"uniform_no_field", of_kind("uniform"), {"/stimulus attribute 'temperature_k' is missing"}},
+      {"chopper_no_cold", both(chopper, without_field("cold_k")), {"'cold_k' is missing"}},
       {"chopper_celsius", both(chopper, with_field("cold_k", -5)), {"'cold_k' is -5", "kelvin"}},
       {"chopper_no_on", both(chopper, without_item("/stimulus/on_s")), {"/stimulus/on_s is missing"}},
+      {"chopper_no_off", both(chopper, without_item("/stimulus/off_s")), {"/stimulus/off_s is missing"}},
+      {"chopper_no_level", both(chopper, without_item("/stimulus/level_k")), {"/stimulus/level_k is missing"}},
       {"chopper_short", both(chopper, with_doubles("/stimulus/level_k", {300})), {"level_k has 1", "on_s has 2"}},
+      {"chopper_nan", both(chopper, with_doubles("/stimulus/level_k", {300, kNan})), {"level_k: value 1", "finite"}},
       {"chopper_back", both(chopper, with_doubles("/stimulus/off_s", {0.2, 0.3})), {"off_s: value 1", "after"}},
       {"bars_no_hot", both(bars, without_field("hot_k")), {"'hot_k' is missing"}},
+      {"bars_no_cold", both(bars, without_field("cold_k")), {"'cold_k' is missing"}},
+      {"bars_no_period", both(bars, without_field("period_px")), {"'period_px' is missing"}},
+      {"bars_no_width", both(bars, without_field("bar_width_px")), {"'bar_width_px' is missing"}},
+      {"bars_no_slant", both(bars, without_field("slant_px_per_row")), {"'slant_px_per_row' is missing"}},
+      {"bars_no_velocity", both(bars, without_field("velocity_px_s")), {"'velocity_px_s' is missing"}},
       {"bars_period_0", both(bars, with_field("period_px", 0)), {"'period_px' is 0"}},
       {"bars_wide", both(bars, with_field("bar_width_px", 21)), {"'bar_width_px' is 21", "period_px (20)"}},
       {"scene_no_image", both(scene, without_item("/stimulus/image_k")), {"/stimulus/image_k is missing"}},
       {"scene_flat", both(scene, with_doubles("/stimulus/image_k", {1})), {"image_k", "(1)", "(height, width)"}},
       {"scene_no_t", both(scene, without_item("/stimulus/t_s")), {"/stimulus/t_s is missing"}},
+      {"scene_no_x", both(scene, without_item("/stimulus/x_px")), {"/stimulus/x_px is missing"}},
+      {"scene_no_y", both(scene, without_item("/stimulus/y_px")), {"/stimulus/y_px is missing"}},
       {"scene_short_y", both(scene, with_doubles("/stimulus/y_px", {1})), {"y_px has 1", "t_s has 2"}},
       {"scene_still_time", both(scene, with_doubles("/stimulus/t_s", {1, 1})), {"t_s: value 1", "rise"}},
   };
@@ -288,6 +319,13 @@ TEST(CaptureStrictFile, ValuesOfOtherFilesAreNotReadOfADamagedOneEither) {
   const auto file = valid_file(scratch);
   edit(file, frames_of_themselves);
   expect_refused(CaptureReader::salvage(file), {"in other files"});
+}
+
+TEST(CaptureStrictFile, TruncatedFileIsCutOff) {
+  const Scratch scratch;
+  const auto file = valid_file(scratch);
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) - 100);
+  expect_no_capture(file, "cut off");
 }
 
 // As by a recorder that begins it again: its frames are not zeros.

@@ -121,6 +121,22 @@ TEST(CaptureWriterName, EqualInputGivesEqualFilesAndNothingElse) {
   EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5.part"));
 }
 
+// Another program reads the same values.
+TEST(CaptureWriterForeign, Hdf5ToolsReadTheFrames) {
+  if (std::system("h5dump --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "h5dump is not installed";
+  const Scratch scratch;
+  write_small(scratch / "a.h5", 3, {.deflate_level = 5});
+  const std::vector<std::uint16_t> expected = all_planes(3);
+  const std::string command = "h5dump -d /frames -b NATIVE -o " + (scratch / "raw").string() + " " +
+                              (scratch / "a.h5").string() + " > /dev/null";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  std::vector<std::uint16_t> dumped(expected.size());
+  std::ifstream raw(scratch / "raw", std::ios::binary);
+  raw.read(reinterpret_cast<char*>(dumped.data()), static_cast<std::streamsize>(2 * dumped.size()));
+  EXPECT_EQ(raw.gcount(), static_cast<std::streamsize>(2 * expected.size()));
+  EXPECT_EQ(dumped, expected);
+}
+
 // Appends frames in a process of its own that ends by SIGKILL while the writer is open. `every`: it commits each.
 void append_and_die(const std::filesystem::path& file, std::size_t frames, const WriterOptions& options,
                     bool every = false) {
@@ -134,6 +150,17 @@ void append_and_die(const std::filesystem::path& file, std::size_t frames, const
   ASSERT_EQ(end, -SIGKILL);
 }
 
+TEST(CaptureWriterKilled, CommittedFramesAreThere) {
+  for (const int level : {0, 2}) {
+    const Scratch scratch;
+    append_and_die(scratch / "a.h5", 2 * kCommitFrames + 50, {.deflate_level = level});
+    EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
+    const auto reader = must(CaptureReader::open(scratch / "a.h5.part"));
+    EXPECT_TRUE(reader->warnings().empty()) << "the file is that of the last commit";
+    expect_frames(*reader, 2 * kCommitFrames);
+  }
+}
+
 TEST(CaptureWriterKilled, BeforeTheFirstCommitIsSaidAndBegunAgain) {
   const Scratch scratch;
   append_and_die(scratch / "a.h5", 1, {});
@@ -142,6 +169,36 @@ TEST(CaptureWriterKilled, BeforeTheFirstCommitIsSaidAndBegunAgain) {
   append_and_die(scratch / "a.h5", 2 * kCommitFrames, {});
   expect_frames(*must(CaptureReader::open(scratch / "a.h5.part")), 2 * kCommitFrames);
   expect_error(CaptureWriter::create(scratch / "a.h5", small_info()), {"save it with bolo recover"});
+}
+
+// Frames large enough to pass what is reserved at once. The limit on file size stands for the end of the disk: both
+// end in the same place. In a child, because the limit is the process's.
+TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
+  const Scratch scratch;
+  constexpr rlim_t kDisk = rlim_t{8} << 20;
+  const int end = in_child([&] {
+    signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{kDisk, kDisk};
+    setrlimit(RLIMIT_FSIZE, &limit);
+    auto writer = CaptureWriter::create(scratch / "a.h5", kLarge);
+    if (!writer) return 10;
+    const std::vector<std::uint16_t> plane(640 * 120, 7);
+    for (std::size_t i = 0; i < 100; ++i) {
+      const Status status = writer->append(kPeriod * static_cast<double>(i), i, plane.data());
+      if (status) continue;
+      const bool named = status.error().message.find("a.h5.part: no room to write") != std::string::npos;
+      return named && writer->close().has_value() ? 0 : 11;
+    }
+    return 12;
+  });
+  ASSERT_EQ(end, 0) << "10: not created, 11: error unnamed or not closed, 12: no error";
+  const auto reader = must(CaptureReader::open(scratch / "a.h5"));
+  EXPECT_GT(reader->info().frames, 40U);
+  std::vector<std::uint16_t> plane(640 * 120);
+  for (std::size_t i = 0; i < reader->info().frames; ++i) {
+    ASSERT_TRUE(reader->read_frame(i, plane.data()));
+    ASSERT_EQ(plane, std::vector<std::uint16_t>(640 * 120, 7));
+  }
 }
 
 // Planes with a truth, so that two kinds of large chunks want room. Ends the process: HDF5's last steps are at exit.

@@ -59,6 +59,32 @@ struct Local {
   Vec2 at(int column, int row) const { return field.at(column, row) + own.at(column, row); }
 };
 
+TEST(Innovation, HasItsAge) { EXPECT_NEAR(Inertia(kTau).age(), 0.4623, 1e-3); }  // 2.30 ms at 200 Hz and tau 11 ms
+
+TEST(GlobalMotion, FindsPansOfAnySpeed) {
+  for (const auto& [vx, vy] : {std::pair{0.0, 0.0}, {0.3, -0.2}, {2.9, 0.4}, {-9.8, 3.1}, {17.0, -6.0}, {-40.0, 8.0}}) {
+    const Affine found = global_of(Pair(pan(vx, vy), 0.01), 0.01);
+    EXPECT_NEAR(found.at(0, 0).x, vx, 0.03 + 0.01 * std::abs(vx)) << vx << " " << vy;
+    EXPECT_NEAR(found.at(0, 0).y, vy, 0.03 + 0.01 * std::abs(vy)) << vx << " " << vy;
+  }
+}
+
+TEST(GlobalMotion, FindsRotationAndZoom) {
+  const Texture texture(5);
+  const Scene turning = [&](double x, double y, double t) {
+    const double cx = x - 80.0;
+    const double cy = y - 48.0;
+    const double a = 0.02 * t;
+    const double s = 1.0 + 0.015 * t;
+    return texture((std::cos(a) * cx + std::sin(a) * cy) / s, (-std::sin(a) * cx + std::cos(a) * cy) / s);
+  };
+  const Affine found = global_of(Pair(turning, 0.01), 0.01);
+  // Half a width out the scene moves by 80 px times rate: outwards by the zoom, along y by the rotation.
+  EXPECT_NEAR(found.p[1], 80 * 0.015, 0.1);
+  EXPECT_NEAR(found.p[4], 80 * 0.02, 0.1);
+  EXPECT_NEAR(found.p[2], -80 * 0.02, 0.1);
+}
+
 // The noise of the frame between two innovations stands in both with opposite signs: without the correction it pulls
 // the motion towards a value that is wrong by 0.1 px.
 TEST(GlobalMotion, NoiseDoesNotPullIt) {
@@ -72,6 +98,11 @@ TEST(GlobalMotion, NoiseDoesNotPullIt) {
   }
   EXPECT_NEAR(sum, 0.8, 0.06);
   EXPECT_GT(std::abs(uncorrected - 0.8), 2.0 * std::abs(sum - 0.8));
+}
+
+TEST(GlobalMotion, IsFiniteWhereThereIsNothingToSee) {
+  const Affine found = global_of(Pair([](double, double, double) { return 300.0; }, 0.0), 0.03);
+  for (const double p : found.p) EXPECT_NEAR(p, 0.0, 1e-6);
 }
 
 TEST(LocalMotion, FindsAMoverAgainstThePan) {
@@ -121,6 +152,12 @@ TEST(LocalMotion, FollowsTwoDepths) {
   EXPECT_GT(global_error / blocks, 0.2);
 }
 
+TEST(LocalMotion, StaysWithTheGlobalMotionInNoise) {
+  double largest = 0.0;
+  for (const Vec2& d : Local({pan(1.5, 0.0), 0.5}, 0.5).own) largest = std::max<double>(largest, std::hypot(d.x, d.y));
+  EXPECT_LT(largest, 0.5);
+}
+
 std::array<Affine, kHistory> history_of(const std::function<double(double)>& place) {
   std::array<Affine, kHistory> d;
   const double age = Inertia(kTau).age();
@@ -129,6 +166,20 @@ std::array<Affine, kHistory> history_of(const std::function<double(double)>& pla
     d[i].p[0] = place(t) - place(t - 1.0);
   }
   return d;
+}
+
+TEST(Path, ConstantVelocity) {
+  const auto d = history_of([](double t) { return 2.5 * t; });
+  for (const bool ahead : {false, true}) {
+    const Path path = path_of(Inertia(kTau), d, ahead);
+    EXPECT_NEAR(path.trail.p[0], 2.5, 1e-9);
+    EXPECT_NEAR(path.velocity.p[0], 2.5, 1e-9);
+    for (std::size_t j = 0; j < path.past.size(); ++j)
+      EXPECT_NEAR(path.past[j].p[0], 2.5 * (static_cast<double>(j) + 1), 1e-9);
+    if (ahead) {
+      EXPECT_NEAR(path.ahead.p[0], -2.5, 1e-9);
+    }
+  }
 }
 
 // A frame later everything that was extrapolated is known.
@@ -193,6 +244,17 @@ TEST(PathWeights, OfAStraightPathAreTheTables) {
         }
       }
     }
+  }
+}
+
+TEST(Weights, ErrorsGrowWithUncertainty) {
+  const auto table = WeightTable::of(kTau, 0);
+  float before = 0.0F;
+  for (const float uncertainty : {0.03F, 0.1F, 0.3F, 1.0F}) {
+    FilterWeights w;
+    table->find(best_kernels(), table->place_of(3.0F, 1e3F, uncertainty), 0.0F, w);
+    EXPECT_GT(w.w[FilterWeights::kError], before);
+    before = w.w[FilterWeights::kError];
   }
 }
 

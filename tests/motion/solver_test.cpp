@@ -106,6 +106,14 @@ TEST(MotionSolver, LostFramesCostNoMoreThanMmae) {
   }
 }
 
+TEST(MotionSolver, PartsAndPointsAreThoseOfTheWholeFrame) {
+  Stream stream(pan(2.2, -0.7), 0.1, 24);
+  const auto solver = make(settings_of(Method::kMotion, 0.1), format_of(PixelType::kUint16), PixelType::kUint16);
+  const WindowView window = stream.window_ending_at(23, 0);
+  const auto whole = whole_frame<std::uint16_t>(*solver, window, kFrame);
+  expect_parts(*solver, window, kFrame, whole, {{17, 11, 40, 30}}, {5, 700, 11969});
+}
+
 // A pixel that is no number stays one, and spoils no other.
 TEST(MotionSolver, NotANumberStaysAlone) {
   const Scene scene = pan(2.0, 0.0);
@@ -199,6 +207,22 @@ bool is_inside(const SceneMotion& motion, std::size_t block) {
   return column > 1 && row > 1 && column < motion.size.width - 2 && row < motion.size.height - 2;
 }
 
+TEST(MotionOutput, IsTheWayFromTheFrameBefore) {
+  for (const int lookahead : {0, 1}) {
+    Stream stream(pan(2.4, -0.8), 0.05, 26);
+    const SceneMotion motion = motion_of(stream, 23, 0.05, lookahead);
+    ASSERT_EQ(motion.size, (Geometry{17, 12}));
+    EXPECT_NEAR(motion.affine[0], 2.4, 0.05);
+    EXPECT_NEAR(motion.affine[3], -0.8, 0.05);
+    for (std::size_t i = 0; i < motion.blocks.size(); ++i) {
+      if (!is_inside(motion, i)) continue;
+      EXPECT_NEAR(motion.blocks[i].x, 2.4, 0.2) << i;
+      EXPECT_NEAR(motion.blocks[i].y, -0.8, 0.2) << i;
+      EXPECT_GT(motion.blocks[i].confidence, 0.6F) << i;
+    }
+  }
+}
+
 // Zoom and roll about the frame's centre.
 TEST(MotionOutput, AffineIsInPixelsAboutTheCentre) {
   constexpr double kZoom = 0.01;  // a frame
@@ -239,6 +263,22 @@ TEST(MotionOutput, ConfidenceIsThatOfWhatIsSeen) {
   EXPECT_LT(mean_confidence(motion_of(bars, 18, 0.1)), 0.1) << "edges of one direction alone";
   EXPECT_GT(mean_confidence(motion_of(rest, 18, 0.05)), 0.8) << "at rest, and sure of it";
   EXPECT_LT(mean_confidence(motion_of(cut, 17, 0.1)), 0.3) << "two frames that do not match";
+}
+
+TEST(MotionOutput, IsAbsentWhereItIsNotKnown) {
+  Stream stream(pan(2.0, 0.0), 0.05, 30);
+  stream.lose(22);
+  const auto solver = solver_of(settings_of(Method::kMotion, 0.05));
+  for (int k = 16; k < 30; ++k) {
+    if (k == 22) continue;
+    solver->prepare(stream.window_ending_at(k, 0));
+    EXPECT_EQ(solver->motion() != nullptr, k < 22 || k > 24) << k << ": a displacement is that of three frames";
+  }
+  for (const Method method : {Method::kAdmm, Method::kMmae, Method::kInverse}) {
+    const auto other = solver_of(settings_of(method, 0.05));
+    other->prepare(stream.window_ending_at(20, 0));
+    EXPECT_EQ(other->motion(), nullptr);
+  }
 }
 
 TEST(MotionSolver, RefusesWhatItCannotDo) {

@@ -8,6 +8,13 @@ namespace bolo::rt::spsc_queue_test {
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kHangGuardNs = 60'000 * kMs;
 
+TEST(SpscQueue, RoundsItsCapacityUpToAPowerOfTwo) {
+  EXPECT_EQ(SpscQueue<int>(0).capacity(), 1U);
+  EXPECT_EQ(SpscQueue<int>(1).capacity(), 1U);
+  EXPECT_EQ(SpscQueue<int>(5).capacity(), 8U);
+  EXPECT_EQ(SpscQueue<int>(64).capacity(), 64U);
+}
+
 TEST(SpscQueue, TakesAsMuchAsItHoldsInOrderRoundAndRound) {
   SpscQueue<int> queue(2);
   int value = -1;
@@ -32,6 +39,19 @@ TEST(SpscQueue, PopWaitGivesUpAfterItsTimeoutAndNotBefore) {
   EXPECT_GE(monotonic_ns() - start, 20 * kMs);
   EXPECT_FALSE(queue.pop_wait(value, 0));
   EXPECT_FALSE(queue.pop_wait(value, -kMs));
+}
+
+TEST(SpscQueue, WakeEndsAPopWaitThatRuns) {
+  SpscQueue<int> queue(2);
+  std::thread other([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    queue.wake();
+  });
+  int value = -1;
+  const std::int64_t start = monotonic_ns();
+  EXPECT_FALSE(queue.pop_wait(value, kHangGuardNs));
+  EXPECT_LT(monotonic_ns() - start, kHangGuardNs);
+  other.join();
 }
 
 TEST(SpscQueue, WakeBeforehandEndsTheNextPopWaitOnce) {

@@ -100,6 +100,17 @@ TEST_F(DeblurVerb, SettingsStandInTheOutput) {
   EXPECT_EQ(attribute<double>(deblurred("--profile @p.toml --tau 0.013"), "tau_s"), 0.013);
 }
 
+TEST_F(DeblurVerb, ThreadsChangeNoBit) {
+  expect_same_frames(deblurred("--threads 1", "one.h5"), deblurred("--threads 4", "four.h5"));
+}
+
+TEST_F(DeblurVerb, LambdaMayBeAutomaticAndNoiseGiven) {
+  (void)deblurred("--lambda auto --noise 0.05");
+  EXPECT_EQ(report()["settings"]["auto_lambda"], true);
+  EXPECT_EQ(report()["settings"]["noise_k"], 0.05);
+  EXPECT_LT(rmse("deblurred_k"), 0.5 * rmse("blurred_k"));
+}
+
 TEST_F(DeblurVerb, AnInstructionSetCanBeChosen) {
   const Outcome refused = run(words("@in.h5 -o @out.h5 --isa none"));
   ASSERT_EQ(refused.exit_code, 2);
@@ -192,6 +203,18 @@ TEST_F(DeblurVerb, AnInterruptionKeepsWhatWasSolved) {
   for (std::size_t i = 0; i < kept->info().frames; ++i) ASSERT_EQ(frame_of(*kept, i), frame_of(whole, i)) << i;
   EXPECT_EQ(kept->frame_id().front(), whole.frame_id().front());
   EXPECT_EQ(attribute<std::string>(*kept, "solver"), "exact");
+}
+
+TEST_F(DeblurVerb, AnOutputThatIsMadeMeanwhileCostsNothing) {
+  write_blurred(file("in.h5"), {.frames = 60, .width = 64, .height = 48});
+  Program program = start(words("@in.h5 -o @out.h5 --solver exact --threads 1"));
+  while (!fs::exists(file("out.h5.part"))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  write("out.h5", "of another program");
+  const Outcome outcome = program.outcome();
+  EXPECT_EQ(outcome.exit_code, 1);
+  expect_parts(outcome.err, {"stays; what was written is whole in " + file("out.h5.part")});
+  EXPECT_EQ(fs::file_size(file("out.h5")), 18U);
+  EXPECT_EQ(must(capture::CaptureReader::open(file("out.h5.part")))->info().frames, 44U);
 }
 
 // One frame takes this solver seconds, and 64 wait for it: neither is waited for.

@@ -63,4 +63,8 @@ TEST_F(Names, NoneBreaksALineOrMovesTheCursor) {
   }
 }
 
+TEST_F(Names, TooLongIsSaid) {
+  refused({"convert", std::string(300, 'n') + ".jpg", "-o", file("a.h5")}, "File name too long");
+}
+
 }  // namespace bolo::tools::test::names_test

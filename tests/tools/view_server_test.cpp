@@ -269,6 +269,20 @@ TEST_F(ViewServer, RequestsThatWaitAreBounded) {
   EXPECT_EQ(refused + without_frame, 5);
 }
 
+TEST_F(ViewServer, ConnectionsAreBoundedAndComeFree) {
+  serve({.connections = 4});
+  std::vector<UniqueFd> idle;
+  for (int i = 0; i < 12; ++i) idle.push_back(connected(server_->port()));
+  for (const UniqueFd& fd : idle) {
+    const std::string request = "GET /icon.svg HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+    send(fd.get(), request.data(), request.size(), MSG_NOSIGNAL);  // those beyond the bound are closed or wait
+  }
+  idle.clear();
+  int served = 0;
+  for (int attempt = 0; attempt < 500 && served != 200; ++attempt) served = status("GET /icon.svg");
+  EXPECT_EQ(served, 200);
+}
+
 // Strangers who hold all places, with requests that they never finish, hold them until somebody else comes.
 TEST_F(ViewServer, WhoIsSilentMakesRoom) {
   serve({.connections = 4});

@@ -139,6 +139,13 @@ TEST_F(GenicamOpenTest, RefusesPacketsTooLargeForTheLinkOrTooSmallForAFrame) {
   for (const int size : {1, 36, 60, 575}) expect_not_opened(with({.packet_size = size}), {"576 or more"});
 }
 
+TEST_F(GenicamOpenTest, WarnsWhenTheRateIsAnother) {
+  add_camera({.xml = write_xml("", [](std::string& xml) { replace(xml, "(1000000 / FROM)", "(2000000 / FROM)"); })});
+  open();
+  EXPECT_NEAR(info_.format.frame_period_s, 0.01, 1e-9);
+  EXPECT_TRUE(warned("asked for 200 Hz, the camera runs at 100 Hz"));
+}
+
 TEST_F(GenicamOpenTest, ConfiguresAFlir) {
   FakeCamera& fake = add_camera({.xml = write_xml(flir_nodes())});
   open(with({.width = 640, .height = 120}));  // the fake's sensor has 2048 rows: 120 of them need the quarter
@@ -409,6 +416,18 @@ TEST_F(GenicamStreamTest, HandsInNothingAfterStopAndLeavesTheCameraToOthers) {
   must(second.open());
   EXPECT_EQ(collector_->inlet().received(), received);
   EXPECT_EQ(collector_->inlet().losses().total(), lost);
+}
+
+TEST_F(GenicamStreamTest, StartsAgainAfterStop) {
+  add_camera();
+  open();
+  source_->stop();
+  EXPECT_EQ(source_->state(), SourceState::kIdle) << "though it never started";
+  for (int round = 0; round < 3; ++round) {
+    collect();
+    ASSERT_TRUE(collector_->wait_for(5)) << "round " << round;
+    source_->stop();
+  }
 }
 
 }  // namespace bolo::genicam::test::genicam_open_test

@@ -63,6 +63,34 @@ bool read_frame(Slots& slots, std::uint64_t n) {
   return true;
 }
 
+TEST(SlotLayout, LeavesWholeWordsForEveryPlaneSize) {
+  for (std::size_t bytes = 2; bytes < 300; bytes += 2) {
+    const SlotLayout layout = slot_layout(bytes);
+    EXPECT_EQ(layout.raw_offset % kWord, 0U);
+    EXPECT_EQ(layout.deblurred_offset % kWord, 0U);
+    EXPECT_GE(layout.raw_offset, sizeof(bolo_shm_slot));
+    EXPECT_GE(layout.deblurred_offset, layout.raw_offset + round_up(bytes, kWord));
+    EXPECT_GE(layout.stride, layout.deblurred_offset + round_up(bytes, kWord));
+  }
+}
+
+TEST(CopyWords, KeepsEveryByteAndTouchesNothingBehindAnOddEnd) {
+  for (std::size_t bytes = 0; bytes < 40; ++bytes) {
+    std::vector<std::byte> from(bytes);
+    for (std::size_t i = 0; i < bytes; ++i) from[i] = static_cast<std::byte>(i + 1);
+    std::vector<std::uint64_t> shared(8, 0xeeeeeeeeeeeeeeeeULL);
+    copy_in(reinterpret_cast<std::byte*>(shared.data()), from.data(), bytes);
+    for (std::size_t w = round_up(bytes, kWord) / kWord; w < shared.size(); ++w) {
+      EXPECT_EQ(shared[w], 0xeeeeeeeeeeeeeeeeULL);
+    }
+    std::vector<std::byte> to(bytes + 1, std::byte{0x55});
+    copy_out(to.data(), reinterpret_cast<const std::byte*>(shared.data()), bytes);
+    EXPECT_EQ(to.back(), std::byte{0x55});
+    to.pop_back();
+    EXPECT_EQ(to, from);
+  }
+}
+
 TEST(Slot, RefusesAFrameThatIsBeingWritten) {
   Slots slots;
   write_frame(slots, 1);

@@ -175,4 +175,32 @@ TEST(ShmHostile, APipeOfTheNameKeepsNobodyWaiting) {
   ::unlink(place.c_str());
 }
 
+// Damaged headers are refused or read within their object: the sanitizers and the page behind the mapping watch.
+TEST(ShmHostile, RandomDamageNeverReadsOutside) {
+  const ForeignObject object(unique_name("random"));
+  std::mt19937_64 random(7);  // NOLINT: the same damage each time
+  ReadFrame frame;
+  int accepted = 0;
+  for (int round = 0; round < 3000; ++round) {
+    bolo_shm_header header = good_header();
+    auto* bytes = reinterpret_cast<unsigned char*>(&header);
+    const int flips = 1 + static_cast<int>(random() % 3);
+    for (int i = 0; i < flips; ++i) bytes[8 + random() % 100] ^= static_cast<unsigned char>(1U << random() % 8);
+    if (round % 4 == 0) {
+      header.heartbeat_ns = random();
+      header.published = random();
+      header.state = static_cast<std::uint32_t>(random());
+    }
+    object.fill(&header, sizeof(header), kBytes);
+    auto reader = ShmReader::open(object.name());
+    if (!reader) continue;
+    ++accepted;
+    EXPECT_LE(std::size_t{2} * reader->header().width * reader->header().height, kBytes);
+    for (const std::uint64_t n : {std::uint64_t{0}, std::uint64_t{2}, header.published - 1, ~std::uint64_t{0}}) {
+      EXPECT_NE(reader->read(n, frame, 0), ShmReader::Outcome::kFrame) << "no slot was ever written";
+    }
+  }
+  EXPECT_GT(accepted, 100) << "the damage must also leave readable headers";
+}
+
 }  // namespace bolo::shm::shm_hostile_test

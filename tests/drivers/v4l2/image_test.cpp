@@ -94,6 +94,15 @@ TEST(Agc, FollowsWithItsTimeConstant) {
   EXPECT_NEAR(range.white - range.black, 980.0, 25.0) << "both ends move alike";
 }
 
+TEST(Agc, OneHotPixelChangesNothing) {
+  Agc agc(k10mK, {.smooth_s = 0.0});
+  auto plane = ramp(30000, 2000);
+  const CountRange before = agc.next(plane, kFrameS, true);
+  plane[7] = 65535;
+  const CountRange after = agc.next(plane, kFrameS, true);
+  EXPECT_NEAR(after.white, before.white, 1.5);
+}
+
 TEST(Agc, AFlatSceneHasARangeAndKeepsTheLeastSpan) {
   const std::vector<std::uint16_t> flat(1000, 30000);
   const CountRange range = Agc(k10mK, {.least_span_k = 2.0}).next(flat, kFrameS, true);
@@ -111,6 +120,22 @@ TEST(Agc, TheShutterDoesNotMoveTheRangeAndItsFirstFrameIsForgotten) {
   for (int frame = 0; frame < 100; ++frame) {
     EXPECT_DOUBLE_EQ(agc.next(ramp(20000, 1000), kFrameS, false).black, before.black);
   }
+}
+
+TEST(Agc, TakesUpOtherOptions) {
+  Agc agc(k10mK, {});
+  agc.next(ramp(30000, 1000), kFrameS, true);
+  agc.set_options({.gain = Gain::kFixed, .low_k = 290.0, .high_k = 310.0});
+  EXPECT_DOUBLE_EQ(agc.next(ramp(30000, 1000), kFrameS, true).black, 29000.0);
+}
+
+TEST(Grey, EndsAreBlackAndWhiteAndWhatLiesBeyondIsToo) {
+  const CountRange range{29000.0, 31000.0};
+  EXPECT_EQ(grey(0, range), 0);
+  EXPECT_EQ(grey(29000, range), 0);
+  EXPECT_EQ(grey(30000, range), 128);
+  EXPECT_EQ(grey(31000, range), 255);
+  EXPECT_EQ(grey(65535, range), 255);
 }
 
 }  // namespace bolo::v4l2::image_test

@@ -39,6 +39,21 @@ class Config : public testing::Test {
   const std::filesystem::path folder_ = scratch_.path();
 };
 
+TEST_F(Config, AnEmptyFileIsAnA655scAt200Hz) {
+  const auto config = must(read(""));
+  EXPECT_FALSE(config->metrics.enabled);
+  EXPECT_TRUE(config->pipeline.maps.empty());
+  EXPECT_TRUE(config->pipeline.deblur.auto_lambda);
+  EXPECT_EQ(config->pipeline.deblur.method, deblur::Method::kAdmm);
+  EXPECT_EQ(config->source, SourceType::kGenicam);
+  EXPECT_EQ(config->camera.width, 640);
+  EXPECT_EQ(config->camera.height, 120);
+  EXPECT_DOUBLE_EQ(config->camera.rate_hz, 200.0);
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.011);
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.period_s, 0.005);
+  EXPECT_EQ(config->sinks.at(0)->describe(config->sink_context()), "shared memory /bolo.camera");
+}
+
 TEST_F(Config, AGyroNeedsTheSolverAndTheLens) {
   write("lens.toml", "[lens]\nfocal_px = 1400\n[gyro]\ndelay_s = 0.002\n");
   const std::string lens = "profile = 'lens.toml'\n";
@@ -58,17 +73,27 @@ TEST_F(Config, KeysOfEachKindReachTheirPlaces) {
   write("a.h5", "");
   const auto config = good(
       "name = 'front'\n"
-      "[source]\ntype = 'replay'\nfile = 'a.h5'\naddress = '10.0.0.2'\nir_format = '100mk'\ntrue_rate_hz = 49.5\n"
-      "[deblur]\nlambda = 0.5\n[pipeline]\nrealtime_priority = 20\ncpus = [0, 1]\nlock_memory = false\n"
+      "[source]\ntype = 'replay'\nfile = 'a.h5'\npace = 'fast'\naddress = '10.0.0.2'\nheight = 0\nir_format = '100mk'\n"
+      "pixel_order = 'big'\nresend = true\ntrue_rate_hz = 49.5\nrealtime_priority = 10\nreconnect_after_ms = 0\n"
+      "[deblur]\nsolver = 'inverse'\nlambda = 0.5\nlookahead = 1\n"
+      "[pipeline]\nrealtime_priority = 20\ncpus = [0, 1]\nlock_memory = false\n"
       "[shm]\nslots = 100\nmode = 0o640\ngroup = 'video'\n"
       "[log]\nlevel = 'debug'\nformat = 'journal'\n");
   EXPECT_EQ(config.source, SourceType::kReplay);
   EXPECT_EQ(config.replay.file, folder_ / "a.h5") << "relative to the configuration";
+  EXPECT_EQ(config.replay.pace, replay::Pace::kAsFastAsPossible);
   EXPECT_EQ(config.camera.address, "10.0.0.2");
+  EXPECT_EQ(config.camera.height, 0);
   EXPECT_EQ(config.camera.ir_format, genicam::IrFormat::kTemperatureLinear100mK);
+  EXPECT_EQ(config.camera.pixel_order, genicam::PixelOrder::kBigEndian);
+  EXPECT_TRUE(config.camera.resend);
   EXPECT_EQ(config.camera.true_rate_hz, 49.5);
+  EXPECT_EQ(config.camera.realtime_priority, 10);
+  EXPECT_EQ(config.camera.reconnect_after_ms, 0);
+  EXPECT_EQ(config.pipeline.deblur.method, deblur::Method::kInverse);
   EXPECT_EQ(config.pipeline.deblur.lambda, 0.5);
   EXPECT_FALSE(config.pipeline.deblur.auto_lambda);
+  EXPECT_EQ(config.pipeline.deblur.lookahead, 1);
   EXPECT_EQ(config.pipeline.thread.realtime_priority, 20);
   EXPECT_EQ(config.pipeline.thread.cpus, (std::vector<int>{0, 1}));
   EXPECT_FALSE(config.lock_memory);
@@ -104,19 +129,33 @@ TEST_F(Config, MistakesAreNamed) {
   write("maps.toml", "maps = 'none.h5'\n");
   const std::string no_name = " is no name for shared memory; use 1 to 200 letters, digits, '-', '_', '.'";
   const std::string no_address = " is no IPv4 address such as 192.168.2.5";
+  const std::string lambdas = "0 to 1000000 K (counts when the source has no kelvin), or \"auto\"";
   const std::vector<std::pair<std::string, std::string>> cases{
+      {"nmae = 'x'", "bolod.toml:1:1: unknown key 'nmae'; did you mean 'name'?"},
       {"name = 'a b'", "bolod.toml:1:8: name: 'a b'" + no_name},
+      {"name = ''", "bolod.toml:1:8: name: ''" + no_name},
       {"profile = 'none.toml'", "none.toml: no such file"},
       {"profile = 'bad.toml'", "bad.toml:2:1: unknown key 'taus'; did you mean 'tau_s'?"},
+      {"[source]\ntype = 'disk'",
+       "bolod.toml:2:8: source.type = \"disk\" is none of \"genicam\" | \"v4l2\" | \"replay\""},
       {"[source]\ntype = 'replay'",
        "bolod.toml:2:8: source.type = \"replay\" needs source.file, the capture to replay"},
+      {"[source]\nwidth = 5000", "bolod.toml:2:9: source.width = 5000 is out of range: 0 to 4096 pixels"},
+      {"[source]\nbuffers = 1", "bolod.toml:2:11: source.buffers = 1 is out of range: 4 to 1024 frames"},
       {"[deblur]\nlamda = 1", "bolod.toml:2:1: unknown key 'deblur.lamda'; did you mean 'deblur.lambda'?"},
+      {"[deblur]\nlambda = -1", "bolod.toml:2:10: deblur.lambda = -1 is out of range: " + lambdas},
+      {"[deblur]\nlambda = 'some'", "bolod.toml:2:10: deblur.lambda must be a number: " + lambdas},
+      {"[deblur]\nsolver = 'magic'",
+       "bolod.toml:2:10: deblur.solver = \"magic\" is none of \"admm\" | \"dual\" | \"exact\" | \"inverse\" | "
+       "\"mmae\" | \"motion\""},
       {"profile = 'maps.toml'", "none.h5: cannot be opened: No such file or directory"},
+      {"[deblur]\nworkers = 0", "bolod.toml:2:11: deblur.workers = 0 is out of range: 1 to 64 threads"},
       {"[shm]\nslots = 10",
        "bolod.toml:2:9: shm.slots = 10 is less than window + lookahead = 17; give that or more, or 0"},
       {"[source]\ntype = 'replay'\nfile = 'none.h5'",
        "bolod.toml:3:8: source.file: there is no " + (folder_ / "none.h5").string()},
       {"[source]\naddress = '999.1.2.3'", "bolod.toml:2:11: source.address = \"999.1.2.3\"" + no_address},
+      {"[source]\naddress = '192.168.2'", "bolod.toml:2:11: source.address = \"192.168.2\"" + no_address},
       {"[shm]\nmode = 0o666",
        "bolod.toml:2:8: shm.mode lets others write into the frames; use 0640 for a group's readers, 0644 for everyone"},
       {"[control]\nsocket = '/run/" + std::string(200, 'x') + "'",
@@ -124,18 +163,30 @@ TEST_F(Config, MistakesAreNamed) {
            ": longer than 107 letters; set control.socket to a shorter path"},
       {"[source]\nwidth = 321\n[v4l2]\nenable = true\nformat = 'yuyv'",
        "bolod.toml:5:10: v4l2: yuyv needs an even width, not 321; use grey"},
+      {"[shm]\nmode = 0o444", "bolod.toml:2:8: shm.mode = 0o444 is out of range: 0o600 to 0o777"},
       {"[v4l2]\ngain = 'fixed'\nlow_k = 300\nhigh_k = 300", "bolod.toml:4:10: v4l2: low_k must be below high_k"},
       {"[v4l2_second]\nlow_percent = 60\nhigh_percent = 50",
        "bolod.toml: v4l2_second: low_percent must be below high_percent"},
       {"[v4l2]\nenable = true\n[v4l2_second]\nenable = true\ndevice = '/dev/video10'",
        "bolod.toml:5:10: v4l2 and v4l2_second have the same device /dev/video10"},
+      {"[v4l2]\nformat = 'gray'", "bolod.toml:2:10: v4l2.format = \"gray\" is none of \"y16\" | \"grey\" | \"yuyv\""},
       {"[metrics]\nlisten = '9464'",
        "bolod.toml:2:10: metrics.listen = \"9464\" is no ADDRESS:PORT such as 127.0.0.1:9464"},
       {"[metrics]\nlisten = '0.0.0.0:9464'",
        "bolod.toml:2:10: metrics.listen = \"0.0.0.0:9464\" is within other computers' reach: use 127.0.0.1, or set "
        "metrics.allow_remote = true"},
+      {"[log]\nlevel = 'loud'",
+       "bolod.toml:2:9: log.level = \"loud\" is none of \"debug\" | \"info\" | \"warning\" | \"error\""},
+      {"[logs]\nlevel = 'info'", "bolod.toml:1:2: unknown key 'logs'; did you mean 'log'?"},
   };
   for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
+}
+
+TEST_F(Config, LambdaMayBeAutomatic) {
+  const auto automatic = good("[deblur]\nlambda = 'auto'\nnoise_k = 0.05\nsolver = 'mmae'\n").pipeline.deblur;
+  EXPECT_TRUE(automatic.auto_lambda);
+  EXPECT_EQ(automatic.noise_k, 0.05);
+  EXPECT_EQ(automatic.method, deblur::Method::kMmae);
 }
 
 TEST_F(Config, MapsComeWithTheProfile) {

@@ -75,6 +75,15 @@ TEST(QueuedSink, LoggingNeverWaitsAndTellsWhatWasDropped) {
   EXPECT_EQ(std::stoul(last) + taken.size() - 1, 100U) << "each is written or counted";
 }
 
+TEST(QueuedSink, ANoticeGoesWithItsMessage) {
+  const auto gate = std::make_shared<Gate>();
+  gate->open();
+  spdlog::logger log("test", make_queued_sink(std::make_shared<GateSink>(gate)));
+  log_notice(log, spdlog::level::warn, {true, "gone", pipeline::event::kCameraLost});
+  log.info("the next");
+  EXPECT_EQ(gate->taken(2), (std::vector<std::string>{"gone camera_lost", "the next"}));
+}
+
 TEST(QueuedSink, WithoutAThreadWhoLogsWrites) {
   const auto gate = std::make_shared<Gate>();
   gate->open();
@@ -155,6 +164,16 @@ TEST_F(JournalSinkTest, AMessageHasItsPriorityAndTheDaemonsName) {
     log_.log(level, "x");
     EXPECT_TRUE(has(priority));
   }
+}
+
+TEST_F(JournalSinkTest, ANoticeHasItsEventAndItsCounts) {
+  log_notice(log_, spdlog::level::warn,
+             {true, "frames lost", pipeline::event::kFramesLost, {{"lost_missing", 3}, {"lost_queue_full", 1}}});
+  EXPECT_TRUE(has("BOLO_EVENT=frames_lost"));
+  EXPECT_TRUE(has("BOLO_LOST_MISSING=3"));
+  EXPECT_TRUE(has("BOLO_LOST_QUEUE_FULL=1"));
+  log_.info("the next message");
+  EXPECT_EQ(sent_.size(), 4U) << "has nothing of the notice";
 }
 
 TEST_F(JournalSinkTest, WhatTheJournalRefusesIsOnStandardError) {

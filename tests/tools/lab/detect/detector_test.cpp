@@ -16,6 +16,15 @@ TEST(Outputs, OfOtherShapesAreRefused) {
   EXPECT_FALSE(decode_nanodet({}, {64, 64}, {{32}, 4}, 0.01));
 }
 
+TEST(Suppression, KeepsTheBestOfEachClass) {
+  const std::vector<Detection> kept = suppressed(
+      {{0, 0.5, {0, 0, 10, 10}}, {0, 0.9, {1, 0, 10, 10}}, {1, 0.4, {1, 0, 10, 10}}, {0, 0.3, {8, 0, 10, 10}}}, 0.5);
+  ASSERT_EQ(kept.size(), 3U);
+  EXPECT_EQ(kept[0].score, 0.9);
+  EXPECT_EQ(kept[1].label, 1);
+  EXPECT_EQ(kept[2].score, 0.3);
+}
+
 TEST(Detector, GivesJudgedClassesInThePicturesPixels) {
   DetectorDescription d;
   d.input = {200, 100};

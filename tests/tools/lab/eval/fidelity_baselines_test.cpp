@@ -1,8 +1,45 @@
-// The sequences have the blur that the spatial filter is told; the measures, on constructed input.
+// The spatial filter undoes a blur that it is told, and the sequences have the blur that is told; the measures, on
+// constructed input.
 #include "tests/test.hpp"
 #include "tools/lab/eval/fidelity.hpp"
 
 namespace bolo::tools::fidelity::fidelity_baselines_test {
+
+constexpr Geometry kSize{120, 40};
+
+// Boxes on a ground, none near the borders.
+Plane boxes() {
+  Plane plane(kSize.pixels(), 290.0F);
+  const auto box = [&](int x0, int y0, int x1, int y1, float k) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) plane[static_cast<std::size_t>(y * kSize.width + x)] = k;
+    }
+  };
+  box(50, 10, 62, 30, 305.0F);
+  box(70, 15, 74, 25, 298.0F);
+  box(80, 12, 88, 20, 284.0F);
+  return plane;
+}
+
+TEST(FidelityMotionKernel, IsTheExponentialTrail) {
+  const auto kernel = motion_kernel({400.0, 0.0}, 0.01);  // 4 px a time constant
+  EXPECT_NEAR(kernel[8].weight / kernel[4].weight, std::exp(-1.0), 1e-3);
+  for (const Tap& tap : kernel) EXPECT_TRUE(tap.dy == 0 && tap.dx >= 0);
+  for (const sim::Position velocity : {sim::Position{400.0, 0.0}, {-300.0, 150.0}, {0.0, 0.0}}) {
+    double weight = 0.0;
+    double mean_x = 0.0;
+    double mean_y = 0.0;
+    for (const Tap& tap : motion_kernel(velocity, 0.01)) {
+      weight += double{tap.weight};
+      mean_x += double{tap.weight} * tap.dx;
+      mean_y += double{tap.weight} * tap.dy;
+    }
+    EXPECT_NEAR(weight, 1.0, 1e-6);
+    EXPECT_NEAR(mean_x, 0.01 * velocity.x_px, 0.1);  // an exponential's mean is its length, less the tail that is cut
+    EXPECT_NEAR(mean_y, 0.01 * velocity.y_px, 0.05);
+  }
+  EXPECT_EQ(motion_kernel({0.0, 0.0}, 0.011).size(), 1U) << "stands still";
+}
 
 // Over a steady pan both ways of telling the blur are the same; over a bend only the path itself is right.
 TEST(FidelityPathKernel, FollowsTheWay) {
@@ -42,6 +79,23 @@ Plane blurred(const Plane& image, Geometry g, const std::vector<Tap>& kernel) {
   return out;
 }
 
+constexpr std::array<sim::Position, 4> kMotions{{{300.0, 0.0}, {-450.0, 0.0}, {200.0, 150.0}, {0.0, -300.0}}};
+constexpr std::array kMotionNames{"Right", "Left", "Slanted", "Up"};
+
+class KnownBlur : public ::testing::TestWithParam<std::size_t> {};
+
+TEST_P(KnownBlur, IsUndoneByTheFilterThatIsToldIt) {
+  const auto kernel = motion_kernel(kMotions[GetParam()], 0.01);
+  const Plane sharp = boxes();
+  const Plane shown = blurred(sharp, kSize, kernel);
+  const double before = rmse({shown}, {sharp});
+  EXPECT_GT(before, 0.5);
+  EXPECT_LT(rmse({SpatialWiener(shown, kSize, kernel).restore(1e-8)}, {sharp}), 0.03 * before);
+}
+
+INSTANTIATE_TEST_SUITE_P(Motions, KnownBlur, ::testing::Range<std::size_t>(0, kMotions.size()),
+                         [](const auto& param) { return kMotionNames[param.param]; });
+
 CleanSequence small_sequence(double speed) {
   SequenceTask task;
   task.motion.speed_px_s = speed;
@@ -67,6 +121,14 @@ TEST(FidelityData, TheToldKernelIsTheSimulatedBlur) {
   const Planes seen{cut(shown, judged, inner)};
   EXPECT_GT(rmse(seen, truth), 0.5);
   EXPECT_LT(rmse({cut(kernel, judged, inner)}, seen), 0.1 * rmse(seen, truth));
+}
+
+TEST(FidelityData, NoiseAndQuantisationAreAsAsked) {
+  const CleanSequence clean = small_sequence(100.0);
+  const Sequence s = read_out(clean, 0.1, 5);
+  Planes kelvin;
+  for (std::size_t k = 0; k < s.frames.size(); ++k) kelvin.push_back(s.kelvin(k));
+  EXPECT_NEAR(rmse(kelvin, clean.shown), std::sqrt(0.1 * 0.1 + kQuantisationK * kQuantisationK / 12.0), 0.001);
 }
 
 // The best of what was offered stays, whatever comes after.
@@ -97,6 +159,12 @@ Plane noisy(const Plane& plane, float sigma, unsigned seed) {
   Plane out = plane;
   for (float& v : out) v += normal(random);
   return out;
+}
+
+TEST(FidelityRmse, IsTheRootMeanSquareOverAllPlanes) {
+  const Planes truth{Plane(4, 300.0F), Plane(4, 300.0F)};
+  const Planes estimate{Plane(4, 303.0F), Plane(4, 296.0F)};
+  EXPECT_NEAR(rmse(estimate, truth), std::sqrt((9.0 + 16.0) / 2.0), 1e-6);
 }
 
 // A step of 10 K in the middle, and the trail that a content speed of `trail` px a time constant leaves of it.
