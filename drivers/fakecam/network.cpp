@@ -21,7 +21,6 @@ namespace {
 
 constexpr std::size_t kWordBytes = 4;
 constexpr std::uint32_t kPrivilegeBits = reg::kPrivilegeExclusive | reg::kPrivilegeControl;
-constexpr std::int64_t kNsPerMs = 1'000'000;
 
 bool is(std::uint16_t command, gvcp::Command which) { return command == static_cast<std::uint16_t>(which); }
 

@@ -21,7 +21,6 @@ constexpr milliseconds kFirstPause(100);  // between attempts to open a lost cam
 constexpr milliseconds kLongestPause(500);
 constexpr int kAttemptsAtItsAddress = 5;
 constexpr milliseconds kStopLimit(5000);
-constexpr std::int64_t kNsPerMs = 1'000'000;
 constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to begin
 constexpr std::int64_t kProbePeriodNs = 200'000'000;   // between probes of a stalled camera
 constexpr std::int64_t kTransportPeriodNs = 200'000'000;

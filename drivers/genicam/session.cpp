@@ -25,7 +25,6 @@ constexpr int kFewestFrames = 40;                       // that may be under way
 // Without resends an incomplete frame is given up when a later one is whole. The retention then only decides how long a
 // sender may pause within a frame, and a short one loses frames for nothing on a busy machine.
 constexpr int kPauseWithoutResendUs = 100'000;
-constexpr std::int64_t kNsPerUs = 1000;
 
 // Registers that every GigE Vision camera has, of its first stream channel.
 constexpr std::uint64_t kStreamCapability = 0x092c;

@@ -13,7 +13,6 @@ namespace bolo {
 namespace {
 
 constexpr std::int64_t kReadEveryNs = 1'000'000'000;
-constexpr std::int64_t kNsPerUs = 1000;
 constexpr int kTries = 5;  // one of these reads is not interrupted
 
 }  // namespace
@@ -31,7 +30,6 @@ std::int64_t realtime_ns() noexcept {
 }
 
 std::string utc_text(std::int64_t utc_ns) {
-  constexpr std::int64_t kNsPerMs = 1'000'000;
   const std::int64_t ms = utc_ns / kNsPerMs - (utc_ns % kNsPerMs < 0 ? 1 : 0);
   const std::int64_t part = (ms % 1000 + 1000) % 1000;
   const std::time_t whole = (ms - part) / 1000;

@@ -16,6 +16,8 @@ inline std::int64_t monotonic_ns() noexcept {
 
 inline constexpr double kNsPerSecond = 1e9;
 inline constexpr double kMsPerNs = 1e-6;
+inline constexpr std::int64_t kNsPerMs = 1'000'000;
+inline constexpr std::int64_t kNsPerUs = 1000;
 
 // To the nearest nanosecond. Thread: any.
 inline std::int64_t to_ns(double seconds) noexcept { return std::llround(seconds * kNsPerSecond); }

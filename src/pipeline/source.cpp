@@ -9,7 +9,6 @@ namespace bolo::pipeline {
 namespace {
 
 constexpr double kStallPeriods = 20.0;
-constexpr std::int64_t kNsPerMs = 1'000'000;
 
 }  // namespace
 

@@ -19,7 +19,6 @@
 namespace bolo::daemon {
 namespace {
 
-constexpr int kNsPerMs = 1'000'000;
 constexpr int kNoRoomPause_ms = 100;  // where the process has no descriptor left for a client
 constexpr int kPoll_ms = 100;         // for the end, where no event could be made to signal it
 

@@ -7,7 +7,6 @@
 namespace bolo::daemon::service {
 namespace {
 
-constexpr std::int64_t kNsPerUs = 1000;
 constexpr std::int64_t kFeedsAPeriod = 4;  // one that comes late then harms nothing
 
 // The result is ignored: a daemon without a service manager does the same work.

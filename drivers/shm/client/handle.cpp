@@ -13,7 +13,6 @@ namespace {
 
 // Rounded up, into 32 bits.
 std::uint32_t microseconds(std::int64_t ns) noexcept {
-  constexpr std::int64_t kNsPerUs = 1000;
   constexpr std::int64_t kMost = std::numeric_limits<std::uint32_t>::max();
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(ns / kNsPerUs + (ns % kNsPerUs > 0 ? 1 : 0), 0, kMost));
 }

@@ -51,7 +51,7 @@ class BolodRun : public tools::test::ProgramTest {
     setenv("RUNTIME_DIRECTORY", testing::TempDir().c_str(), 1);  // for the control sockets of the daemons started here
   }
   ~BolodRun() override {
-    shm_unlink(("/bolo." + name_).c_str());  // of a daemon that was killed
+    for (const char* of : {"/bolo.", "/bolo-lock."}) shm_unlink((of + name_).c_str());  // of a daemon that was killed
   }
 
   // A configuration: what is in [source], and what comes after it. Its file.
