@@ -139,4 +139,17 @@ TEST(CaptureWriterTimes, ComeWithEveryFrameOrNone) {
   EXPECT_FALSE(with->append(0.0, 0, plane.data()));
 }
 
+TEST(CaptureWriterMotion, IsAbsentUnlessAskedFor) {
+  const Scratch scratch;
+  auto writer = must(CaptureWriter::create(scratch / "a.h5", kMoving));
+  std::vector<BlockMotion> motion(6);
+  EXPECT_FALSE(writer->append(0.0, 0, kPlane.data(), nullptr, motion.data())) << "it was not begun with it";
+  ASSERT_TRUE(writer->append(0.0, 0, kPlane.data()));
+  ASSERT_TRUE(writer->close());
+  with_reader(scratch / "a.h5", [&](const CaptureReader& reader) {
+    EXPECT_FALSE(reader.info().has_motion);
+    EXPECT_FALSE(reader.read_motion(0, motion.data()));
+  });
+}
+
 }  // namespace bolo::capture::capture_roundtrip_test

@@ -1,5 +1,7 @@
 // Anything but a regular file is refused at once, by any name.
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
 
 #include "src/core/input_file.hpp"
 #include "src/core/number_rows.hpp"
@@ -45,6 +47,17 @@ TEST_F(InputFileTest, RefusesWhatWouldBeWaitedForOrReadWithoutEnd) {
   expect_not_read("/dev/zero", "is a device, not a file");
   expect_not_read(scratch_.path(), "is a folder, not a file");
   expect_not_read(scratch_ / "none", "No such file");
+}
+
+TEST_F(InputFileTest, RefusesASocket) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  const std::string name = (scratch_ / "socket").string();
+  ASSERT_LT(name.size(), sizeof address.sun_path);
+  name.copy(address.sun_path, name.size());
+  const UniqueFd bound(socket(AF_UNIX, SOCK_STREAM, 0));
+  ASSERT_EQ(bind(bound.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  expect_not_read(name, "is a socket, not a file");
 }
 
 TEST_F(InputFileTest, ReadsNoMoreThanMayBe) {

@@ -97,6 +97,17 @@ TEST(Pipeline, FlagsAreToldOfTheFrameThatHasThem) {
   }
 }
 
+TEST(Pipeline, EverySinkGetsEveryFrameInTheOrderOfTheSinks) {
+  MemorySink first;
+  MemorySink second;
+  std::vector<int> order;
+  first.on_publish = [&](const PublishedFrame&, const PipelineStats&) { order.push_back(1); };
+  second.on_publish = [&](const PublishedFrame&, const PipelineStats&) { order.push_back(2); };
+  play({}, {&first, &second});
+  ASSERT_EQ(order.size(), 80U);
+  for (std::size_t i = 0; i < order.size(); ++i) ASSERT_EQ(order[i], i % 2 == 0 ? 1 : 2);
+}
+
 TEST(Pipeline, TheSourcesOwnPeriodIsTheGrid) {
   Script script;
   script.info.format.frame_period_s = 1.0 / 60.0;
@@ -319,6 +330,14 @@ TEST(PeriodMeterTest, MeasuresWhatTheClockSaysWithoutLostFramesAndPauses) {
     meter.restart();
     EXPECT_NEAR(measure(period_s, 33, meter, 5, 17), period_s, 1e-8);
   }
+}
+
+TEST(PeriodMeterTest, SaysNothingBeforeItKnows) {
+  PeriodMeter meter;
+  EXPECT_EQ(measure(0.005, 32, meter), 0.0);
+  meter.restart();
+  EXPECT_EQ(measure(0.005, 32, meter), 0.0);
+  EXPECT_EQ(meter.add(1, 0), 0.0) << "a counter that began anew";
 }
 
 }  // namespace bolo::pipeline::pipeline_test

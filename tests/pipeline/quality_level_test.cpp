@@ -60,6 +60,13 @@ class Machine {
   std::uint64_t waiting_ = 0;
 };
 
+TEST(QualityControl, AFastMachineSpendsAllOnEveryFrame) {
+  Machine machine;
+  machine.run({4.9, 0.5, 0.1, 0.05}, 60.0);
+  EXPECT_EQ(machine.share(QualityLevel::kFull), 1.0);
+  EXPECT_EQ(machine.lost, 0U);
+}
+
 TEST(QualityControl, GoesDownInOrderAndNoFurtherThanNeeded) {
   const QualityLevel steps[] = {QualityLevel::kFull, QualityLevel::kReduced, QualityLevel::kInverse,
                                 QualityLevel::kRaw};

@@ -17,6 +17,16 @@ void answer_one(const UniqueFd& listener) {
   static_cast<void>(send(client.get(), kAnswer.data(), kAnswer.size(), MSG_NOSIGNAL));
 }
 
+TEST(ControlClientTest, ItsOwnUsersDaemonIsHeard) {
+  const Scratch scratch;
+  const std::string path = (scratch / "own.sock").string();
+  const UniqueFd listener = tools::test::bound_at(path, SOCK_STREAM);
+  std::thread daemon([&] { answer_one(listener); });
+  const auto answer = tools::ask_daemon(path, "state");
+  daemon.join();
+  EXPECT_EQ(*must(answer) + "\n", kAnswer);
+}
+
 TEST(ControlClientTest, AStrangersSocketIsNotADaemons) {
   if (geteuid() != 0) GTEST_SKIP() << "only root can be another user";
   const Scratch scratch;

@@ -82,6 +82,11 @@ TEST_F(SimulateVerb, FloatFramesWithoutNoiseAndTruth) {
   for (const float k : plane) EXPECT_NEAR(k, 299.987F, 1e-4F);
 }
 
+TEST_F(SimulateVerb, JsonSaysWhatWasWritten) {
+  expect_parts(printed(words("-o @a.h5 --width 8 --height 4 --frames 20 --json")),
+               {"\"frames\":20", "\"seconds\":0.1"});
+}
+
 TEST_F(SimulateVerb, RefusesInOneLineWithExitCodeTwo) {
   refused_each("-o @a.h5 --width 32 --height 12", "--stimulus nothing", "--stimulus scene --scene bars",
                "--stimulus bar_target --scene street", "--stimulus uniform --speed 10",
@@ -137,5 +142,7 @@ TEST_F(SimulateVerb, ListsTheEffects) {
     for (const char* key : {"stage", "about", "in_catalogue", "parameters", "forms"}) EXPECT_TRUE(effect.contains(key));
   }
 }
+
+TEST_F(SimulateVerb, NeedsAnOutput) { refused({}); }
 
 }  // namespace bolo::sim::simulate_test

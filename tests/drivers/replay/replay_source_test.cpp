@@ -108,6 +108,14 @@ TEST_F(ReplaySourceTest, LapsRiseOnAndBeginANewWindow) {
   EXPECT_TRUE(source.result());
 }
 
+TEST_F(ReplaySourceTest, JumpsOfTheFrameNumberAreCountedAsMissing) {
+  ReplaySource source(write({0, 1, 4, 5, 15}), Pace::kAsFastAsPossible);
+  pipeline::FrameInlet inlet(source.open()->format, 1, 2);
+  EXPECT_EQ(take_all(source, inlet).size(), 5U);
+  EXPECT_EQ(inlet.losses().value(LossCause::kMissing), 2U + 9U);
+  EXPECT_EQ(inlet.losses().total(), 11U);
+}
+
 TEST_F(ReplaySourceTest, NucAndReconnectStartANewWindowAtTheNextFrame) {
   const double period_s = 0.005;
   const auto reader = write({0, 1, 2, 3, 4, 20, 21},

@@ -102,6 +102,43 @@ TEST(ShmRoundTrip, NoCounterIsBehindTheFramesThatAReaderSees) {
   }
 }
 
+TEST(ShmRoundTrip, MotionStandsBesideTheFrameThatItIsOf) {
+  for (const Geometry geometry : {Geometry{33, 7}, Geometry{640, 120}, Geometry{8, 8}, Geometry{1, 1}}) {
+    Stream stream("motion", geometry, [](Writer& writer) { writer.format.motion = true; });
+    const bolo_shm_header header = stream.reader->header();
+    EXPECT_EQ(header.motion_across, static_cast<std::uint32_t>((geometry.width + 7) / 8));
+    EXPECT_EQ(header.motion_down, static_cast<std::uint32_t>((geometry.height + 7) / 8));
+    ReadFrame frame;
+    for (std::uint64_t n = 0; n < 150; ++n) {  // two laps of the ring: frames without motion in slots that had one
+      stream.writer.publish();
+      ASSERT_EQ(stream.reader->read(n, frame, 0), Outcome::kFrame);
+      ASSERT_EQ(frame.motion.size(), moves(n) ? std::size_t{header.motion_across} * header.motion_down : 0U) << n;
+      ASSERT_TRUE(intact(frame, n));
+      const auto lent = stream.reader->borrow(n);
+      ASSERT_TRUE(lent);
+      ASSERT_EQ(lent->motion() != nullptr, moves(n)) << n;
+      if (!moves(n)) continue;
+      EXPECT_EQ(lent->motion_blocks()[0].y, motion_pattern(n, 0, 1));
+    }
+  }
+}
+
+TEST(ShmRoundTrip, StreamsWithoutMotionHaveNoRoomForIt) {
+  Stream stream("no-motion");
+  stream.writer.publish();
+  const bolo_shm_header header = stream.reader->header();
+  EXPECT_EQ(header.motion_offset, 0U);
+  EXPECT_EQ(header.motion_across * header.motion_down, 0U);
+  EXPECT_EQ(header.slot_stride, 128U + 2 * 512U) << "33 x 7 pixels of 2 bytes, twice";
+  ReadFrame frame;
+  ASSERT_EQ(stream.reader->read(0, frame, 0), Outcome::kFrame);
+  EXPECT_TRUE(frame.motion.empty());
+  deblur::Settings settings;
+  const std::uint64_t without = bytes_needed({stream.name, 64, 0644, ""}, settings, {640, 120});
+  settings.method = deblur::Method::kMotion;
+  EXPECT_EQ(bytes_needed({stream.name, 64, 0644, ""}, settings, {640, 120}) - without, 64U * (64 + 1200 * 12));
+}
+
 TEST(ShmReader, SaysThatAFrameIsGone) {
   Stream stream("gone");
   const std::uint64_t slots = stream.reader->header().slot_count;
@@ -162,6 +199,13 @@ TEST(ShmReader, NamesWhatExistsWhenTheNameIsUnknown) {
   writer.sink.close();
   const auto left = ShmReader::names();
   EXPECT_EQ(std::count(left.begin(), left.end(), name), 0) << "an orderly end leaves nothing behind";
+}
+
+TEST(ShmReader, RefusesNamesThatAreNoNames) {
+  for (const std::string name : {"", "a/b", "../passwd", "a b", "caf\xc3\xa9"}) {
+    expect_refused(ShmReader::open(name), {"is no name for shared memory"});
+  }
+  EXPECT_FALSE(ShmReader::open(std::string(201, 'a')));
 }
 
 }  // namespace bolo::shm::shm_test

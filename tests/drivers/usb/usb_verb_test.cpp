@@ -34,6 +34,11 @@ TEST_F(UsbVerb, ListsTheCamera) {
 
 TEST_F(UsbVerb, SaysThatThereIsNone) { EXPECT_TRUE(printed({}).starts_with("no ")); }
 
+TEST_F(UsbVerb, ReportsDescriptorsForSupport) {
+  camera_.plug();
+  expect_parts(printed({"--report", "--device", "09cb:1007"}), {"09cb:1007", "SN-77", "0x81", "bulk", "512"});
+}
+
 TEST_F(UsbVerb, BadInputIsOneLine) {
   refused_each("", "--vendor flir", "--device first", "--report --watch", "--report --device 09cb:0001");
 }

@@ -145,6 +145,12 @@ TEST_F(V4l2SinkTest, RefusesWhatIsNoWholeFrameOf16Bits) {
   EXPECT_EQ(device_->opened, 0);
 }
 
+TEST_F(V4l2SinkTest, IsNotOpenedWithoutItsDevice) {
+  device_->there = false;
+  make();
+  expect_refused(sink_->open(format()), {"/dev/video10 is not there"});
+}
+
 TEST_F(V4l2SinkTest, ABusyDeviceCostsFramesAndNothingElse) {
   device_->answer = EAGAIN;
   start();

@@ -270,6 +270,13 @@ struct Bolod : tools::test::ProgramTest {
   std::string config(const std::string& text) const { return write("bolod.toml", text); }
 };
 
+TEST_F(Bolod, CheckConfigSaysOkOrWhatIsWrong) {
+  const std::string good = config("");
+  EXPECT_EQ(printed({"--check-config", "--config", good}), good + ": ok\n");
+  refused({"--check-config", "--config", config("[deblur]\nlamda = 1\n")},
+          "bolod: " + good + ":2:1: unknown key 'deblur.lamda'; did you mean 'deblur.lambda'?\n");
+}
+
 TEST_F(Bolod, TheShippedConfigurationsAreRight) {
   done({"--check-config", "--config", BOLO_SOURCE_DIR "/config/bolod.toml"});
   done({"--check-config", "--config", config(printed({"--print-config"}))});
@@ -321,6 +328,11 @@ TEST_F(Bolod, AsAServiceItAsksToBeTriedAgainForAnAbsentCameraOnly) {
     refused({"--config", file}, run({"--check-config", "--config", file}).err);
   }
   unsetenv("NOTIFY_SOCKET");
+}
+
+TEST_F(Bolod, HelpAndVersionEndWell) {
+  expect_parts(printed({"--help"}), {"--check-config"});
+  EXPECT_TRUE(printed({"--version"}).starts_with("bolod "));
 }
 
 }  // namespace bolo::daemon::bolod_run_test
