@@ -93,7 +93,7 @@ enum bolo_shm_flag {
   BOLO_FLAG_SATURATED = 1u << 3, /* raw values at the end of the range */
   BOLO_FLAG_JITTER = 1u << 4,    /* camera timestamp off the frame grid */
   /* Less was spent on this frame, for too many were waiting; at most one of these: */
-  BOLO_FLAG_REDUCED = 1u << 5, /* solved with a single sweep */
+  BOLO_FLAG_REDUCED = 1u << 5, /* by a cheaper solver */
   BOLO_FLAG_INVERSE = 1u << 6, /* by the inverse filter, which knows no prior: noisier */
   BOLO_FLAG_RAW = 1u << 7      /* not at all: the deblurred plane is the raw one */
 };

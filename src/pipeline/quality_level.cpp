@@ -1,11 +1,13 @@
 #include "src/pipeline/quality_level.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace bolo::pipeline {
 namespace {
 
 constexpr std::uint64_t kFewWait = 1;  // no backlog: the next frame came while this one was solved
+constexpr double kShortWait_s = 0.04;  // of the frames that lead to the first level below full; twice that to each next
 
 QualityLevel one_up(QualityLevel level) noexcept { return static_cast<QualityLevel>(static_cast<int>(level) - 1); }
 
@@ -16,10 +18,13 @@ std::string_view name(QualityLevel level) {
   return kNames[static_cast<std::size_t>(level)];
 }
 
-QualityControl::QualityControl(std::uint64_t queue_frames) noexcept {
+QualityControl::QualityControl(std::uint64_t queue_frames, double period_s) noexcept {
   calm_for_ns_.fill(kShortestCalmNs);
-  for (std::size_t i = 1; i < kQualityLevels; ++i)
-    limits_[i] = std::max(kFewWait + i, queue_frames >> (kQualityLevels - i));
+  for (std::size_t i = 1; i < kQualityLevels; ++i) {
+    const double frames = std::round(std::ldexp(kShortWait_s, static_cast<int>(i) - 1) / period_s);
+    const auto share = static_cast<double>(queue_frames >> (kQualityLevels - i));
+    limits_[i] = std::max(kFewWait + i, static_cast<std::uint64_t>(std::min(share, frames)));
+  }
 }
 
 QualityLevel QualityControl::least_for(std::uint64_t waiting) const noexcept {

@@ -11,7 +11,7 @@ namespace bolo::pipeline {
 
 enum class QualityLevel : std::uint8_t {
   kFull,     // as the settings say
-  kReduced,  // one sweep of coordinate descent on the dual, at a fixed lambda; mmae in place of motion
+  kReduced,  // mmae in place of motion and of an automatic lambda; else one sweep of coordinate descent on the dual
   kInverse,  // the inverse filter, on the pipeline thread alone: it waits for no worker
   kRaw,      // the deblurred plane is the raw one
 };
@@ -27,8 +27,9 @@ constexpr std::uint32_t flag_of(QualityLevel level) noexcept {
 
 // Decides before each frame, from how many wait behind it.
 //
-// Down the list: as soon as a share of the queue is filled, 1/8, 1/4 and 1/2 for the three. At a half 32 frames are
-// left of the default 64, 160 ms at 200 Hz, before anything is lost.
+// Down the list: as soon as a share of the queue is filled, 1/8, 1/4 and 1/2 for the three, or with the frames of 40,
+// 80 and 160 ms where those are fewer (but at least two, three and four): a slow camera's queue would hold seconds, and
+// frames that old are of little use. At a half 32 frames are left of the default 64 before anything is lost.
 // Up: one step at a time, when nothing has waited for a while. When a step turns out to be too much within kTrialNs, it
 // is tried again after twice the time, up to kLongestCalmNs: on a machine that is too slow for good, quality does not
 // swing with every frame.
@@ -40,7 +41,7 @@ class QualityControl {
   static constexpr std::int64_t kLongestCalmNs = 30'000'000'000;
   static constexpr std::int64_t kTrialNs = 2'000'000'000;
 
-  explicit QualityControl(std::uint64_t queue_frames) noexcept;
+  QualityControl(std::uint64_t queue_frames, double period_s) noexcept;
 
   // `waiting`: frames in the queue behind this one. `now_ns`: CLOCK_MONOTONIC.
   QualityLevel next(std::uint64_t waiting, std::int64_t now_ns) noexcept;

@@ -4,8 +4,6 @@
 
 namespace bolo::pipeline::quality_level_test {
 
-constexpr std::int64_t kMs = 1'000'000;
-constexpr std::int64_t kPeriodNs = 5 * kMs;
 constexpr std::uint64_t kQueue = 64;
 
 // Cost of a frame at each effort, ms.
@@ -14,6 +12,8 @@ using Costs = std::array<double, kQualityLevels>;
 // A camera that never waits, a queue, and one thread that solves: time passes without a clock.
 class Machine {
  public:
+  explicit Machine(double rate_hz = 200.0) : period_ns_(std::llround(1e9 / rate_hz)), control_(kQueue, 1.0 / rate_hz) {}
+
   void run(const Costs& costs, double seconds) {
     const std::int64_t end_ns = now_ns_ + static_cast<std::int64_t>(seconds * 1e9);
     while (now_ns_ < end_ns) {
@@ -22,7 +22,7 @@ class Machine {
         now_ns_ = next_frame_ns_;
         continue;
       }
-      --waiting_;
+      most_waiting = std::max(most_waiting, --waiting_);
       const QualityLevel effort = control_.next(waiting_, now_ns_);
       efforts.push_back(effort);
       now_ns_ += static_cast<std::int64_t>(costs[static_cast<std::size_t>(effort)] * 1e6);
@@ -46,15 +46,17 @@ class Machine {
 
   std::vector<QualityLevel> efforts;
   std::uint64_t lost = 0;
+  std::uint64_t most_waiting = 0;
 
  private:
   void arrive() {
-    for (; next_frame_ns_ <= now_ns_; next_frame_ns_ += kPeriodNs) {
+    for (; next_frame_ns_ <= now_ns_; next_frame_ns_ += period_ns_) {
       waiting_ < kQueue ? ++waiting_ : ++lost;
     }
   }
 
-  QualityControl control_{kQueue};
+  std::int64_t period_ns_;
+  QualityControl control_;
   std::int64_t now_ns_ = 0;
   std::int64_t next_frame_ns_ = 0;
   std::uint64_t waiting_ = 0;
@@ -132,8 +134,21 @@ TEST(QualityControl, AfterAStallAllIsWellWithinHalfASecond) {
   EXPECT_EQ(machine.lost, 0U);
 }
 
+// A share of the queue would be 8 frames, a quarter of a second.
+TEST(QualityControl, FramesOfASlowCameraDoNotGetOld) {
+  Machine machine(30.0);
+  machine.run({34.0, 9.0, 1.0, 0.5}, 120.0);
+  EXPECT_LE(machine.most_waiting, 2U);
+  EXPECT_GT(machine.share(QualityLevel::kFull), 0.9);
+  EXPECT_EQ(machine.share(QualityLevel::kInverse), 0.0);
+  QualityControl control(kQueue, 1.0 / 30.0);
+  EXPECT_EQ(control.next(1, 0), QualityLevel::kFull);
+  EXPECT_EQ(control.next(3, 0), QualityLevel::kInverse) << "100 ms";
+  EXPECT_EQ(control.next(5, 0), QualityLevel::kRaw) << "167 ms";
+}
+
 TEST(QualityControl, AShortQueueHasItsStepsToo) {
-  QualityControl control(4);
+  QualityControl control(4, 0.005);
   EXPECT_EQ(control.next(1, 0), QualityLevel::kFull) << "one that waits is no backlog";
   EXPECT_EQ(control.next(2, 0), QualityLevel::kReduced);
   EXPECT_EQ(control.next(3, 0), QualityLevel::kInverse);
@@ -159,6 +174,72 @@ TEST(SolverLadder, MeasuresAFrameOfAStreamThatFlows) {
   const double first_s = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   EXPECT_GT(frame_s, 0.0);
   EXPECT_LT(frame_s, 0.7 * first_s) << "0.45 to 0.61 of it, by processor; a first window 0.8 and more";
+}
+
+// A pan of a quarter of a pixel a frame with 0.5 K of noise, as a camera with tau of 11 ms sees it.
+class Pan {
+ public:
+  explicit Pan(const deblur::Settings& settings) : planes_(static_cast<std::size_t>(settings.window)) {
+    std::minstd_rand random(2);
+    std::normal_distribution<float> noise(0.0F, 0.5F);
+    const double decay = std::exp(-settings.period_s / settings.tau_s / kSteps);
+    std::vector<double> state(kFrame.pixels(), 300.0);
+    for (int frame = -40; frame < settings.window; ++frame) {
+      for (int step = 1 - kSteps; step <= 0; ++step) {
+        const double time = frame + (step - 0.5) / kSteps;
+        for (std::size_t i = 0; i < state.size(); ++i) state[i] = decay * state[i] + (1.0 - decay) * scene(i, time);
+      }
+      if (frame < 0) continue;
+      for (const double value : state) {
+        planes_[static_cast<std::size_t>(frame)].push_back(static_cast<float>(value) + noise(random));
+      }
+    }
+    for (const auto& plane : planes_) window_.push_back(plane.data());
+  }
+
+  // RMSE of the newest frame as the ladder's solver estimates it; of the raw one for kRaw.
+  double error(SolverLadder& ladder, QualityLevel level) const {
+    std::vector<float> out = planes_.back();
+    const int newest = static_cast<int>(planes_.size()) - 1;
+    if (level != QualityLevel::kRaw) {
+      const deblur::WindowView view{window_, newest, 1};
+      ladder.at(level).prepare(view);
+      ladder.at(level).solve(view, {0, 0, kFrame.width, kFrame.height}, out.data());
+    }
+    double sum = 0.0;
+    for (std::size_t i = 0; i < out.size(); ++i) sum += std::pow(static_cast<double>(out[i]) - scene(i, newest), 2);
+    return std::sqrt(sum / static_cast<double>(out.size()));
+  }
+
+  static constexpr Geometry kFrame{96, 32};
+
+ private:
+  static constexpr int kSteps = 16;
+
+  static double scene(std::size_t pixel, double time) {
+    const double x = static_cast<double>(pixel % 96) - 0.25 * time;
+    const double y = static_cast<double>(pixel / 96);
+    return 300.0 + 6.0 * std::sin(0.31 * x + 0.2 * y) + (std::sin(0.15 * x - 0.11 * y) > 0.0 ? 5.0 : 0.0);
+  }
+
+  std::vector<std::vector<float>> planes_;
+  std::vector<const void*> window_;
+};
+
+TEST(SolverLadder, ReducedFramesAreNoFurtherFromTheTruthThanWhatIsCheaperStill) {
+  const StreamFormat format{.geometry = Pan::kFrame, .type = PixelType::kFloat32, .scale = {Unit::kKelvin, 1.0, 0.0}};
+  for (const double period_s : {0.005, 1.0 / 60.0}) {
+    for (const auto method : {deblur::Method::kAdmm, deblur::Method::kMotion}) {
+      const deblur::Settings settings{
+          .method = method, .period_s = period_s, .auto_lambda = method != deblur::Method::kMotion};
+      const Pan pan(settings);
+      auto ladder = must(SolverLadder::create(settings, format, PixelType::kFloat32, 0.0, true));
+      const double reduced = pan.error(*ladder, QualityLevel::kReduced);
+      const auto at = testing::Message() << deblur::name(method) << ", period " << period_s;
+      EXPECT_LE(reduced, pan.error(*ladder, QualityLevel::kInverse)) << at;
+      EXPECT_LT(reduced, pan.error(*ladder, QualityLevel::kRaw)) << at;
+    }
+  }
 }
 
 }  // namespace bolo::pipeline::quality_level_test

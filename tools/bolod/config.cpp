@@ -250,8 +250,9 @@ void pipeline_keys(KeyTable& keys, DaemonConfig& c) {
                "Frames that may wait between camera and deblurring.");
   keys.boolean(
       "degrade", c.pipeline.degrade,
-      "When deblurring can't keep up, spend less on frames rather than lose them: from 1/8 of the queue on one "
-      "sweep, from 1/4 the inverse filter, from 1/2 the raw frame. Each such frame carries a flag.");
+      "When deblurring can't keep up, spend less on frames rather than lose them: from 1/8 of the queue (or 40 ms of "
+      "frames) on a cheaper solver, from 1/4 (80 ms) the inverse filter, from 1/2 (160 ms) the raw frame. Each such "
+      "frame carries a flag.");
   keys.integer("realtime_priority", c.pipeline.thread.realtime_priority, {0, 99, ""},
                "SCHED_FIFO priority of the deblurring threads; 0: the default scheduler.");
   keys.integers("cpus", c.pipeline.thread.cpus, {0, 4095, ""}, "CPUs that the deblurring threads keep to; []: any.");

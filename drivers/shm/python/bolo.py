@@ -46,7 +46,7 @@ class Flag(enum.IntFlag):
     NUC = 4  # the camera was correcting
     SATURATED = 8  # raw values at the end of the range
     JITTER = 16  # camera timestamp off the frame grid
-    REDUCED = 32  # too many were waiting: solved with a single sweep
+    REDUCED = 32  # too many were waiting: by a cheaper solver
     INVERSE = 64  # the same: by the inverse filter
     RAW = 128  # the same: not solved, the deblurred plane is the raw one
 

@@ -138,7 +138,7 @@ function showEffort() {
   const of = (name) => `${Math.round(100 * shown.hurried(FLAGS[name]))} % `;
   $("effort").textContent = `${Math.ceil(100 * share)} % not fully solved`;
   $("effort").title = `The computer is too busy for this solver. Of the frames of the last two seconds: ${of("reduced")}by a ` +
-    `single sweep, ${of("inverse")}by the inverse filter, ${of("raw")}not deblurred`;
+    `cheaper solver, ${of("inverse")}by the inverse filter, ${of("raw")}not deblurred`;
 }
 
 function newStatus(next) {
