@@ -250,10 +250,14 @@ TEST_F(Observations, AChopperInCountsBlamesNothingOnTheCamera) {
   EXPECT_TRUE(writer->write_stimulus(chopper));
   double seen = 0.0;
   Frame plane(std::size_t{48} * 32);
+  std::vector<int> own(plane.size());  // a fixed pattern, which can be followed
+  for (int& offset : own) offset = noise();
   for (int k = 0; k < 200; ++k) {
     const double level = k >= 20 && k < 40 ? 2000.0 : k >= 60 && k < 100 ? 1000.0 : 0.0;
     seen += (level - seen) * 0.365;  // in 5 ms, of pixels of 11 ms
-    for (std::uint16_t& count : plane) count = static_cast<std::uint16_t>(29800.0 + seen + noise());
+    for (std::size_t p = 0; p < plane.size(); ++p) {
+      plane[p] = static_cast<std::uint16_t>(std::lround(29800.0 + seen) + own[p] + noise());
+    }
     EXPECT_TRUE(writer->append(k * 0.005, static_cast<std::uint64_t>(k), plane.data()));
   }
   EXPECT_TRUE(writer->close());
