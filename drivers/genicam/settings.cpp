@@ -104,13 +104,16 @@ bool configure_windowing(Nodes& nodes, const CameraOptions& options) {
 }
 
 // A size that must be exactly as asked. Writes only what differs: some cameras lock sizes that they derive themselves.
-void configure_size(Nodes& nodes, const char* name, int wanted, Status& refused) {
-  if (wanted == 0 || nodes.integer(name) == wanted) return;
+void configure_size(Nodes& nodes, const char* name, const char* key, int wanted, Status& refused) {
+  if (wanted == 0 || nodes.integer(name) == wanted || !nodes.ok()) return;
   nodes.set_integer(name, wanted);
   const std::int64_t got = nodes.integer(name);
-  if (nodes.ok() && got != wanted) {
-    refused = bad_input(fmt::format("the camera does not take {} = {}: it stays at {}", name, wanted, got));
-  }
+  if (nodes.ok() && got == wanted) return;
+  Error error = nodes.ok() ? Error{ErrorKind::kBadInput,
+                                   fmt::format("the camera does not take {} = {}: it stays at {}", name, wanted, got)}
+                           : nodes.status().error();
+  if (error.kind == ErrorKind::kBadInput) error.message += fmt::format("; source.{} = 0 takes the camera's own", key);
+  if (refused) refused = tl::unexpected<Error>(std::move(error));
 }
 
 // The image as the camera has it, without metadata rows. Memory is taken for many of them, so that its size is limited.
@@ -261,8 +264,8 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
   if (Status mono16 = configure_pixel_format(nodes); !mono16) return at(connection.name, std::move(mono16.error()));
 
   Status size;
-  configure_size(nodes, "Width", options.width, size);
-  configure_size(nodes, "Height", options.height == 0 ? 0 : options.height + options.metadata_rows, size);
+  configure_size(nodes, "Width", "width", options.width, size);
+  configure_size(nodes, "Height", "height", options.height == 0 ? 0 : options.height + options.metadata_rows, size);
   if (!size) return at(connection.name, std::move(size.error()));
   ASSIGN_OR_RETURN(format.geometry, read_geometry(nodes, connection.name, options.metadata_rows));
 

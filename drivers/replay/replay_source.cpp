@@ -7,6 +7,7 @@
 
 #include "src/core/clock.hpp"
 #include "src/core/threads.hpp"
+#include "src/pipeline/convert.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::replay {
@@ -37,16 +38,25 @@ class WindowRestarts {
   std::size_t next_ = 0;
 };
 
+// Of a count that stands for float32.
+double step_of(const LinearScale& scale) { return scale.unit == Unit::kKelvin ? LinearScale{}.scale : 1.0; }
+
 }  // namespace
 
-ReplaySource::ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, Laps laps)
-    : reader_(std::move(reader)), pace_(pace), laps_(laps) {}
+ReplaySource::ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, Laps laps, Values values)
+    : reader_(std::move(reader)), pace_(pace), laps_(laps), values_(values) {}
 
 ReplaySource::~ReplaySource() { stop(); }
 
 Result<pipeline::SourceInfo> ReplaySource::open() {
   const capture::CaptureInfo& info = reader_->info();
-  return pipeline::SourceInfo{info.format, info.camera_model, info.camera_serial};
+  pipeline::SourceInfo source{info.format, info.camera_model, info.camera_serial};
+  if (rounds()) {
+    plane_.resize(info.format.geometry.pixels());
+    source.format.type = PixelType::kUint16;
+    source.format.scale = {.unit = info.format.scale.unit, .scale = step_of(info.format.scale), .offset = 0.0};
+  }
+  return source;
 }
 
 Status ReplaySource::start(pipeline::FrameInlet& inlet) {
@@ -85,6 +95,17 @@ void ReplaySource::feed(pipeline::FrameInlet& inlet) {
   }
 }
 
+Status ReplaySource::read(std::size_t index, void* out) {
+  if (!rounds()) return reader_->read_frame(index, out);
+  const StreamFormat& format = reader_->info().format;
+  RETURN_IF_ERROR(reader_->read_frame(index, plane_.data()));
+  for (float& value : plane_) {
+    value = static_cast<float>(format.scale.to_physical(static_cast<double>(value)) / step_of(format.scale));
+  }
+  pipeline::convert(format, plane_.data(), PixelType::kUint16, out, PixelRange{0, plane_.size()});
+  return {};
+}
+
 // False when it ended early: asked to, or for a read error.
 bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap lap) {
   const std::vector<double>& t = reader_->t();
@@ -105,7 +126,7 @@ bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap 
     slot->meta.frame_id = id[i] + lap.frames;
     slot->meta.camera_ns = to_ns(t[i]) + lap.ns;
     slot->meta.receive_ns = monotonic_ns();
-    result_ = reader_->read_frame(i, slot->data);
+    result_ = read(i, slot->data);
     if (!result_) {
       inlet.cancel(*slot);
       return false;

@@ -24,13 +24,19 @@ enum class Laps {
   kForEver,  // from the first frame again after the last: numbers and times rise on, and a new window begins
 };
 
+enum class Values {
+  kAsStored,
+  kCounts,  // 16 bits, as of a camera: float32 is rounded to 10 mK, or to whole counts where it is no kelvin
+};
+
 // Frames carry the capture's frame_id, /t in ns as camera time, and the host's time now as receive time. A jump of the
 // frame_id counts as that many frames missing. An event "nuc" or "reconnect" starts a new window with the first frame
 // at or after it; frames missing there are no loss.
 class ReplaySource final : public pipeline::FrameSource {
  public:
   // The reader is used from the source's own thread between start() and stop().
-  ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, Laps laps = Laps::kOne);
+  ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, Laps laps = Laps::kOne,
+               Values values = Values::kAsStored);
   ~ReplaySource() override;
 
   Result<pipeline::SourceInfo> open() override;
@@ -49,6 +55,8 @@ class ReplaySource final : public pipeline::FrameSource {
     std::int64_t ns = 0;
   };
   Lap length() const;
+  bool rounds() const { return values_ == Values::kCounts && reader_->info().format.type == PixelType::kFloat32; }
+  Status read(std::size_t index, void* out);
   void feed(pipeline::FrameInlet& inlet);
   bool play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap lap);
   bool sleep_until(std::int64_t due_ns) const noexcept;
@@ -56,6 +64,8 @@ class ReplaySource final : public pipeline::FrameSource {
   std::shared_ptr<const capture::CaptureReader> reader_;
   Pace pace_;
   Laps laps_;
+  Values values_;
+  std::vector<float> plane_;  // as stored, where it is rounded
   std::atomic<bool> stop_requested_{false};
   std::thread thread_;
   Status result_;

@@ -54,6 +54,14 @@ Result<std::string> string_or_empty(const h5::Owner& root, const char* name) {
   return h5::has_attribute(root, name) ? h5::string_attribute(root, name) : Result<std::string>("");
 }
 
+// Serial numbers are often written as numbers.
+Result<std::string> serial_or_empty(const h5::Owner& root, const char* name) {
+  const Result<double> number = h5::number_attribute(root, name);
+  if (!number) return string_or_empty(root, name);
+  const bool whole = *number == std::floor(*number) && std::abs(*number) < 0x1p53;
+  return whole ? std::to_string(static_cast<std::int64_t>(*number)) : text(*number);
+}
+
 // Counts carry no scale, so a file of counts need not have one.
 Result<LinearScale> read_scale(const h5::Owner& root) {
   const Result<std::string> unit = h5::string_attribute(root, "unit");
@@ -78,7 +86,7 @@ Status read_attributes(const h5::Owner& root, CaptureInfo& info) {
     return bad_input("root attribute 'row_step' is " + text(row_step) + "; expected a whole number of at least 1");
   }
   ASSIGN_OR_RETURN(info.camera_model, string_or_empty(root, "camera_model"));
-  ASSIGN_OR_RETURN(info.camera_serial, string_or_empty(root, "camera_serial"));
+  ASSIGN_OR_RETURN(info.camera_serial, serial_or_empty(root, "camera_serial"));
   info.format.row_step = static_cast<int>(row_step);
   return {};
 }
@@ -146,9 +154,15 @@ Status read_series(hid_t file, Trust trust, Contents& contents) {
   return {};
 }
 
-// /t_host and /t_utc are both there or neither.
+// /t_host and /t_utc are of use together only.
 Status read_other_times(hid_t file, Trust trust, Contents& contents) {
-  contents.info.has_times = h5::exists(file, "/t_host") || h5::exists(file, "/t_utc");
+  const bool has_host = h5::exists(file, "/t_host");
+  const bool has_utc = h5::exists(file, "/t_utc");
+  contents.info.has_times = has_host && has_utc;
+  if (has_host != has_utc) {
+    contents.warnings.push_back(has_host ? "/t_host is left out: /t_utc is missing beside it"
+                                         : "/t_utc is left out: /t_host is missing beside it");
+  }
   if (!contents.info.has_times) return {};
   for (const auto& [path, values] : {std::pair{"/t_host", &contents.t_host}, {"/t_utc", &contents.t_utc}}) {
     Result<std::vector<double>> read = h5::read_doubles(file, path, expect_of(trust));
@@ -340,8 +354,9 @@ void check_plausible(Contents& contents) {
     contents.warnings.push_back("frame_period_s is " + text(period_s) + ": it looks like milliseconds, not seconds");
   }
   if (median_s > 0.0 && std::abs(period_s - median_s) > kPeriodTolerance * median_s) {
-    contents.warnings.push_back("frame_period_s is " + text(period_s) + " s but /t rises by " + text(median_s) +
-                                " s a frame (median)");
+    contents.warnings.push_back(
+        "frame_period_s is " + text(period_s) + " s but /t rises by " + text(median_s) +
+        " s a frame (median); frames are solved by frame_period_s: correct it where /t is right");
   }
 }
 

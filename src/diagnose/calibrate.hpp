@@ -97,6 +97,7 @@ struct Calibration {
   std::vector<std::string> stills;
   PulseFit fit;
   std::optional<StillFit> still;
+  Unit unit = Unit::kKelvin;     // of noise, residual and offsets
   double noise_k = 0.0;          // of the still fields when there are any
   double gap = 0.0;              // against that noise
   model::CameraProfile profile;  // without `maps`: the caller chooses their path

@@ -266,7 +266,8 @@ void prepare_field(Events& events) {
   });
   for (std::size_t i = 0; i < events.session.recordings.size(); ++i) {
     Recording& r = events.session.recordings[i];
-    if (r.kind == Kind::kUniform) continue;  // declared flat, though in counts
+    // Declared flat, or to jump, though in counts.
+    if (r.kind == Kind::kUniform || r.kind == Kind::kChopper) continue;
     // Noise is measured on still fields; moving ones are scenes. There a jerk over an uneven sky resembles an offset
     // step, so jumps are searched along the motion.
     Recording still = r;
@@ -294,8 +295,11 @@ Result<Field> judge_field(Events& events, const Noise& noise, const Options& opt
     if (has_model(r)) continue;
     if (!progress("following the scene", 0.9)) return failed("interrupted");
     Observation& seen = out.seen[r.name] = observe(r);
-    ASSIGN_OR_RETURN(seen.motion, learn_from_motion(r, events.session, options.profile));
-    if (bench || r.used_frames().size() < kMinFrames) continue;
+    const bool even = r.kind == Kind::kUniform || r.kind == Kind::kChopper;  // nothing in it moves
+    if (!even) {
+      ASSIGN_OR_RETURN(seen.motion, learn_from_motion(r, events.session, options.profile));
+    }
+    if (bench || r.kind == Kind::kChopper || r.used_frames().size() < kMinFrames) continue;
     if (r.kind == Kind::kField || r.kind == Kind::kUniform) {
       out.still = out.still || noise.statistics.frames > 0;
       continue;

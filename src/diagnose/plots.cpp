@@ -169,7 +169,7 @@ std::array<plot::Plot, 2> gap_plots(const Session& session, const Left& before, 
   std::array plots{grid_plot(session, "Gap before", "noise floors", before.gap_of),
                    grid_plot(session, "Gap after", "noise floors", after.gap_of)};
   plots[0].caption = "Of each pixel, over time.";
-  plots[1].caption = "In the same colours: 1 everywhere is good.";
+  plots[1].caption = "In the same colours: 1 everywhere is good. The rim of two pixels is not fitted.";
   double high = 2.0;
   for (const plot::Plot& one : plots) {
     for (const float v : one.plane.values) high = std::isfinite(v) ? std::max(high, static_cast<double>(v)) : high;

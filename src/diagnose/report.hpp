@@ -1,4 +1,4 @@
-// Results of a diagnosis of the sim-to-real gap. ARCHITECTURE.md has the table of report.json.
+// Results of a diagnosis of the sim-to-real gap. docs/formats.md has the table of report.json.
 //
 // A gap is the root mean square of the residual on held-out cells in units of the noise floor; at 1.0 prediction and
 // camera are indistinguishable.

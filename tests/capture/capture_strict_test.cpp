@@ -198,7 +198,6 @@ const std::vector<Corruption>& corruptions() {
       {"row_step_0", with("row_step", 0), {"'row_step' is 0"}},
       {"row_step_half", with("row_step", 1.5), {"'row_step' is 1.5", "whole"}},
       {"model_number", with("camera_model", 1), {"'camera_model'", "string"}},
-      {"serial_number", with("camera_serial", 1), {"'camera_serial'", "string"}},
 
       {"frames_missing", without_item("/frames"), {"/frames is missing"}},
       {"frames_group", both(without_item("/frames"), [](hid_t f) { add_group(f, "/frames"); }), {"/frames", "dataset"}},

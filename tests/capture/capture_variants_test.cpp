@@ -91,6 +91,22 @@ TEST(CaptureVariantsOther, CountsNeedNoScale) {
   EXPECT_EQ(reader->info().format.scale.unit, Unit::kCount);
 }
 
+TEST(CaptureVariantsOther, ASerialNumberMayBeANumber) {
+  const Scratch scratch;
+  const auto reader = must(CaptureReader::open(foreign_file(scratch, with("camera_serial", 63201234, H5T_STD_I64LE))));
+  EXPECT_EQ(reader->info().camera_serial, "63201234");
+}
+
+TEST(CaptureVariantsOther, OneOfTheHostsTimesAloneIsLeftOut) {
+  const Scratch scratch;
+  const auto reader = must(CaptureReader::open(foreign_file(scratch, [](hid_t f) {
+    set_doubles(f, "/t_utc", {1, 2, 3});
+  })));
+  EXPECT_FALSE(reader->info().has_times);
+  ASSERT_EQ(reader->warnings().size(), 1U);
+  EXPECT_EQ(reader->warnings()[0], "/t_utc is left out: /t_host is missing beside it");
+}
+
 TEST(CaptureVariantsOther, EventsOfVariableLengthStrings) {
   struct Row {
     double t;

@@ -242,6 +242,31 @@ TEST_F(Observations, AFewFramesTellNothingOfTime) {
   EXPECT_FALSE(only(report).motion->row_delay_s);
 }
 
+// Counts have no model, and a chopper's switches are no jumps of the camera.
+TEST_F(Observations, AChopperInCountsBlamesNothingOnTheCamera) {
+  const capture::Chopper chopper{.cold_k = 298.0, .on_s = {0.1, 0.3}, .off_s = {0.2, 0.5}, .level_k = {318.0, 308.0}};
+  auto writer = must(capture::CaptureWriter::create(
+      scratch_ / "chopper.h5", {.format = {.geometry = {48, 32}, .scale = {.unit = Unit::kCount, .scale = 1.0}}}));
+  EXPECT_TRUE(writer->write_stimulus(chopper));
+  double seen = 0.0;
+  Frame plane(std::size_t{48} * 32);
+  std::vector<int> own(plane.size());  // a fixed pattern, which can be followed
+  for (int& offset : own) offset = noise();
+  for (int k = 0; k < 200; ++k) {
+    const double level = k >= 20 && k < 40 ? 2000.0 : k >= 60 && k < 100 ? 1000.0 : 0.0;
+    seen += (level - seen) * 0.365;  // in 5 ms, of pixels of 11 ms
+    for (std::size_t p = 0; p < plane.size(); ++p) {
+      plane[p] = static_cast<std::uint16_t>(std::lround(29800.0 + seen) + own[p] + noise());
+    }
+    EXPECT_TRUE(writer->append(k * 0.005, static_cast<std::uint64_t>(k), plane.data()));
+  }
+  EXPECT_TRUE(writer->close());
+  const Report report = diagnosed({scratch_ / "chopper.h5"});
+  EXPECT_EQ(report.verdict, "not_testable");
+  EXPECT_TRUE(report.effects.empty()) << told(report);
+  EXPECT_FALSE(only(report).motion);
+}
+
 constexpr const char* kNoData = "BOLO_TEST_DATA is not set";
 
 TEST_F(Observations, OfARealDriveItSaysWhatItCanTellAndNoMore) {

@@ -315,6 +315,12 @@ TEST(ReportHtml, SaysTheVerdictFirstAndShowsAllOfTheReport) {
   EXPECT_EQ(count_of(page, "<figure>"), 6U * 3U + 4U);
 }
 
+TEST(ReportHtml, CountsCapturesThatNoModelPredicts) {
+  Report report;
+  report.inputs = {"drive.h5"};
+  EXPECT_NE(report_html(report).find(">1 capture, "), std::string::npos);
+}
+
 TEST(ReportHtml, CapturesWithoutAGapAreFolded) {
   const std::string page = report_html(invented_row_delay());
   EXPECT_EQ(count_of(page, "<details open>"), 3U);

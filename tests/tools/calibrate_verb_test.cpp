@@ -62,6 +62,15 @@ TEST_F(Calibrate, StartsFromAProfileAndPutsMapsWhereAsked) {
   EXPECT_EQ(fs::weakly_canonical(profile->maps), fs::weakly_canonical(file("pixels.h5")));
 }
 
+TEST_F(Calibrate, TwoStillFieldsWithoutAPatternMakeNoMap) {
+  simulate("chopper.h5", "--stimulus chopper");
+  simulate("shutter.h5", "--stimulus uniform --frames 100");
+  simulate("hot.h5", "--stimulus uniform --frames 100 --seed 2 --temperature 320");
+  const auto text = printed(words("calibrate @chopper.h5 @shutter.h5 @hot.h5 -o @mine.toml"));
+  EXPECT_FALSE(fs::exists(file("mine-maps.h5"))) << text;
+  expect_parts(text, {"still field  noise 0.03", " K (", " K rms\n"});
+}
+
 TEST_F(Calibrate, SaysWhatIsWrongInOneLine) {
   simulate("shutter.h5", "--stimulus uniform --frames 60");
   simulate("pan.h5", "--frames 120");

@@ -61,6 +61,7 @@ Parsed parsed(std::vector<std::string> words) {
   cxxopts::Options options("bolo verb");
   add_option<double>(options, "rate", "a number");
   add_option<std::vector<double>>(options, "list", "numbers");
+  add_option<std::string>(options, "name", "any text");
   add_overwrite_option(options);
   words.insert(words.begin(), "verb");
   std::vector<char*> argv;
@@ -82,6 +83,13 @@ TEST(Parse, ANumberIsTheWholeValue) {
     expect_parts(wrong.output, {"--rate: ", text, "--help\n"});
   }
   EXPECT_EQ(parsed({"--list", "1,2abc"}).code, kExitUsage);
+}
+
+TEST(Parse, TheOptionIsNamedWhoseValueIsNoNumber) {
+  const Parsed list = parsed({"--list", "1,x", "--rate", "5"});
+  EXPECT_TRUE(list.output.starts_with("bolo verb: --list: ")) << list.output;
+  const Parsed name = parsed({"--name", "extra.h5", "--rate", "x"});
+  EXPECT_TRUE(name.output.starts_with("bolo verb: --rate: ")) << name.output;
 }
 
 TEST(Parse, AFlagThatIsToldFalseIsRefused) {

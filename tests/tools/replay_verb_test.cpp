@@ -44,6 +44,26 @@ TEST_F(ReplayVerb, EndsWhenItsTerminalIsClosed) {
 
 TEST_F(ReplayVerb, EndsWithTheCapture) { ended(0, {in_, "--name", name_, "--pace", "fast"}, {"40 frames in"}); }
 
+// As the authors' .mat is, and what `bolo deblur` writes.
+TEST_F(ReplayVerb, Float32IsPublishedInStepsOf10mK) {
+  auto info = small_info({24, 10});
+  info.format.type = PixelType::kFloat32;
+  info.format.scale = {.unit = Unit::kKelvin, .scale = 2.0, .offset = 1.0};
+  const auto floats = file("floats.h5");
+  auto writer = must(capture::CaptureWriter::create(floats, info));
+  const std::vector<float> plane(240, 149.12F);  // 299.24 K
+  for (int i = 0; i < 40; ++i) EXPECT_TRUE(writer->append(i * 0.005, static_cast<std::uint64_t>(i), plane.data()));
+  EXPECT_TRUE(writer->close());
+  Program program = start({floats, "--name", name_, "--loop"});
+  auto reader = must(attach());
+  shm::ReadFrame frame;
+  ASSERT_EQ(reader->read(0, frame, 60'000), shm::ShmReader::Outcome::kFrame);
+  program.signal(SIGTERM);
+  EXPECT_EQ(program.outcome().exit_code, 0);
+  EXPECT_EQ(frame.raw, std::vector<std::uint16_t>(240, 29924));
+  EXPECT_EQ(reader->header().scale, 0.01);
+}
+
 TEST_F(ReplayVerb, BadInputIsOneLine) {
   refused({}, "which capture?");
   refused({file("none.h5")}, "none.h5");

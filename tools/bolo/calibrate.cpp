@@ -121,7 +121,9 @@ void print_calibration(const Calibration& r, const Given& given) {
               1e3 * fit.tau_s.high);
   std::printf("pulses       %zu switches, %zu intervals fitted, seen by %zu pixels\n", fit.switches_s.size(),
               fit.intervals, fit.pixels);
-  std::printf("residual     %.4f, noise %.4f: gap %.3f noise floors (1: nothing left)\n", fit.rmse_k, r.noise_k, r.gap);
+  const char* const unit = r.unit == Unit::kKelvin ? "K" : "counts";
+  std::printf("residual     %.4f %s, noise %.4f %s: gap %.3f noise floors (1: nothing left)\n", fit.rmse_k, unit,
+              r.noise_k, unit, r.gap);
   std::printf("sweep        %.3f ms over the columns, %.3f ms over the rows: of the blade, or of the read-out\n",
               1e3 * fit.sweep_x_s.value, 1e3 * fit.sweep_y_s.value);
   if (fit.spread_significant) {
@@ -130,8 +132,8 @@ void print_calibration(const Calibration& r, const Given& given) {
     std::printf("tau spread   none beyond noise\n");
   }
   if (r.still) {
-    std::printf("still field  noise %.4f (%.4f a pixel's own), fixed pattern %.4f rms\n", r.still->noise_k,
-                r.still->pixel_noise_k, r.still->offset_rms_k);
+    std::printf("still field  noise %.4f %s (%.4f a pixel's own), fixed pattern %.4f %s rms\n", r.still->noise_k, unit,
+                r.still->pixel_noise_k, r.still->offset_rms_k, unit);
   }
   std::printf("dead pixels  %zu\n", r.dead_pixels);
   for (const std::string& warning : r.warnings) std::printf("warning      %s\n", printable(warning).c_str());

@@ -43,8 +43,9 @@ Result<ComposedSource> make_replay(const ReplayOptions& options) {
   ASSIGN_OR_RETURN(capture::CaptureReader reader, capture::CaptureReader::open(options.file));
   ComposedSource composed;
   composed.warnings = reader.warnings();
-  auto source = std::make_unique<replay::ReplaySource>(
-      std::make_shared<const capture::CaptureReader>(std::move(reader)), options.pace, options.laps);
+  auto source =
+      std::make_unique<replay::ReplaySource>(std::make_shared<const capture::CaptureReader>(std::move(reader)),
+                                             options.pace, options.laps, replay::Values::kCounts);
   composed.replay = source.get();
   composed.source = std::move(source);
   return composed;

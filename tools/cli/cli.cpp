@@ -40,12 +40,16 @@ std::string option_of(const std::string& message, int argc, char** argv) {
   const std::string after = cxxopts::RQUOTE + " failed to parse";
   if (!message.starts_with(before) || !message.ends_with(after)) return {};
   const std::string value = message.substr(before.size(), message.size() - before.size() - after.size());
+  // Whole, or one of a list: a part of another option's value is none of it.
+  const auto has_value = [&value](const std::string& given) {
+    return ("," + given + ",").find("," + value + ",") != std::string::npos;
+  };
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     const std::size_t equals = word.find('=');
     const bool both = word.starts_with("--") && equals != std::string::npos;
-    if (both && word.find(value, equals) != std::string::npos) return word.substr(0, equals) + ": ";
-    if (!both && word.find(value) != std::string::npos && argv[i - 1][0] == '-') return argv[i - 1] + std::string(": ");
+    if (both && has_value(word.substr(equals + 1))) return word.substr(0, equals) + ": ";
+    if (!both && has_value(word) && argv[i - 1][0] == '-') return argv[i - 1] + std::string(": ");
   }
   return {};
 }

@@ -123,9 +123,11 @@ void merge(StillFit& all, const StillFit& more, double before) {
   for (double StillFit::*const rms : {&StillFit::noise_k, &StillFit::pixel_noise_k, &StillFit::offset_rms_k}) {
     all.*rms = std::sqrt(blend(all.*rms * all.*rms, more.*rms * more.*rms));
   }
-  if (all.offset_k.empty()) all.offset_k.assign(all.dead.size(), 0.0F);
+  if (all.offset_k.empty() && !more.offset_k.empty()) all.offset_k.assign(all.dead.size(), 0.0F);
   for (std::size_t p = 0; p < all.dead.size(); ++p) {
-    all.offset_k[p] = static_cast<float>(blend(all.offset_k[p], more.offset_k.empty() ? 0.0 : more.offset_k[p]));
+    if (!all.offset_k.empty()) {
+      all.offset_k[p] = static_cast<float>(blend(all.offset_k[p], more.offset_k.empty() ? 0.0 : more.offset_k[p]));
+    }
     if (all.dead[p] == DeadPixel::kGood) all.dead[p] = more.dead[p];
   }
 }
@@ -137,6 +139,7 @@ void fill_profile(const capture::CaptureInfo& info, const FrameSeries& frames, C
   if (!info.camera_model.empty()) profile.model = info.camera_model;
   if (!info.camera_serial.empty()) profile.serial = info.camera_serial;
   profile.frame_period_s = info.format.frame_period_s;
+  result.unit = info.format.scale.unit;
   if (info.format.scale.unit == Unit::kKelvin) {
     profile.noise_k = result.noise_k;
     if (frames.step > 0.0) profile.quantisation_k = frames.step;

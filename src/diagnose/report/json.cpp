@@ -1,4 +1,4 @@
-// The report as files. report.json: the table in ARCHITECTURE.md, key for key. JSON has no NaN and no infinity:
+// The report as files. report.json: the table in docs/formats.md, key for key. JSON has no NaN and no infinity:
 // unmeasured values are null.
 #include <algorithm>
 

@@ -83,8 +83,9 @@ std::string head_part(const Report& report) {
   const std::size_t end = words.find(". ");  // the first sentence becomes the heading
   std::string out = pill(report.verdict) + "<h1>" + words.substr(0, end == std::string::npos ? end : end + 1) + "</h1>";
   if (end != std::string::npos) out += "<p class=lead>" + words.substr(end + 2) + "</p>";
-  out += format("<p class=soft>%zu captures, %zu frames, diagnosed in %s s.", report.captures.size(), report.frames,
-                number_text(report.seconds).c_str());
+  const std::size_t captures = report.inputs.size();  // those that no model predicts among them
+  out += format("<p class=soft>%zu capture%s, %zu frames, diagnosed in %s s.", captures, captures == 1 ? "" : "s",
+                report.frames, number_text(report.seconds).c_str());
   if (!report.withheld.empty()) {
     out += " Taken out of the catalogue:";
     for (const std::string& name : report.withheld) out += " <code>" + escaped(name) + "</code>";

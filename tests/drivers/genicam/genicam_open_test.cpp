@@ -83,7 +83,7 @@ std::string xml_of_width(const std::string& written, const std::string& read) {
 
 TEST_F(GenicamOpenTest, RefusesASizeThatTheCameraRounds) {
   add_camera({.xml = xml_of_width("(FROM &gt;&gt; 4) &lt;&lt; 4", "TO")});
-  expect_not_opened(with({.width = 100}), {"Width = 100", "96"});
+  expect_not_opened(with({.width = 100}), {"Width = 100", "96", "source.width = 0 takes the camera's own"});
 }
 
 // Memory is taken for a hundred frames: what a camera says of their size is not believed without end.

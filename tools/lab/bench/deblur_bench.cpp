@@ -219,7 +219,13 @@ std::vector<Variant> list_variants(const BenchOptions& options, double lambda_ha
 }
 
 Status check(const BenchOptions& options) {
-  RETURN_IF_ERROR(deblur::method_from_name(options.solver));
+  ASSIGN_OR_RETURN(const deblur::Method method, deblur::method_from_name(options.solver));
+  // Their work is in what one frame tells of the next, and what they approach is no optimum of a window.
+  if (method == deblur::Method::kMmae || method == deblur::Method::kMotion) {
+    return bad_input("--solver " + options.solver +
+                     ": give admm, dual, exact or inverse, whose windows stand alone; bolo bench measures " +
+                     options.solver);
+  }
   if (options.threads < 1 || options.threads > 256) return bad_input("--threads: expected 1 to 256");
   if (!(options.seconds > 0.0 && options.seconds <= 3600.0)) return bad_input("--seconds: expected above 0, to 3600");
   const auto isas = deblur::available_isas();

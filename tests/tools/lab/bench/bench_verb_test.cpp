@@ -44,6 +44,7 @@ TEST_F(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
 }
 
 TEST_F(BenchVerb, WrongOptionsAreOneLineAndExitCode2) {
+  refused_each("bolo bench measures", "deblur --solver mmae", "deblur --solver motion");
   refused_each("", "", "kettle", "deblur --solver magic", "deblur --isa MMX", "deblur --threads 0",
                "deblur --lambda -1", "deblur --seconds 0");
 }
