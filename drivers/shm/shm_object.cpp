@@ -14,6 +14,7 @@
 #include <atomic>
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <cstdlib>
@@ -22,6 +23,7 @@
 #include <mutex>
 #include <optional>
 #include <string_view>
+#include <thread>
 #include <utility>
 
 #include "bolo/shm_layout.h"
@@ -195,6 +197,14 @@ tl::unexpected<Error> in_the_way(const std::string& file, const std::string& obj
                 "; have them end what made it, remove it as root, or choose " + "another name");
 }
 
+// A writer in another time namespace (a container's) has another clock, and its heartbeat any age: it still beats.
+bool still_beats(const std::string& object, std::uint64_t heartbeat_ns) {
+  constexpr std::chrono::milliseconds kTwoBeats(500);
+  std::this_thread::sleep_for(kTwoBeats);
+  const auto header = read_header(object);
+  return header && header->heartbeat_ns != heartbeat_ns;
+}
+
 // One try to become the only writer of the name: the locked descriptor of its lock, or an empty one to try again.
 //
 // The lock is a file of its own, for whoever can open a file can lock it, and readers open the object. The kernel drops
@@ -209,7 +219,9 @@ Result<UniqueFd> try_lock(const std::string& lock, const std::string& object) {
   if (!is_linked(fd)) return UniqueFd();
   if (locked) return fd;
   const auto header = read_header(object);
-  if (!header || !heartbeat_stale(header->heartbeat_ns)) return living(object, header);
+  if (!header || !heartbeat_stale(header->heartbeat_ns) || still_beats(object, header->heartbeat_ns)) {
+    return living(object, header);
+  }
   shm_unlink(lock.c_str());
   return UniqueFd();
 }

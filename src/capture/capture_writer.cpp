@@ -75,6 +75,8 @@ struct CaptureWriter::Impl {
 
   std::filesystem::path final_name;
   std::filesystem::path part_name;
+  HeldFolder folder;
+  std::filesystem::path part;  // what has part_name, in the held folder
   CaptureInfo info;
   WriterOptions options;
   std::shared_ptr<DrivenFile> driven;  // none once it has its name, or was given up
@@ -106,6 +108,7 @@ struct CaptureWriter::Impl {
   Status make_room(std::uint64_t bytes);
   Status write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks);
   Status write_attribute(const Attribute& attribute);
+  bool is_ours() const { return folder.is_folder_of(final_name) && driven->file->is_ours(); }
   Status check_file() const;
   Status commit();
   Status store();
@@ -124,15 +127,17 @@ struct CaptureWriter::Impl {
 };
 
 Status CaptureWriter::Impl::create() {
+  folder = HeldFolder(final_name);
+  part = folder.place_of(part_name);
   if (Status good = check_output({final_name, options.replace}); !good) return good;
   const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
-  const Replace replace = is_without_frames(part_name) ? Replace::kExisting : options.replace;
-  ASSIGN_OR_RETURN(auto created, at(part_name.string(), CrashSafeFile::create(part_name, survives, replace)));
+  const Replace replace = is_without_frames(part) ? Replace::kExisting : options.replace;
+  ASSIGN_OR_RETURN(auto created, at(part_name.string(), CrashSafeFile::create(part, survives, replace)));
   driven = std::make_shared<DrivenFile>();
   driven->file = std::move(created);
   // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages found no room.
   if (Status good = driven->file->reserve(frame_bytes()); !good) return at(part_name.string(), std::move(good.error()));
-  ASSIGN_OR_RETURN(file, at(part_name.string(), create_hdf5(part_name, driven)));
+  ASSIGN_OR_RETURN(file, at(part_name.string(), create_hdf5(part, driven)));
   return create_items();
 }
 
@@ -213,7 +218,7 @@ Status CaptureWriter::Impl::write_attribute(const Attribute& attribute) {
 
 // Checked before each frame and commit, not only at the end: all later frames would be lost, too.
 Status CaptureWriter::Impl::check_file() const {
-  if (driven->file->is_ours()) return {};
+  if (is_ours()) return {};
   return failed(part_name.string() + ": was removed, renamed or cut off by another program");
 }
 
@@ -273,12 +278,12 @@ Status CaptureWriter::Impl::close_file() {
 }
 
 void CaptureWriter::Impl::discard() {
-  const bool ours = !driven || driven->file->is_ours();
+  const bool ours = !driven || is_ours();
   if (driven) static_cast<void>(close_file());
   if (!ours) return;
   std::error_code ignored;
-  std::filesystem::remove(part_name, ignored);
-  remove_records(part_name);
+  std::filesystem::remove(part, ignored);
+  remove_records(part);
 }
 
 CaptureWriter::CaptureWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -294,8 +299,8 @@ CaptureWriter::~CaptureWriter() {
   }
   impl_->driven->ending = true;
   static_cast<void>(impl_->store());
-  const bool ours = impl_->driven->file->is_ours();
-  if (impl_->close_file() && impl_->driven->file->finish() && ours) remove_records(impl_->part_name);
+  const bool ours = impl_->is_ours();
+  if (impl_->close_file() && impl_->driven->file->finish() && ours) remove_records(impl_->part);
 }
 
 Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, const CaptureInfo& info,
@@ -417,11 +422,11 @@ Status CaptureWriter::close() {
   if (!w.driven) return w.closed();
   RETURN_IF_ERROR(w.check_file());
   if (!w.driven->file->finish()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));
-  if (w.driven->erred && !CaptureReader::open(w.part_name)) {
+  if (w.driven->erred && !CaptureReader::open(w.part)) {
     return failed(w.part_name.string() + ": was damaged by an error of the disk; save it with bolo recover");
   }
-  Status published = publish(w.part_name, {w.final_name, w.options.replace});
-  if (published) remove_records(w.part_name);
+  Status published = publish(w.folder, w.part_name, {w.final_name, w.options.replace});
+  if (published) remove_records(w.part);
   w.driven.reset();  // and with it the lock: its next holder finds that the name is gone
   return published;
 }

@@ -203,7 +203,7 @@ CacheName cache_of(int descriptor) {
 LiveRecord::LiveRecord(UniqueFd file) : file_(std::move(file)), cache_(cache_of(file_.get())) {}
 
 Result<LiveRecord> LiveRecord::create(const std::filesystem::path& file) {
-  UniqueFd live(::open(live_of(file).c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666));
+  UniqueFd live(::open(live_of(file).c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0666));
   if (!live) return failed(std::strerror(errno));
   return LiveRecord(std::move(live));
 }

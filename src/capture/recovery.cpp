@@ -113,27 +113,31 @@ std::filesystem::path copy_name(const std::filesystem::path& out) {
 
 Result<Recovered> recover_copy(const std::filesystem::path& damaged, const OutputFile& out,
                                const std::function<bool(std::uint64_t, std::uint64_t)>& progress) {
+  const HeldFolder folder(out.path);
   RETURN_IF_ERROR(check_output(out));
   const std::filesystem::path copy = copy_name(out.path);
   Result<Recovered> done = write_copy(damaged, copy, progress);
   if (!done) {
     std::error_code ignored;
-    std::filesystem::remove(copy.string() + ".part", ignored);
-    remove_records(copy.string() + ".part");
+    const std::filesystem::path part = folder.place_of(copy.string() + ".part");
+    std::filesystem::remove(part, ignored);
+    remove_records(part);
     return done;
   }
-  RETURN_IF_ERROR(publish(copy, out));
+  RETURN_IF_ERROR(publish(folder, copy, out));
   return done;
 }
 
 Result<Recovered> recover_in_place(const std::filesystem::path& part, const OutputFile& out) {
+  const HeldFolder folder(part);
+  const std::filesystem::path held = folder.place_of(part);
   RETURN_IF_ERROR(check_output(out));
   std::error_code ignored;
-  if (std::filesystem::is_symlink(part, ignored)) {
+  if (std::filesystem::is_symlink(held, ignored)) {
     return bad_input(part.string() + ": is a link; finish the file that it stands for, or save it to another one");
   }
   for (const auto& written : {part, journal_of(part), live_of(part)}) {
-    if (has_one_name(written)) continue;
+    if (has_one_name(folder.place_of(written))) continue;
     return bad_input(written.string() + ": is a link, has another name too, or is no file; recover to another file");
   }
   Recovered done;
@@ -146,12 +150,12 @@ Result<Recovered> recover_in_place(const std::filesystem::path& part, const Outp
     done.first_t_s = reader.t().front();
     done.last_t_s = reader.t().back();
   }
-  if (!apply_records(part)) {
+  if (!apply_records(held)) {
     const std::string why = errno == EWOULDBLOCK ? "another program has it open" : std::strerror(errno);
     return failed(part.string() + ": cannot be finished: " + why);
   }
-  RETURN_IF_ERROR(publish(part, out));
-  remove_records(part);
+  RETURN_IF_ERROR(publish(folder, part, out));
+  remove_records(held);
   return done;
 }
 

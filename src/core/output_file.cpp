@@ -22,6 +22,11 @@ constexpr std::size_t kMostLetters = NAME_MAX - (sizeof ".new-4194304-999" - 1);
 
 fs::path folder_of(const fs::path& file) { return file.has_parent_path() ? file.parent_path() : fs::path("."); }
 
+// A name for what this process has open, which its children can use, too.
+fs::path own_descriptor(int descriptor) {
+  return fs::path("/proc") / std::to_string(::getpid()) / "fd" / std::to_string(descriptor);
+}
+
 // Device and inode; the same through every name and link. Nothing where there is no such file.
 using FileId = std::pair<dev_t, ino_t>;
 std::optional<FileId> id_of(const fs::path& file) {
@@ -65,16 +70,19 @@ int rename_to_free_name(const fs::path& from, const fs::path& to) {
 }
 
 // 0, or an errno; EEXIST where the name was taken meanwhile.
-int give_name(const fs::path& written, const OutputFile& output) {
-  const UniqueFd file(::open(written.c_str(), O_RDONLY | O_CLOEXEC));
+int give_name(const HeldFolder& folder, const fs::path& written, const OutputFile& output) {
+  const fs::path from = folder.place_of(written);
+  const fs::path to = folder.place_of(output.path);
+  const UniqueFd file(::open(from.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (!flush(file.get())) return errno;
+  if (!folder.is_folder_of(output.path)) return ENOENT;
   int error = 0;
   if (output.replace == Replace::kNothing) {
-    error = rename_to_free_name(written, output.path);
-  } else if (::rename(written.c_str(), output.path.c_str()) != 0) {
+    error = rename_to_free_name(from, to);
+  } else if (::rename(from.c_str(), to.c_str()) != 0) {
     error = errno;
   }
-  if (error == 0) sync_folder_of(output.path);
+  if (error == 0) sync_folder_of(to);
   return error;
 }
 
@@ -94,6 +102,23 @@ Status make_folder(const fs::path& folder) {
   fs::create_directories(folder, error);
   if (!error) return {};
   return bad_input(folder.string() + ": cannot be made a folder: " + error.message() + "; choose another");
+}
+
+HeldFolder::HeldFolder(const fs::path& file)
+    : folder_(::open(folder_of(file).c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC)) {
+  if (::access(place_of(".").c_str(), F_OK) != 0) folder_ = UniqueFd();
+}
+
+fs::path HeldFolder::place_of(const fs::path& file) const {
+  return folder_ ? own_descriptor(folder_.get()) / file.filename() : file;
+}
+
+bool HeldFolder::is_folder_of(const fs::path& file) const {
+  struct stat held {};
+  struct stat named {};
+  if (!folder_ || ::fstat(folder_.get(), &held) != 0) return true;
+  if (::stat(folder_of(file).c_str(), &named) != 0) return errno != ENOENT && errno != ENOTDIR;
+  return held.st_dev == named.st_dev && held.st_ino == named.st_ino;
 }
 
 Status check_output(const OutputFile& output) {
@@ -141,27 +166,33 @@ bool sync_folder_of(const fs::path& file) {
   return flush(folder.get());
 }
 
-Status publish(const fs::path& written, const OutputFile& output) {
-  return to_status(give_name(written, output), written, output);
+Status publish(const HeldFolder& folder, const fs::path& written, const OutputFile& output) {
+  return to_status(give_name(folder, written, output), written, output);
 }
 
 Result<FileBeside> FileBeside::create(OutputFile output) {
+  HeldFolder folder(output.path);
   RETURN_IF_ERROR(check_output(output));
   for (int i = 0; i < kMostNames; ++i) {
     fs::path beside = output.path.string() + ".new-" + std::to_string(::getpid()) + "-" + std::to_string(i);
-    UniqueFd file(::open(beside.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
-    if (file) return FileBeside(std::move(output), std::move(beside), std::move(file));
+    UniqueFd file(::open(folder.place_of(beside).c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+    if (file) return FileBeside(std::move(folder), std::move(output), std::move(beside), std::move(file));
     if (errno != EEXIST) break;
   }
   return not_written(output.path, errno);
 }
 
 FileBeside::~FileBeside() {
-  if (file_) ::unlink(path_.c_str());
+  if (file_) ::unlink(folder_.place_of(path_).c_str());
+}
+
+fs::path FileBeside::opened() const {
+  fs::path name = own_descriptor(file_.get());
+  return ::access(name.c_str(), F_OK) == 0 ? name : path_;
 }
 
 Status FileBeside::publish() {
-  const int error = give_name(path_, output_);
+  const int error = give_name(folder_, path_, output_);
   if (error == 0 || error == EEXIST) file_ = UniqueFd();  // it is whole, and stays
   return to_status(error, path_, output_);
 }

@@ -36,15 +36,31 @@ Status make_folder(const std::filesystem::path& folder);
 // link to one, and no file that is not to be replaced. Errors: kBadInput. Thread: any.
 Status check_output(const OutputFile& output);
 
+// The folder of a file, held open: what others put in the place of the folder meanwhile, a link to another one for
+// instance, gets nothing and loses nothing. Thread: any.
+class HeldFolder {
+ public:
+  HeldFolder() = default;
+  explicit HeldFolder(const std::filesystem::path& file);
+  // The file, or one beside it, in the held folder. Its name as given where the folder or /proc is not there.
+  std::filesystem::path place_of(const std::filesystem::path& file) const;
+  // False once another folder, or none, has the name.
+  bool is_folder_of(const std::filesystem::path& file) const;
+
+ private:
+  UniqueFd folder_;
+};
+
 // For a verb, before any work: each output may be written, is none of the inputs (by inode, so through links too) and
 // none of the others; neither is what is written meanwhile under an output's name and ".part", and beside it. Empty
 // names are passed over. Errors: kBadInput. Thread: any.
 Status check_outputs(const std::vector<std::filesystem::path>& outputs,
                      const std::vector<std::filesystem::path>& inputs, Replace replace);
 
-// Gives `written` (closed, in the same folder) the name of `output` once it is on the disk. A name that was taken
-// meanwhile is left alone unless it may be replaced: `written` then stays, whole, with an error. Thread: any.
-Status publish(const std::filesystem::path& written, const OutputFile& output);
+// Gives `written` (closed, in the same folder, which is `folder`) the name of `output` once it is on the disk. A name
+// that was taken meanwhile is left alone unless it may be replaced: `written` then stays, whole, with an error, as it
+// does where the folder is another one now. Thread: any.
+Status publish(const HeldFolder& folder, const std::filesystem::path& written, const OutputFile& output);
 
 // Makes names durable that were given or taken in the file's folder. False on failure. Thread: any.
 bool sync_folder_of(const std::filesystem::path& file);
@@ -60,6 +76,8 @@ class FileBeside {
   ~FileBeside();
 
   const std::filesystem::path& path() const { return path_; }
+  // For those who open it by a name: it leads to the file itself, also in a child, whatever has path() by then.
+  std::filesystem::path opened() const;
   int descriptor() const { return file_.get(); }
   // Appends. Errors: a disk that takes only a part (kFailed).
   Status write(std::string_view content);
@@ -67,9 +85,10 @@ class FileBeside {
   Status publish();
 
  private:
-  FileBeside(OutputFile output, std::filesystem::path path, UniqueFd file)
-      : output_(std::move(output)), path_(std::move(path)), file_(std::move(file)) {}
+  FileBeside(HeldFolder folder, OutputFile output, std::filesystem::path path, UniqueFd file)
+      : folder_(std::move(folder)), output_(std::move(output)), path_(std::move(path)), file_(std::move(file)) {}
 
+  HeldFolder folder_;
   OutputFile output_;
   std::filesystem::path path_;
   UniqueFd file_;  // none once it was published

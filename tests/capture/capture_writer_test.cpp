@@ -1,11 +1,26 @@
 // The writer's promises: what it refuses, what a killed process and a full disk leave behind.
+#include <fcntl.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include "src/capture/recovery.hpp"
 #include "src/core/input_file.hpp"
 #include "tests/capture/small_captures.hpp"
 #include "tests/child.hpp"
 #include "tests/refusal.hpp"
+
+namespace bolo::capture::capture_writer_test {
+
+std::function<void()> g_after_look_at_live;  // called once
+
+}  // namespace bolo::capture::capture_writer_test
+
+extern "C" int lstat(const char* path, struct stat* out) {
+  const int result = fstatat(AT_FDCWD, path, out, AT_SYMLINK_NOFOLLOW);
+  std::function<void()>& after = bolo::capture::capture_writer_test::g_after_look_at_live;
+  if (after && std::string_view(path).ends_with(".part.live")) std::exchange(after, nullptr)();
+  return result;
+}
 
 namespace bolo::capture::capture_writer_test {
 
@@ -291,6 +306,8 @@ TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {
 
 // For want of descriptors: the next try would find an unfinished recording.
 TEST(CaptureWriterNames, WhatCannotBeBegunLeavesNothing) {
+  const Scratch first;  // a sanitizer looks at each class once, which needs descriptors, too
+  ASSERT_TRUE(CaptureWriter::create(first / "a.h5", small_info(), {.survives_power_cut = true}));
   rlimit before{};
   ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
   for (int free = 0, begun = 0; begun == 0; ++free) {
@@ -327,6 +344,24 @@ TEST(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
 }
 
 // A name that somebody takes while a capture is written: both stay.
+// Who may write to the folder's parent puts a link to another's folder in its place when all has been looked at.
+TEST(CaptureWriterNames, WhatAFolderThatBecomesALinkStandsForStays) {
+  const Scratch scratch;
+  const std::filesystem::path folder = scratch / "folder";
+  const std::filesystem::path theirs = scratch / "theirs";
+  std::filesystem::create_directories(folder);
+  std::filesystem::create_directories(theirs);
+  std::ofstream(theirs / "a.h5.part") << "theirs";
+  append_and_die(folder / "a.h5", 1, {});  // without frames: begun again without being asked
+  g_after_look_at_live = [&] {
+    std::filesystem::rename(folder, scratch / "moved");
+    std::filesystem::create_symlink(theirs, folder);
+  };
+  EXPECT_FALSE(CaptureWriter::create(folder / "a.h5", small_info()));
+  EXPECT_FALSE(g_after_look_at_live) << "it was called";
+  EXPECT_EQ(read_input(theirs / "a.h5.part").value_or(""), "theirs");
+}
+
 TEST(CaptureWriterNames, ANameThatIsTakenMeanwhileStays) {
   const Scratch scratch;
   auto writer = must(CaptureWriter::create(scratch / "a.h5", small_info()));

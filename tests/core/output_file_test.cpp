@@ -118,6 +118,38 @@ TEST_F(OutputFileTest, ANameThatIsTakenMeanwhileStays) {
   EXPECT_NE(status.error().message.find(file->path().string()), std::string::npos) << status.error().message;
 }
 
+// Who may write to the folder's parent puts a link to another's folder in its place while the file is written.
+TEST_F(OutputFileTest, WhatAFolderThatBecomesALinkStandsForStays) {
+  const fs::path folder = scratch_ / "folder";
+  const fs::path theirs = scratch_ / "theirs";
+  fs::create_directories(folder);
+  fs::create_directories(theirs);
+  fs::path beside;
+  {
+    auto file = FileBeside::create({folder / "a.h5", Replace::kExisting});
+    ASSERT_TRUE(file);
+    beside = theirs / file->path().filename();
+    std::ofstream(theirs / "a.h5") << "theirs";
+    std::ofstream(beside) << "theirs, unfinished";
+    fs::rename(folder, scratch_ / "moved");
+    fs::create_symlink(theirs, folder);
+    std::ofstream(file->opened()) << "whole";
+    EXPECT_FALSE(file->publish());
+  }
+  EXPECT_EQ(content_of(theirs / "a.h5"), "theirs");
+  EXPECT_EQ(content_of(beside), "theirs, unfinished");
+  EXPECT_TRUE(fs::is_empty(scratch_ / "moved"));
+}
+
+TEST_F(OutputFileTest, WhatTakesTheNameBesideIsNotWrittenThrough) {
+  auto file = FileBeside::create(free_);
+  ASSERT_TRUE(file);
+  fs::remove(file->path());
+  fs::create_symlink(there_, file->path());
+  std::ofstream(file->opened()) << "whole";
+  EXPECT_EQ(content_of(there_), "there");
+}
+
 TEST_F(OutputFileTest, WithoutPublishNothingStays) {
   const auto before = files_in(scratch_.path());
   { ASSERT_TRUE(FileBeside::create({there_, Replace::kExisting})); }

@@ -1,5 +1,6 @@
 #include "tools/bolod/control.hpp"
 
+#include <fcntl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -132,7 +133,9 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
   UniqueFd listener(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int fd = listener.get();
   if (fd < 0 || bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return cannot(path, errno);
-  if (chmod(path.c_str(), static_cast<mode_t>(mode)) != 0 || listen(fd, RequestServer::kBacklog) != 0)
+  // Not through a link: another user may have put one in the place of the folder or of the socket by now.
+  if (fchmodat(AT_FDCWD, path.c_str(), static_cast<mode_t>(mode), AT_SYMLINK_NOFOLLOW) != 0 ||
+      listen(fd, RequestServer::kBacklog) != 0)
     return cannot(path, errno);
   try {
     return std::unique_ptr<ControlServer>(new ControlServer(path, std::move(listener), std::move(answer)));

@@ -88,10 +88,11 @@ void add_information(const MetricsView& view, Families& to) {
   const pipeline::SourceInfo& source = view.pipeline.source();
   to.begin("bolo_build_info", "The program; always 1");
   to.value(1.0, {{"version", BOLO_VERSION}});
+  // Prometheus refuses the whole answer where a label is no UTF-8.
   to.begin("bolo_stream_info", "Who deblurs what, and how; always 1");
   to.value(1.0, {{"name", view.name},
-                 {"camera_model", source.camera_model},
-                 {"camera_serial", source.camera_serial},
+                 {"camera_model", printable(source.camera_model)},
+                 {"camera_serial", printable(source.camera_serial)},
                  {"solver", view.pipeline.solver_text()}});
   to.gauge("bolo_frame_period_seconds", "From one frame of the stream to the next", source.format.frame_period_s);
 }

@@ -140,8 +140,8 @@ class PngSink final : public FootageSink {
     const OutputFile output = file_of(written_++);
     ASSIGN_OR_RETURN(FileBeside file, FileBeside::create(output));
     const Geometry geometry = info_.format.geometry;
-    const Status good = target_.preview ? write_png8(file.path(), geometry, preview_.levels(frame).data())
-                                        : write_png16(file.path(), geometry, values(frame));
+    const Status good = target_.preview ? write_png8(file.opened(), geometry, preview_.levels(frame).data())
+                                        : write_png16(file.opened(), geometry, values(frame));
     return good ? file.publish() : at(output.path.string(), good.error());
   }
   Status finish() override { return {}; }
@@ -191,7 +191,7 @@ class TiffSink final : public FootageSink {
  public:
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
     ASSIGN_OR_RETURN(FileBeside file, FileBeside::create(target.file));
-    ASSIGN_OR_RETURN(TiffWriter writer, at(target.file.path.string(), TiffWriter::create(file.path())));
+    ASSIGN_OR_RETURN(TiffWriter writer, at(target.file.path.string(), TiffWriter::create(file.opened())));
     return std::make_unique<TiffSink>(std::move(file), std::move(writer), target.file.path.string(),
                                       footage.info().format);
   }
@@ -244,7 +244,7 @@ class FilmSink final : public FootageSink {
                     "-movflags +faststart -f mp4",
                     format.geometry.width, format.geometry.height, 1.0 / format.frame_period_s));
     for (std::string word; options >> word;) words.push_back(word);
-    words.push_back("file:" + file.path().string());
+    words.push_back("file:" + file.opened().string());
     ASSIGN_OR_RETURN(ScratchFolder folder, ScratchFolder::make());
     std::array<int, 2> ends{};
     if (pipe2(ends.data(), O_CLOEXEC) != 0) return failed(std::string("no pipe: ") + std::strerror(errno));

@@ -262,6 +262,20 @@ TEST(DescriptionFile, ThatUnpacksToMoreThanAnyIsRefused) {
   }
 }
 
+TEST(DescriptionFile, WithElementsOfEndlessAttributesIsRefused) {
+  const auto element = [](int attributes) {
+    std::string text = "<Integer Name=\"q\"";
+    for (int i = 0; i < attributes; ++i) text += " a" + std::to_string(i) + (i % 2 == 0 ? "='>'" : " = \"1\"");
+    return text + "/>";
+  };
+  const auto place_of = [](const std::string& file) { return place("a.xml", fmt::format("{:x}", file.size())); };
+  const std::string many = element(1000);
+  expect_refused(taken(place_of(many), "", many), {"hundreds of attributes"});
+  std::string few;
+  for (int i = 0; i < 100; ++i) few += element(100);
+  EXPECT_TRUE(taken(place_of(few), "", few));
+}
+
 TEST(DescriptionFile, OfThisComputerIsRefused) {
   expect_refused(taken("File:///dev/zero", ""), {"of this computer", "/dev/zero"});
   expect_refused(taken("", "file:/etc/passwd"), {"of this computer"});

@@ -158,6 +158,25 @@ TEST(ShmWriters, AStoppedWritersNameIsTakenOver) {
   EXPECT_EQ(reader->header().width, 16U);
 }
 
+// As from another time namespace, where its clock is far behind.
+TEST(ShmWriters, AWriterWithAnotherClockKeepsItsName) {
+  const std::string name = unique_name("clock");
+  Writer living(name, {8, 8});
+  ASSERT_TRUE(living.open());
+  set_heartbeat(name, 1);
+  std::atomic<bool> ended = false;
+  std::thread clock([&] {
+    for (std::uint64_t ns = 2; !ended; ++ns) {
+      set_heartbeat(name, ns);
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  });
+  const Status taken = Writer(name, {16, 4}).open();
+  ended = true;
+  clock.join();
+  expect_refused(taken, {"is written by process " + std::to_string(getpid())});
+}
+
 // Cleaners of /dev/shm (logind when a user logs out, people by hand) remove the object, its lock, or both, or cut the
 // object off.
 TEST(ShmWriters, ANameThatIsTakenAwayComesBack) {

@@ -26,10 +26,11 @@ inline constexpr std::uint64_t kLostId = 1100;  // never recorded
 // A still scene, so that sharp and raw frames agree; the first pixel tells the frame, by `step` counts each.
 inline std::uint16_t scene(std::size_t pixel) { return static_cast<std::uint16_t>(30000 + pixel); }
 
-inline void write_capture(const std::filesystem::path& file, std::uint64_t frames, unsigned step = 1) {
+inline void write_capture(const std::filesystem::path& file, std::uint64_t frames, unsigned step = 1,
+                          const std::string& serial = "42") {
   capture::CaptureInfo info = tools::test::small_info(kGeometry);
   info.camera_model = "Test camera";
-  info.camera_serial = "42";
+  info.camera_serial = serial;
   tools::test::SmallCapture capture(file, info);
   for (std::uint64_t id = kFirstId; id < kFirstId + frames; ++id) {
     if (id == kLostId) continue;

@@ -3,12 +3,25 @@
 
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 
 #include "tests/no_threads.hpp"
 #include "tests/tools/program.hpp"
 #include "tests/tools/sockets.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/metrics.hpp"
+
+namespace bolo::daemon::request_server_test {
+
+std::function<void()> g_after_bind;  // called once
+
+}  // namespace bolo::daemon::request_server_test
+
+extern "C" int bind(int descriptor, const sockaddr* address, socklen_t bytes) noexcept {
+  const auto result = static_cast<int>(syscall(SYS_bind, descriptor, address, bytes));
+  if (std::function<void()>& after = bolo::daemon::request_server_test::g_after_bind) std::exchange(after, nullptr)();
+  return result;
+}
 
 namespace bolo::daemon::request_server_test {
 
@@ -143,6 +156,24 @@ TEST(ControlServer, AnothersFolderIsRefused) {
   EXPECT_FALSE(start()) << "everybody's";
   ASSERT_EQ(chmod(folder.c_str(), 01777), 0);
   EXPECT_TRUE(start()) << "everybody's, but files are their owners'";
+}
+
+// Who may write to the parent of the socket's folder puts another in its place before the socket gets its mode.
+TEST(ControlServer, AnothersFileDoesNotGetTheSocketsMode) {
+  const Scratch scratch;
+  const std::filesystem::path folder = scratch / "folder";
+  const std::filesystem::path theirs = scratch / "theirs";
+  std::filesystem::create_directories(folder);
+  std::ofstream(theirs) << "theirs";
+  ASSERT_EQ(chmod(theirs.c_str(), 0600), 0);
+  g_after_bind = [&] {
+    std::filesystem::rename(folder, scratch / "moved");
+    std::filesystem::create_directories(folder);
+    std::filesystem::create_symlink(theirs, folder / "cam.sock");
+  };
+  EXPECT_FALSE(ControlServer::start(folder / "cam.sock", 0666, [](std::string_view) { return "{}"; }));
+  EXPECT_FALSE(g_after_bind) << "it was called";
+  EXPECT_EQ(std::filesystem::status(theirs).permissions(), std::filesystem::perms(0600));
 }
 
 TEST(RequestServers, WithoutAThreadThereIsAnErrorAndNoSocket) {
