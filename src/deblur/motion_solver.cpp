@@ -18,6 +18,10 @@ constexpr double kTimesNext = 4.0;           // as far off as those next to it l
 constexpr int kBefore = 3;                   // displacements, that one which does not match is held against
 constexpr double kUnconfirmed = 12.0;        // px a frame: faster motion must be seen twice
 constexpr double kAbrupt = 0.9;              // of Path::steady: above it nothing stopped just now
+// Where the frame between is not what it was made to be by e, the displacement found is (1 + rho) e beyond the true
+// one, which itself is about twice e beyond the one foretold, as changes add up.
+constexpr double kTimesFurther = 2.0;
+constexpr double kSuspicious = 0.5;  // share of what is beyond, that counts where a stop is looked for
 
 // As the task, in the values' own unit and float.
 StreamTask in_values(StreamTask task) {
@@ -69,7 +73,7 @@ Geometry MotionSolver::followed() const noexcept {
 double MotionSolver::noise_k() const noexcept { return task_.in_kelvin(mmae_.noise()); }
 
 void MotionSolver::forget() noexcept {
-  for (Frame& f : frames_) f.there = false;
+  for (Frame& f : frames_) f.there = f.lost = false;
   for (Innovation& i : innovations_) i.there = false;
   for (Displacement& d : displacements_) d.there = false;
 }
@@ -84,31 +88,72 @@ void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) 
   to.mirror_ends();
 }
 
+// Makes a lost frame as it would have been had the motion gone on: its innovation is the one before, moved. It stands
+// in for the first estimate after it alone. False where the three frames before do not tell their motion.
+bool MotionSolver::bridge(Crew& crew) noexcept {
+  if (!displacement(1).there || frame(1).lost || frame(2).lost || frame(3).lost) return false;
+  motion::Affine& d = displacement(0).motion;
+  d = displacement(1).motion;
+  if (displacement(2).there && !frame(4).lost) d = motion::foretold(d, displacement(2).motion);
+  motion::spread(d, task_.input.geometry, 1, field_);
+  const motion::PaddedPlane& before = frame(1).values;
+  motion::PaddedPlane& to = frame(0).values;
+  const auto rho = static_cast<float>(inertia_.rho);
+  for_rows(crew, to.blocks_down(), [&](int block_row) {
+    kernels_.shift(innovation(1).values, field_.row(block_row), block_row, to);
+    const auto [begin, end] = to.rows_of(block_row);
+    for (int y = begin; y < end; ++y) {
+      float* const row = to.at(0, y);
+      const float* const old = before.at(0, y);
+      for (int x = 0; x < task_.input.geometry.width; ++x) row[x] += rho * (old[x] - row[x]);
+    }
+    to.mirror_sides(begin, end);
+  });
+  to.mirror_ends();
+  return true;
+}
+
 // The next period's frame; null: lost.
 void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   ++taken_;
   Frame& now = frame(0);
   Innovation& z = innovation(0);
   Displacement& d = displacement(0);
-  now.there = plane != nullptr;
+  now.lost = plane == nullptr;
+  now.there = !now.lost || bridge(crew);
   z.there = now.there && frame(1).there;
-  d.there = z.there && innovation(1).there;
-  if (now.there) load(plane, crew, now.values);
+  d.there = z.there && innovation(1).there && !now.lost;
+  d.bridged = frame(1).lost || frame(2).lost;
+  d.beyond = {};
+  if (!now.lost) load(plane, crew, now.values);
   if (z.there) find_innovation(kernels_, inertia_, now.values, frame(1).values, crew, z.values, z.smoothed);
   if (d.there) {
-    d.motion = global_.find(kernels_, inertia_, innovation(1).smoothed, z.smoothed, mmae_.noise(), crew);
+    const double more = frame(1).lost ? std::sqrt(1.0 + inertia_.rho * inertia_.rho) : 1.0;
+    d.motion = global_.find(kernels_, inertia_, innovation(1).smoothed, z.smoothed, more * mmae_.noise(), crew);
     d.uncertainty = global_.uncertainty();
     d.misfit = global_.misfit();
+    if (frame(1).lost) {
+      const motion::Affine expected = motion::foretold(displacement(1).motion, displacement(2).motion);
+      const motion::Affine off = d.motion + expected * -1.0;
+      d.beyond = off * ((1.0 + inertia_.rho) / (kTimesFurther + 1.0 + inertia_.rho));
+      d.motion = d.motion + d.beyond * -1.0;
+    }
   }
+}
+
+// False for displacements of lost frames, and, but for those of the estimate itself, those that bridge one.
+bool MotionSolver::is_found(int back) noexcept {
+  const Displacement& d = displacement(back);
+  return d.there && (!d.bridged || back <= task_.settings.lookahead);
 }
 
 // A cut: frame `at` does not match, though the displacements [from, to) do. A scene of many motions never matches.
 bool MotionSolver::is_cut(int at, int from, int to) noexcept {
   double least = std::numeric_limits<double>::max();
   for (int i = from; i < to; ++i) {
-    if (displacement(i).there) least = std::min(least, displacement(i).misfit);
+    if (is_found(i)) least = std::min(least, displacement(i).misfit);
   }
-  return displacement(at).there && displacement(at).misfit > std::max(kCut, kTimesNext * least);
+  return is_found(at) && displacement(at).misfit > std::max(kCut, kTimesNext * least);
 }
 
 // Number of displacements up to that of the period `newest` before the newest within one scene.
@@ -122,21 +167,48 @@ int MotionSolver::scene_length(int newest) noexcept {
 bool MotionSolver::is_confirmed(int newest) noexcept {
   const int length = scene_length(newest);
   for (int i = 1; i < length; ++i) {
-    if (displacement(newest + i).there) return true;
+    if (is_found(newest + i)) return true;
   }
   return false;
 }
 
-// The displacements from that of period `newest` (before the newest) on, less the gyro's. For lost frames, and before a
-// cut, the last residual is kept.
-motion::Displacements MotionSolver::history(int newest, const motion::GyroMotions& by_gyro) noexcept {
+// True if history() has to find displacements between known ones.
+bool MotionSolver::has_gaps(int newest) noexcept {
+  const int length = scene_length(newest);
+  for (int i = 1; i < length; ++i) {
+    if (!is_found(newest + i)) return true;
+  }
+  return false;
+}
+
+// The displacements from that of period `newest` (before the newest) on, less the gyro's. Those that are not known lie
+// on the parabola through the one after and the two before them; before a cut, and before the first, the last is kept.
+// `bridged`: those that bridge a lost frame are known, too.
+motion::Displacements MotionSolver::history(int newest, const motion::GyroMotions& by_gyro, bool bridged) noexcept {
   motion::Displacements left;
-  motion::Affine last = displacement(newest).motion + by_gyro.displacements[0] * -1.0;
   const auto length = static_cast<std::size_t>(scene_length(newest));
+  const auto at = [&](std::size_t i) -> const Displacement& { return displacement(newest + static_cast<int>(i)); };
+  const auto known = [&](std::size_t i) {
+    return i == 0 || (i < length && (bridged ? at(i).there : is_found(newest + static_cast<int>(i))));
+  };
+  const auto rest = [&](std::size_t i) { return at(i).motion + by_gyro.displacements[i] * -1.0; };
+  std::size_t last = 0;
   for (std::size_t i = 0; i < left.size(); ++i) {
-    const Displacement& d = displacement(static_cast<int>(i) + newest);
-    if (d.there && i < length) last = d.motion + by_gyro.displacements[i] * -1.0;
-    left[i] = last;
+    if (known(i)) {
+      left[last = i] = rest(i);
+      continue;
+    }
+    std::size_t next = i;
+    while (next < length && !known(next)) ++next;
+    left[i] = left[last];
+    if (next >= length) continue;
+    const auto gap = static_cast<double>(next - last);
+    const auto along = static_cast<double>(i - last);
+    const motion::Affine slope = (rest(next) + left[last] * -1.0) * (1.0 / gap);
+    left[i] = left[i] + slope * along;
+    if (next + 1 >= length || !known(next + 1)) continue;
+    const motion::Affine bend = rest(next + 1) + (rest(next) + slope) * -1.0;
+    left[i] = left[i] + bend * (along * (along - gap) / (gap + 1.0));
   }
   return left;
 }
@@ -168,7 +240,14 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   motion::GyroMotions by_gyro;
   motion::Displacements left = history(newest, by_gyro);
   const bool knows = use_gyro(meta, newest, left, by_gyro);
-  path = motion::path_of(inertia_, left, ahead, displacement(newest).uncertainty, knows ? &by_gyro : nullptr);
+  const double uncertainty = displacement(newest).uncertainty;
+  const motion::GyroMotions* const gyro = knows ? &by_gyro : nullptr;
+  path = motion::path_of(inertia_, left, ahead, uncertainty, gyro);
+  if (has_gaps(newest)) {  // between those that are known a stop would be smoothed away
+    motion::Displacements all = history(newest, knows ? by_gyro : motion::GyroMotions{}, true);
+    all[0] = all[0] + displacement(newest).beyond * kSuspicious;
+    path.steady = motion::path_of(inertia_, all, ahead, uncertainty, gyro).steady;
+  }
   for (int i = 0; i <= target; ++i) {
     if (is_cut(i, i + 1, i + 1 + kBefore)) path.steady = 0.0;
   }
@@ -227,12 +306,13 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   }
   motion::Path path;
   bool ahead = false;
-  knows_motion_ = usable() && find_path(window.meta, path, ahead);
-  if (!knows_motion_) {
+  tells_motion_ = false;
+  if (!usable() || !find_path(window.meta, path, ahead)) {
     estimate_ = per_pixel_;
     return;
   }
   const int target = task_.settings.lookahead;
+  tells_motion_ = !displacement(target).bridged;
   const auto cap = static_cast<float>(kLargestDifference / task_.kelvin_per_value());
   const motion::VectorField& deviation =
       local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,
@@ -250,7 +330,8 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   const int of_scene = length < motion::kHistory ? newest + length : motion::kPast + target;
   for (int j = 0; j < motion::kPast; ++j) {
     Frame& past = frame(target + 1 + j);
-    in.past[static_cast<std::size_t>(j)] = past.there && target + j < of_scene ? &past.values : nullptr;
+    in.past[static_cast<std::size_t>(j)] =
+        past.there && (!past.lost || j == 0) && target + j < of_scene ? &past.values : nullptr;
   }
   in.ahead = ahead ? &frame(0).values : nullptr;
   in.path = path;

@@ -18,7 +18,7 @@
 namespace bolo::deblur {
 
 // prepare() estimates the whole frame; solve() copies it. mmae's estimate replaces it pixel by pixel where the motion
-// does not explain the frames, and for whole frames without a motion: the frame before is lost, or the picture is too
+// does not explain the frames, and for whole frames without a motion: two frames before are lost, or the picture is too
 // small.
 //
 // Memory of earlier windows holds only values that this one would give again: each displacement is that of three
@@ -33,14 +33,16 @@ class MotionSolver final : public Solver {
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return mmae_.isa(); }
   double noise_k() const noexcept override;
-  const SceneMotion* motion() const noexcept override { return knows_motion_ ? &block_motions_.found() : nullptr; }
+  const SceneMotion* motion() const noexcept override { return tells_motion_ ? &block_motions_.found() : nullptr; }
   std::optional<GyroUse> gyro_use() const noexcept override { return gyro_use_; }
 
  private:
-  static constexpr int kFrames = motion::kPast + 2;    // of an estimate, with the one after it
-  static constexpr int kFirst = motion::kHistory + 3;  // frames before the newest that its path is made of
+  static constexpr int kFrames = motion::kPast + 2;              // of an estimate, with the one after it
+  static constexpr int kBridge = 4;                              // frames before a lost one that it is made of
+  static constexpr int kFirst = motion::kHistory + 3 + kBridge;  // the newest frames, which its path is made of
   struct Frame {
     bool there = false;
+    bool lost = false;  // there, but made of the frames before
     motion::PaddedPlane values;
   };
   struct Innovation {
@@ -50,7 +52,9 @@ class MotionSolver final : public Solver {
   };
   struct Displacement {
     bool there = false;
+    bool bridged = false;  // one of its frames is lost: too uncertain for later paths, and to be told
     motion::Affine motion;
+    motion::Affine beyond;  // what was found beyond it, for a lost frame that was not what it was made to be
     double uncertainty = 0.0;
     double misfit = 0.0;
   };
@@ -60,11 +64,14 @@ class MotionSolver final : public Solver {
   void forget() noexcept;
   void take(const void* plane, Crew& crew) noexcept;
   void load(const void* plane, Crew& crew, motion::PaddedPlane& to) const noexcept;
+  bool bridge(Crew& crew) noexcept;
   bool find_path(const FrameMeta& meta, motion::Path& path, bool& ahead) noexcept;
+  bool is_found(int back) noexcept;
   bool is_cut(int at, int from, int to) noexcept;
   int scene_length(int newest) noexcept;
   bool is_confirmed(int newest) noexcept;
-  motion::Displacements history(int newest, const motion::GyroMotions& by_gyro) noexcept;
+  bool has_gaps(int newest) noexcept;
+  motion::Displacements history(int newest, const motion::GyroMotions& by_gyro, bool bridged = false) noexcept;
   bool use_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::GyroMotions& by_gyro) noexcept;
   void use_rest(int rests, const motion::VectorField& deviation) noexcept;
   void write(std::size_t pixel, std::size_t count, std::size_t to, void* out) const noexcept;
@@ -91,7 +98,7 @@ class MotionSolver final : public Solver {
   std::array<Displacement, motion::kHistory + 1> displacements_;
   motion::VectorField field_;
   motion::BlockMotions block_motions_;
-  bool knows_motion_ = false;     // of the last prepare()
+  bool tells_motion_ = false;     // of the last prepare()
   std::uint64_t taken_ = 0;       // periods taken in
   std::uint64_t newest_ = 0;      // WindowView::newest of the last of them; 0: none
   std::vector<float> row_delay_;  // of the middle of each row of blocks; empty: none

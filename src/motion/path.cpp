@@ -30,8 +30,8 @@ using Spans = std::array<Affine, kHistory - 1>;  // u_i, the newest first
 Spans spans_of(const Inertia& inertia, const Displacements& d, const Displacements& gyro) noexcept {
   Spans u;
   for (std::size_t i = 0; i < u.size(); ++i) {
-    const Affine change = i == 0 ? (d[0] + d[1] * -1.0) * kExtrapolated : d[i - 1] + d[i] * -1.0;
-    u[i] = gyro[i] + d[i] + change * inertia.age();
+    const Affine& next = i == 0 ? foretold(d[0], d[1]) : d[i - 1];
+    u[i] = gyro[i] + d[i] + (next + d[i] * -1.0) * inertia.age();
   }
   return u;
 }
@@ -121,6 +121,10 @@ bool rests(const Affine& u) noexcept {
 }
 
 }  // namespace
+
+Affine foretold(const Affine& last, const Affine& before) noexcept {
+  return last + (last + before * -1.0) * kExtrapolated;
+}
 
 bool gyro_agrees(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
   const double chance = kHistory * (9.0 * uncertainty * uncertainty + 3.0 * kGyroNoise * kGyroNoise);

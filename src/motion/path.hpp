@@ -47,4 +47,7 @@ bool gyro_agrees(const Displacements& displacements, const Displacements& left, 
 Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty = 0.0,
              const GyroMotions* gyro = nullptr) noexcept;
 
+// The displacement after `last` and, earlier, `before`. Thread: any.
+Affine foretold(const Affine& last, const Affine& before) noexcept;
+
 }  // namespace bolo::motion
