@@ -9,20 +9,31 @@ namespace bolo::motion {
 namespace {
 
 // Coefficients of the terms below.
-constexpr std::size_t kTerms = 12;
+constexpr std::size_t kTerms = 13;
 constexpr std::array<std::array<float, kTerms>, 2> kOdds = {
-    {{-2.86F, 1.59F, -1.76F, 0.95F, 1.30F, -0.65F, 1.13F, 1.60F, 2.30F, 8.34F, 0.0F, 0.0F},
-     {-1.35F, 1.78F, 0.89F, 4.50F, 0.35F, -0.97F, 3.07F, 2.96F, 0.21F, 0.75F, -0.71F, -1.60F}}};  // with look-ahead
-constexpr float kLeastChange = 0.3F;                                                              // noise variances
-constexpr float kLeastError = 0.02F;                                                              // noise variances
-constexpr float kQuiet = 0.3F;       // noise variances: negligible below
-constexpr float kAcceptable = 0.3F;  // of the change, acceptable residual in slow motion
-constexpr float kFast = 4.0F;        // px a frame: from there on trails are less exact, and other estimates poor
-constexpr float kMostFast = 4.0F;    // times kFast
-constexpr float kAware = 0.5F;       // px a frame: up to it a per-pixel estimate's own error is reliable
-constexpr float kUnaware = 1.5F;     // from here on it is not
-constexpr float kOfChange = 0.5F;    // of the change: bound of a per-pixel estimate's error
-constexpr float kNearRest = 0.3F;    // px a frame: below it the expected errors count for more
+    {{-2.86F, 1.59F, -1.76F, 0.95F, 1.30F, -0.65F, 1.13F, 1.60F, 2.30F, 8.34F, 0.0F, 0.0F, -1.0F},
+     {-1.35F, 1.78F, 0.89F, 4.50F, 0.35F, -0.97F, 3.07F, 2.96F, 0.21F, 0.75F, -0.71F, -1.60F,
+      -1.0F}}};                       // with look-ahead
+constexpr float kLeastChange = 0.3F;  // noise variances
+constexpr float kLeastError = 0.02F;  // noise variances
+constexpr float kQuiet = 0.3F;        // noise variances: negligible below
+constexpr float kAcceptable = 0.3F;   // of the change, acceptable residual in slow motion
+constexpr float kFast = 4.0F;         // px a frame: from there on trails are less exact, and other estimates poor
+constexpr float kMostFast = 4.0F;     // times kFast
+constexpr float kAware = 0.5F;        // px a frame: up to it a per-pixel estimate's own error is reliable
+constexpr float kUnaware = 1.5F;      // from here on it is not
+constexpr float kOfChange = 0.5F;     // of the change: bound of a per-pixel estimate's error, twice it in fast motion
+constexpr float kExplained = 0.3F;    // of the change: a larger residual is no evidence for the motion
+constexpr float kLittle = 0.1F;       // of the change's noise: a smaller change is no evidence either
+constexpr float kNearRest = 0.3F;     // px a frame: below it the expected errors count for more
+
+// Share of what has changed that the motion explains, 0 to 1.
+float explained_by_motion(float left, float change, float of_left, float of_change) noexcept {
+  const auto beyond = [of_change](float energy, float noise) {
+    return std::max(energy - kMargin * noise, 0.0F) + kLittle * of_change;
+  };
+  return std::max(1.0F - beyond(left, of_left) / beyond(change, of_change) / kExplained, 0.0F);
+}
 
 }  // namespace
 
@@ -33,7 +44,9 @@ constexpr float kNearRest = 0.3F;    // px a frame: below it the expected errors
 // 56 were more than 10 % worse than mmae's, and the error of 28 others fell by 1.4 %.
 //
 // A per-pixel estimate ignores the scene that crossed the pixel between two frames and so underestimates its error in
-// fast motion: where motion explains the change, that bounds the error from below.
+// fast motion: where motion explains the change, that bounds the error from below. It does so where noise could be all
+// that is left, and, in fast motion, where that is little of what has changed: the sharper the scene, the more of it
+// interpolation and a trail that is not quite right leave.
 float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const auto of_left = static_cast<float>(inertia.noise());
   const auto of_change = static_cast<float>(inertia.change_noise());
@@ -42,9 +55,11 @@ float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const float relative = std::max(e.left - kMargin * of_left, 0.0F) / change /
                          (kAcceptable * std::clamp(e.speed / kFast, 1.0F, kMostFast));
   const float mine = std::log(e.mine + kLeastError);
-  const float explained = std::clamp(1.0F + kMargin - e.left / of_left, 0.0F, 1.0F);
+  const float fast = std::clamp(2.0F * e.speed / kFast - 1.0F, 0.0F, 1.0F);
+  const float by_share = fast * explained_by_motion(e.left, e.change, of_left, of_change);
+  const float explained = std::max(std::clamp(1.0F + kMargin - e.left / of_left, 0.0F, 1.0F), by_share);
   const float unaware = std::clamp((e.speed - kAware) / (kUnaware - kAware), 0.0F, 1.0F);
-  const float shown = std::min(e.per_pixel, kOfChange * std::max(e.change - kMargin * of_change, 0.0F));
+  const float shown = std::min(e.per_pixel, kOfChange * (1.0F + fast) * std::max(e.change - kMargin * of_change, 0.0F));
   const float other_error = std::max(e.other, explained * unaware * shown);
   const float other = std::log(other_error + kLeastError);
   const float slow = std::max(1.0F - e.speed / kNearRest, 0.0F);
@@ -59,7 +74,8 @@ float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
                                            slow,
                                            slow * (mine - other),
                                            std::log(0.4F + 2.0F * std::min(e.speed, 100.0F)),
-                                           unaware * other};
+                                           unaware * other,
+                                           by_share};
   return std::inner_product(terms.begin(), terms.end(), kOdds[ahead ? 1 : 0].begin(), 0.0F);
 }
 

@@ -3,6 +3,7 @@
 #include "src/motion/block_field.hpp"
 #include "src/motion/global_motion.hpp"
 #include "src/motion/local_motion.hpp"
+#include "src/motion/odds.hpp"
 #include "src/motion/path.hpp"
 #include "src/motion/path_weights.hpp"
 #include "src/motion/weights.hpp"
@@ -299,6 +300,24 @@ TEST(Weights, SmoothAcrossWhatIsNoise) {
   EXPECT_LT(left(0.0F, {1.0F, 0.0F}), 0.2);
   EXPECT_GT(left(1e4F, {0.0F, 1.0F}), 0.98);
   EXPECT_GT(left(1.0F, {0.6F, 0.8F}), left(1.0F, {1.0F, 0.0F}));
+}
+
+// A block of much contrast in fast motion and little noise, as a hand makes it: what is left of the innovation is far
+// above the noise, and yet the motion explains nearly all that has changed. The per-pixel estimate promises less error
+// than the one along the motion, as it always does there, and has more.
+TEST(Odds, AMotionThatExplainsMostOfTheChangeIsBelieved) {
+  const Evidence well{
+      .mine = 10800, .other = 1900, .per_pixel = 34000, .left = 550, .change = 6900, .speed = 26, .seen = true};
+  Evidence badly = well;
+  badly.left = 0.5F * well.change;
+  Evidence slow = well;
+  slow.speed = 0.4F;
+  const Inertia inertia(kTau);
+  for (const bool ahead : {false, true}) {
+    EXPECT_LT(odds(inertia, ahead, well), -0.5F) << ahead;
+    EXPECT_GT(odds(inertia, ahead, badly), 0.0F) << ahead;
+    EXPECT_GT(odds(inertia, ahead, slow), 0.0F) << ahead;
+  }
 }
 
 TEST(MedianOf9, IsThatOfTheSortedNeighbours) {
