@@ -13,6 +13,7 @@ constexpr double kAbrupt = 0.04;     // of the speed: half a frame before its ti
 constexpr double kSlowPan = 1.5;     // px a frame: below it a stop does no harm
 constexpr double kUnnoticed = 0.02;  // px a frame: resolution of estimates
 constexpr double kByChance = 8.0;    // bound of a second difference due to noise, in the displacement's uncertainty
+constexpr double kOfScatter = 4.8;   // the same in what scatter() finds: twice the standard deviation along one axis
 // Of the speed: past second differences up to it count as a hand's motion, or as noise beyond the uncertainty. More
 // would let noise of .8 K pass for motion (MotionSafety), less costs hands in .5 K of noise 3 %.
 constexpr double kMostUsual = 0.25;
@@ -77,9 +78,27 @@ Affine blurring(const Inertia& inertia, const Spans& u, std::size_t first) noexc
 }
 
 // The second difference at displacement `i`, of the picture's middle.
+Vec2 change_at(const Displacements& d, std::size_t i) noexcept {
+  return d[i].at(0.0, 0.0) - d[i + 1].at(0.0, 0.0) * 2.0F + d[i + 2].at(0.0, 0.0);
+}
+
 float jerk(const Displacements& d, std::size_t i) noexcept {
-  const Vec2 j = d[i].at(0.0, 0.0) - d[i + 1].at(0.0, 0.0) * 2.0F + d[i + 2].at(0.0, 0.0);
+  const Vec2 j = change_at(d, i);
   return std::hypot(j.x, j.y);
+}
+
+// Standard deviation of the displacements that goes to and fro from one to the next, as noise does and a hand does not,
+// along the axis with more of it: white noise has a fourth of it as the covariance of neighbouring second differences,
+// with the opposite sign.
+double scatter(const Displacements& d) noexcept {
+  constexpr std::size_t kPairs = kHistory - 3;
+  Vec2 sum{0.0F, 0.0F};
+  for (std::size_t i = 0; i < kPairs; ++i) {
+    const Vec2 a = change_at(d, i);
+    const Vec2 b = change_at(d, i + 1);
+    sum = sum + Vec2{a.x * b.x, a.y * b.y};
+  }
+  return 0.5 * std::sqrt(std::max(-std::min(sum.x, sum.y) / static_cast<double>(kPairs), 0.0));
 }
 
 // The largest change of the picture's centre that the next one reverses, px a frame.
@@ -98,11 +117,11 @@ double hop(const Displacements& d) noexcept {
 double steadiness(const Inertia& inertia, const Displacements& d, double uncertainty) noexcept {
   const Vec2 last = d[1].at(0.0, 0.0);
   const double speed = std::max<double>(std::hypot(last.x, last.y), kSlowPan);
-  const double chance = kByChance * uncertainty;
+  const double chance = std::max(kByChance * uncertainty, kOfScatter * scatter(d));
   const double before = std::max({jerk(d, 3), jerk(d, 4), jerk(d, 5)});  // unaffected by the newest changes
   const double usual = std::clamp(before, chance, std::max(chance, kMostUsual * speed));
   const double relative = std::max(jerk(d, 0) - kUnnoticed - usual, 0.0) / (kAbrupt * speed + chance);
-  const double hops = std::max(hop(d) - chance, 0.0) * inertia.tau * inertia.tau / kHop;
+  const double hops = std::max(hop(d) - kByChance * uncertainty, 0.0) * inertia.tau * inertia.tau / kHop;
   return 1.0 / (1.0 + std::pow(relative, 4.0) + std::pow(hops, 4.0));
 }
 

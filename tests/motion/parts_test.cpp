@@ -192,6 +192,25 @@ TEST(Path, AccelerationIsFollowed) {
   EXPECT_NEAR(live.trail.p[0], place(0) - place(-1), 0.06);
 }
 
+// What goes to and fro is noise, where the picture tells less of a direction than the uncertainty says; what does not
+// is a stop.
+TEST(Path, ScatterIsNoStop) {
+  std::minstd_rand random(3);
+  std::normal_distribution<double> noise(0.0, 0.5);
+  double steady = 0.0;
+  constexpr int kDraws = 50;
+  for (int n = 0; n < kDraws; ++n) {
+    Displacements d;
+    for (Affine& one : d) one.p = {noise(random), 0.0, 0.0, 3.0, 0.0, 0.0};
+    steady += path_of(Inertia(kTau), d, false, 0.05).steady / kDraws;
+  }
+  EXPECT_GT(steady, 0.75);
+  Displacements stop;
+  for (Affine& one : stop) one.p[3] = 3.0;
+  stop[0].p[3] = 1.5;
+  EXPECT_LT(path_of(Inertia(kTau), stop, false, 0.05).steady, 0.1);
+}
+
 TEST(Weights, SumToOneAndPromiseLessErrorWithLookahead) {
   for (const double tau : {2.2, 0.33}) {  // 200 and 30 Hz at 11 ms
     const WeightTable live(tau, 0);
