@@ -88,17 +88,24 @@ float jerk(const Displacements& d, std::size_t i) noexcept {
 }
 
 // Standard deviation of the displacements that goes to and fro from one to the next, as noise does and a hand does not,
-// along the axis with more of it: white noise has a fourth of it as the covariance of neighbouring second differences,
-// with the opposite sign.
+// along the axis with more of it: neighbouring second differences of white noise have -4 times its variance in common.
+// Their median product: a stop is one of them.
 double scatter(const Displacements& d) noexcept {
   constexpr std::size_t kPairs = kHistory - 3;
-  Vec2 sum{0.0F, 0.0F};
+  constexpr float kMedian = 2.1F;  // of white noise, in its variances
+  std::array<float, kPairs> x{};
+  std::array<float, kPairs> y{};
   for (std::size_t i = 0; i < kPairs; ++i) {
     const Vec2 a = change_at(d, i);
     const Vec2 b = change_at(d, i + 1);
-    sum = sum + Vec2{a.x * b.x, a.y * b.y};
+    x[i] = a.x * b.x;
+    y[i] = a.y * b.y;
   }
-  return 0.5 * std::sqrt(std::max(-std::min(sum.x, sum.y) / static_cast<double>(kPairs), 0.0));
+  const auto median = [](std::array<float, kPairs>& products) {
+    std::ranges::nth_element(products, products.begin() + kPairs / 2);
+    return products[kPairs / 2];
+  };
+  return std::sqrt(std::max(-std::min(median(x), median(y)) / kMedian, 0.0F));
 }
 
 // The largest change of the picture's centre that the next one reverses, px a frame.
@@ -114,10 +121,10 @@ double hop(const Displacements& d) noexcept {
   return most;
 }
 
-double steadiness(const Inertia& inertia, const Displacements& d, double uncertainty) noexcept {
+double steadiness(const Inertia& inertia, const Displacements& d, double uncertainty, double noise) noexcept {
   const Vec2 last = d[1].at(0.0, 0.0);
   const double speed = std::max<double>(std::hypot(last.x, last.y), kSlowPan);
-  const double chance = std::max(kByChance * uncertainty, kOfScatter * scatter(d));
+  const double chance = std::max(kByChance * uncertainty, kOfScatter * noise);
   const double before = std::max({jerk(d, 3), jerk(d, 4), jerk(d, 5)});  // unaffected by the newest changes
   const double usual = std::clamp(before, chance, std::max(chance, kMostUsual * speed));
   const double relative = std::max(jerk(d, 0) - kUnnoticed - usual, 0.0) / (kAbrupt * speed + chance);
@@ -170,9 +177,10 @@ Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, doub
   for (std::size_t i = 0; i < u.size(); ++i) path.spans[i] = u[std::min(now + i, u.size() - 1)];
   path.next = u[0];
   path.displacement = d[now] + known.displacements[now];
-  path.steady = std::min({steadiness(inertia, left, uncertainty),
-                          steadiness(inertia, d + known.displacements, kWithGyro * uncertainty),
-                          steadiness(inertia, d + known.spans, kWithGyro * uncertainty)});
+  const double noise = gyro == nullptr ? scatter(left) : 0.0;  // a gyro tells stops from noise
+  path.steady = std::min({steadiness(inertia, left, uncertainty, noise),
+                          steadiness(inertia, d + known.displacements, kWithGyro * uncertainty, noise),
+                          steadiness(inertia, d + known.spans, kWithGyro * uncertainty, noise)});
   const Affine mean = mean_of(left);
   for (std::size_t i = now; gyro != nullptr && i < u.size() && rests(mean + gyro->spans[i]); ++i) ++path.rests;
   Affine moved;
