@@ -51,7 +51,7 @@ bool for_each_page(std::uint64_t offset, std::size_t bytes, Use use) {
 }
 
 Status check_only_name(const std::filesystem::path& file) {
-  if (capture::has_one_name(file)) return {};
+  if (has_one_name(file)) return {};
   return bad_input("cannot be begun: " + file.filename().string() +
                    " is a link, has another name too, or is no file; remove it, or choose another name");
 }
@@ -62,20 +62,19 @@ Status check_only_names(const std::filesystem::path& file, Replace replace) {
   return check_only_name(live_of(file));
 }
 
-// As above, of what was opened: the name may have got another file since it was looked at.
-bool has_one_name(int descriptor) {
-  struct stat opened {};
-  if (::fstat(descriptor, &opened) != 0) return false;
+// As has_one_name(), of what was opened: the name may have got another file since it was looked at. False with errno.
+bool opened_only_name(const UniqueFd& file, struct stat& info) {
+  if (!file || ::fstat(file.get(), &info) != 0) return false;
+  if (S_ISREG(info.st_mode) && info.st_nlink <= 1) return true;
   errno = EMLINK;
-  return S_ISREG(opened.st_mode) && opened.st_nlink <= 1;
+  return false;
 }
 
 // A record of an earlier file must not be laid over this one, not even after a cut of power.
 UniqueFd create_journal(const std::filesystem::path& file, bool power) {
   UniqueFd journal(::open(journal_of(file).c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666));
   struct stat info {};
-  if (!journal || ::fstat(journal.get(), &info) != 0) return {};
-  if (!has_one_name(journal.get())) return {};
+  if (!opened_only_name(journal, info)) return {};
   if (info.st_size == 0) return journal;
   const bool emptied = ::ftruncate(journal.get(), 0) == 0 && (!power || ::fsync(journal.get()) == 0);
   return emptied ? std::move(journal) : UniqueFd{};
@@ -140,9 +139,9 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesyst
   const int exclusive = replace == Replace::kNothing ? O_EXCL : 0;
   UniqueFd descriptor(::open(file.c_str(), O_RDWR | O_CREAT | exclusive | O_CLOEXEC | O_NOFOLLOW, 0666));
   if (!descriptor && errno == EEXIST) return is_there(file);
-  if (!descriptor) return not_opened("created");
+  struct stat info {};
+  if (!opened_only_name(descriptor, info)) return not_opened("created");
   std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(file, std::move(descriptor)));
-  if (!has_one_name(made->descriptor())) return not_opened("created");
   if (held_by_another(made->descriptor())) return bad_input(kIsBeingWritten);
   const Result<bool> ours = still_named(made->descriptor(), file);
   if (ours && !*ours) return bad_input(kIsBeingWritten);

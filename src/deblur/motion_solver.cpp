@@ -206,7 +206,7 @@ motion::Displacements MotionSolver::history(int newest, const motion::GyroMotion
     const auto along = static_cast<double>(i - last);
     const motion::Affine slope = (rest(next) + left[last] * -1.0) * (1.0 / gap);
     left[i] = left[i] + slope * along;
-    if (next + 1 >= length || !known(next + 1)) continue;
+    if (!known(next + 1)) continue;
     const motion::Affine bend = rest(next + 1) + (rest(next) + slope) * -1.0;
     left[i] = left[i] + bend * (along * (along - gap) / (gap + 1.0));
   }

@@ -233,6 +233,9 @@ Result<FieldParts> judge_moving(const Recording& r, Events& events, const Option
   return parts;
 }
 
+// The whole field at one temperature at a time: nothing in it moves.
+bool is_even(const Recording& r) { return r.kind == Kind::kUniform || r.kind == Kind::kChopper; }
+
 }  // namespace
 
 bool Field::tells(const Effect& effect) const {
@@ -266,8 +269,7 @@ void prepare_field(Events& events) {
   });
   for (std::size_t i = 0; i < events.session.recordings.size(); ++i) {
     Recording& r = events.session.recordings[i];
-    // Declared flat, or to jump, though in counts.
-    if (r.kind == Kind::kUniform || r.kind == Kind::kChopper) continue;
+    if (is_even(r)) continue;  // declared, though in counts
     // Noise is measured on still fields; moving ones are scenes. There a jerk over an uneven sky resembles an offset
     // step, so jumps are searched along the motion.
     Recording still = r;
@@ -295,8 +297,7 @@ Result<Field> judge_field(Events& events, const Noise& noise, const Options& opt
     if (has_model(r)) continue;
     if (!progress("following the scene", 0.9)) return failed("interrupted");
     Observation& seen = out.seen[r.name] = observe(r);
-    const bool even = r.kind == Kind::kUniform || r.kind == Kind::kChopper;  // nothing in it moves
-    if (!even) {
+    if (!is_even(r)) {
       ASSIGN_OR_RETURN(seen.motion, learn_from_motion(r, events.session, options.profile));
     }
     if (bench || r.kind == Kind::kChopper || r.used_frames().size() < kMinFrames) continue;

@@ -30,11 +30,11 @@ void constant_within_frames(deblur::Settings& settings) {
 // One sweep at a lambda that suits any noise would be little more than the inverse filter.
 deblur::Settings cheaper(deblur::Settings settings, QualityLevel level) {
   const bool automatic = std::exchange(settings.auto_lambda, false);
-  if (level == QualityLevel::kInverse) {
+  if (level == QualityLevel::kInverse || settings.method == deblur::Method::kInverse) {
     settings.method = deblur::Method::kInverse;
-  } else if (settings.method == deblur::Method::kMotion || (automatic && settings.method != deblur::Method::kInverse)) {
+  } else if (automatic || settings.method == deblur::Method::kMotion) {
     settings.method = deblur::Method::kMmae;
-  } else if (settings.method != deblur::Method::kInverse) {
+  } else {
     settings.method = deblur::Method::kDual;
     settings.iterations = 1;
     if (deblur::within_frame(settings).used) constant_within_frames(settings);

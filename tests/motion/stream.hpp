@@ -42,8 +42,9 @@ inline Picture solved(Solver& solver, const WindowView& window) {
 // A stream in memory, and what a solver makes of it.
 class Stream {
  public:
-  Stream(const Scene& scene, double noise, int count, std::uint32_t seed = 1) : scene_(scene) {
-    auto frames = watch(scene, kFrame, 2.2, count);
+  // tau: of the pixels, in periods.
+  Stream(const Scene& scene, double noise, int count, std::uint32_t seed = 1, double tau = 2.2) : scene_(scene) {
+    auto frames = watch(scene, kFrame, tau, count);
     add_noise(frames, noise, seed);
     for (const Picture& frame : frames) {
       counts_.emplace_back();

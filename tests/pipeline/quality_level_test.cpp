@@ -1,5 +1,6 @@
 #include "src/pipeline/quality_level.hpp"
 #include "src/pipeline/solver_ladder.hpp"
+#include "tests/motion/stream.hpp"
 #include "tests/test.hpp"
 
 namespace bolo::pipeline::quality_level_test {
@@ -176,68 +177,23 @@ TEST(SolverLadder, MeasuresAFrameOfAStreamThatFlows) {
   EXPECT_LT(frame_s, 0.7 * first_s) << "0.45 to 0.61 of it, by processor; a first window 0.8 and more";
 }
 
-// A pan of a quarter of a pixel a frame with 0.5 K of noise, as a camera with tau of 11 ms sees it.
-class Pan {
- public:
-  explicit Pan(const deblur::Settings& settings) : planes_(static_cast<std::size_t>(settings.window)) {
-    std::minstd_rand random(2);
-    std::normal_distribution<float> noise(0.0F, 0.5F);
-    const double decay = std::exp(-settings.period_s / settings.tau_s / kSteps);
-    std::vector<double> state(kFrame.pixels(), 300.0);
-    for (int frame = -40; frame < settings.window; ++frame) {
-      for (int step = 1 - kSteps; step <= 0; ++step) {
-        const double time = frame + (step - 0.5) / kSteps;
-        for (std::size_t i = 0; i < state.size(); ++i) state[i] = decay * state[i] + (1.0 - decay) * scene(i, time);
-      }
-      if (frame < 0) continue;
-      for (const double value : state) {
-        planes_[static_cast<std::size_t>(frame)].push_back(static_cast<float>(value) + noise(random));
-      }
-    }
-    for (const auto& plane : planes_) window_.push_back(plane.data());
-  }
-
-  // RMSE of the newest frame as the ladder's solver estimates it; of the raw one for kRaw.
-  double error(SolverLadder& ladder, QualityLevel level) const {
-    std::vector<float> out = planes_.back();
-    const int newest = static_cast<int>(planes_.size()) - 1;
-    if (level != QualityLevel::kRaw) {
-      const deblur::WindowView view{window_, newest, 1};
-      ladder.at(level).prepare(view);
-      ladder.at(level).solve(view, {0, 0, kFrame.width, kFrame.height}, out.data());
-    }
-    double sum = 0.0;
-    for (std::size_t i = 0; i < out.size(); ++i) sum += std::pow(static_cast<double>(out[i]) - scene(i, newest), 2);
-    return std::sqrt(sum / static_cast<double>(out.size()));
-  }
-
-  static constexpr Geometry kFrame{96, 32};
-
- private:
-  static constexpr int kSteps = 16;
-
-  static double scene(std::size_t pixel, double time) {
-    const double x = static_cast<double>(pixel % 96) - 0.25 * time;
-    const double y = static_cast<double>(pixel / 96);
-    return 300.0 + 6.0 * std::sin(0.31 * x + 0.2 * y) + (std::sin(0.15 * x - 0.11 * y) > 0.0 ? 5.0 : 0.0);
-  }
-
-  std::vector<std::vector<float>> planes_;
-  std::vector<const void*> window_;
-};
-
 TEST(SolverLadder, ReducedFramesAreNoFurtherFromTheTruthThanWhatIsCheaperStill) {
-  const StreamFormat format{.geometry = Pan::kFrame, .type = PixelType::kFloat32, .scale = {Unit::kKelvin, 1.0, 0.0}};
+  namespace stream = deblur::testing;
   for (const double period_s : {0.005, 1.0 / 60.0}) {
     for (const auto method : {deblur::Method::kAdmm, deblur::Method::kMotion}) {
       const deblur::Settings settings{
           .method = method, .period_s = period_s, .auto_lambda = method != deblur::Method::kMotion};
-      const Pan pan(settings);
-      auto ladder = must(SolverLadder::create(settings, format, PixelType::kFloat32, 0.0, true));
-      const double reduced = pan.error(*ladder, QualityLevel::kReduced);
+      const int newest = settings.window - 1;
+      stream::Stream pan(stream::pan(0.25, 0.0), 0.5, settings.window, 1, settings.tau_s / period_s);
+      auto ladder =
+          must(SolverLadder::create(settings, stream::format_of(PixelType::kUint16), PixelType::kFloat32, 0.0, true));
+      const auto error = [&](QualityLevel level) {
+        return stream::rmse(stream::solved(ladder->at(level), pan.window_ending_at(newest, 0)), pan.truth(newest));
+      };
+      const double reduced = error(QualityLevel::kReduced);
       const auto at = testing::Message() << deblur::name(method) << ", period " << period_s;
-      EXPECT_LE(reduced, pan.error(*ladder, QualityLevel::kInverse)) << at;
-      EXPECT_LT(reduced, pan.error(*ladder, QualityLevel::kRaw)) << at;
+      EXPECT_LE(reduced, error(QualityLevel::kInverse)) << at;
+      EXPECT_LT(reduced, pan.blurred_error(newest)) << at;
     }
   }
 }
