@@ -19,7 +19,8 @@ constexpr int kBefore = 3;                   // displacements, that one which do
 constexpr double kUnconfirmed = 12.0;        // px a frame: faster motion must be seen twice
 constexpr double kAbrupt = 0.9;              // of Path::steady: above it nothing stopped just now
 // Where the frame between is not what it was made to be by e, the displacement found is (1 + rho) e beyond the true
-// one, which itself is about twice e beyond the one foretold, as changes add up.
+// one, which itself is about twice e beyond the one foretold, as changes add up. The second of two made frames is three
+// times e off.
 constexpr double kTimesFurther = 2.0;
 constexpr double kSuspicious = 0.5;  // share of what is beyond, that counts where a stop is looked for
 
@@ -88,13 +89,16 @@ void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) 
   to.mirror_ends();
 }
 
-// Makes a lost frame as it would have been had the motion gone on: its innovation is the one before, moved. It stands
-// in for the first estimate after it alone. False where the three frames before do not tell their motion.
+// Makes a lost frame, or the second of two, as it would have been had the motion gone on: its innovation is the one
+// before, moved. It stands in for the first estimate after it alone. False where the three frames before the first do
+// not tell their motion.
 bool MotionSolver::bridge(Crew& crew) noexcept {
-  if (!displacement(1).there || frame(1).lost || frame(2).lost || frame(3).lost) return false;
+  const bool second = frame(1).lost;
+  if (second && (!frame(1).there || frame(2).lost)) return false;
+  if (!second && (!displacement(1).there || frame(2).lost || frame(3).lost)) return false;
   motion::Affine& d = displacement(0).motion;
   d = displacement(1).motion;
-  if (displacement(2).there && !frame(4).lost) d = motion::foretold(d, displacement(2).motion);
+  if (second || (displacement(2).there && !frame(4).lost)) d = motion::foretold(d, displacement(2).motion);
   motion::spread(d, task_.input.geometry, 1, field_);
   const motion::PaddedPlane& before = frame(1).values;
   motion::PaddedPlane& to = frame(0).values;
@@ -123,7 +127,8 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   now.there = !now.lost || bridge(crew);
   z.there = now.there && frame(1).there;
   d.there = z.there && innovation(1).there && !now.lost;
-  d.bridged = frame(1).lost || frame(2).lost;
+  const int back = frame(1).lost ? 1 : 2;
+  d.bridged = !frame(back).lost ? 0 : frame(back + 1).lost ? 2 : 1;
   d.beyond = {};
   if (!now.lost) load(plane, crew, now.values);
   if (z.there) find_innovation(kernels_, inertia_, now.values, frame(1).values, crew, z.values, z.smoothed);
@@ -135,7 +140,9 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
     if (frame(1).lost) {
       const motion::Affine expected = motion::foretold(displacement(1).motion, displacement(2).motion);
       const motion::Affine off = d.motion + expected * -1.0;
-      d.beyond = off * ((1.0 + inertia_.rho) / (kTimesFurther + 1.0 + inertia_.rho));
+      const double further = kTimesFurther + d.bridged - 1;
+      const double off_by = d.bridged == 1 ? 1.0 + inertia_.rho : further + inertia_.rho * (further + inertia_.rho);
+      d.beyond = off * (off_by / (further + off_by));
       d.motion = d.motion + d.beyond * -1.0;
     }
   }
@@ -144,14 +151,14 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
 // False for displacements of lost frames, and, but for those of the estimate itself, those that bridge one.
 bool MotionSolver::is_found(int back) noexcept {
   const Displacement& d = displacement(back);
-  return d.there && (!d.bridged || back <= task_.settings.lookahead);
+  return d.there && (d.bridged == 0 || back <= task_.settings.lookahead);
 }
 
 // A cut: frame `at` does not match, though the displacements [from, to) do. A scene of many motions never matches.
 bool MotionSolver::is_cut(int at, int from, int to) noexcept {
   double least = std::numeric_limits<double>::max();
   for (int i = from; i < to; ++i) {
-    if (is_found(i)) least = std::min(least, displacement(i).misfit);
+    if (displacement(i).there) least = std::min(least, displacement(i).misfit);
   }
   return is_found(at) && displacement(at).misfit > std::max(kCut, kTimesNext * least);
 }
@@ -183,13 +190,15 @@ bool MotionSolver::has_gaps(int newest) noexcept {
 
 // The displacements from that of period `newest` (before the newest) on, less the gyro's. Those that are not known lie
 // on the parabola through the one after and the two before them; before a cut, and before the first, the last is kept.
-// `bridged`: those that bridge a lost frame are known, too.
+// `bridged`: those that bridge a lost frame are known, too; two lost frames, if the newest does.
 motion::Displacements MotionSolver::history(int newest, const motion::GyroMotions& by_gyro, bool bridged) noexcept {
   motion::Displacements left;
   const auto length = static_cast<std::size_t>(scene_length(newest));
   const auto at = [&](std::size_t i) -> const Displacement& { return displacement(newest + static_cast<int>(i)); };
+  const int most = at(0).bridged < 2 ? 1 : 2;
   const auto known = [&](std::size_t i) {
-    return i == 0 || (i < length && (bridged ? at(i).there : is_found(newest + static_cast<int>(i))));
+    if (i == 0 || i >= length) return i == 0;
+    return bridged ? at(i).there && at(i).bridged <= most : is_found(newest + static_cast<int>(i));
   };
   const auto rest = [&](std::size_t i) { return at(i).motion + by_gyro.displacements[i] * -1.0; };
   std::size_t last = 0;
@@ -312,7 +321,7 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
     return;
   }
   const int target = task_.settings.lookahead;
-  tells_motion_ = !displacement(target).bridged;
+  tells_motion_ = displacement(target).bridged == 0;
   const auto cap = static_cast<float>(kLargestDifference / task_.kelvin_per_value());
   const motion::VectorField& deviation =
       local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,

@@ -18,8 +18,8 @@
 namespace bolo::deblur {
 
 // prepare() estimates the whole frame; solve() copies it. mmae's estimate replaces it pixel by pixel where the motion
-// does not explain the frames, and for whole frames without a motion: two frames before are lost, or the picture is too
-// small.
+// does not explain the frames, and for whole frames without a motion: frames before are lost that cannot be made up
+// (MotionSolver::bridge), or the picture is too small.
 //
 // Memory of earlier windows holds only values that this one would give again: each displacement is that of three
 // frames, all of them in the window (and, where it is measured, the noise, as in mmae).
@@ -38,7 +38,7 @@ class MotionSolver final : public Solver {
 
  private:
   static constexpr int kFrames = motion::kPast + 2;              // of an estimate, with the one after it
-  static constexpr int kBridge = 4;                              // frames before a lost one that it is made of
+  static constexpr int kBridge = 5;                              // frames before two lost ones that they are made of
   static constexpr int kFirst = motion::kHistory + 3 + kBridge;  // the newest frames, which its path is made of
   struct Frame {
     bool there = false;
@@ -52,7 +52,7 @@ class MotionSolver final : public Solver {
   };
   struct Displacement {
     bool there = false;
-    bool bridged = false;  // one of its frames is lost: too uncertain for later paths, and to be told
+    int bridged = 0;  // lost frames before or between its own: too uncertain for later paths, and to be told
     motion::Affine motion;
     motion::Affine beyond;  // what was found beyond it, for a lost frame that was not what it was made to be
     double uncertainty = 0.0;

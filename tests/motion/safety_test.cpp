@@ -115,6 +115,17 @@ Scene cut_at(double time) {
 
 TEST(MotionSafety, ACutToAnotherScene) { expect_safe(cut_at(kEvent - 0.7), 0.03); }
 
+// No displacement before it is of frames that all are there.
+TEST(MotionSafety, ACutSoonAfterLostFrames) {
+  for (const int lost : {1, 2}) {
+    Stream stream(cut_at(kEvent - 0.7), 0.03, kFrames);
+    for (int i = 0; i < lost; ++i) stream.lose(kEvent - 3 - i);
+    const Worst worst = worst_of(stream, 0.03);
+    EXPECT_LT(worst.frame, kWorstFrame) << lost;
+    EXPECT_LT(worst.tile, kWorstTile) << lost;
+  }
+}
+
 TEST(MotionSafety, Movers) {
   expect_safe(object_before(pan(0.0, 0.0), 2.9), 0.1);
   expect_safe(object_before(pan(2.9, 0.0), -2.0), 0.1);
