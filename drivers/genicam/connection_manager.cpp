@@ -161,8 +161,8 @@ void ConnectionManager::note_flow(std::int64_t frame_ns) {
     const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, info_.format.frame_period_s);
     status_->outage_frames.add(frames);
     report(false,
-           fmt::format("camera opened again after {} ({}), {} frames missing",
-                       seconds_text(first_ns - outage_from_ns_, 2), name(cause_), frames),
+           fmt::format("camera opened again after {} ({}), {} frame{} missing",
+                       seconds_text(first_ns - outage_from_ns_, 2), name(cause_), frames, frames == 1 ? "" : "s"),
            event::kCameraBack);
   }
   set_state(SourceState::kStreaming);

@@ -8,6 +8,7 @@
 #include "src/core/clock.hpp"
 #include "src/core/threads.hpp"
 #include "src/pipeline/convert.hpp"
+#include "src/pipeline/host_clock.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::replay {
@@ -15,6 +16,9 @@ namespace {
 
 // Limit of the time in which a sleeping replay notices that it should stop.
 constexpr std::int64_t kStopCheckNs = 50'000'000;
+
+constexpr std::size_t kFewestSteps = 16;  // between frames, for a period by their times
+constexpr double kLongestPeriod_s = 1.0;  // longer ones are milliseconds, or numbers of frames
 
 // The times of "nuc" and "reconnect" events, walked along with the frames. Thread: acquire.
 class WindowRestarts {
@@ -38,6 +42,23 @@ class WindowRestarts {
   std::size_t next_ = 0;
 };
 
+// The frame period that the capture's times show; the stated one where they agree, or say too little: the window places
+// frames by their times, so a filter for another period would be one of other frames.
+double period_of(const capture::CaptureReader& reader) {
+  const double stated_s = reader.info().format.frame_period_s;
+  const std::vector<double>& t = reader.t();
+  const std::vector<std::uint64_t>& id = reader.frame_id();
+  std::vector<double> steps_s;
+  for (std::size_t i = 1; i < t.size(); ++i)
+    steps_s.push_back((t[i] - t[i - 1]) / static_cast<double>(id[i] - id[i - 1]));
+  const double shown_s = pipeline::usual_step(steps_s);
+  if (steps_s.size() < kFewestSteps || shown_s > kLongestPeriod_s) return stated_s;
+  const auto closer = std::ranges::count_if(
+      steps_s, [&](double step_s) { return std::abs(step_s - shown_s) < std::abs(step_s - stated_s); });
+  const bool clear = 4 * static_cast<std::size_t>(closer) > 3 * steps_s.size();  // not within the stamps' jitter
+  return clear && std::abs(shown_s / stated_s - 1.0) >= pipeline::kSamePeriod ? shown_s : stated_s;
+}
+
 // Of a count that stands for float32.
 double step_of(const LinearScale& scale) { return scale.unit == Unit::kKelvin ? LinearScale{}.scale : 1.0; }
 
@@ -51,6 +72,7 @@ ReplaySource::~ReplaySource() { stop(); }
 Result<pipeline::SourceInfo> ReplaySource::open() {
   const capture::CaptureInfo& info = reader_->info();
   pipeline::SourceInfo source{info.format, info.camera_model, info.camera_serial};
+  source.format.frame_period_s = period_of(*reader_);
   if (rounds()) {
     plane_.resize(info.format.geometry.pixels());
     source.format.type = PixelType::kUint16;

@@ -162,6 +162,7 @@ void store_words(void* to, const Rows& rows, const Source& source) noexcept {
 
 void store_stats(bolo_shm_header& header, const pipeline::PipelineStats& stats) noexcept {
   store_relaxed(header.heartbeat_ns, static_cast<std::uint64_t>(monotonic_ns()));
+  std::atomic_ref(header.frame_period_s).store(stats.period_s.value(), std::memory_order_relaxed);
   store_words(&header, pipeline::kFrameCounters, stats);
   for (std::size_t b = 0; b < BOLO_SHM_LATENCY_BUCKETS; ++b) store_relaxed(header.latency[b], stats.latency.count(b));
 }

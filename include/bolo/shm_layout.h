@@ -113,7 +113,7 @@ struct bolo_shm_header {
   uint64_t deblurred_offset; /* from the slot's start */
   double scale;              /* kelvin a count */
   double offset;             /* kelvin */
-  double frame_period_s;
+  double frame_period_s;     /* that frames are solved with. Live: the camera's clock may show another than it states */
   double tau_s;
   uint32_t window;    /* frames a window */
   uint32_t lookahead; /* frames */

@@ -354,9 +354,8 @@ void check_plausible(Contents& contents) {
     contents.warnings.push_back("frame_period_s is " + text(period_s) + ": it looks like milliseconds, not seconds");
   }
   if (median_s > 0.0 && std::abs(period_s - median_s) > kPeriodTolerance * median_s) {
-    contents.warnings.push_back(
-        "frame_period_s is " + text(period_s) + " s but /t rises by " + text(median_s) +
-        " s a frame (median); frames are solved by frame_period_s: correct it where /t is right");
+    contents.warnings.push_back("frame_period_s is " + text(period_s) + " s but /t rises by " + text(median_s) +
+                                " s a frame (median); correct the one that is wrong");
   }
 }
 

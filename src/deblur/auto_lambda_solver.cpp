@@ -211,7 +211,7 @@ void AutoLambdaSolver::solve_row(const WindowView& window, const Region& part, c
   }
   PixelRun run = run_;
   run.delay = task_.row_delay(part.y);
-  run.published = published_bins(grid_, pattern_.slots, pattern_.target, run.delay);
+  run.published = published_bins(grid_, pattern_, run.delay);
   run.end = columns;
   run.out = out;
   run.lambda = lambda.data();

@@ -97,4 +97,8 @@ Published published_bins(const Grid& grid, int slots, int target, double delay) 
   return {bin(whole), bin(whole + 1.0), 1.0F - after, after};
 }
 
+Published published_bins(const Grid& grid, const Pattern& pattern, double delay) noexcept {
+  return published_bins(grid, pattern.before(pattern.slots) + 1, pattern.target, delay);
+}
+
 }  // namespace bolo::deblur

@@ -80,4 +80,7 @@ Published published_bins(const Grid& grid, int slots, int target) noexcept;
 // delay: in frame periods; negative for rows that are sampled before the frame's time. Thread: any.
 Published published_bins(const Grid& grid, int slots, int target, double delay) noexcept;
 
+// As if the window ended with the last received slot: of bins beyond it no sample says anything. Thread: any.
+Published published_bins(const Grid& grid, const Pattern& pattern, double delay) noexcept;
+
 }  // namespace bolo::deblur

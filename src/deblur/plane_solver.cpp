@@ -68,7 +68,7 @@ PixelRun PlaneSolver::run_into(void* out, int row) const noexcept {
   PixelRun run = run_for(task_);
   run.out = out;
   run.delay = task_.row_delay(row);
-  run.published = published_bins(grid_, pattern_.slots, pattern_.target, run.delay);
+  run.published = published_bins(grid_, pattern_, run.delay);
   return run;
 }
 

@@ -98,4 +98,19 @@ void HostClock::fit() noexcept {
   level_ns_ = a.late_ns - slope_ * a.camera_ns;
 }
 
+double usual_step(std::span<double> steps) noexcept {
+  if (steps.empty()) return 0.0;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  const double median = *middle;
+  double sum = 0.0;
+  double near = 0.0;
+  for (const double step : steps) {
+    if (std::abs(step - median) > 0.5 * median) continue;
+    sum += step;
+    near += 1.0;
+  }
+  return near > 0.0 ? sum / near : 0.0;
+}
+
 }  // namespace bolo::pipeline

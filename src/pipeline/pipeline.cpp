@@ -205,6 +205,7 @@ void Pipeline::Impl::take_period() noexcept {
   std::swap(corrections, timed->corrections);
   std::swap(solvers, timed->solvers);
   window.set_period(timed->settings.period_s);
+  stats.period_s.set(timed->settings.period_s);
   restart_window_next = true;
   spending = timed;
 }

@@ -29,7 +29,8 @@ struct StageLatencies {
 
 // Written by the pipeline thread, read by any.
 struct PipelineStats {
-  explicit PipelineStats(const FrameInlet& i, const SourceStatus* s = nullptr) : inlet(i), source(s) {}
+  explicit PipelineStats(const FrameInlet& i, const SourceStatus* s = nullptr)
+      : inlet(i), source(s), period_s(i.format().frame_period_s) {}
 
   // Frames that were received and not yet taken. Thread: any.
   std::uint64_t waiting() const noexcept {
@@ -40,6 +41,7 @@ struct PipelineStats {
 
   const FrameInlet& inlet;     // received(), losses()
   const SourceStatus* source;  // of a camera; null for a source that is not monitored
+  rt::Gauge<double> period_s;  // that frames are solved with: the source's, or since set_period() that one
   rt::Counter taken;           // frames taken out of the queue
   rt::Counter published;       // frames handed to the sinks
   rt::Counter restarts;        // windows emptied: NUC, reconnect, a jump in time

@@ -126,6 +126,20 @@ TEST_P(Adaptive, IsBetterThanTheSamples) {
   }
 }
 
+TEST_P(Adaptive, ALookAheadWhoseFrameIsLostIsNoWorseThanNone) {
+  for (const double speed : {0.3, 1.5}) {
+    const auto planes = movie(speed, 0.05);
+    const std::vector<const void*> window = pointers(planes);
+    std::vector<const void*> longer(window.begin() + 1, window.end());
+    longer.push_back(nullptr);
+    Settings settings = settings_of(GetParam());
+    const double without = rms_error(whole_frame(*make(settings), {window, kWindow - 1}), speed);
+    settings.lookahead = 1;
+    const double lost = rms_error(whole_frame(*make(settings), {longer, kWindow - 2}), speed);
+    EXPECT_LT(lost, 1.05 * without) << speed << " px/frame";
+  }
+}
+
 std::string name_of(const ::testing::TestParamInfo<Estimator>& each) {
   constexpr const char* kNames[] = {"Mmae", "AutoAdmm", "AutoDual", "AutoExact"};
   return kNames[static_cast<int>(each.param)];

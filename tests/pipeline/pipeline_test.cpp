@@ -193,6 +193,7 @@ TEST(Pipeline, ThePeriodMayTurnOutToBeAnother) {
   ASSERT_TRUE((*pipeline)->run(kNever));
   ASSERT_EQ(sink.frames.size(), 60U);
   EXPECT_TRUE(again);
+  EXPECT_EQ((*pipeline)->stats().period_s.value(), 5e-3);
   for (std::size_t i = 0; i < 60; ++i) {
     const bool anew = i > 30 && i < 31 + 16;
     EXPECT_EQ(sink.frames[i].meta.flags, anew ? std::uint32_t{kFlagWarmUp} : right.frames[i].meta.flags) << i;
@@ -330,6 +331,16 @@ TEST(PeriodMeterTest, MeasuresWhatTheClockSaysWithoutLostFramesAndPauses) {
     meter.restart();
     EXPECT_NEAR(measure(period_s, 33, meter, 5, 17), period_s, 1e-8);
   }
+}
+
+TEST(PeriodMeterTest, TicksOfACoarseClockAreNoOtherPeriod) {
+  PeriodMeter meter;
+  double measured = 0.0;
+  for (std::uint64_t id = 1; id <= 33; ++id) {
+    const double periods_ms = static_cast<double>(id) * 1e3 / 60.0;
+    if (const double m = meter.add(id, std::llround(periods_ms) * 1'000'000); m > 0.0) measured = m;
+  }
+  EXPECT_NEAR(measured, 1.0 / 60.0, kSamePeriod / 60.0);
 }
 
 TEST(PeriodMeterTest, SaysNothingBeforeItKnows) {

@@ -154,10 +154,11 @@ std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipel
   const std::string serial = source.camera_serial.empty() ? "" : " " + source.camera_serial;
   const StreamFormat& format = source.format;
   const deblur::Settings& settings = pipeline.settings();
-  return fmt::format("{} {}{}, {}x{} at {:.4g} Hz -> {}, window {}, look-ahead {}, tau {:.4g} ms, {} workers -> {}",
+  return fmt::format("{} {}{}, {}x{} at {:.4g} Hz -> {}, window {}, look-ahead {}, tau {:.4g} ms, {} worker{} -> {}",
                      from, source.camera_model, serial, format.geometry.width, format.geometry.height,
                      1.0 / format.frame_period_s, pipeline.solver_text(), settings.window, settings.lookahead,
-                     settings.tau_s * 1e3, config.pipeline.workers, describe_sinks(config));
+                     settings.tau_s * 1e3, config.pipeline.workers, config.pipeline.workers == 1 ? "" : "s",
+                     describe_sinks(config));
 }
 
 void block_signals() {

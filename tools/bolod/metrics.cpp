@@ -94,7 +94,8 @@ void add_information(const MetricsView& view, Families& to) {
                  {"camera_model", printable(source.camera_model)},
                  {"camera_serial", printable(source.camera_serial)},
                  {"solver", view.pipeline.solver_text()}});
-  to.gauge("bolo_frame_period_seconds", "From one frame of the stream to the next", source.format.frame_period_s);
+  to.gauge("bolo_frame_period_seconds", "From one frame of the stream to the next",
+           view.pipeline.stats().period_s.value());
 }
 
 template <typename Source>

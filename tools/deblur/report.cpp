@@ -124,7 +124,9 @@ void print_capture(const DeblurRequest& request, const CaptureSummary& capture, 
     print(common_json(request, {capture}, seconds));
     return;
   }
-  print_one(request, capture, fmt::format(" on {} threads, {:.1f} s", request.options.workers, seconds));
+  print_one(request, capture,
+            fmt::format(" on {} thread{}, {:.1f} s", request.options.workers, request.options.workers == 1 ? "" : "s",
+                        seconds));
 }
 
 void print_folder(const DeblurRequest& request, const FolderSummary& s) {
@@ -140,11 +142,12 @@ void print_folder(const DeblurRequest& request, const FolderSummary& s) {
     frames += capture.facts.frames_out;
     print_one(request, capture, "");
   }
-  std::printf("%zu captures, %llu frames in %.1f s; %zu done before", s.captures.size(), count(frames), s.seconds,
-              s.skipped.size());
+  std::printf("%zu capture%s, %llu frames in %.1f s; %zu done before", s.captures.size(),
+              s.captures.size() == 1 ? "" : "s", count(frames), s.seconds, s.skipped.size());
   if (!s.elsewhere.empty()) std::printf(", %zu being written by other processes", s.elsewhere.size());
   if (request.share.count > 1) {
-    std::printf("; part %zu of %zu (%s)", request.share.index, request.share.count, request.share.from.c_str());
+    std::printf("; part %zu of %zu (%s)", request.share.index == 0 ? request.share.count : request.share.index,
+                request.share.count, request.share.from.c_str());
   }
   std::puts("");
 }

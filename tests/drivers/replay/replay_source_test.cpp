@@ -21,15 +21,17 @@ class ReplaySourceTest : public testing::Test {
  protected:
   std::shared_ptr<const capture::CaptureReader> write(const std::vector<std::uint64_t>& ids,
                                                       const std::vector<capture::Event>& events = {},
-                                                      double period_s = 0.005) {
-    auto writer =
-        must(capture::CaptureWriter::create(file(), {.format = {.geometry = {5, 4}, .frame_period_s = period_s},
-                                                     .camera_model = "model",
-                                                     .camera_serial = "serial"}));
+                                                      double period_s = 0.005, double stated_s = 0.0,
+                                                      double jitter_s = 0.0) {
+    auto writer = must(capture::CaptureWriter::create(
+        file(), {.format = {.geometry = {5, 4}, .frame_period_s = stated_s > 0.0 ? stated_s : period_s},
+                 .camera_model = "model",
+                 .camera_serial = "serial"}));
     std::vector<std::uint16_t> plane(20);
     for (const std::uint64_t id : ids) {
       for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = value(id, i);
-      EXPECT_TRUE(writer->append(10.0 + static_cast<double>(id) * period_s, id, plane.data()));
+      const double late_s = jitter_s * static_cast<double>(id * 7 % 10) / 10.0;
+      EXPECT_TRUE(writer->append(10.0 + static_cast<double>(id) * period_s + late_s, id, plane.data()));
     }
     for (const capture::Event& event : events) EXPECT_TRUE(writer->add_event(event));
     EXPECT_TRUE(writer->close());
@@ -114,6 +116,23 @@ TEST_F(ReplaySourceTest, JumpsOfTheFrameNumberAreCountedAsMissing) {
   EXPECT_EQ(take_all(source, inlet).size(), 5U);
   EXPECT_EQ(inlet.losses().value(LossCause::kMissing), 2U + 9U);
   EXPECT_EQ(inlet.losses().total(), 11U);
+}
+
+TEST_F(ReplaySourceTest, TheFramePeriodIsThatOfTheTimesWhereAnotherIsStated) {
+  std::vector<std::uint64_t> ids = fifty_ids();
+  const auto period = [&](double period_s, double stated_s, double jitter_s = 0.0) {
+    ReplaySource source(write(ids, {}, period_s, stated_s, jitter_s), Pace::kAsFastAsPossible);
+    std::filesystem::remove(file());
+    return must(source.open())->format.frame_period_s;
+  };
+  EXPECT_NEAR(period(0.02, 1.0 / 60.0), 0.02, 1e-9);
+  EXPECT_EQ(period(0.005, 0.00501), 0.00501) << "the same, as bolod takes it";
+  EXPECT_EQ(period(0.005, 0.0051, 0.004), 0.0051) << "the times jitter by more";
+  EXPECT_EQ(period(2.0, 0.005), 0.005) << "no times of frames";
+  std::erase_if(ids, [](std::uint64_t id) { return id % 2 == 1; });
+  EXPECT_EQ(period(0.005, 0.005), 0.005) << "every other frame lost";
+  ids.resize(10);
+  EXPECT_EQ(period(0.02, 0.005), 0.005) << "too few to tell";
 }
 
 TEST_F(ReplaySourceTest, NucAndReconnectStartANewWindowAtTheNextFrame) {

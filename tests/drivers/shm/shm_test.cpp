@@ -87,6 +87,13 @@ TEST(ShmRoundTrip, CountersReachTheReader) {
   EXPECT_GE(stream.reader->header().heartbeat_ns, header.heartbeat_ns);
 }
 
+TEST(ShmRoundTrip, ThePeriodIsTheOneThatFramesAreSolvedWith) {
+  Stream stream("period");
+  stream.writer.stats.period_s.set(0.02);
+  stream.writer.publish();
+  EXPECT_EQ(must(ShmReader::open(stream.name))->header().frame_period_s, 0.02);
+}
+
 TEST(ShmRoundTrip, NoCounterIsBehindTheFramesThatAReaderSees) {
   constexpr std::uint64_t kFrames = 20'000;
   Stream stream("order", {8, 2});

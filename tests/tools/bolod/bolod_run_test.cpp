@@ -258,6 +258,7 @@ TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
   })) << daemon->err();
   EXPECT_NEAR(last, added(180.0), 2.0) << "200 Hz would add " << added(200.0) << '\n' << daemon->err();
   EXPECT_TRUE(logged(*daemon, "180 frames come a second, not 200")) << daemon->err();
+  EXPECT_NEAR(attach(*daemon)->header().frame_period_s, 1.0 / 180.0, 1e-5) << "what recordings begun now state";
   expect_good_end(*daemon);
 }
 
