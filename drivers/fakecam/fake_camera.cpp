@@ -130,7 +130,9 @@ gvcp::Status FakeCamera::Impl::start_stream() {
   frame_faults.begin_stream();
   control_faults.begin(now_ns);
   plan.fault_clock_ns = control_faults.clock_ns(now_ns);
-  counters.note_stream(now_ns);
+  counters.change([now_ns](FakeCameraStats& stats) {
+    if (stats.first_stream_ns == 0) stats.first_stream_ns = static_cast<std::uint64_t>(now_ns);
+  });
   try {
     session =
         std::make_unique<StreamSession>(plan, *provider, counters, StreamFaults{frame_faults, tallies, period_ns});

@@ -210,7 +210,7 @@ WriteOutcome CommandHandler::write_privilege(std::uint32_t value) {
   controlled_ = true;
   controller_ = peer_;
   last_command_ns_ = now_ns_;
-  counters_.set(&FakeCameraStats::controlled, true);
+  counters_.change([](FakeCameraStats& stats) { stats.controlled = true; });
   registers_.set(reg::kPrimaryAddress, peer_.address);
   registers_.set(reg::kPrimaryPort, peer_.port);
   return wanted;
@@ -219,7 +219,7 @@ WriteOutcome CommandHandler::write_privilege(std::uint32_t value) {
 void CommandHandler::lose_control() {
   controlled_ = false;
   controller_ = {};
-  counters_.set(&FakeCameraStats::controlled, false);
+  counters_.change([](FakeCameraStats& stats) { stats.controlled = false; });
   registers_.set(reg::kPrivilege, 0);
   registers_.set(reg::kPrimaryAddress, 0);
   registers_.set(reg::kPrimaryPort, 0);

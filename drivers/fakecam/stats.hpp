@@ -1,7 +1,6 @@
 // Counters of the fake camera since it was started.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <mutex>
 
@@ -43,23 +42,10 @@ class Counters {
     const std::lock_guard lock(mutex_);
     stats_.*counter += n;
   }
-  void set(bool FakeCameraStats::*state, bool value) noexcept {
+  template <typename Change>
+  void change(Change change) noexcept {
     const std::lock_guard lock(mutex_);
-    stats_.*state = value;
-  }
-  void note_stream(std::int64_t now_ns) noexcept {
-    const std::lock_guard lock(mutex_);
-    if (stats_.first_stream_ns == 0) stats_.first_stream_ns = static_cast<std::uint64_t>(now_ns);
-  }
-  void note_lateness(std::uint64_t lateness_ns, std::uint64_t late_ns) noexcept {
-    const std::lock_guard lock(mutex_);
-    if (lateness_ns > late_ns) ++stats_.late_frames;
-    stats_.worst_lateness_ns = std::max(stats_.worst_lateness_ns, lateness_ns);
-  }
-  void pass(std::uint64_t timestamp_ns) noexcept {
-    const std::lock_guard lock(mutex_);
-    ++stats_.position.turns;
-    stats_.position.timestamp_ns = timestamp_ns;
+    change(stats_);
   }
   FakeCameraStats read() const noexcept {
     const std::lock_guard lock(mutex_);

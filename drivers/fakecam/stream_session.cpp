@@ -168,7 +168,7 @@ void StreamSession::fill(WireFrame& frame, const Moment& moment, const std::byte
 
 void StreamSession::send_frames() {
   pthread_setname_np(pthread_self(), "fakecam-send");
-  counters_.set(&FakeCameraStats::streaming, true);
+  counters_.change([](FakeCameraStats& stats) { stats.streaming = true; });
   prctl(PR_SET_TIMERSLACK, 1UL);  // ns: the default of 50 us is longer than the gaps between bursts
   std::int64_t start_ns = 0;
   while (const WireFrame* frame = ring_.begin_send()) {
@@ -179,16 +179,22 @@ void StreamSession::send_frames() {
     const std::int64_t due_ns = start_ns + frame->due_ns;
     if (!wait_until(due_ns)) break;
     faults_.tallies.add_frame(frame->hit, frame->struck);
-    if (!frame->withheld) {
-      counters_.note_lateness(static_cast<std::uint64_t>(std::max<std::int64_t>(monotonic_ns() - due_ns, 0)), kLateNs);
-      train_.send(*frame);
-      counters_.add(&FakeCameraStats::frames_sent);
-    }
-    counters_.pass(frame->block.timestamp_ns);
+    const auto late_ns = static_cast<std::uint64_t>(std::max<std::int64_t>(monotonic_ns() - due_ns, 0));
+    if (!frame->withheld) train_.send(*frame);
+    counters_.change([&](FakeCameraStats& stats) {
+      ++stats.position.turns;
+      stats.position.timestamp_ns = frame->block.timestamp_ns;
+      if (frame->withheld) return;
+      ++stats.frames_sent;
+      if (late_ns > kLateNs) ++stats.late_frames;
+      stats.worst_lateness_ns = std::max(stats.worst_lateness_ns, late_ns);
+    });
     ring_.end_send();
   }
-  if (!stop_requested_.load(std::memory_order_relaxed)) counters_.add(&FakeCameraStats::streams_finished);
-  counters_.set(&FakeCameraStats::streaming, false);
+  counters_.change([this](FakeCameraStats& stats) {
+    if (!stop_requested_.load(std::memory_order_relaxed)) ++stats.streams_finished;
+    stats.streaming = false;
+  });
   running_.store(false, std::memory_order_release);  // pairs with running()
 }
 

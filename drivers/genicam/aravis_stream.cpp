@@ -92,15 +92,6 @@ AravisStream::~AravisStream() {
   running_.store(nullptr, std::memory_order_release);  // partner: drain(); buffers are not turned round any more
 }
 
-TransportStats AravisStream::counts() const {
-  const auto value = [&](const char* name) { return arv_stream_get_info_uint64_by_name(stream_.get(), name); };
-  TransportStats stats;
-  stats.completed_buffers = value("n_completed_buffers");
-  stats.failures = value("n_failures");
-  stats.underruns = value("n_underruns");
-  return stats;
-}
-
 // --- Aravis's thread ---
 
 void AravisStream::on_stream(void* self, ArvStreamCallbackType type, ArvBuffer*) {

@@ -26,8 +26,6 @@ class AravisStream {
   AravisStream(const AravisStream&) = delete;
   AravisStream& operator=(const AravisStream&) = delete;
 
-  TransportStats counts() const;
-
  private:
   AravisStream(int realtime_priority, std::function<void(const CameraFrame&)> take)
       : realtime_priority_(realtime_priority), take_(std::move(take)) {}

@@ -23,35 +23,26 @@ constexpr int kAttemptsAtItsAddress = 5;
 constexpr milliseconds kStopLimit(5000);
 constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to begin
 constexpr std::int64_t kProbePeriodNs = 200'000'000;   // between probes of a stalled camera
-constexpr std::int64_t kTransportPeriodNs = 200'000'000;
 constexpr std::int64_t kTemperaturePeriodNs = 10'000'000'000;
 constexpr milliseconds kNucLimit(5000);
 
-TransportStats sum(TransportStats a, const TransportStats& b) {
-  a.completed_buffers += b.completed_buffers;
-  a.failures += b.failures;
-  a.underruns += b.underruns;
-  a.received_packets += b.received_packets;
-  a.missing_packets += b.missing_packets;
-  a.resend_requests += b.resend_requests;
-  a.resent_packets += b.resent_packets;
-  a.ignored_packets += b.ignored_packets;
-  return a;
-}
-
 }  // namespace
 
-ConnectionManager::ConnectionManager(const CameraOptions& options, pipeline::SourceInfo info,
-                                     pipeline::FrameInlet& inlet, std::shared_ptr<pipeline::SourceStatus> status)
-    : options_(options),
-      info_(std::move(info)),
-      limits_(pipeline::watch_limits(options_.stall_ms, options_.reconnect_after_ms, info_.format.frame_period_s)),
-      status_(std::move(status)),
-      receiver_(inlet, options_, *status_),
-      schedule_(options_.nuc) {}
+Result<pipeline::SourceInfo> ConnectionManager::open() {
+  std::vector<std::string> found;
+  ASSIGN_OR_RETURN(opened_, Session::open(options_, true, stop_, found));
+  info_ = opened_->info();
+  limits_ = pipeline::watch_limits(options_.stall_ms, options_.reconnect_after_ms, info_.format.frame_period_s);
+  if (!opened_->address().empty()) options_.address = opened_->address();
+  if (options_.serial.empty()) options_.serial = info_.camera_serial;
+  const std::lock_guard lock(mutex_);
+  warnings_ = std::move(found);
+  return info_;
+}
 
-Status ConnectionManager::start(std::unique_ptr<Session> session) {
-  if (Status adopted = adopt(std::move(session)); !adopted) {
+Status ConnectionManager::start(pipeline::FrameInlet& inlet) {
+  receiver_.emplace(inlet, options_, *status_);
+  if (Status adopted = adopt(std::move(opened_)); !adopted) {
     take_session();
     return adopted;
   }
@@ -81,14 +72,9 @@ void ConnectionManager::stop() noexcept {
   } else {
     thread_.detach();  // blocked by a camera that does not answer
   }
-  receiver_.finish();
+  receiver_->finish();
   status_->since_ns.set(monotonic_ns());
   status_->state.set(SourceState::kIdle);
-}
-
-TransportStats ConnectionManager::transport() const {
-  const std::lock_guard lock(mutex_);
-  return session_ != nullptr ? sum(past_, session_->transport()) : past_;
 }
 
 std::vector<std::string> ConnectionManager::warnings() const {
@@ -103,7 +89,6 @@ void ConnectionManager::run() {
     poll();
     serve_requests();
     check_scene();
-    report_transport();
   }
   take_session();
 }
@@ -116,7 +101,7 @@ bool ConnectionManager::sleep(milliseconds time) {
 }
 
 void ConnectionManager::poll() {
-  const std::int64_t frame_ns = receiver_.last_frame_ns();
+  const std::int64_t frame_ns = receiver_->last_frame_ns();
   const bool arrived = frame_ns > since_ns_;
   const std::int64_t now_ns = monotonic_ns();
   if (now_ns < nuc_until_ns_ && !session_->control_lost()) return;  // the shutter may stop the stream
@@ -146,7 +131,7 @@ std::optional<LostCause> ConnectionManager::find_fault(std::int64_t quiet_ns) {
 }
 
 void ConnectionManager::set_state(SourceState state) {
-  if (stop_.load(std::memory_order_relaxed)) return;  // the status may be another connection manager's by now
+  if (stop_.load(std::memory_order_relaxed)) return;  // stop() says that it is idle
   status_->since_ns.set(monotonic_ns());
   status_->state.set(state);
 }
@@ -154,7 +139,7 @@ void ConnectionManager::set_state(SourceState state) {
 void ConnectionManager::note_flow(std::int64_t frame_ns) {
   const SourceState before = status_->state.value();
   if (before == SourceState::kStreaming) return;
-  const std::int64_t first_ns = std::min(receiver_.flows_since_ns(), frame_ns);
+  const std::int64_t first_ns = std::min(receiver_->flows_since_ns(), frame_ns);
   if (before == SourceState::kStalled) {
     report(false, "frames arrive again after " + seconds_text(first_ns - outage_from_ns_, 2), event::kFramesFlow);
   } else if (before == SourceState::kLost) {
@@ -230,7 +215,7 @@ bool ConnectionManager::try_reopen(bool everywhere) {
 // Makes the session the current one, unless it is time to stop, and starts its stream.
 Status ConnectionManager::adopt(std::unique_ptr<Session> session) {
   std::vector<std::string> found;
-  if (Status prepared = session->prepare(receiver_, found); !prepared) return prepared;
+  if (Status prepared = session->prepare(*receiver_, status_, found); !prepared) return prepared;
   const bool first = since_ns_ == 0;
   if (first) {
     for (const std::string& text : session->negotiated().notes) report(false, text);
@@ -239,13 +224,13 @@ Status ConnectionManager::adopt(std::unique_ptr<Session> session) {
   ticks_without_control_ = 0;
   nuc_until_ns_ = 0;
   judged_median_ = -1;
-  receiver_.set_nuc_until(0);
+  receiver_->set_nuc_until(0);
   Session* present = session.get();
   {
     const std::lock_guard lock(mutex_);
     if (stop_.load(std::memory_order_relaxed)) return {};
-    if (first) warnings_ = std::move(found);
-    receiver_.begin(session->negotiated().kelvin_table);
+    if (first) warnings_.insert(warnings_.end(), found.begin(), found.end());
+    receiver_->begin(session->negotiated().kelvin_table);
     since_ns_ = monotonic_ns();
     session_ = std::move(session);
     session_->admit();
@@ -258,24 +243,13 @@ std::unique_ptr<Session> ConnectionManager::take_session() {
   const std::lock_guard lock(mutex_);
   if (session_ == nullptr) return nullptr;
   session_->shut();
-  past_ = sum(past_, session_->transport());
   return std::move(session_);
-}
-
-void ConnectionManager::report_transport() {
-  const std::int64_t now_ns = monotonic_ns();
-  if (now_ns < next_transport_ns_) return;
-  next_transport_ns_ = now_ns + kTransportPeriodNs;
-  const TransportStats stats = transport();
-  status_->received_packets.set(stats.received_packets);
-  status_->missing_packets.set(stats.missing_packets);
-  status_->resent_packets.set(stats.resent_packets);
 }
 
 // Once a connection: checks that its values can be temperatures. Every 10 s: reads the temperature of the camera.
 void ConnectionManager::check_scene() {
   if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
-  const int median = receiver_.scene().median();
+  const int median = receiver_->scene().median();
   if (median >= 0 && judged_median_ < 0) {
     judged_median_ = median;
     if (const auto doubt = implausible(median, info_.format.scale)) report(true, *doubt);
@@ -304,6 +278,7 @@ void ConnectionManager::check_ptp() {
 // --- NUC ---
 
 Status ConnectionManager::trigger_nuc() {
+  if (status_->state.value() == SourceState::kIdle) return failed("the camera is not started");
   std::unique_lock lock(mutex_);
   const std::uint64_t mine = ++nucs_asked_;
   const auto served = [&] { return nucs_served_ >= mine || stop_.load(std::memory_order_relaxed); };
@@ -331,7 +306,7 @@ void ConnectionManager::apply_nuc_options() {
   const bool new_policy = nuc->policy != options_.nuc.policy;
   options_.nuc = *nuc;
   schedule_.set_options(*nuc);
-  receiver_.set_nuc(*nuc);
+  receiver_->set_nuc(*nuc);
   if (!new_policy || session_ == nullptr) return;
   std::vector<std::string> warnings;
   if (Status done = session_->set_nuc(*nuc, warnings); !done) warnings.push_back(done.error().message);
@@ -347,7 +322,7 @@ void ConnectionManager::serve_requests() {
     asked = nucs_asked_ > nucs_served_ ? nucs_asked_ : 0;
   }
   if (asked == 0) {
-    if (!schedule_.due(monotonic_ns(), receiver_.scene().still_since_ns())) return;
+    if (!schedule_.due(monotonic_ns(), receiver_->scene().still_since_ns())) return;
     const bool timed = options_.nuc.policy == NucPolicy::kTimed;
     if (Status done = run_nuc(timed ? "it is time" : "nothing moves"); !done) report(true, done.error().message);
     return;
@@ -362,12 +337,12 @@ void ConnectionManager::serve_requests() {
 // Frames that arrive while the command is on its way count as the shutter's.
 Status ConnectionManager::run_nuc(const std::string& why) {
   const std::int64_t hold_ns = options_.nuc.hold_ms * kNsPerMs;
-  receiver_.set_nuc_until(monotonic_ns() + hold_ns);
+  receiver_->set_nuc_until(monotonic_ns() + hold_ns);
   Status done = session_->trigger_nuc();
   const std::int64_t now_ns = monotonic_ns();
   schedule_.done(now_ns);
   nuc_until_ns_ = done ? now_ns + hold_ns : 0;
-  receiver_.set_nuc_until(nuc_until_ns_);
+  receiver_->set_nuc_until(nuc_until_ns_);
   if (!done) return done;
   status_->corrections.add();
   status_->correction_ns.set(now_ns);

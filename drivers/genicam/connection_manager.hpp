@@ -68,17 +68,17 @@ class SessionCloser {
 // neither the inlet nor the caller of stop(). The mutex is never taken by the acquire thread.
 class ConnectionManager : public std::enable_shared_from_this<ConnectionManager> {
  public:
-  // The inlet outlives stop(). Thread: setup.
-  ConnectionManager(const CameraOptions& options, pipeline::SourceInfo info, pipeline::FrameInlet& inlet,
-                    std::shared_ptr<pipeline::SourceStatus> status);
+  explicit ConnectionManager(CameraOptions options) : options_(std::move(options)), schedule_(options_.nuc) {}
 
-  // Starts the stream and the monitoring thread. Thread: setup.
-  Status start(std::unique_ptr<Session> session);
+  // As GenicamSource::open(). Thread: setup.
+  Result<pipeline::SourceInfo> open();
+  // Starts the stream and the monitoring thread. The inlet outlives stop(). Thread: setup, once.
+  Status start(pipeline::FrameInlet& inlet);
   // No frame is handed in after it returns. Waits for the connection's end at most kStopLimit. Thread: setup.
   void stop() noexcept;
 
   // Thread: any.
-  TransportStats transport() const;
+  const pipeline::SourceStatus& status() const noexcept { return *status_; }
   std::vector<std::string> warnings() const;
   std::vector<pipeline::Notice> take_notices() { return notices_.take(); }
   Status trigger_nuc();
@@ -97,7 +97,6 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   bool try_reopen(bool everywhere);
   Status adopt(std::unique_ptr<Session> session);
   std::unique_ptr<Session> take_session();
-  void report_transport();
   void check_scene();
   void check_ptp();
   void serve_requests();
@@ -108,10 +107,12 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   }
 
   CameraOptions options_;  // the address follows the camera
-  const pipeline::SourceInfo info_;
-  const pipeline::WatchLimits limits_;
-  const std::shared_ptr<pipeline::SourceStatus> status_;
-  FrameReceiver receiver_;
+  pipeline::SourceInfo info_;
+  pipeline::WatchLimits limits_{};
+  // Sessions that are still being closed share it.
+  const std::shared_ptr<pipeline::SourceStatus> status_ = std::make_shared<pipeline::SourceStatus>();
+  std::unique_ptr<Session> opened_;        // from open() to start()
+  std::optional<FrameReceiver> receiver_;  // from start() on
   pipeline::Notices notices_;
   std::atomic<bool> stop_{false};  // written under the mutex; read without it to give up early
 
@@ -126,13 +127,11 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   NucSchedule schedule_;
   std::int64_t next_temperature_ns_ = 0;
   std::string ptp_status_;  // as last reported
-  std::int64_t next_transport_ns_ = 0;
-  SessionCloser closer_;  // stop() waits for it when the monitoring thread has ended
+  SessionCloser closer_;    // stop() waits for it when the monitoring thread has ended
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable wake_;
   std::unique_ptr<Session> session_;  // replaced by the monitoring thread only, which therefore reads it without
-  TransportStats past_;               // of sessions that have ended
   std::vector<std::string> warnings_;
   std::condition_variable nuc_done_;
   std::uint64_t nucs_asked_ = 0;

@@ -81,17 +81,7 @@ struct CameraOptions {
 
 using pipeline::SourceState;
 
-// The transport's own view, summed over reconnects.
-struct TransportStats {
-  std::uint64_t completed_buffers = 0;
-  std::uint64_t failures = 0;   // frames that were given up
-  std::uint64_t underruns = 0;  // USB3 Vision: packets without a buffer to put them into
-  std::uint64_t received_packets = 0;
-  std::uint64_t missing_packets = 0;
-  std::uint64_t resend_requests = 0;
-  std::uint64_t resent_packets = 0;
-  std::uint64_t ignored_packets = 0;  // of frames that were already closed, and forged ones
-};
+class ConnectionManager;
 
 class GenicamSource final : public pipeline::FrameSource {
  public:
@@ -105,8 +95,8 @@ class GenicamSource final : public pipeline::FrameSource {
   // refuses a setting that the stream depends on. Settings that were rounded are in warnings(). Thread: setup.
   Result<pipeline::SourceInfo> open() override;
 
-  // After stop() it connects again. Frames come on the receiving thread; a camera that is lost is opened again in
-  // the background until stop(), and its first frame then starts a new window. Thread: setup.
+  // Once. Frames come on the receiving thread; a camera that is lost is opened again in the background until stop(),
+  // and its first frame then starts a new window. Thread: setup.
   Status start(pipeline::FrameInlet& inlet) override;
 
   // Waits for a teardown that the camera does not answer for a bounded time only. Thread: setup.
@@ -121,14 +111,12 @@ class GenicamSource final : public pipeline::FrameSource {
   void set_nuc(const NucOptions& nuc);
   // Times that a lost camera was opened again. Thread: any.
   std::uint64_t reconnects() const noexcept { return status()->reopened.value(); }
-  TransportStats transport_stats() const;
   // Settings that the camera or the host rounded or refused when it was opened and started. Thread: any.
   std::vector<std::string> warnings() const;
   std::vector<pipeline::Notice> take_notices() override;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  const std::shared_ptr<ConnectionManager> manager_;
 };
 
 }  // namespace bolo::genicam

@@ -91,9 +91,10 @@ std::int64_t to_ns(std::uint64_t ticks, std::uint64_t ticks_per_s) noexcept {
   return static_cast<std::int64_t>(ns % kBelow);
 }
 
-Assembler::Assembler(const StreamPlan& plan, FrameOutput& output)
+Assembler::Assembler(const StreamPlan& plan, FrameOutput& output, pipeline::SourceStatus& status)
     : plan_(plan),
       output_(output),
+      status_(status),
       frames_held_(
           plan.resend ? static_cast<std::uint64_t>(plan.retention_ns / std::max<std::int64_t>(plan.period_ns, 1)) : 0),
       patience_ns_(std::max(plan.retention_ns, static_cast<std::int64_t>(2 * kOthers + frames_held_) * plan.period_ns)),
@@ -111,22 +112,22 @@ Assembler::Assembler(const StreamPlan& plan, FrameOutput& output)
 }
 
 void Assembler::take(std::span<const std::byte> datagram, std::int64_t now_ns) noexcept {
-  counts_.packets.add();
+  status_.received_packets.add();
   const std::optional<Packet> packet = parse(datagram);
   Frame* frame = packet && possible(*packet) ? find(*packet, now_ns) : nullptr;
-  if (frame == nullptr) return counts_.ignored.add();
+  if (frame == nullptr) return;
   if (packet->refused) {
     frame->no_resend = true;
     return;
   }
   PacketState& state = frame->states[packet->packet_id];
   // One that comes again takes the place of the first, which may have been forged: ahead of its time, as a rule.
-  if (!store(*frame, *packet)) return counts_.ignored.add();
+  if (!store(*frame, *packet)) return;
   frame->last_ns = now_ns;
   if (state.received) return;
   state.received = true;
   ++frame->received;
-  if (state.requested) counts_.resent.add();
+  if (state.requested) status_.resent_packets.add();
   while (frame->prefix < frame->packets && frame->states[frame->prefix].received) ++frame->prefix;
   if (frame->prefix == frame->packets && frame->has_trailer) {
     frame->whole = true;
@@ -273,7 +274,6 @@ bool Assembler::request(Frame& frame, std::uint32_t first, std::uint32_t last, s
     frame.no_resend = true;
     return false;
   }
-  counts_.asked.add(count);
   for (std::uint32_t id = first; id <= last; ++id) {
     frame.states[id].due_ns = now_ns + plan_.packet_timeout_ns;
     frame.states[id].requested = true;
@@ -362,7 +362,6 @@ void Assembler::emit(Frame& whole, std::int64_t now_ns) noexcept {
     if (before == nullptr) break;
     lose(*before);
   }
-  counts_.whole.add();
   ++emitted_;
   started_ = true;
   extended_ = whole.extended;
@@ -391,8 +390,7 @@ void Assembler::give_up(Frame& frame) noexcept {
 
 void Assembler::lose(Frame& frame) noexcept {
   frame.open = false;
-  counts_.broken.add();
-  counts_.missing.add(frame.packets - std::min(frame.received, frame.packets));
+  status_.missing_packets.add(frame.packets - std::min(frame.received, frame.packets));
   output_.take_frame({.end = FrameEnd::kIncomplete, .id = frame.id});
 }
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "drivers/genicam/camera_frame.hpp"
-#include "src/rt/counters.hpp"
+#include "src/pipeline/source.hpp"
 
 namespace bolo::genicam::gvsp {
 
@@ -79,23 +79,15 @@ struct StreamPlan {
   std::int64_t retention_ns = 0;
 };
 
-struct StreamCounts {
-  rt::Counter whole, broken;
-  rt::Counter packets;  // datagrams that came
-  rt::Counter missing;  // packets of frames that were given up
-  rt::Counter asked;    // packets, again
-  rt::Counter resent;   // that came then
-  rt::Counter ignored;  // datagrams that belong to no frame: late, or not the camera's
-};
-
 // A datagram can come from anyone. So none of its values is an index before it was compared with what a frame of the
 // agreed size can have, memory is that of the plan, and a frame is accepted only when it is whole, or when a later
 // frame is: a lone packet with an invented number makes no frame, and loses none. A number that the stream cannot have
 // reached by now takes a place only while one is free, or from another such; it counts when its frame is whole. Thread:
-// acquire, but for construction and counts. Nothing allocates after construction.
+// acquire, but for construction. Nothing allocates after construction.
 class Assembler {
  public:
-  Assembler(const StreamPlan& plan, FrameOutput& output);
+  // Counts packets in `status`. Both outlive this.
+  Assembler(const StreamPlan& plan, FrameOutput& output, pipeline::SourceStatus& status);
 
   // now_ns: CLOCK_MONOTONIC, when the datagram was taken from the socket; never falls.
   void take(std::span<const std::byte> datagram, std::int64_t now_ns) noexcept;
@@ -108,8 +100,6 @@ class Assembler {
   std::int64_t rest_ns(std::int64_t now_ns) const noexcept {
     return latest_ != nullptr && latest_->open && !latest_->whole ? latest_->first_ns + span_ns_ - now_ns : 0;
   }
-  // Thread: any.
-  const StreamCounts& counts() const noexcept { return counts_; }
 
  private:
   struct PacketState {
@@ -168,6 +158,7 @@ class Assembler {
 
   const StreamPlan plan_;
   FrameOutput& output_;
+  pipeline::SourceStatus& status_;
   std::array<Layout, 2> layouts_;    // short ids, extended ids
   const std::uint64_t frames_held_;  // that an incomplete frame can hold up
   const std::int64_t patience_ns_;   // with an incomplete frame
@@ -179,7 +170,6 @@ class Assembler {
   std::uint64_t newest_ = 0;
   std::int64_t newest_ns_ = 0;
   std::uint64_t emitted_ = 0;
-  StreamCounts counts_;
 };
 
 }  // namespace bolo::genicam::gvsp

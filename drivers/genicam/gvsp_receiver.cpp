@@ -69,7 +69,7 @@ Receiver::~Receiver() {
 }
 
 Status Receiver::start(const StreamPlan& plan, std::uint16_t source_port, int realtime_priority,
-                       std::function<void(const CameraFrame&)> take) {
+                       std::function<void(const CameraFrame&)> take, std::shared_ptr<pipeline::SourceStatus> status) {
   if (source_port != 0) {
     std::array<char, INET_ADDRSTRLEN> text{};
     inet_ntop(AF_INET, &camera_.sin_addr, text.data(), text.size());
@@ -82,8 +82,9 @@ Status Receiver::start(const StreamPlan& plan, std::uint16_t source_port, int re
   getsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &buffer, &size);
   pause_share_ = std::min(kMostPauseShare, buffer / (4.0 * static_cast<double>(plan.payload_bytes + 1)));
   take_ = std::move(take);
+  status_ = std::move(status);
   FrameOutput& output = *this;
-  assembler_ = std::make_unique<Assembler>(plan, output);
+  assembler_ = std::make_unique<Assembler>(plan, output, *status_);
   bytes_.resize(kBatch * plan.packet_bytes);
   std::promise<Status> granted;
   std::future<Status> answer = granted.get_future();

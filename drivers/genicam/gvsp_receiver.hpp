@@ -39,10 +39,7 @@ class Receiver final : private FrameOutput {
   // Frames go to `take` from now on, on the thread of the receiver. source_port: of the camera's packets; 0: unknown.
   // The result is whether the priority was granted: frames flow also without. Thread: setup, once.
   Status start(const StreamPlan& plan, std::uint16_t source_port, int realtime_priority,
-               std::function<void(const CameraFrame&)> take);
-
-  // After start(). Thread: any.
-  const StreamCounts& counts() const noexcept { return assembler_->counts(); }
+               std::function<void(const CameraFrame&)> take, std::shared_ptr<pipeline::SourceStatus> status);
 
  private:
   explicit Receiver(UniqueFd socket, const sockaddr_in& camera) : socket_(std::move(socket)), camera_(camera) {}
@@ -60,6 +57,7 @@ class Receiver final : private FrameOutput {
   StreamPlan plan_;
   double pause_share_ = 0.0;  // of the time that a frame still takes
   std::function<void(const CameraFrame&)> take_;
+  std::shared_ptr<pipeline::SourceStatus> status_;
   std::unique_ptr<Assembler> assembler_;
   std::vector<std::byte> bytes_;  // of a batch of datagrams
   std::atomic<bool> stop_{false};

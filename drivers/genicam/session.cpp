@@ -103,10 +103,11 @@ Session::~Session() {
   }
 }
 
-Status Session::prepare(FrameReceiver& receiver, std::vector<std::string>& warnings) {
+Status Session::prepare(FrameReceiver& receiver, std::shared_ptr<pipeline::SourceStatus> status,
+                        std::vector<std::string>& warnings) {
   receiver_ = &receiver;
   ASSIGN_OR_RETURN(const std::size_t payload, payload_bytes());
-  if (connection_.is_gige()) return start_gvsp(payload, warnings);
+  if (connection_.is_gige()) return start_gvsp(payload, std::move(status), warnings);
   const auto take_frame = [this](const CameraFrame& frame) { take(frame); };
   ASSIGN_OR_RETURN(other_, AravisStream::start(connection_, options_, payload, take_frame, warnings));
   return {};
@@ -154,21 +155,6 @@ double Session::temperature_k() {
   return value > kHottestCelsius ? value : value + kZeroCelsius;
 }
 
-TransportStats Session::transport() const {
-  if (other_ != nullptr) return other_->counts();
-  TransportStats stats;
-  if (gvsp_ == nullptr) return stats;
-  const gvsp::StreamCounts& counts = gvsp_->counts();
-  stats.completed_buffers = counts.whole.value();
-  stats.failures = counts.broken.value();
-  stats.received_packets = counts.packets.value();
-  stats.missing_packets = counts.missing.value();
-  stats.resend_requests = counts.asked.value();
-  stats.resent_packets = counts.resent.value();
-  stats.ignored_packets = counts.ignored.value();
-  return stats;
-}
-
 // On the heartbeat's thread, which the device's end waits for: nothing but the flag.
 void Session::on_control_lost(ArvDevice*, void* flag) {
   static_cast<std::atomic<bool>*>(flag)->store(true, std::memory_order_relaxed);
@@ -192,7 +178,8 @@ Result<std::size_t> Session::payload_bytes() {
   return static_cast<std::size_t>(bytes);
 }
 
-Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& warnings) {
+Status Session::start_gvsp(std::size_t payload_bytes, std::shared_ptr<pipeline::SourceStatus> status,
+                           std::vector<std::string>& warnings) {
   ASSIGN_OR_RETURN(gvsp_,
                    at(connection_.name, gvsp::Receiver::open(connection_.route.local_address, connection_.address,
                                                              options_.socket_buffer_bytes)));
@@ -205,8 +192,9 @@ Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& 
   if (error) return failed(connection_.name + ": it is not told where to send its stream (" + error.message() + ")");
   ASSIGN_OR_RETURN(const gvsp::StreamPlan plan, plan_stream(payload_bytes, warnings));
   try {
-    const Status raised = gvsp_->start(plan, source_port(), options_.realtime_priority,
-                                       [this](const CameraFrame& frame) { take(frame); });
+    const Status raised = gvsp_->start(
+        plan, source_port(), options_.realtime_priority, [this](const CameraFrame& frame) { take(frame); },
+        std::move(status));
     if (!raised) warnings.push_back(gvsp::refused_priority(options_.realtime_priority));
   } catch (const std::system_error& e) {
     return failed(connection_.name + ": " + describe_exception(e));

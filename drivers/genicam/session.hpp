@@ -74,8 +74,10 @@ class Session {
   // The IP address of a GigE Vision camera; empty for others.
   const std::string& address() const { return connection_.address; }
 
-  // Makes the stream, its thread and its buffers; nothing flows yet. The receiver outlives shut(). Thread: setup.
-  Status prepare(FrameReceiver& receiver, std::vector<std::string>& warnings);
+  // Makes the stream, its thread and its buffers; nothing flows yet. The receiver outlives shut(). Packets are counted
+  // in `status`. Thread: setup.
+  Status prepare(FrameReceiver& receiver, std::shared_ptr<pipeline::SourceStatus> status,
+                 std::vector<std::string>& warnings);
   // The receiver gets frames from now on. Thread: setup.
   void admit() noexcept { gate_.open(); }
   // Starts the camera's acquisition. Thread: setup.
@@ -97,15 +99,14 @@ class Session {
   PtpState ptp();
   // Of the camera, K; 0 when unknown. Blocks as above. Thread: setup.
   double temperature_k();
-  // Since the stream was prepared. Thread: setup.
-  TransportStats transport() const;
 
  private:
   Session(Connection connection, Negotiated negotiated, const CameraOptions& options);
 
   static void on_control_lost(ArvDevice* device, void* flag);
   Result<std::size_t> payload_bytes();
-  Status start_gvsp(std::size_t payload_bytes, std::vector<std::string>& warnings);
+  Status start_gvsp(std::size_t payload_bytes, std::shared_ptr<pipeline::SourceStatus> status,
+                    std::vector<std::string>& warnings);
   Result<gvsp::StreamPlan> plan_stream(std::size_t payload_bytes, std::vector<std::string>& warnings);
   std::uint16_t source_port();
   std::uint32_t read_register(std::uint64_t address);

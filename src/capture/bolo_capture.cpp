@@ -261,18 +261,18 @@ Status read_extras(hid_t file, Trust trust, Contents& contents) {
   return {};
 }
 
-bool is_own_attribute(const std::string& name) {
-  constexpr std::array<std::string_view, 9> kOwn{"format",         "version",      "unit",          "scale",   "offset",
-                                                 "frame_period_s", "camera_model", "camera_serial", "row_step"};
-  return std::find(kOwn.begin(), kOwn.end(), name) != kOwn.end();
-}
-
 herr_t collect_name(hid_t, const char* name, const H5A_info_t*, void* names) {
   static_cast<std::vector<std::string>*>(names)->emplace_back(name);
   return 0;
 }
 
 }  // namespace
+
+bool is_own_attribute(std::string_view name) {
+  constexpr std::array<std::string_view, 9> kOwn{"format",         "version",      "unit",          "scale",   "offset",
+                                                 "frame_period_s", "camera_model", "camera_serial", "row_step"};
+  return std::find(kOwn.begin(), kOwn.end(), name) != kOwn.end();
+}
 
 std::vector<Attribute> other_attributes(hid_t file) {
   const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));

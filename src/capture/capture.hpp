@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -112,6 +113,7 @@ struct Attribute {
   std::string name;
   std::variant<double, std::string> value;
 };
+bool is_own_attribute(std::string_view name);  // one of the format's
 
 // Reads one capture. Every item is checked on open; the error names the file, the item and what is expected there.
 // Thread: any one at a time (the HDF5 library is serialised).

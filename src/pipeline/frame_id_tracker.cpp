@@ -23,24 +23,10 @@ constexpr double kTimeMargin = 2.0;
 
 FrameIdTracker::FrameIdTracker(double period_s) noexcept : period_ns_(period_s * kNsPerSecond) {}
 
-std::uint64_t FrameIdTracker::lost() const noexcept {
-  std::uint64_t sum = 0;
-  for (const std::uint64_t n : counted_) sum += n;
-  return sum - duplicates_;
-}
-
 FrameIdTracker::Verdict FrameIdTracker::complete(std::uint64_t raw_id, std::int64_t arrival_ns) noexcept {
-  switch (place(raw_id, arrival_ns)) {
-    case Place::kNew:
-      ++received_;
-      break;
-    case Place::kLate:
-      count(LossCause::kOutOfOrder);
-      return {};
-    case Place::kDuplicate:
-      count(LossCause::kOutOfOrder);
-      ++duplicates_;
-      return {};
+  if (place(raw_id, arrival_ns) != Place::kNew) {
+    count(LossCause::kOutOfOrder);
+    return {};
   }
   return {highest_, true, std::exchange(counter_reset_, false)};
 }
@@ -58,11 +44,6 @@ void FrameIdTracker::place_broken(std::uint64_t frames) noexcept {
 }
 
 void FrameIdTracker::finish() noexcept {
-  if (!started_ && unplaced_ > 0) {
-    started_ = true;
-    lowest_ = 1;  // highest_ is 0: the frames without id are all there is
-  }
-  highest_ += unplaced_;
   place_broken(unplaced_);
   close_window();
 }
@@ -95,8 +76,7 @@ void FrameIdTracker::start(std::uint64_t raw_id, std::int64_t arrival_ns) noexce
   reset_next_ = false;
   highest_ = highest_raw_ = raw_id;
   highest_ns_ = arrival_ns;
-  lowest_ = raw_id - std::min(unplaced_, raw_id);
-  place_broken(raw_id - lowest_);
+  place_broken(std::min(unplaced_, raw_id));
 }
 
 void FrameIdTracker::reset_counter() noexcept {
@@ -150,7 +130,7 @@ Arrivals::Arrivals(FrameInlet& inlet, SourceStatus& status) noexcept
     : ids(inlet.format().frame_period_s), inlet_(inlet), status_(status), clock_(inlet.format().frame_period_s) {}
 
 void Arrivals::restart() noexcept {
-  if (ids.span() > 0) ids.restart();
+  ids.restart();
   clock_.restart();
   period_.restart();
 }

@@ -13,7 +13,7 @@ namespace bolo::pipeline {
 
 // Frames may arrive in any order within a window of kReorderFrames: a frame that is not there yet when a later one
 // arrives is called missing only when it has fallen out of that window, because it may still come late or broken.
-// After finish() every frame from the first to the last seen is accounted for: span() == received() + lost().
+// After finish() every frame from the first to the last seen was delivered or counted as lost.
 //
 // GigE Vision counts frames (block_id) in 16 bits and skips 0, a period of 65535, or, with extended ids, in 64 bits. A
 // camera that does send 0 is taken to have a period of 65536.
@@ -48,14 +48,8 @@ class FrameIdTracker {
   // The stream has ended: frames that are still not there are missing.
   void finish() noexcept;
 
-  std::uint64_t received() const noexcept { return received_; }
-  // Frames lost by cause. kOutOfOrder holds late frames and, beyond span(), duplicates.
+  // Frames lost by cause. kOutOfOrder holds late frames and duplicates.
   std::uint64_t counted(LossCause cause) const noexcept { return counted_[static_cast<std::size_t>(cause)]; }
-  // Frames lost: the sum over causes without duplicates.
-  std::uint64_t lost() const noexcept;
-  std::uint64_t duplicates() const noexcept { return duplicates_; }
-  // Frames from the first seen to the last seen; 0 before the first.
-  std::uint64_t span() const noexcept { return started_ ? highest_ - lowest_ + 1 : 0; }
 
  private:
   enum class Place { kNew, kLate, kDuplicate };
@@ -77,14 +71,11 @@ class FrameIdTracker {
   bool zero_seen_ = false;
   bool reset_next_ = false;     // before the next frame
   bool counter_reset_ = false;  // since the last delivered frame
-  std::uint64_t lowest_ = 0;
   std::uint64_t highest_ = 0;
   std::uint64_t highest_raw_ = 0;
   std::int64_t highest_ns_ = 0;
   std::uint32_t known_ = ~0U;   // bit k: frame highest_ - k is delivered or counted
   std::uint64_t unplaced_ = 0;  // broken frames without id since the highest
-  std::uint64_t received_ = 0;
-  std::uint64_t duplicates_ = 0;
   std::array<std::uint64_t, kLossCauses> counted_{};
 };
 

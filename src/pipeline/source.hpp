@@ -89,9 +89,9 @@ struct SourceStatus {
   rt::Gauge<double> clock_jitter_ns;          // of the way from camera to host, rms over its shortest
   rt::Counter clock_jumps;                    // of the camera's clock
   rt::Gauge<double> measured_period_s;        // from frame to frame by the camera's clock; 0: not known yet
-  rt::Gauge<std::uint64_t> received_packets;  // as the transport counts them
-  rt::Gauge<std::uint64_t> missing_packets;   //
-  rt::Gauge<std::uint64_t> resent_packets;    //
+  rt::Counter received_packets;               // datagrams of the stream; of GigE Vision only, as the next two
+  rt::Counter missing_packets;                // of frames that were given up
+  rt::Counter resent_packets;                 // that came when they were asked for again
   rt::Gauge<double> temperature_k;            // of the camera; 0: not known
   rt::Gauge<PtpStatus> ptp{PtpStatus::kOff};
   rt::Gauge<std::int64_t> ptp_offset_ns;  // from its master, as the camera reckons

@@ -21,15 +21,9 @@ constexpr double kPatiencePeriods = 20.0;
 constexpr std::int64_t kPatienceNs = 2 * kSecondNs;         // with our own threads
 constexpr std::int64_t kSourcePatienceNs = 30 * kSecondNs;  // opening a lost camera takes its time
 constexpr double kSpareFrames = 2.0;
+constexpr std::int64_t kLinePeriodNs = kSecondNs;  // from one line for `systemctl status` to the next
 
-}  // namespace
-
-LossCounts loss_counts(const pipeline::PipelineStats& stats) {
-  LossCounts losses{};
-  for (std::size_t i = 0; i < kLossCauses; ++i) losses[i] = stats.inlet.losses().value(static_cast<LossCause>(i));
-  return losses;
-}
-
+// "3 missing, 1 queue_full"; "none" when there is none.
 std::string describe_losses(const LossCounts& losses) {
   std::string words;
   for (std::size_t i = 0; i < kLossCauses; ++i) {
@@ -39,10 +33,38 @@ std::string describe_losses(const LossCounts& losses) {
   return words.empty() ? "none" : words;
 }
 
+// Adds those that are not zero to the notice's counts, as "lost_missing".
 void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice) {
   for (std::size_t i = 0; i < kLossCauses; ++i) {
     if (losses[i] > 0) notice.counts.emplace_back("lost_" + std::string(name(static_cast<LossCause>(i))), losses[i]);
   }
+}
+
+std::string describe_latency(const rt::LatencyHistogram& latency) {
+  const auto counts = latency.counts();
+  const auto percentile = [&counts](double fraction) { return rt::LatencyHistogram::percentile_ms(counts, fraction); };
+  return fmt::format("latency p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms", percentile(0.5), percentile(0.99),
+                     percentile(1.0));
+}
+
+std::string describe_camera(const pipeline::SourceStatus* source) {
+  if (source == nullptr) return {};
+  const pipeline::SourceState state = source->state.value();
+  if (state == pipeline::SourceState::kStreaming) return {};
+  return "camera " + std::string(name(state)) + "; ";
+}
+
+// Logged while it lasts.
+std::string describe_quality(pipeline::QualityLevel effort) {
+  return effort == pipeline::QualityLevel::kFull ? "" : "overloaded, deblurring is " + std::string(name(effort)) + "; ";
+}
+
+}  // namespace
+
+LossCounts loss_counts(const pipeline::PipelineStats& stats) {
+  LossCounts losses{};
+  for (std::size_t i = 0; i < kLossCauses; ++i) losses[i] = stats.inlet.losses().value(static_cast<LossCause>(i));
+  return losses;
 }
 
 QualityCounts quality_counts(const pipeline::PipelineStats& stats) {
@@ -141,33 +163,6 @@ std::string FlowWatch::check(const Signs& signs) {
   }
   return {};
 }
-
-namespace {
-
-namespace event = pipeline::event;
-
-constexpr std::int64_t kLinePeriodNs = 1'000'000'000;  // from one line for `systemctl status` to the next
-
-std::string describe_latency(const rt::LatencyHistogram& latency) {
-  const auto counts = latency.counts();
-  const auto percentile = [&counts](double fraction) { return rt::LatencyHistogram::percentile_ms(counts, fraction); };
-  return fmt::format("latency p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms", percentile(0.5), percentile(0.99),
-                     percentile(1.0));
-}
-
-std::string describe_camera(const pipeline::SourceStatus* source) {
-  if (source == nullptr) return {};
-  const pipeline::SourceState state = source->state.value();
-  if (state == pipeline::SourceState::kStreaming) return {};
-  return "camera " + std::string(name(state)) + "; ";
-}
-
-// Logged while it lasts.
-std::string describe_quality(pipeline::QualityLevel effort) {
-  return effort == pipeline::QualityLevel::kFull ? "" : "overloaded, deblurring is " + std::string(name(effort)) + "; ";
-}
-
-}  // namespace
 
 std::string StatusLine::next(const pipeline::PipelineStats& stats, std::int64_t now_ns) {
   const std::uint64_t published = stats.published.value();

@@ -23,12 +23,6 @@ using LossCounts = std::array<std::uint64_t, kLossCauses>;
 // Thread: any.
 LossCounts loss_counts(const pipeline::PipelineStats& stats);
 
-// "3 missing, 1 queue_full"; "none" when there is none. Thread: any.
-std::string describe_losses(const LossCounts& losses);
-
-// Adds those that are not zero to the notice's counts, as "lost_missing". Thread: any.
-void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice);
-
 using QualityCounts = std::array<std::uint64_t, pipeline::kQualityLevels>;
 
 // Thread: any.

@@ -2,8 +2,6 @@
 // checksums are checked, and nothing is unpacked beyond what a chunk may hold.
 #pragma once
 
-#include <algorithm>
-#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -21,6 +19,7 @@
 
 #include <zlib.h>
 
+#include "src/capture/capture.hpp"
 #include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "src/core/text.hpp"
@@ -141,12 +140,10 @@ inline constexpr std::string_view kNumber = "number.";  // likewise
 
 // The attribute in a key that begins with `prefix`; empty: none that a capture could have.
 inline std::string attribute_in(std::string_view key, std::string_view prefix) {
-  constexpr std::array<std::string_view, 9> kOwn{"format",         "version",      "unit",          "scale",   "offset",
-                                                 "frame_period_s", "camera_model", "camera_serial", "row_step"};
   constexpr std::size_t kMostBytes = 255;
   if (!key.starts_with(prefix)) return {};
   key.remove_prefix(prefix.size());
-  const bool good = key.size() <= kMostBytes && printable(key) == key && std::ranges::find(kOwn, key) == kOwn.end();
+  const bool good = key.size() <= kMostBytes && printable(key) == key && !capture::is_own_attribute(key);
   return good ? std::string(key) : std::string();
 }
 
