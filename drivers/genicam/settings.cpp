@@ -119,7 +119,7 @@ void configure_size(Nodes& nodes, const char* name, const char* key, int wanted,
 // The image as the camera has it, without metadata rows. Memory is taken for many of them, so that its size is limited.
 Result<Geometry> read_geometry(Nodes& nodes, const std::string& camera, int metadata_rows) {
   const std::int64_t width = nodes.integer("Width");
-  const std::int64_t height = nodes.integer("Height") - metadata_rows;
+  const std::int64_t height = std::max<std::int64_t>(nodes.integer("Height"), 0) - metadata_rows;
   if (!nodes.ok()) return at(camera, nodes.status().error());
   if (width <= 0 || height <= 0) {
     return bad_input(

@@ -85,7 +85,11 @@ Status ReplaySource::start(pipeline::FrameInlet& inlet) {
   try {
     thread_ = std::thread([this, &inlet] {
       (void)rt::apply_to_this_thread({.name = "bolo-replay"});  // a name alone is never refused
-      feed(inlet);
+      const Status fed = tried([&] {
+        feed(inlet);
+        return Status{};
+      });
+      if (!fed) result_ = fed;  // for want of memory
       inlet.finish();
     });
   } catch (const std::system_error& e) {

@@ -283,7 +283,8 @@ void ShmSink::Impl::check_name() {
   // partner: the store in take_fresh()
   if (fresh.load(std::memory_order_acquire) != nullptr || ring == nullptr || monotonic_ns() < next_check_ns) return;
   next_check_ns = monotonic_ns() + kNamePeriodNs;
-  if (ring->object.is_there()) return;
+  // One that was cut off and has grown again since is as long as before, and empty.
+  if (ring->object.is_there() && load_relaxed(ring->header().magic) == BOLO_SHM_MAGIC) return;
   const std::string what = "shared memory /bolo." + options.name + " was taken away or cut off";
   auto object = ring->object.create_again();
   auto made = object ? fill(std::move(*object)) : tl::unexpected<Error>(object.error());

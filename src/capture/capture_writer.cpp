@@ -16,6 +16,7 @@
 #include "src/capture/capture.hpp"
 #include "src/capture/contents.hpp"
 #include "src/capture/h5_driver.hpp"
+#include "src/core/threads.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -313,7 +314,11 @@ Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, c
   impl->info = info;
   impl->options = options;
   impl->commit_frames = frames_between_commits(info.format.frame_period_s);
-  if (Status good = impl->create(); !good) {
+  // Room for a frame's numbers is there before the frame is: one without the other would be laid to a wrong frame.
+  for (auto* pending : {&impl->pending_t, &impl->pending_host, &impl->pending_utc})
+    pending->reserve(impl->commit_frames);
+  impl->pending_id.reserve(impl->commit_frames);
+  if (Status good = tried([&] { return impl->create(); }); !good) {
     if (impl->driven) impl->discard();
     return tl::unexpected<Error>(std::move(good.error()));
   }

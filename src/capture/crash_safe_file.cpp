@@ -11,8 +11,9 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <exception>
+#include <new>
 #include <string>
-#include <system_error>
 
 namespace bolo::capture {
 namespace {
@@ -264,7 +265,7 @@ bool CrashSafeFile::commit(std::uint64_t end) {
 
 // C1 to C4; without the syncs where only the death of the process is to be survived. 0, or an errno; then it can be
 // called again. Thread: the disk's while it is under way, else the writer's.
-int CrashSafeFile::write_commit(const PageRecord& record, std::uint64_t end) {
+int CrashSafeFile::write_commit(const PageRecord& record, std::uint64_t end) try {
   if (power_) {
     names_durable_ = names_durable_ || sync_folder_of(name_);
     if (!names_durable_ || ::fdatasync(file_.get()) != 0) return errno;  // C1
@@ -272,6 +273,8 @@ int CrashSafeFile::write_commit(const PageRecord& record, std::uint64_t end) {
   if (record.pages.empty()) return 0;
   if (!write_journal(journal_.get(), record, power_)) return errno;  // C2, C3
   return write_pages(file_.get(), record.pages, end) ? 0 : errno;    // C4
+} catch (const std::bad_alloc&) {
+  return ENOMEM;
 }
 
 bool CrashSafeFile::commit_here() {
@@ -301,7 +304,7 @@ void CrashSafeFile::begin_disk() {
   waiting_.clear();
   try {
     disk_ = std::async(std::launch::async, [this, end = size_] { return write_commit(on_way_, end); });
-  } catch (const std::system_error&) {
+  } catch (const std::exception&) {  // for want of memory or threads
     waiting_.swap(on_way_.pages);
   }
 }

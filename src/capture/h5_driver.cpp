@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 #include <iterator>
+#include <new>
 #include <string_view>
 #include <utility>
 
@@ -40,6 +41,17 @@ herr_t done_or_why(bool good, const char* what) {
   return -1;
 }
 
+// HDF5 is C: no exception may pass through it.
+template <typename Use>
+bool within_memory(Use&& use) {
+  try {
+    return use();
+  } catch (const std::bad_alloc&) {
+    errno = ENOMEM;
+    return false;
+  }
+}
+
 // The outcome as HDF5 is to see it: after the end has begun a failure is noted instead.
 bool outcome(DrivenFile& driven, bool good) {
   driven.erred |= !good;
@@ -52,7 +64,8 @@ bool outcome(DrivenFile& driven, bool good) {
 H5FD_t* open_file(const char*, unsigned flags, hid_t access_list, haddr_t) {
   const auto* access = static_cast<const Access*>(H5Pget_driver_info(access_list));
   if (access == nullptr || ((flags & H5F_ACC_CREAT) != 0) != (*access->driven)->writes) return nullptr;
-  auto* driven = new Driven{};
+  auto* driven = new (std::nothrow) Driven{};
+  if (driven == nullptr) return nullptr;
   driven->shared = *access->driven;
   return &driven->common;
 }
@@ -60,7 +73,8 @@ H5FD_t* open_file(const char*, unsigned flags, hid_t access_list, haddr_t) {
 herr_t flush_file(H5FD_t* file, hid_t, hbool_t) {
   DrivenFile& driven = *self(file).shared;
   if (!driven.writes || driven.error != 0) return 0;
-  return done_or_why(outcome(driven, driven.file->commit(self(file).end)), "cannot be committed");
+  const bool good = within_memory([&] { return driven.file->commit(self(file).end); });
+  return done_or_why(outcome(driven, good), "cannot be committed");
 }
 
 herr_t close_file(H5FD_t* file) {
@@ -105,7 +119,8 @@ herr_t give_driven(H5FD_t* file, hid_t, void** out) {
 
 herr_t write_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t bytes, const void* data) {
   DrivenFile& driven = *self(file).shared;
-  return done_or_why(outcome(driven, driven.file->write(offset, bytes, data)), "cannot be written");
+  const bool good = within_memory([&] { return driven.file->write(offset, bytes, data); });
+  return done_or_why(outcome(driven, good), "cannot be written");
 }
 
 // Until the end: a later commit only grows the file.

@@ -9,6 +9,7 @@
 
 #include "src/capture/capture.hpp"
 #include "src/capture/commit_records.hpp"
+#include "src/core/threads.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -116,7 +117,7 @@ Result<Recovered> recover_copy(const std::filesystem::path& damaged, const Outpu
   const HeldFolder folder(out.path);
   RETURN_IF_ERROR(check_output(out));
   const std::filesystem::path copy = copy_name(out.path);
-  Result<Recovered> done = write_copy(damaged, copy, progress);
+  Result<Recovered> done = tried([&] { return write_copy(damaged, copy, progress); });
   if (!done) {
     std::error_code ignored;
     const std::filesystem::path part = folder.place_of(copy.string() + ".part");

@@ -10,6 +10,8 @@
 #include <thread>
 #include <vector>
 
+#include "src/core/result.hpp"
+
 namespace bolo {
 
 // work(i) for each i < count, begun in order, on at most `threads` threads: the calling one, and as many others as the
@@ -40,6 +42,16 @@ void share_out(std::size_t count, std::size_t threads, Work&& work) {
 
 // Message of a library's exception; for refused memory and threads, one that helps. Thread: any.
 std::string describe_exception(const std::exception& e);
+
+// The Status or Result of step(), or of what it threw: where no exception may go further. Thread: any.
+template <typename Step>
+auto tried(Step&& step) -> decltype(step()) {
+  try {
+    return step();
+  } catch (const std::exception& e) {
+    return failed(describe_exception(e));
+  }
+}
 
 // Grows the main thread's stack to what deep calls may need: where a limit leaves no memory for it later, the kernel
 // ends the process. Throws std::bad_alloc where there is none. Thread: main, when it begins.

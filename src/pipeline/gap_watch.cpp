@@ -13,6 +13,7 @@
 
 #include "src/core/clock.hpp"
 #include "src/core/statistics.hpp"
+#include "src/core/threads.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::pipeline {
@@ -107,7 +108,11 @@ void GapWatch::run() {
       turn_.store(kPipeline, std::memory_order_release);
     }
     turn_.wait(kPipeline, std::memory_order_acquire);
-    if (taken_ == deblur::GapMeter::kFrames) evaluate();
+    if (taken_ != deblur::GapMeter::kFrames) continue;
+    (void)tried([this] {  // without memory it waits for the next burst
+      evaluate();
+      return Status{};
+    });
   }
 }
 

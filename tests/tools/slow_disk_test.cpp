@@ -16,7 +16,8 @@ namespace {
 
 std::atomic<int> g_delay_ms{0};
 std::atomic<int> g_stat_error{0};
-std::atomic<int> g_calls_until_error{-1};  // of pread and pwrite; < 0: none comes
+std::atomic<int> g_calls_until_error{-1};   // of pread and pwrite; < 0: none comes
+std::atomic<int> g_news_until_refusal{-1};  // of threads beside the main one; likewise
 
 bool disk_errs() {
   if (g_calls_until_error < 0 || g_calls_until_error-- > 0) return false;
@@ -43,6 +44,19 @@ extern "C" int stat(const char* path, struct stat* about) {
   errno = g_stat_error.load();
   return errno != 0 ? -1 : fstatat(AT_FDCWD, path, about, 0);
 }
+
+void* operator new(std::size_t bytes) {
+  if (gettid() != getpid() && g_news_until_refusal >= 0 && g_news_until_refusal-- == 0) throw std::bad_alloc();
+  void* const memory = std::malloc(std::max<std::size_t>(bytes, 1));
+  return memory != nullptr ? memory : throw std::bad_alloc();
+}
+void* operator new[](std::size_t bytes) { return operator new(bytes); }
+void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept { return std::malloc(bytes); }
+void* operator new[](std::size_t bytes, const std::nothrow_t&) noexcept { return std::malloc(bytes); }
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete[](void* memory) noexcept { std::free(memory); }
+void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace bolo::tools::slow_disk_test {
 
@@ -113,6 +127,41 @@ TEST_F(SlowDisk, CostsFramesByCountAndNothingElse) {
   }
   EXPECT_EQ(missing, result.lost_no_room + result.lost_overwritten);
   EXPECT_NE(std::ranges::find(reader->events(), "gap", &capture::Event::kind), reader->events().end());
+}
+
+// Each allocation of the writer's and the disk's threads in turn.
+TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
+  constexpr std::uint64_t kFrames = 40;
+  bool refused = true;
+  for (int news = 0; refused; news += 1 + news / 8) {
+    const Scratch scratch;
+    FileWriterOptions options{.file = scratch / "a.h5", .buffer_bytes = 1 << 20, .log = [](const std::string&) {}};
+    options.info.format = {.geometry = {16, 8}, .type = PixelType::kUint16, .frame_period_s = 0.005};
+    const std::unique_ptr<FileWriter> writer = std::move(*must(FileWriter::start(std::move(options))));
+    g_news_until_refusal = news;
+    for (std::uint64_t i = 0; i < kFrames; ++i) {
+      rt::FrameSlot* const slot = writer->take();
+      ASSERT_NE(slot, nullptr);
+      std::fill_n(slot->u16(), 16 * 8, static_cast<std::uint16_t>(i));
+      slot->meta = {.frame_id = i, .camera_ns = static_cast<std::int64_t>(i) * 5'000'000};
+      writer->put(*slot, 0);
+    }
+    const FileWriterResult done = writer->finish();
+    refused = g_news_until_refusal.exchange(-1) < 0;
+    EXPECT_TRUE(done.status || refused) << news;
+    if (!done.status) expect_parts(done.status.error().message, {"not enough memory"});
+    for (const auto& files : {done.files, done.parts}) {
+      for (const auto& file : files) {
+        const auto reader = must(capture::CaptureReader::open(file));
+        std::vector<std::uint16_t> plane(16 * 8);
+        for (std::size_t i = 0; i < reader->info().frames; ++i) {
+          EXPECT_EQ(reader->frame_id()[i], i) << news;
+          ASSERT_TRUE(reader->read_frame(i, plane.data()));
+          EXPECT_EQ(plane, std::vector<std::uint16_t>(16 * 8, static_cast<std::uint16_t>(i))) << news;
+        }
+      }
+    }
+  }
 }
 
 // The recorder closes its files itself then.

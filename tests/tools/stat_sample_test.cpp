@@ -51,6 +51,17 @@ std::string table_of(const StatSnapshot& snapshot) {
 }
 auto json_of(const StatSnapshot& snapshot) { return stat_json("cam", snapshot, compare(first_snapshot(), snapshot)); }
 
+// A daemon in another time namespace has another clock.
+TEST(StatTable, AHeartbeatThatGoesOnIsOfNoStoppedDaemon) {
+  StatSnapshot before = first_snapshot();
+  StatSnapshot after = second_snapshot();
+  before.closed = after.closed = true;
+  EXPECT_EQ(compare(before, after).state, std::string("running"));
+  EXPECT_EQ(compare(after, after).state, std::string("stopped"));
+  before.closed = false;
+  EXPECT_EQ(compare(before, after).state, std::string("stopped")) << "it stood still in between";
+}
+
 TEST(StatTable, TellsHowTheHostsClockIsKept) {
   StatSnapshot snapshot = second_snapshot();
   expect_parts(table_of(snapshot), {"\nutc      host's clock runs by itself, error not known\n"});

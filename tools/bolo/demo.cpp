@@ -83,11 +83,10 @@ class Demonstration {
   Status simulate() {
     std::puts("simulating a street that a 640x120 microbolometer pans along at 300 px/s, 200 frames/s");
     std::fflush(stdout);
-    std::error_code ignored;
-    fs::remove(capture(), ignored);  // one of an earlier demonstration, which may be replaced
-    auto simulation = start({bolo_, "simulate", "-o", capture(), "--scene", "street", "--width", "640", "--height",
-                             "120", "--rate", "200", "--frames", "800", "--speed", "300"},
-                            "simulate");
+    std::vector<std::string> words{bolo_,      "simulate", "-o",     capture(), "--scene",  "street", "--width", "640",
+                                   "--height", "120",      "--rate", "200",     "--frames", "800",    "--speed", "300"};
+    if (replace_ == Replace::kExisting) words.emplace_back("--overwrite");  // what an interrupted one left, too
+    auto simulation = start(std::move(words), "simulate");
     if (!simulation) return tl::unexpected(simulation.error());
     while (!simulation->ended()) {
       if (interrupted()) return failed("interrupted");

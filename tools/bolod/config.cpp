@@ -317,8 +317,12 @@ void note_profile(DaemonConfig& config) {
 }
 
 // Profile first, then the keys that take its place.
-Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
+Status apply_profile(const KeyTable& keys, DaemonConfig& config, const Overrides& overrides) {
   if (!config.profile_file.empty()) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(config.profile_file, ignored)) {
+      return bad_input(keys.where("profile") + "profile: there is no " + config.profile_file.string());
+    }
     ASSIGN_OR_RETURN(config.profile, model::read_profile(config.profile_file));
   }
   ASSIGN_OR_RETURN(model::PixelMaps maps, capture::read_profile_maps(config.profile));
@@ -414,7 +418,7 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
   RETURN_IF_ERROR(keys.read(file));
   config.file = file;
   config.texts = config_keys(config, overrides).texts();
-  RETURN_IF_ERROR(apply_profile(config, overrides));
+  RETURN_IF_ERROR(apply_profile(keys, config, overrides));
   if (const Status status = check_together(keys, config, overrides); !status)
     return tl::unexpected<Error>(status.error());
   note_profile(config);

@@ -407,9 +407,13 @@ Status Daemon::run(OnHangup on_hangup) {
     }
     self.ended.store(true, std::memory_order_release);  // partner: the load in watch()
   });
-  self.watch(on_hangup);
+  const Status watched = tried([&] {
+    self.watch(on_hangup);
+    return Status{};
+  });
   self.stop_requested.store(true, std::memory_order_relaxed);
   runner.join();
+  RETURN_IF_ERROR(at("cannot go on", watched));
   self.supervisor->log_end();
   if (!self.result) return self.result;
   return self.replay != nullptr ? self.replay->result() : Status{};

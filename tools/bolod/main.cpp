@@ -75,9 +75,9 @@ int run(const std::string& file, bool check_only) {
 int main(int argc, char** argv) {
   bolo::hold_standard_streams();
   bolo::daemon::ignore_signals();
-  cxxopts::Options options = bolod_options();
   try {
     bolo::grow_stack();
+    cxxopts::Options options = bolod_options();
     const cxxopts::ParseResult parsed = options.parse(argc, argv);
     if (!parsed.unmatched().empty()) return usage("unexpected argument '" + parsed.unmatched().front() + "'");
     if (parsed.count("help") != 0) {

@@ -10,6 +10,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdint>
+#include <new>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -49,12 +50,17 @@ struct RequestServer::Impl {
 
   void serve() {
     std::vector<pollfd> events;
+    events.reserve(limits.clients + 2);
     for (;;) {
       list(events);
       if (poll(events.data(), events.size(), wait_ms()) < 0 && errno != EINTR) return;
       if ((events[0].revents & POLLIN) != 0 || ending.load(std::memory_order_relaxed)) return;
-      attend(events);
-      if ((events[1].revents & POLLIN) != 0) accept_all();
+      try {
+        attend(events);
+        if ((events[1].revents & POLLIN) != 0) accept_all();
+      } catch (const std::bad_alloc&) {
+        clients.clear();  // frames go on
+      }
     }
   }
 

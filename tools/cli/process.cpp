@@ -23,7 +23,7 @@ namespace bolo::tools {
 namespace {
 
 void lead(int descriptor, const char* file) {
-  const int fd = open(file, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  const int fd = open(file, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0644);
   if (fd >= 0) dup2(fd, descriptor);
 }
 

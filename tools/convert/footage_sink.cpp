@@ -261,7 +261,8 @@ class FilmSink final : public FootageSink {
     for (std::span<const std::uint8_t> left = preview_.levels(frame); !left.empty();) {
       const ssize_t done = ::write(input_.get(), left.data(), left.size());
       if (done < 0 && errno == EINTR) continue;
-      if (done < 0) {  // it has ended: its messages have the reason
+      if (done < 0) {  // it has ended, or has to: its messages have the reason
+        input_ = UniqueFd();
         RETURN_IF_ERROR(ended_well(ffmpeg_, "ffmpeg"));
         return failed("ffmpeg ended before its input did");
       }

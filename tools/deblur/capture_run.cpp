@@ -14,6 +14,7 @@
 #include "src/capture/commit_records.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tools/deblur/made_from.hpp"
 #include "tools/deblur/request.hpp"
@@ -125,7 +126,7 @@ Status DeblurSink::open(const pipeline::SinkFormat& format) {
 
 void DeblurSink::publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& /*stats*/) noexcept {
   ++frames_in_;
-  if (status_) status_ = take(frame);
+  if (status_) status_ = tried([&] { return take(frame); });
   if (!status_) stop_requested_.store(true, std::memory_order_relaxed);
   on_frame_(frames_in_, status_ && sharp_);
 }

@@ -171,7 +171,7 @@ Status FileWriter::close_current() {
     capture_->discard();
   } else if (good = capture_->complete(); good) {
     const auto close = [capture = std::make_shared<capture::CaptureWriter>(std::move(*capture_))] {
-      return capture->close();
+      return tried([&] { return capture->close(); });
     };
     // If the system has no thread to give, this one closes it, in take_closed().
     closing_.push_back({current_, std::async(close)});
@@ -211,8 +211,12 @@ void FileWriter::run() noexcept {
       commit_if_idle();
     }
   }
-  if (Status good = close_current(); !good) fail(std::move(good));
-  take_closed(true);
+  if (Status good = tried([this] { return close_current(); }); !good) fail(std::move(good));
+  const Status taken = tried([this] {
+    take_closed(true);
+    return Status{};
+  });
+  if (!taken) fail(taken);
 }
 
 void FileWriter::write(rt::FrameSlot& slot, std::uint32_t marks) {
@@ -221,7 +225,7 @@ void FileWriter::write(rt::FrameSlot& slot, std::uint32_t marks) {
     return;
   }
   const std::int64_t begin_ns = monotonic_ns();
-  Status good = append(slot, marks);
+  Status good = tried([&] { return append(slot, marks); });
   result_.longest_write_ms =
       std::max(result_.longest_write_ms, static_cast<double>(monotonic_ns() - begin_ns) * kMsPerNs);
   if (good) {
@@ -264,7 +268,7 @@ Status FileWriter::append(const rt::FrameSlot& slot, std::uint32_t marks) {
 void FileWriter::commit_if_idle() {
   if (broken() || monotonic_ns() - last_commit_ns_ < kCommitAfter_ns) return;
   last_commit_ns_ = monotonic_ns();
-  if (Status good = capture_->commit(); !good) fail(std::move(good));
+  if (Status good = tried([this] { return capture_->commit(); }); !good) fail(std::move(good));
 }
 
 // The first failure is reported; what was appended before stays and is closed orderly.

@@ -23,9 +23,11 @@ double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
 // Counters only rise; a difference below zero would be a half-written snapshot, and counts as nothing.
 std::uint64_t rise(std::uint64_t before, std::uint64_t after) { return after > before ? after - before : 0; }
 
-const char* state_word(const StatSnapshot& snapshot) {
+// A daemon in another time namespace (a container's) has another clock: its heartbeat has any age, but goes on.
+const char* state_word(const StatSnapshot& before, const StatSnapshot& snapshot) {
   if (snapshot.header.state == BOLO_SHM_CLOSED) return "closed";
-  if (snapshot.closed) return "stopped";
+  const bool beats = before.closed && before.header.heartbeat_ns != snapshot.header.heartbeat_ns;
+  if (snapshot.closed && !beats) return "stopped";
   return snapshot.header.state == BOLO_SHM_RUNNING ? "running" : "starting";
 }
 
@@ -158,7 +160,7 @@ StatSample compare(const StatSnapshot& before, const StatSnapshot& after) {
     s.deblur_ms = static_cast<double>(rise(a.deblur_ns, b.deblur_ns)) * 1e-6 / static_cast<double>(solved);
   s.uptime_s = shm::seconds_since(b.start_ns, after.at_ns);
   s.heartbeat_age_s = shm::seconds_since(static_cast<std::int64_t>(b.heartbeat_ns), after.at_ns);
-  s.state = state_word(after);
+  s.state = state_word(before, after);
   return s;
 }
 

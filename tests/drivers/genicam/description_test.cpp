@@ -229,7 +229,7 @@ TEST(DescriptionFile, WhereNoCameraHasOneIsRefused) {
   int reads = 0;
   EXPECT_TRUE(take_description([&](std::uint32_t address, std::uint32_t bytes) {
     reads += address > 0x400 ? 1 : 0;
-    std::vector<unsigned char> memory(bytes);
+    std::vector<unsigned char> memory(bytes, address > 0x400 ? 'x' : 0);
     if (address == 0x200) std::ranges::copy(std::string("Local:a.xml;ffffff80;80"), memory.begin());
     return std::optional(memory);
   }));
@@ -274,6 +274,24 @@ TEST(DescriptionFile, WithElementsOfEndlessAttributesIsRefused) {
   std::string few;
   for (int i = 0; i < 100; ++i) few += element(100);
   EXPECT_TRUE(taken(place_of(few), "", few));
+}
+
+TEST(DescriptionFile, InAnEncodingThatHidesQuotesIsRefused) {
+  const auto take = [](const std::string& file) {
+    return taken(place("a.xml", fmt::format("{:x}", file.size())), "", file);
+  };
+  const auto declared = [](const std::string& what) { return "<?xml version=\"1.0\" " + what + "?><a/>"; };
+  const std::string wide("<\0?\0x\0m\0l\0", 10);
+  for (const std::string& hidden :
+       {declared("encoding=\"UTF-7\""), declared("encoding = 'IBM037'"), declared("encoding='UTF-16"),
+        "\xFF\xFE" + wide, wide, std::string("\0<\0?\0x", 6), std::string("\x4C\x6F\xA7\x94")}) {
+    expect_refused(take(hidden), {"no XML in UTF-8, ASCII or Latin-1"});
+  }
+  for (const std::string& seen :
+       {declared(""), declared("encoding='utf-8' standalone=\"no\""), declared("encoding=\"ISO-8859-1\""),
+        "\xEF\xBB\xBF" + declared("encoding=\"UTF-8\""), std::string("\n<a b='UTF-7'/>")}) {
+    EXPECT_TRUE(take(seen));
+  }
 }
 
 TEST(DescriptionFile, OfThisComputerIsRefused) {

@@ -183,7 +183,8 @@ TEST(ShmWriters, ANameThatIsTakenAwayComesBack) {
   const std::string name = unique_name("cleaned");
   const std::string object = "/bolo." + name;
   const std::string lock = "/bolo-lock." + name;
-  for (const auto& taken : std::vector<std::vector<std::string>>{{object}, {lock}, {object, lock}, {}}) {
+  bool grows = false;  // again, after it was cut off
+  for (const auto& taken : std::vector<std::vector<std::string>>{{object}, {lock}, {object, lock}, {}, {}}) {
     Writer writer(name);
     ASSERT_TRUE(writer.open());
     auto stream = FollowedStream::open(name, 0);
@@ -192,7 +193,11 @@ TEST(ShmWriters, ANameThatIsTakenAwayComesBack) {
     EXPECT_TRUE(writer.sink.take_notices().empty());
     for (const std::string& file : taken) ASSERT_EQ(shm_unlink(file.c_str()), 0);
     if (taken.empty()) {
-      ASSERT_EQ(truncate(("/dev/shm" + object).c_str(), 0), 0);
+      const std::string file = "/dev/shm" + object;
+      const std::uintmax_t bytes = std::filesystem::file_size(file);
+      ASSERT_EQ(truncate(file.c_str(), 0), 0);
+      if (grows) std::filesystem::resize_file(file, bytes);
+      grows = true;
     }
     writer.publish();
     std::this_thread::sleep_for(std::chrono::milliseconds(1050));  // from one look to the next
