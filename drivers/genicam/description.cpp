@@ -150,7 +150,8 @@ Result<Bytes> read_file(const ReadMemory& read, std::string url) {
 // the first bytes, or stands in quotes in the declaration, where only versions and "yes" or "no" do besides.
 Status check_encoding(const Bytes& description) {
   constexpr std::string_view kMark = "\xEF\xBB\xBF";  // of UTF-8
-  constexpr std::array<std::string_view, 7> kKnown{"1.0", "1.1", "yes", "no", "utf-8", "us-ascii", "iso-8859-1"};
+  constexpr std::array<std::string_view, 10> kKnown{"1.0",  "1.1",      "yes",   "no",         "utf-8",
+                                                    "utf8", "us-ascii", "ascii", "iso-8859-1", "windows-1252"};
   std::string_view text(reinterpret_cast<const char*>(description.data()), description.size());
   if (text.starts_with(kMark)) text.remove_prefix(kMark.size());
   bool good = std::ranges::all_of(text.substr(0, 4), [](unsigned char c) { return c > 0 && c < 0x80; });
