@@ -149,10 +149,16 @@ TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
     const FileWriterResult done = writer->finish();
     refused = g_news_until_refusal.exchange(-1) < 0;
     EXPECT_TRUE(done.status || refused) << news;
-    if (!done.status) expect_parts(done.status.error().message, {"not enough memory"});
+    const std::string why = done.status ? "" : done.status.error().message;
+    EXPECT_TRUE(done.status || why.ends_with("not enough memory") || why.ends_with(std::strerror(ENOMEM))) << why;
     for (const auto& files : {done.files, done.parts}) {
       for (const auto& file : files) {
-        const auto reader = must(capture::CaptureReader::open(file));
+        auto reader = capture::CaptureReader::open(file);
+        if (!reader) {  // refused at its only commit
+          EXPECT_FALSE(done.status);
+          expect_parts(reader.error().message, {"/frames is empty"});
+          continue;
+        }
         std::vector<std::uint16_t> plane(16 * 8);
         for (std::size_t i = 0; i < reader->info().frames; ++i) {
           EXPECT_EQ(reader->frame_id()[i], i) << news;
