@@ -319,11 +319,7 @@ void note_profile(DaemonConfig& config) {
 // Profile first, then the keys that take its place.
 Status apply_profile(const KeyTable& keys, DaemonConfig& config, const Overrides& overrides) {
   if (!config.profile_file.empty()) {
-    std::error_code ignored;
-    if (!std::filesystem::exists(config.profile_file, ignored)) {
-      return bad_input(keys.where("profile") + "profile: there is no " + config.profile_file.string());
-    }
-    ASSIGN_OR_RETURN(config.profile, model::read_profile(config.profile_file));
+    ASSIGN_OR_RETURN(config.profile, at(keys.where("profile") + "profile", model::read_profile(config.profile_file)));
   }
   ASSIGN_OR_RETURN(model::PixelMaps maps, capture::read_profile_maps(config.profile));
   pipeline::apply_profile(config.profile, std::move(maps), config.pipeline);

@@ -134,8 +134,9 @@ TEST_F(Config, MistakesAreNamed) {
       {"nmae = 'x'", "bolod.toml:1:1: unknown key 'nmae'; did you mean 'name'?"},
       {"name = 'a b'", "bolod.toml:1:8: name: 'a b'" + no_name},
       {"name = ''", "bolod.toml:1:8: name: ''" + no_name},
-      {"profile = 'none.toml'", "bolod.toml:1:11: profile: there is no " + (folder_ / "none.toml").string()},
-      {"profile = 'bad.toml'", "bad.toml:2:1: unknown key 'taus'; did you mean 'tau_s'?"},
+      {"profile = 'none.toml'", "bolod.toml:1:11: profile: " + (folder_ / "none.toml").string() + ": no such file"},
+      {"profile = 'bad.toml'", "bolod.toml:1:11: profile: " + (folder_ / "bad.toml").string() +
+                                   ":2:1: unknown key 'taus'; did you mean 'tau_s'?"},
       {"[source]\ntype = 'disk'",
        "bolod.toml:2:8: source.type = \"disk\" is none of \"genicam\" | \"v4l2\" | \"replay\""},
       {"[source]\ntype = 'replay'",
