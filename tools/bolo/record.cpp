@@ -198,7 +198,8 @@ std::string files_text(const FileWriterResult& written) {
 // Where the frames of a recording are that ended with an error.
 std::string saved_text(const FileWriterResult& written) {
   if (written.files.empty() && written.parts.empty()) return "no file was finished";
-  std::string text = std::to_string(written.frames) + " frames are in ";
+  // A file that could not be finished may lack the last ones that were appended.
+  std::string text = (written.parts.empty() ? "" : "up to ") + std::to_string(written.frames) + " frames are in ";
   if (!written.files.empty()) text += files_text(written);
   for (const fs::path& part : written.parts) text += (text.back() == ' ' ? "" : " and ") + part.string();
   return written.parts.empty() ? text : text + ", which bolo recover finishes";
