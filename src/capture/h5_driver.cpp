@@ -64,8 +64,8 @@ bool outcome(DrivenFile& driven, bool good) {
 H5FD_t* open_file(const char*, unsigned flags, hid_t access_list, haddr_t) {
   const auto* access = static_cast<const Access*>(H5Pget_driver_info(access_list));
   if (access == nullptr || ((flags & H5F_ACC_CREAT) != 0) != (*access->driven)->writes) return nullptr;
-  auto* driven = new (std::nothrow) Driven{};
-  if (driven == nullptr) return nullptr;
+  Driven* driven = nullptr;
+  if (!within_memory([&] { return (driven = new Driven{}) != nullptr; })) return nullptr;
   driven->shared = *access->driven;
   return &driven->common;
 }
