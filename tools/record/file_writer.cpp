@@ -187,12 +187,15 @@ void FileWriter::take_closed(bool wait) {
   while (!closing_.empty()) {
     Closing& oldest = closing_.front();
     if (!wait && oldest.outcome.wait_for(std::chrono::seconds(0)) == std::future_status::timeout) return;
-    if (Status good = oldest.outcome.get(); good) {
+    Status good = oldest.outcome.get();
+    std::filesystem::path part = oldest.file.string() + ".part";
+    std::error_code ignored;
+    if (good || !std::filesystem::exists(part, ignored)) {  // it has its name, whatever failed after that
       result_.files.push_back(std::move(oldest.file));
-    } else {  // frames to come have files of their own
-      result_.parts.emplace_back(oldest.file.string() + ".part");
-      if (result_.status) result_.status = std::move(good);
+    } else {
+      result_.parts.push_back(std::move(part));
     }
+    if (!good && result_.status) result_.status = std::move(good);  // frames to come have files of their own
     closing_.pop_front();
   }
 }

@@ -126,11 +126,16 @@ TEST_F(BolodRun, AStoppedDaemonIsNotWaitedForByOthers) {
   const std::string control = "[control]\nsocket = '" + file("control") + "'\n";
   const auto daemon = start(20'000, control);
   attach(*daemon);
-  ASSERT_TRUE(daemon->stop());
   std::vector<UniqueFd> waiting;
-  do {
+  const auto connects = [&] {
     waiting.emplace_back(socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  } while (tools::test::connect_to(waiting.back(), file("control")) && waiting.size() < 100);
+    return tools::test::connect_to(waiting.back(), file("control"));
+  };
+  ASSERT_TRUE(eventually(connects)) << daemon->err();
+  ASSERT_TRUE(daemon->stop());
+  waiting.clear();
+  while (connects() && waiting.size() < 100) {
+  }
   ASSERT_LT(waiting.size(), 100U);
   Program nuc = tools::test::ProgramTest::start({"nuc", name_}, "nuc");
   const auto asked = std::chrono::steady_clock::now();
