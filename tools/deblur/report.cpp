@@ -146,8 +146,7 @@ void print_folder(const DeblurRequest& request, const FolderSummary& s) {
               s.captures.size() == 1 ? "" : "s", count(frames), s.seconds, s.skipped.size());
   if (!s.elsewhere.empty()) std::printf(", %zu being written by other processes", s.elsewhere.size());
   if (request.share.count > 1) {
-    std::printf("; part %zu of %zu (%s)", request.share.index == 0 ? request.share.count : request.share.index,
-                request.share.count, request.share.from.c_str());
+    std::printf("; part %zu of %zu (%s)", request.share.index, request.share.count, request.share.from.c_str());
   }
   std::puts("");
 }
