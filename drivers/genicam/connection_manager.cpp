@@ -8,6 +8,7 @@
 
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -86,9 +87,11 @@ std::vector<std::string> ConnectionManager::warnings() const {
 
 void ConnectionManager::run() {
   while (sleep(kTick)) {
-    poll();
-    serve_requests();
-    check_scene();
+    attempt([this] {
+      poll();
+      serve_requests();
+      check_scene();
+    });
   }
   take_session();
 }
@@ -101,6 +104,7 @@ bool ConnectionManager::sleep(milliseconds time) {
 }
 
 void ConnectionManager::poll() {
+  if (session_ == nullptr) return reopen(cause_);  // the last attempt had no memory
   const std::int64_t frame_ns = receiver_->last_frame_ns();
   const bool arrived = frame_ns > since_ns_;
   const std::int64_t now_ns = monotonic_ns();
