@@ -147,7 +147,8 @@ void ConnectionManager::note_flow(std::int64_t frame_ns) {
   if (before == SourceState::kStalled) {
     report(false, "frames arrive again after " + seconds_text(first_ns - outage_from_ns_, 2), event::kFramesFlow);
   } else if (before == SourceState::kLost) {
-    const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, info_.format.frame_period_s);
+    const double period_s = known_period_s(*status_, info_.format.frame_period_s);
+    const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, period_s);
     status_->outage_frames.add(frames);
     report(false,
            fmt::format("camera opened again after {} ({}), {} frame{} missing",

@@ -204,7 +204,8 @@ void V4l2Source::Impl::watch(std::int64_t now_ns) {
     if (before == SourceState::kStalled)
       notices.report(false, "frames arrive again after " + outage, event::kFramesFlow);
     if (before == SourceState::kLost) {
-      status.outage_frames.add(pipeline::frames_between(outage_from_ns, last_frame_ns, info.format.frame_period_s));
+      const double period_s = known_period_s(status, info.format.frame_period_s);
+      status.outage_frames.add(pipeline::frames_between(outage_from_ns, last_frame_ns, period_s));
       notices.report(false, "camera opened again after " + outage, event::kCameraBack);
     }
     return set_state(SourceState::kStreaming);
