@@ -8,6 +8,7 @@
 
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -86,9 +87,11 @@ std::vector<std::string> ConnectionManager::warnings() const {
 
 void ConnectionManager::run() {
   while (sleep(kTick)) {
-    poll();
-    serve_requests();
-    check_scene();
+    attempt([this] {
+      poll();
+      serve_requests();
+      check_scene();
+    });
   }
   take_session();
 }
@@ -101,6 +104,7 @@ bool ConnectionManager::sleep(milliseconds time) {
 }
 
 void ConnectionManager::poll() {
+  if (session_ == nullptr) return reopen(cause_);  // the last attempt had no memory
   const std::int64_t frame_ns = receiver_->last_frame_ns();
   const bool arrived = frame_ns > since_ns_;
   const std::int64_t now_ns = monotonic_ns();
@@ -143,7 +147,8 @@ void ConnectionManager::note_flow(std::int64_t frame_ns) {
   if (before == SourceState::kStalled) {
     report(false, "frames arrive again after " + seconds_text(first_ns - outage_from_ns_, 2), event::kFramesFlow);
   } else if (before == SourceState::kLost) {
-    const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, info_.format.frame_period_s);
+    const double period_s = known_period_s(*status_, info_.format.frame_period_s);
+    const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, period_s);
     status_->outage_frames.add(frames);
     report(false,
            fmt::format("camera opened again after {} ({}), {} frame{} missing",

@@ -19,6 +19,7 @@
 #include "drivers/v4l2/video_port.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::v4l2 {
@@ -159,7 +160,7 @@ void V4l2Sink::Impl::run() {
   (void)rt::apply_to_this_thread({.name = "bolo-v4l2"});
   while (!stop.load(std::memory_order_relaxed)) {
     if (sem_wait(&wake) != 0) continue;  // a signal
-    if (const Frame* frame = newest->take(); frame != nullptr) serve(*frame);
+    if (const Frame* frame = newest->take(); frame != nullptr) attempt([&] { serve(*frame); });
   }
   port->close();
 }

@@ -52,6 +52,8 @@ struct V4l2Source::Impl {
 
   // --- the receiving thread ---
   void run();
+  void begin();
+  void step();
   void drain();
   void deliver(const VideoFrame& frame, std::int64_t now_ns) noexcept;
   std::uint64_t unwrap(const VideoFrame& frame) noexcept;
@@ -101,7 +103,7 @@ void V4l2Source::Impl::set_state(SourceState state) {
   status.state.set(state);
 }
 
-void V4l2Source::Impl::run() {
+void V4l2Source::Impl::begin() {
   if (Status done = rt::apply_to_this_thread({.name = "bolo-video-in", .realtime_priority = options.realtime_priority});
       !done) {
     notices.report(true, done.error().message);
@@ -110,15 +112,23 @@ void V4l2Source::Impl::run() {
     notices.report(true, started.error().message);
     lose(LostCause::kControlLost);
   }
+}
+
+void V4l2Source::Impl::step() {
+  if (device == nullptr) {
+    reopen();
+  } else if (device->wait(kTickMs) != 0) {
+    drain();
+  }
+  const std::int64_t now_ns = monotonic_ns();
+  status.watched_ns.set(now_ns);
+  watch(now_ns);
+}
+
+void V4l2Source::Impl::run() {
+  attempt([this] { begin(); });
   while (!stop_requested.load(std::memory_order_relaxed)) {
-    if (device == nullptr) {
-      reopen();
-    } else if (device->wait(kTickMs) != 0) {
-      drain();
-    }
-    const std::int64_t now_ns = monotonic_ns();
-    status.watched_ns.set(now_ns);
-    watch(now_ns);
+    if (!attempt([this] { step(); })) std::this_thread::sleep_for(kPauseBetweenAttempts);
   }
   arrivals->finish();
   device.reset();
@@ -194,7 +204,8 @@ void V4l2Source::Impl::watch(std::int64_t now_ns) {
     if (before == SourceState::kStalled)
       notices.report(false, "frames arrive again after " + outage, event::kFramesFlow);
     if (before == SourceState::kLost) {
-      status.outage_frames.add(pipeline::frames_between(outage_from_ns, last_frame_ns, info.format.frame_period_s));
+      const double period_s = known_period_s(status, info.format.frame_period_s);
+      status.outage_frames.add(pipeline::frames_between(outage_from_ns, last_frame_ns, period_s));
       notices.report(false, "camera opened again after " + outage, event::kCameraBack);
     }
     return set_state(SourceState::kStreaming);

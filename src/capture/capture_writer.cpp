@@ -294,14 +294,13 @@ CaptureWriter& CaptureWriter::operator=(CaptureWriter&&) noexcept = default;
 CaptureWriter::~CaptureWriter() {
   if (!impl_ || !impl_->file) return;
   const h5::Quiet quiet;
-  if (impl_->written == 0) {
-    impl_->discard();
-    return;
-  }
-  impl_->driven->ending = true;
-  static_cast<void>(impl_->store());
-  const bool ours = impl_->is_ours();
-  if (impl_->close_file() && impl_->driven->file->finish() && ours) remove_records(impl_->part);
+  attempt([this] {
+    if (impl_->written == 0) return impl_->discard();
+    impl_->driven->ending = true;
+    static_cast<void>(impl_->store());
+    const bool ours = impl_->is_ours();
+    if (impl_->close_file() && impl_->driven->file->finish() && ours) remove_records(impl_->part);
+  });
 }
 
 Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, const CaptureInfo& info,

@@ -139,9 +139,7 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesyst
   RETURN_IF_ERROR(check_only_names(file, replace));
   const int exclusive = replace == Replace::kNothing ? O_EXCL : 0;
   UniqueFd descriptor(::open(file.c_str(), O_RDWR | O_CREAT | exclusive | O_CLOEXEC | O_NOFOLLOW, 0666));
-  if (!descriptor && errno == EEXIST) return is_there(file);
-  struct stat info {};
-  if (!opened_only_name(descriptor, info)) return not_opened("created");
+  if (!descriptor) return errno == EEXIST ? is_there(file) : not_opened("created");
   std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(file, std::move(descriptor)));
   if (held_by_another(made->descriptor())) return bad_input(kIsBeingWritten);
   const Result<bool> ours = still_named(made->descriptor(), file);
@@ -157,6 +155,8 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesyst
 }
 
 Status CrashSafeFile::begin(SurvivesCut survives) {
+  struct stat info {};
+  if (!opened_only_name(file_, info)) return not_opened("created");
   power_ = survives == SurvivesCut::kPower;
   journal_ = create_journal(name_, power_);
   if (!journal_) return not_opened("created with its journal");

@@ -53,6 +53,18 @@ auto tried(Step&& step) -> decltype(step()) {
   }
 }
 
+// False where step() threw, for want of memory: a thread whose next step may make up for it goes on, and with it the
+// process. Thread: any.
+template <typename Step>
+bool attempt(Step&& step) noexcept {
+  try {
+    step();
+    return true;
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
 // Grows the main thread's stack to what deep calls may need: where a limit leaves no memory for it later, the kernel
 // ends the process. Throws std::bad_alloc where there is none. Thread: main, when it begins.
 void grow_stack();

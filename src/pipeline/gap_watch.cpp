@@ -109,10 +109,7 @@ void GapWatch::run() {
     }
     turn_.wait(kPipeline, std::memory_order_acquire);
     if (taken_ != deblur::GapMeter::kFrames) continue;
-    (void)tried([this] {  // without memory it waits for the next burst
-      evaluate();
-      return Status{};
-    });
+    attempt([this] { evaluate(); });  // without memory it waits for the next burst
   }
 }
 

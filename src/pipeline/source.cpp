@@ -23,4 +23,9 @@ std::uint64_t frames_between(std::int64_t last_ns, std::int64_t first_ns, double
   return static_cast<std::uint64_t>(std::max(0.0, std::round(periods) - 1.0));
 }
 
+double known_period_s(const SourceStatus& status, double stated_s) noexcept {
+  const double measured_s = status.measured_period_s.value();
+  return measured_s > 0.0 ? measured_s : stated_s;
+}
+
 }  // namespace bolo::pipeline

@@ -148,6 +148,9 @@ WatchLimits watch_limits(int stall_ms, int reconnect_after_ms, double period_s) 
 // Frames that would have come between the last one before an outage and the first one after it. Thread: any.
 std::uint64_t frames_between(std::int64_t last_ns, std::int64_t first_ns, double period_s) noexcept;
 
+// By the camera's clock; while that is not known, the stated one. Thread: any.
+double known_period_s(const SourceStatus& status, double stated_s) noexcept;
+
 struct SourceInfo {
   StreamFormat format;
   std::string camera_model;

@@ -12,6 +12,7 @@
 namespace bolo::capture::capture_writer_test {
 
 std::function<void()> g_after_look_at_live;  // called once
+int g_looks_until_error = -1;                // of fstat; < 0: none comes
 
 }  // namespace bolo::capture::capture_writer_test
 
@@ -20,6 +21,13 @@ extern "C" int lstat(const char* path, struct stat* out) {
   std::function<void()>& after = bolo::capture::capture_writer_test::g_after_look_at_live;
   if (after && std::string_view(path).ends_with(".part.live")) std::exchange(after, nullptr)();
   return result;
+}
+
+extern "C" int fstat(int descriptor, struct stat* out) {
+  int& looks = bolo::capture::capture_writer_test::g_looks_until_error;
+  if (looks < 0 || looks-- > 0) return fstatat(descriptor, "", out, AT_EMPTY_PATH);
+  errno = EIO;
+  return -1;
 }
 
 namespace bolo::capture::capture_writer_test {
@@ -54,6 +62,17 @@ TEST(CaptureWriterStimulus, WhatReadersRefuseIsNotWritten) {
   auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
   expect_refused(writer->write_stimulus(Chopper{293.0, {0.1}, {0.2}, {}}), {"level_k"});
   EXPECT_TRUE(writer->write_stimulus(Uniform{300.0})) << "the refused one must leave nothing behind";
+}
+
+TEST(CaptureWriterNames, OfAFileThatIsRefusedWhenItIsLookedAtNothingIsLeft) {
+  bool refused = true;
+  for (int looks = 0; refused; ++looks) {
+    const Scratch scratch;
+    g_looks_until_error = looks;
+    const auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+    refused = std::exchange(g_looks_until_error, -1) < 0;
+    EXPECT_EQ(std::filesystem::exists(scratch / "a.h5.part"), writer.has_value()) << looks;
+  }
 }
 
 TEST(CaptureWriterExtras, EventsAndAttributesComeBack) {

@@ -1,8 +1,21 @@
 // `bolo deblur` of many captures: what is done is not done again, and processes share what is not.
+#include <fcntl.h>
+#include <sys/stat.h>
+
 #include "tests/tools/deblur_verb.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/made_from.hpp"
 #include "tools/deblur/request.hpp"
+
+namespace {
+int g_looks_until_error = -1;  // of stat; < 0: none comes
+}  // namespace
+
+extern "C" int stat(const char* path, struct stat* about) {
+  if (g_looks_until_error < 0 || g_looks_until_error-- > 0) return fstatat(AT_FDCWD, path, about, 0);
+  errno = EIO;
+  return -1;
+}
 
 namespace bolo::tools::deblur_folder_test {
 
@@ -102,6 +115,14 @@ class DeblurFolder : public ProgramTest {
     return names;
   }
 
+  Result<DeblurRequest> request(const std::vector<std::string>& more) const {
+    std::vector<std::string> line{"deblur", file("archive"), "-o", file("sharp")};
+    line.insert(line.end(), more.begin(), more.end());
+    std::vector<char*> arguments;
+    for (std::string& word : line) arguments.push_back(word.data());
+    return read_deblur_request(deblur_command_line().parse(static_cast<int>(arguments.size()), arguments.data()));
+  }
+
   // Seconds enough for any file system's clock.
   void make_older(const std::string& name) const {
     fs::last_write_time(file(name), fs::last_write_time(file(name)) - std::chrono::seconds(10));
@@ -170,18 +191,27 @@ TEST_F(DeblurFolder, OtherSettingsMakeItAgain) {
 
 TEST_F(DeblurFolder, AProfileThatChangesMeanwhileIsNotTakenForTheOneThatWasRead) {
   write("p.toml", "tau_s = 0.011\n");
-  const auto request_now = [this] {
-    std::vector<std::string> line{"deblur", file("archive"), "-o", file("sharp"), "--profile", file("p.toml")};
-    std::vector<char*> arguments;
-    for (std::string& word : line) arguments.push_back(word.data());
-    return read_deblur_request(deblur_command_line().parse(static_cast<int>(arguments.size()), arguments.data()));
-  };
+  const auto request_now = [this] { return request({"--profile", file("p.toml")}); };
   const auto input = must(capture::CaptureReader::open(file("archive/a.h5")));
   const auto request = must(request_now());
   const std::string before = *must(made_from(*request, *input));
   write("p.toml", "tau_s = 0.030\n");
   EXPECT_EQ(*must(made_from(*request, *input)), before);
   EXPECT_NE(*must(made_from(*must(request_now()), *input)), before);
+}
+
+// One that a network's file system does not answer for is not passed over.
+TEST_F(DeblurFolder, IsWholeOrRefused) {
+  fs::create_symlink("a.h5", file("archive/d.h5"));
+  bool erred = true;
+  for (int looks = 0; erred; ++looks) {
+    g_looks_until_error = looks;
+    const auto asked = request({});
+    erred = std::exchange(g_looks_until_error, -1) < 0;
+    if (asked) {
+      EXPECT_EQ(asked->files.size(), 4U) << looks;
+    }
+  }
 }
 
 TEST_F(DeblurFolder, AnotherInputMakesItAgain) {

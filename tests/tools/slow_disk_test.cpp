@@ -170,6 +170,25 @@ TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
   }
 }
 
+// Likewise of a capture that is given up with frames that wait for their commit.
+TEST(Memory, ThatIsRefusedToACaptureThatIsGivenUpEndsNothing) {
+  bool refused = true;
+  for (int news = 0; refused; ++news) {
+    const Scratch scratch;
+    std::thread([&] {
+      capture::CaptureInfo info;
+      info.format = {.geometry = {16, 8}, .type = PixelType::kUint16, .frame_period_s = 0.005};
+      auto capture = must(capture::CaptureWriter::create(scratch / "a.h5", info));
+      const std::vector<std::uint16_t> plane(16 * 8);
+      must(capture->append(0.0, 0, plane.data()));
+      must(capture->add_event({0.0, "gap"}));
+      g_news_until_refusal = news;
+      const capture::CaptureWriter given_up = std::move(*capture);
+    }).join();
+    refused = g_news_until_refusal.exchange(-1) < 0;
+  }
+}
+
 // The recorder closes its files itself then.
 TEST_F(SlowDisk, NoThreadCanBeStarted) {
   constexpr double kSplit_s = 0.2;

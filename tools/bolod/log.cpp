@@ -15,7 +15,6 @@
 #include <cstdint>
 #include <cstdlib>
 #include <ctime>
-#include <deque>
 #include <mutex>
 #include <optional>
 #include <string_view>
@@ -28,6 +27,7 @@
 #include <spdlog/sinks/base_sink.h>
 
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::daemon {
@@ -94,7 +94,7 @@ struct Queue {
   std::size_t most = 0;
   std::mutex mutex;
   std::condition_variable changed;
-  std::deque<Entry> waiting;
+  std::vector<Entry> waiting;
   std::uint64_t dropped = 0;
   bool started = false;
   bool closing = false;
@@ -119,16 +119,18 @@ void write_all(Queue& queue) {
   std::unique_lock lock(queue.mutex);
   for (;;) {
     queue.changed.wait(lock, [&queue] { return queue.closing || !queue.waiting.empty(); });
-    std::deque<Entry> entries = std::exchange(queue.waiting, {});
+    const std::vector<Entry> entries = std::exchange(queue.waiting, {});
     lock.unlock();
-    for (const Entry& entry : entries) log_entry(*queue.inner, entry);
+    const auto untold = std::ranges::count_if(
+        entries, [&queue](const Entry& entry) { return !attempt([&] { log_entry(*queue.inner, entry); }); });
     lock.lock();
+    queue.dropped += static_cast<std::uint64_t>(untold);
     if (!queue.waiting.empty()) continue;
     const std::uint64_t dropped = std::exchange(queue.dropped, 0);
     if (dropped == 0 && queue.closing) break;
     if (dropped == 0) continue;
     lock.unlock();
-    log_dropped(*queue.inner, dropped);
+    attempt([&] { log_dropped(*queue.inner, dropped); });
     lock.lock();
   }
   queue.done = true;

@@ -10,7 +10,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdint>
-#include <new>
+#include <exception>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -58,8 +58,8 @@ struct RequestServer::Impl {
       try {
         attend(events);
         if ((events[1].revents & POLLIN) != 0) accept_all();
-      } catch (const std::bad_alloc&) {
-        clients.clear();  // frames go on
+      } catch (const std::exception&) {  // for want of memory
+        clients.clear();                 // frames go on
       }
     }
   }

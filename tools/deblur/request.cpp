@@ -171,11 +171,14 @@ bool is_capture_name(const fs::path& file) { return file.extension() == ".h5" ||
 // A folder stands for the captures in it, by name.
 Result<std::vector<fs::path>> captures_in(const fs::path& given) {
   std::error_code error;
-  if (!fs::is_directory(given, error)) return std::vector<fs::path>{given};
+  const fs::file_type type = fs::status(given, error).type();
+  if (type != fs::file_type::directory && type != fs::file_type::none) return std::vector<fs::path>{given};
   std::vector<fs::path> captures;
   for (fs::directory_iterator at(given, error), end; !error && at != end; at.increment(error)) {
-    std::error_code ignored;  // of a link that leads nowhere
-    if (at->is_regular_file(ignored) && is_capture_name(at->path())) captures.push_back(at->path());
+    std::error_code ignored;
+    const fs::file_type kind = at->status(ignored).type();
+    const bool may_be_read = kind == fs::file_type::regular || kind == fs::file_type::none;  // none: nobody knows now
+    if (may_be_read && is_capture_name(at->path())) captures.push_back(at->path());
   }
   if (error) return bad_input(given.string() + ": cannot be read: " + error.message());
   if (captures.empty()) return bad_input(given.string() + ": no captures (.h5, .mat) in this folder");
@@ -215,8 +218,8 @@ Status read_files(const cxxopts::ParseResult& args, DeblurRequest& request) {
   std::error_code ignored;
   bool into_folder = given.size() > 1 || fs::is_directory(request.output, ignored);
   for (const fs::path& one : given) {
-    into_folder = into_folder || fs::is_directory(one, ignored);
     ASSIGN_OR_RETURN(const auto captures, captures_in(one));
+    into_folder = into_folder || captures.front() != one;
     inputs.insert(inputs.end(), captures.begin(), captures.end());
   }
   request.into_folder = into_folder;

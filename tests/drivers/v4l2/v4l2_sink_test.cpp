@@ -16,7 +16,8 @@ struct FakeDevice {
   std::condition_variable changed;
   bool there = true;
   bool stuck = false;
-  int answer = 0;  // to a write
+  int refused = 0;  // openings for which there is no memory
+  int answer = 0;   // to a write
   int opened = 0;
   int closed = 0;
   std::uint64_t writes = 0;
@@ -41,6 +42,7 @@ class FakePort final : public VideoPort {
 
   Status open(const VideoFormat& /*format*/) override {
     const std::lock_guard lock(device_->mutex);
+    if (device_->refused > 0 && device_->refused-- > 0) throw std::bad_alloc();
     if (!device_->there) return bad_input(path_ + " is not there");
     ++device_->opened;
     device_->changed.notify_all();
@@ -194,7 +196,10 @@ TEST_F(V4l2SinkTest, ADeviceThatVanishesIsOpenedAgainWhenItIsBack) {
   EXPECT_FALSE(sink_->stats().open.value());
   const std::uint64_t dropped = sink_->stats().dropped.value();
   ASSERT_TRUE(publish_until([&] { return sink_->stats().dropped.value() > dropped + 2; }));
-  device_->set([&] { device_->there = true; });
+  device_->set([&] {
+    device_->there = true;
+    device_->refused = 2;
+  });
   ASSERT_TRUE(publish_until([&] { return sink_->stats().open.value(); }));
   const std::uint64_t written = sink_->stats().written.value();
   EXPECT_TRUE(publish_until([&] { return sink_->stats().written.value() > written; }));

@@ -176,7 +176,8 @@ TEST_F(V4l2SourceTest, DamagedAndShortBuffersAreLostByTheirCause) {
 
 TEST_F(V4l2SourceTest, AStallIsSaidAndTheCameraOpenedAgain) {
   start();
-  ASSERT_TRUE(passes(1));
+  std::int64_t stamp_ns = monotonic_ns() - 1'000'000'000;
+  for (int n = 0; n < 80; ++n) ASSERT_TRUE(passes(1, {.stamp_ns = stamp_ns += 2'000'000}));
   EXPECT_TRUE(eventually([&] { return noticed("camera stalled: no frame for"); }));
   EXPECT_TRUE(eventually([&] { return source_->status()->reopened.value() == 1; }));
   EXPECT_TRUE(noticed("camera lost (stalled)"));
@@ -184,7 +185,7 @@ TEST_F(V4l2SourceTest, AStallIsSaidAndTheCameraOpenedAgain) {
   ASSERT_TRUE(passes(2));
   EXPECT_TRUE(restart_) << "a new window";
   EXPECT_TRUE(eventually([&] { return noticed("camera opened again after"); }));
-  EXPECT_GT(source_->status()->outage_frames.value(), 10U) << "0.4 s at 60 Hz";
+  EXPECT_GT(source_->status()->outage_frames.value(), 150U) << "0.4 s at 500 Hz by its clock, of which it states 60";
 }
 
 TEST_F(V4l2SourceTest, AnUnpluggedCameraIsFoundAgainAtAnotherNodeByItsSerial) {

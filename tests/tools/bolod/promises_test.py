@@ -3,6 +3,7 @@
 usage: promises_test.py BOLO BOLOD restart
        promises_test.py BOLO BOLOD latency MODULE_FOLDER LIBRARY
        promises_test.py BOLO BOLOD memory LEAK_LIBRARY [SECONDS]
+       promises_test.py BOLO BOLOD refused REFUSE_LIBRARY
 
 restart: frames flow again within 2 s after kill -9, each of five times.
 latency: p99 from a frame's first packet until it is published is within the camera's period, 640x120 at 200 Hz; on a
@@ -10,6 +11,7 @@ latency: p99 from a frame's first packet until it is published is within the cam
          counts: what the daemon itself does slowly is in all of them.
 memory:  the private memory of one life of SECONDS (60) grows by less than 64 KiB, or 256 KiB an hour, after the first third
          or minute; beside it the same daemon, in which LEAK_LIBRARY loses 24 bytes a frame's period, is found.
+refused: a daemon whose threads are refused memory while its camera is lost and it is told to reload goes on.
 Where other programs take the computer's time, latency is judged by the processor time that a frame takes, and says so.
 Exit code 77: numpy is not there.
 """
@@ -25,7 +27,7 @@ import time
 import urllib.request
 
 sys.path += [str(pathlib.Path(__file__).parents[1]), str(pathlib.Path(__file__).parents[2] / "system" / "guest")]
-from programs import Programs, free_port, needed  # noqa: E402
+from programs import Programs, free_port, needed, wait_for  # noqa: E402
 
 needed("numpy")  # of the modules
 from frames import open_ring  # noqa: E402
@@ -37,10 +39,10 @@ MOST_OTHERS = 0.15  # of the processors' time, as in bolo-lab soak
 MOST_STOLEN = 0.004  # by the host of a virtual machine, in slices longer than a period: six frames of 600 are late at more
 
 
-def started(folder, name, size=(160, 48), keys="", number=0, **how):
+def started(folder, name, size=(160, 48), keys="", number=0, faults=(), **how):
     """A camera of 200 frames a second and a daemon that has it; **how: of the daemon."""
     programs = Programs(BOLO, BOLOD, folder, name, size, f"[deblur]\nlambda = 0.001\n{keys}", number)
-    programs.start_camera(programs.simulate("--frames=200"), "--rate", "200")
+    programs.start_camera(programs.simulate("--frames=200"), "--rate", "200", *faults)
     programs.start_daemon(**how)
     return programs
 
@@ -197,13 +199,32 @@ def memory(folder, leak_library, seconds=60.0):
     assert grown < max(limit_kib, 256.0 * seconds / 3600.0), "memory grows"
 
 
+def refused(folder, library):
+    switch = pathlib.Path(folder) / "refuse"
+    programs = started(folder, f"test-refused-{os.getpid()}", faults=["--fault", "reboot:at=1,every=3,for=0.5"],
+                       env={**os.environ, "LD_PRELOAD": library, "BOLO_REFUSE": str(switch)})
+    try:
+        open_ring(programs.name, HANG_GUARD_S)
+        wait_for(lambda: "camera opened again" in programs.log("daemon"), "the camera")
+        switch.touch()
+        for _ in range(100):
+            programs.running["daemon"].send_signal(signal.SIGHUP)
+            assert programs.running["daemon"].poll() is None, programs.log("daemon")
+            time.sleep(0.05)
+        switch.unlink()
+        known = programs.log("daemon")
+        wait_for(lambda: "camera opened again" in programs.log("daemon")[len(known):], "the camera after that")
+    finally:
+        programs.end()
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder:
         arguments = sys.argv[4:]
         if WHAT == "memory":
             memory(folder, arguments[0], float(arguments[1]) if len(arguments) > 1 else 60.0)
         else:
-            {"restart": restart, "latency": latency}[WHAT](folder, *arguments)
+            {"restart": restart, "latency": latency, "refused": refused}[WHAT](folder, *arguments)
 
 
 if __name__ == "__main__":
