@@ -30,11 +30,8 @@ auto& map_of(Camera& camera, MapKind kind) {
   return kind == kOffset ? camera.offset : kind == kGain ? camera.gain : kind == kTau ? camera.tau : camera.drift_share;
 }
 
-// One of the physical forms of an effect.
-struct Form {
-  std::string name;
-  std::function<void(State&)> begin;  // called before the parameters are used
-};
+// Sets one of the physical forms of an effect, before its parameters are used.
+using Form = std::function<void(State&)>;
 
 using Predicate = std::function<bool(const Session&)>;
 // A fitted effect: its parameters' values and their standard errors.
@@ -68,7 +65,9 @@ struct Effect {
   Predicate testable_in;  // true if a session has them
   WithoutBench without_bench = WithoutBench::kNever;
   // Effects on the mean: parameters and maps. Effects of noise and transport have none: they have separate statistics.
-  std::function<std::vector<Parameter>(const Session&)> parameters{};
+  std::function<std::vector<Parameter>(const Session&)> parameters = [](const Session&) {
+    return std::vector<Parameter>{};
+  };
   MapKind map = MapKind::kNone;
   // Lower limit of the first parameter or the map's rms: a smaller effect would only absorb model errors of another.
   double least = 0.0;

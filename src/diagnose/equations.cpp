@@ -44,6 +44,14 @@ double mean_of_levels(const std::vector<Nuisance>& all, const State& state, cons
   return sum / std::max(1.0, count);
 }
 
+// The standard deviation of one level at this spread, K.
+double level_width(const Nuisance& level, double spread) { return std::hypot(spread * level.prior, kLevelResolution); }
+
+// Values below it are unaffected by the ceiling.
+float usable_limit(const FitData& data, const State& state) {
+  return static_cast<float>(state.camera.clip_k - kClearOfCeiling * data.floor_k);
+}
+
 // Adds one group's frames to augmented normal matrices: train and test. In double: derivatives by levels and emissivity
 // differ by less than the rounding of float sums.
 void add_group(const Session& session, const Series& residual, const std::vector<Series>& columns,
@@ -178,8 +186,6 @@ double level_spread(const std::vector<Nuisance>& all, const State& state) {
   return std::sqrt(std::min(1.0, mean_of_levels(all, state, [](const Nuisance& n) { return n.prior; })));
 }
 
-double level_width(const Nuisance& level, double spread) { return std::hypot(spread * level.prior, kLevelResolution); }
-
 double level_error(const std::vector<Nuisance>& all, const State& state) {
   return std::sqrt(mean_of_levels(all, state, [](const Nuisance&) { return 1.0; }));
 }
@@ -196,7 +202,7 @@ double level_evidence(const std::vector<Nuisance>& all, const State& state) {
 }
 
 std::vector<Choice> unformed(std::vector<Choice> choices) {
-  for (Choice& c : choices) c.form = -1;
+  for (Choice& c : choices) c.form = nullptr;
   return choices;
 }
 
@@ -204,7 +210,6 @@ Unknowns::Unknowns(const Session& session, const State& nominal, std::span<const
     : nuisances(diagnose::nuisances(session, nominal)), parameters(mapped(nuisances, &Nuisance::parameter)) {
   for (const Choice& choice : choices) {
     first.push_back(parameters.size());
-    if (!choice.effect->parameters) continue;
     for (Parameter& c : choice.effect->parameters(session)) parameters.push_back(std::move(c));
   }
   first.push_back(parameters.size());
@@ -287,10 +292,6 @@ bool FitData::frame_counts(std::size_t recording, Index frame) const {
   return r.is_used(frame) && (r.kind != Kind::kMovingBars || r.time_of(frame) >= kSettling_s);
 }
 
-float FitData::usable_limit(const State& state) const {
-  return static_cast<float>(state.camera.clip_k - kClearOfCeiling * floor_k);
-}
-
 void for_each_modelled(const Session& session, int threads, const std::function<void(std::size_t)>& work) {
   const std::vector<std::size_t> recordings = modelled(session);
   share_out(recordings.size(), static_cast<std::size_t>(threads), [&](std::size_t i) { work(recordings[i]); });
@@ -299,7 +300,7 @@ void for_each_modelled(const Session& session, int threads, const std::function<
 Series FitData::residual(std::size_t recording, const State& state, std::span<const int> pixels) const {
   const Recording& r = session.recordings[recording];
   Series y = predict(session, recording, state, pixels);
-  const float limit = usable_limit(state);
+  const float limit = usable_limit(*this, state);
   for (Index k = 0; k < y.rows(); ++k) {
     const bool counts = frame_counts(recording, k);
     for (Index j = 0; j < y.cols(); ++j) {
@@ -338,7 +339,7 @@ Columns columns_of(const FitData& data, std::size_t recording, const State& stat
   const Series base = predict(data.session, recording, state, data.fit_pixels);
   const auto weight = static_cast<float>(1.0 / data.floor_k);
   // Values at or near a ceiling are not used.
-  const float limit = data.usable_limit(state);
+  const float limit = usable_limit(data, state);
   const bool limited = std::isfinite(state.camera.clip_k);
   const auto without_clipped = [&](Series& of) {
     if (limited) of.array() *= (seen.array() <= limit && base.array() <= limit).cast<float>();

@@ -28,15 +28,13 @@ constexpr double kClearTime = 3.5;     // standard errors of a time, model error
 constexpr double kLeastTau = 0.025;    // of the time constant: smallest reported deviation
 constexpr double kLeastDelay_s = 5e-6;
 
-bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
-
 void note_jumps(Events& events, std::size_t index, std::span<const Observation::Jump> jumps) {
   for (const Observation::Jump& seen : jumps) {
-    Jump jump{.recording = index, .frame = seen.frame, .global_k = seen.size};
-    jump.after_freeze = std::ranges::any_of(
-        events.freezes, [&](const Freeze& f) { return f.recording == index && f.last + 1 == seen.frame; });
-    jump.removed = true;
-    events.jumps.push_back(jump);
+    events.jumps.push_back({.recording = index,
+                            .frame = seen.frame,
+                            .global_k = seen.size,
+                            .after_freeze = thaws(events.freezes, index, seen.frame),
+                            .removed = true});
   }
 }
 
@@ -125,25 +123,17 @@ void find_noisy_pixels(Events& events, const Recording& r) {
   leave_out_dead(events.session, events.bad);
 }
 
-// Gaps of a recording without, and with, the named effects.
-struct Gaps {
-  double before = 1.0;
-  double after = 1.0;
-};
-
 // Adds each effect once. `alike`: an effect of the same signature.
-void add_named(Findings& out, const std::string& effect, double z, Estimates parameters, Gaps gaps, const char* where,
+void add_named(Findings& out, const std::string& effect, double z, Estimates parameters, Gaps gap, const char* where,
                const char* alike = nullptr) {
   if (std::ranges::any_of(out.effects, [&](const Finding& known) { return known.effect.name == effect; })) return;
   FoundEffect& e = out.add(effect, z, where, std::move(parameters));
-  e.gap_before = gaps.before;
-  e.gap_after = gaps.after;
-  if (alike != nullptr) e.alternatives = {{alike, gaps.after}};
+  e.gap = gap;
+  if (alike != nullptr) e.alternatives = {{alike, gap.after}};
   out.effects.back().z = std::max(z, 2.0 * kRemainderLimit);
 }
 
 void name_parts(const FieldParts& parts, Findings& out) {
-  const Gaps gaps{parts.gap_before, parts.gap_after};
   const auto clear = [&](const Measured& m, double least) {
     return m.z > kPatternIsSure && m.value > least * parts.noise;
   };
@@ -152,18 +142,18 @@ void name_parts(const FieldParts& parts, Findings& out) {
                     std::abs(parts.gain_likeness) < kMostLikeness;
   const Offsets& offset = gain ? parts.beside_gain : parts.offset;
   if (gain) {
-    add_named(out, "fpn_gain", parts.gain.z, {{"pixel", parts.gain.estimate()}}, gaps,
+    add_named(out, "fpn_gain", parts.gain.z, {{"pixel", parts.gain.estimate()}}, parts.gap,
               "pixels show more or less of the scene's changes than others");
   }
   if (parts.after_freeze || !(clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn))) return;
-  if (parts.gap_after >= parts.gap_before) return;  // of the scene: what one half tells does not help the other
+  if (parts.gap.after >= parts.gap.before) return;  // of the scene: what one half tells does not help the other
   if (parts.growth.value > kLeastGrowth && parts.growth.z > kPatternIsSure) {
     const double change = parts.growth.value * offset.pixel.value;
     add_named(out, "drift", parts.growth.z, {{"change_k", interval(change, parts.growth.error * offset.pixel.value)}},
-              gaps, "a pattern stays with the pixels while the scene moves on, and grows", "fpn_offset");
+              parts.gap, "a pattern stays with the pixels while the scene moves on, and grows", "fpn_offset");
   } else {
     add_named(out, "fpn_offset", std::max(offset.pixel.z, offset.column.z),
-              {{"pixel_k", offset.pixel.estimate()}, {"column_k", offset.column.estimate()}}, gaps,
+              {{"pixel_k", offset.pixel.estimate()}, {"column_k", offset.column.estimate()}}, parts.gap,
               "a pattern stays with the pixels while the scene moves on",
               !gain && parts.gain.value > kLeastGain ? "fpn_gain" : nullptr);
   }
@@ -177,9 +167,9 @@ double name_times(const FromMotion& motion, const Options& options, Findings& ou
     const double off = std::abs(found.value.value - nominal);
     const double z = off / found.value.error();
     if (z < kClearTime || off < least) return;
-    if (allowed(options, effect)) closed += found.gap_before * found.gap_before - found.gap_after * found.gap_after;
-    add_named(out, effect, z, {{key, interval(found.value.value / unit, found.value.error() / unit)}},
-              {found.gap_before, found.gap_after}, "the moving scene tells another time than the profile", alike);
+    if (allowed(options, effect)) closed += found.gap.before * found.gap.before - found.gap.after * found.gap.after;
+    add_named(out, effect, z, {{key, interval(found.value.value / unit, found.value.error() / unit)}}, found.gap,
+              "the moving scene tells another time than the profile", alike);
   };
   const double tau_s = options.profile.tau_s;
   if (motion.tau_s) judge("tau_global", "scale", *motion.tau_s, tau_s, tau_s, kLeastTau * tau_s, "iir");
@@ -191,19 +181,18 @@ double name_times(const FromMotion& motion, const Options& options, Findings& ou
 
 // Effects visible in the values of any field recording.
 void name_values(const Events& events, Field& field) {
-  const Gaps gaps{field.gap_before, field.gap_after};
   std::size_t missed = std::accumulate(events.repeated.begin(), events.repeated.end(), std::size_t{0});
   for (const auto& [file, one] : field.seen) missed += one.lost_before.size();
   if (missed > 0) {
-    const double frames = sum_of(events.session.recordings, [](const Recording& r) { return r.frames(); });
+    const double frames = sum_of(events.session.recordings, &Recording::frames);
     const double rate = 1e3 * static_cast<double>(missed) / frames;
     add_named(field.findings, "frame_loss", 10.0,
-              {{"per_thousand", interval(rate, rate / std::sqrt(static_cast<double>(missed)))}}, gaps,
+              {{"per_thousand", interval(rate, rate / std::sqrt(static_cast<double>(missed)))}}, field.gap,
               "frames repeat the one before, or leap beyond the next one");
   }
   if (std::isfinite(events.ceiling_k)) {
     add_named(field.findings, "saturation", 20.0,
-              {{"level_k", interval(events.ceiling_k, events.session.recordings.front().step)}}, gaps,
+              {{"level_k", interval(events.ceiling_k, events.session.recordings.front().step)}}, field.gap,
               "values pile up at a ceiling");
   }
 }
@@ -315,9 +304,9 @@ Result<Field> judge_field(Events& events, const Noise& noise, const Options& opt
     out.moving = true;
     const auto count = static_cast<double>(parts.cells);
     cells += count;
-    before += count * parts.gap_before * parts.gap_before;
-    after += count * parts.gap_after * parts.gap_after;
-    out.gaps[r.name] = parts.gap_before;
+    before += count * parts.gap.before * parts.gap.before;
+    after += count * parts.gap.after * parts.gap.after;
+    out.gaps[r.name] = parts.gap.before;
     if (parts.patterns) {
       name_parts(parts, out.findings);
       if (parts.cells > most) out.maps = std::move(parts.maps);
@@ -338,8 +327,8 @@ Result<Field> judge_field(Events& events, const Noise& noise, const Options& opt
   }
   out.judged = out.moving || out.still;
   if (cells > 0.0) {
-    out.gap_before = std::sqrt(before / cells + std::max(0.0, closed));
-    out.gap_after = std::sqrt(after / cells);
+    out.gap.before = std::sqrt(before / cells + std::max(0.0, closed));
+    out.gap.after = std::sqrt(after / cells);
   }
   if (out.judged) name_values(events, out);
   return out;

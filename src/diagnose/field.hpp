@@ -16,8 +16,7 @@ struct Field {
   bool tells_tau = false;    // a tracked one varies its speed enough
   bool tells_delay = false;  // the same
   // Of the prediction from other frames, on held-out halves of the data; 1 for still recordings.
-  double gap_before = 1.0;
-  double gap_after = 1.0;
+  Gaps gap;
   Findings findings;
   std::map<std::string, double> gaps;       // before, by file name
   std::map<std::string, Observation> seen;  // by file name, with the motion's results

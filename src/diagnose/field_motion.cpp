@@ -148,8 +148,8 @@ std::optional<FromMotion::Figure> find_tau(const std::vector<GapFigures>& bursts
     after += std::pow(bursts[i].ratio_with(others[block]), 2);
   }
   const auto count = static_cast<double>(bursts.size());
-  return FromMotion::Figure{interval(tau_s * ratio, tau_s * error), std::sqrt(before / count),
-                            std::sqrt(after / count)};
+  return FromMotion::Figure{interval(tau_s * ratio, tau_s * error),
+                            {std::sqrt(before / count), std::sqrt(after / count)}};
 }
 
 // ------------------------------------------------------------------ shear against acceleration
@@ -245,7 +245,7 @@ std::optional<FromMotion::Figure> find_row_delay(const MotionTrack& all, double 
   }
   const Estimate found = interval(weighted / weights, std::hypot(1.0 / std::sqrt(weights), kDelayError_s));
   if (found.high - found.low > 2.0 * kMostDelayError) return std::nullopt;
-  return FromMotion::Figure{found, std::sqrt(before / after), 1.0};
+  return FromMotion::Figure{found, {std::sqrt(before / after), 1.0}};
 }
 
 }  // namespace

@@ -272,14 +272,9 @@ FieldMaps maps_of(const Cells& cells, const std::vector<Triplet>& triplets, cons
   return maps;
 }
 
-}  // namespace
-
-int half_of_time(Index triplet, Index triplets) { return static_cast<int>(triplet * kGroups / triplets) % 2; }
-
-std::array<std::vector<Index>, 2> halves_of(Index triplets) {
-  std::array<std::vector<Index>, 2> out;
-  for (Index i = 0; i < triplets; ++i) out[static_cast<std::size_t>(half_of_time(i, triplets))].push_back(i);
-  return out;
+// The half of a triplet.
+std::size_t half_of_time(Index triplet, Index triplets) {
+  return static_cast<std::size_t>(triplet * kGroups / triplets) % 2;
 }
 
 Cells cells_of(const Residual& r, const PredictionFloor& floor, const Mask& bad) {
@@ -292,6 +287,14 @@ Cells cells_of(const Residual& r, const PredictionFloor& floor, const Mask& bad)
       if (seen >= 0.0 && seen < kOwnVariance * expected) out.weight(i, b) = static_cast<float>(1.0 / expected);
     }
   }
+  return out;
+}
+
+}  // namespace
+
+std::array<std::vector<Index>, 2> halves_of(Index triplets) {
+  std::array<std::vector<Index>, 2> out;
+  for (Index i = 0; i < triplets; ++i) out[half_of_time(i, triplets)].push_back(i);
   return out;
 }
 
@@ -348,7 +351,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& tri
 
   // A pattern of high contrast is a still background behind a moving object.
   out.followed = out.offset.pixel.value < kMostPattern * contrast_of(frames) && follows(frames, triplets, left);
-  const auto told = 1 - static_cast<std::size_t>(half_of_time(shown, cells.triplets()));
+  const std::size_t told = 1 - half_of_time(shown, cells.triplets());
   scene.corrected = seen.transpose().array() - pattern[told];
   scene.left = left.values.row(shown).transpose();
   out.scene = scene_plots(scene);
@@ -369,8 +372,8 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& tri
   }
   out.cells = static_cast<std::size_t>(count);
   out.moving = predicted > 0.0 ? 1.0 - count / predicted : 0.0;
-  out.gap_before = std::sqrt(sum_before / std::max(1.0, count));
-  out.gap_after = std::sqrt(sum_after / std::max(1.0, count));
+  out.gap.before = std::sqrt(sum_before / std::max(1.0, count));
+  out.gap.after = std::sqrt(sum_after / std::max(1.0, count));
   const double gain = median(mapped(triplets, [](const Triplet& s) { return s.noise_gain; }));
   out.noise = std::sqrt(floor.flat() / gain);
   out.dead = std::move(dead);

@@ -93,10 +93,7 @@ struct Cells {
   Index triplets() const { return residual.values.rows(); }
 };
 
-Cells cells_of(const Residual& residual, const PredictionFloor& floor, const Mask& bad);
-
-// Stretches of time alternate between two halves of the data. The half of a triplet, and the triplets of both.
-int half_of_time(Index triplet, Index triplets);
+// The triplets of two halves of the data, between which stretches of time alternate.
 std::array<std::vector<Index>, 2> halves_of(Index triplets);
 
 // Adds pixels that in both halves do not respond to the scene as their neighbours do, or scatter far more. `floor`:
@@ -144,8 +141,7 @@ struct FieldParts {
   bool followed = false;  // the scene, not a pattern or an object
   bool patterns = false;  // enough triplets to separate pixel patterns from it
   std::size_t cells = 0;  // blocks of frames that were predicted
-  double gap_before = 1.0;
-  double gap_after = 1.0;
+  Gaps gap;
   bool after_freeze = false;  // FieldMotion::after_freeze
   Offsets offset;
   Measured gain;               // of single pixels with enough change of the scene

@@ -133,13 +133,11 @@ VectorXd errors_of(const Linear& linear, const NewtonStep& step) {
 
 // The candidate's parameters; its form is set together with them, so the base is unchanged.
 std::vector<Parameter> parameters_of(const Session& session, const Choice& candidate) {
-  if (!candidate.effect->parameters) return {};
   std::vector<Parameter> all = candidate.effect->parameters(session);
-  if (candidate.form < 0) return all;
+  if (candidate.form == nullptr) return all;
   for (Parameter& c : all) {
-    const auto begin = candidate.effect->forms[static_cast<std::size_t>(candidate.form)].begin;
-    c.set = [set = c.set, begin](State& s, double value) {
-      begin(s);
+    c.set = [set = c.set, begin = candidate.form](State& s, double value) {
+      (*begin)(s);
       set(s, value);
     };
   }
@@ -177,7 +175,7 @@ MatrixXd least_squares(const MatrixXd& basis, const MatrixXd& values) {
 FitResult fit(const FitData& data, const State& start, const std::vector<Choice>& choices, int rounds) {
   FitResult result{start, {}, choices, {}, {}};
   for (const Choice& choice : choices) {
-    if (choice.form >= 0) choice.effect->forms[static_cast<std::size_t>(choice.form)].begin(result.state);
+    if (choice.form != nullptr) (*choice.form)(result.state);
   }
   const Unknowns u(data.session, nominal_of(data.session, start), choices);
   const bool maps = std::ranges::any_of(choices, [](const Choice& c) { return c.effect->map != MapKind::kNone; });

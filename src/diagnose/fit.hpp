@@ -51,8 +51,6 @@ struct FitData {
   std::vector<int> all_pixels;  // all that are good and not at the sensor's edge
 
   bool frame_counts(std::size_t recording, Index frame) const;
-  // Values below it are unaffected by the ceiling.
-  float usable_limit(const State& state) const;
   // Residual of a recording in units of the floor, on `pixels`; unused frames and bad pixels are 0.
   Series residual(std::size_t recording, const State& state, std::span<const int> pixels) const;
   Score score(const State& state) const;
@@ -117,8 +115,6 @@ inline constexpr double kSoftestEdge_px = 0.35;  // of a target, standard deviat
 // The levels' common spread, as a share of the stated accuracy and at most 1, is estimated from all levels together.
 inline constexpr double kLevelResolution = 0.005;  // K
 double level_spread(const std::vector<Nuisance>& all, const State& state);
-// The standard deviation of one level at this spread, K.
-double level_width(const Nuisance& level, double spread);
 // Root mean square of the levels' errors, K.
 double level_error(const std::vector<Nuisance>& all, const State& state);
 
@@ -128,7 +124,7 @@ double level_evidence(const std::vector<Nuisance>& all, const State& state);
 // An effect in one of its forms.
 struct Choice {
   const Effect* effect = nullptr;
-  int form = -1;  // -1: that of the state
+  const Form* form = nullptr;  // null: that of the state
 };
 
 // The same effects with the state's forms.

@@ -117,6 +117,10 @@ struct JumpSearch {
 
 }  // namespace
 
+bool thaws(const std::vector<Freeze>& freezes, std::size_t recording, std::size_t frame) {
+  return std::ranges::any_of(freezes, [&](const Freeze& f) { return f.recording == recording && f.last + 1 == frame; });
+}
+
 std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
                               const std::vector<Freeze>& freezes, const MatrixXd& levels, const VectorXd& shown) {
   const Recording& r = session.recordings[recording];
@@ -129,9 +133,7 @@ std::optional<Jump> find_jump(const Session& session, std::size_t recording, con
   std::optional<Jump> strongest;
   for (Index a = kSide; a + kSide <= search.value.rows(); ++a) {
     const auto frame = static_cast<std::size_t>(search.frames[static_cast<std::size_t>(a)]);
-    const bool thawed =
-        std::ranges::any_of(freezes, [&](const Freeze& f) { return f.recording == recording && f.last + 1 == frame; });
-    auto jump = search.at(a, thawed, strength);
+    auto jump = search.at(a, thaws(freezes, recording, frame), strength);
     if (!jump) continue;
     strongest = jump;
     strongest->recording = recording;

@@ -141,7 +141,7 @@ Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
   const CameraModel& c = task.state->camera;
   const Recording& last = session.recordings.back();
   const PixelPlace at = place_of(pixel, session.width);
-  const Place place = place_in(session, at.y, at.x, last.start_s + last.t.back());
+  const Place place = place_in(session, at.y, at.x);
   const auto value = [&](Basis map) { return found.value[map][static_cast<Index>(pixel)]; };
   const double own = value(kGain);
   const double corner = corner_gain_at(session, c, at.y, at.x);

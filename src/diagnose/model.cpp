@@ -40,7 +40,7 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
     const int pixel = pixels[static_cast<std::size_t>(j)];
     const int row = session.grid.row_of(pixel);
     const int column = session.grid.column_of(pixel);
-    places.push_back(place_in(session, row, column, 0.0));
+    places.push_back(place_in(session, row, column));
     corner[j] = corner_gain_at(session, c, row, column);
     fixed[j] = heating_at(c, places.back().row);
     if (c.offset.size() > 0) fixed[j] += c.offset[pixel];
@@ -57,8 +57,7 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
       if (c.drift_share.size() > 0) value += share * (drifted + c.drift_level[index]);
     }
     for (Index j = 0; !c.terms.empty() && j < y.cols(); ++j) {
-      Place& place = places[static_cast<std::size_t>(j)];
-      place.t_s = recording.start_s + t;
+      const Place& place = places[static_cast<std::size_t>(j)];
       for (const CameraModel::Term& term : c.terms) value[j] += term.value * term.unit(place, shown[j]);
     }
     y.row(k) = value.cast<float>().matrix();
@@ -118,7 +117,7 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
     }
     const int pixel = pixels[static_cast<std::size_t>(j)];
     const int row = session.grid.row_of(pixel);
-    const double x = place_in(session, row, session.grid.column_of(pixel), 0.0).column - 0.5;
+    const double x = place_in(session, row, session.grid.column_of(pixel)).column - 0.5;
     const double shift = row_time(session, c, row) - stimulus.delay_s - stimulus.sweep_s * x;
     const StepResponse own = varied ? StepResponse(steps, c.response.slower(c.tau[pixel])) : common;
     for (Index k = 0; k < y.rows(); ++k) {
@@ -168,8 +167,8 @@ double true_mean_speed(const StimulusState& stimulus, double clock_skew) {
 
 }  // namespace
 
-Place place_in(const Session& session, int row, int column, double t_s) {
-  return {row / std::max(1.0, session.height - 1.0), column / std::max(1.0, session.width - 1.0), t_s};
+Place place_in(const Session& session, int row, int column) {
+  return {row / std::max(1.0, session.height - 1.0), column / std::max(1.0, session.width - 1.0)};
 }
 
 double corner_gain_at(const Session& session, const CameraModel& camera, int row, int column) {
@@ -228,6 +227,8 @@ State nominal_state(const Session& session, const model::CameraProfile& profile)
 bool has_model(const Recording& recording) {
   return recording.kelvin && recording.kind != Kind::kScene && recording.kind != Kind::kField;
 }
+
+bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
 
 std::vector<std::size_t> modelled(const Session& session) {
   return places_where(session.recordings.size(), [&](std::size_t i) { return has_model(session.recordings[i]); });

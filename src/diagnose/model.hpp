@@ -143,13 +143,12 @@ class TemperatureTable {
   std::vector<double> value_;
 };
 
-// Position and time of a value: the inputs of purely additive effects.
+// Position of a value: the inputs of purely additive effects.
 struct Place {
   double row = 0.0;     // 0..1 from the first to the last
   double column = 0.0;  // 0..1
-  double t_s = 0.0;     // camera's clock
 };
-Place place_in(const Session& session, int row, int column, double t_s);
+Place place_in(const Session& session, int row, int column);
 
 // Centre of the search for the gains' references.
 inline constexpr double kReference = 300.0;
@@ -232,6 +231,7 @@ State nominal_state(const Session& session, const model::CameraProfile& profile)
 // has_model(). Thread: any.
 bool has_model(const Recording& recording);
 std::vector<std::size_t> modelled(const Session& session);  // the recordings that have a model
+bool has_bench(const Session& session);                     // any has
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 
 // Tables for pixels of different time constants: three, interpolated by Lagrange's polynomial in ln tau.

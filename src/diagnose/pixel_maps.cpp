@@ -184,17 +184,17 @@ Score map_gain(const FitData& data, const State& state, const Score& before, Map
     const bool by_others = own[i].knows < kKnowsAll * all;
     Eigen::VectorXf map = Eigen::VectorXf::Zero(data.session.grid.pixels());
     double noise2 = 0.0;
+    ArrayXd normal = ArrayXd::Zero(pixels);
+    ArrayXd right = normal;
+    for (const std::size_t other : recordings) {
+      if (by_others && other == i) continue;
+      normal += own[other].normal;
+      right += own[other].right;
+    }
     for (Index c = 0; c < pixels; ++c) {
-      double a = 0.0;
-      double b = 0.0;
-      for (const std::size_t other : recordings) {
-        if (by_others && other == i) continue;
-        a += own[other].normal[c];
-        b += own[other].right[c];
-      }
-      if (a <= 0.0) continue;
-      map[data.all_pixels[static_cast<std::size_t>(c)]] = static_cast<float>(b / a);
-      noise2 += data.floor_k * data.floor_k / a / static_cast<double>(pixels);
+      if (normal[c] <= 0.0) continue;
+      map[data.all_pixels[static_cast<std::size_t>(c)]] = static_cast<float>(right[c] / normal[c]);
+      noise2 += data.floor_k * data.floor_k / normal[c] / static_cast<double>(pixels);
     }
     centre_and_shrink(map, data.all_pixels, noise2, kind);
     const auto group = std::ranges::find(after.groups, i, &Score::Group::recording);

@@ -370,7 +370,7 @@ void fill_plots(const Fit& fit, double floor_k, Report& report) {
     const Left after = left_over(session, i, fit.state, pixels, true, floor_k);
     const Curve spectrum_before = spectrum(session, before);
     CapturePlots& out = report.captures.emplace_back(
-        CapturePlots{r.name, std::string(name_of(r.kind)), fit.before.gap(i), fit.selection.fit.score.gap(i), {}});
+        CapturePlots{r.name, std::string(name_of(r.kind)), {fit.before.gap(i), fit.selection.fit.score.gap(i)}, {}});
     std::ranges::move(gap_plots(session, before, after), std::back_inserter(out.plots));
     std::ranges::move(course_plots({r.t, trace(raw.recordings[i].values, pixel), trace(before.predicted, pixel),
                                     trace(after.predicted, pixel)},

@@ -29,6 +29,12 @@ struct Estimate {
 // value +- 1.96 errors.
 inline Estimate interval(double value, double error) { return {value, value - 1.96 * error, value + 1.96 * error}; }
 
+// Gaps without, and with, one effect or all.
+struct Gaps {
+  double before = 1.0;
+  double after = 1.0;
+};
+
 struct Alternative {
   std::string name;
   double gap_after = 0.0;  // had this effect been chosen instead
@@ -38,8 +44,7 @@ struct FoundEffect {
   std::string name;   // of the catalogue
   std::string stage;  // optics, radiometry, pixel, package, readout, firmware, transport, noise
   double confidence = 0.0;
-  double gap_before = 0.0;  // before it was added, in the order of selection; the report starts with the largest
-  double gap_after = 0.0;
+  Gaps gap{0.0, 0.0};     // as it was added, in the order of selection; the report starts with the largest
   bool of_noise = false;  // its gaps are those of the noise's own statistics
   std::map<std::string, Estimate> parameters;
   std::vector<Alternative> alternatives;
@@ -98,8 +103,7 @@ struct FromMotion {
   // Its gaps with the profile's value and with this one, in noise floors.
   struct Figure {
     Estimate value;
-    double gap_before = 1.0;
-    double gap_after = 1.0;
+    Gaps gap;
   };
   std::optional<Figure> tau_s;        // nothing: too little or too even motion
   std::optional<Figure> row_delay_s;  // of one sensor row
@@ -131,8 +135,7 @@ struct Observation {
 struct CapturePlots {
   std::string file;  // name without folders
   std::string kind;  // uniform, chopper, bar_target
-  double gap_before = 0.0;
-  double gap_after = 0.0;
+  Gaps gap{0.0, 0.0};
   std::vector<plot::Plot> plots;
 };
 
@@ -148,8 +151,7 @@ struct Learned {
 
 struct Report {
   std::vector<std::string> inputs;
-  double gap_before = 1.0;
-  double gap_after = 1.0;
+  Gaps gap;
   double closed_fraction = 0.0;  // (before - after) / (before - 1), 0 when there was no gap
   // no_gap, explained, partly_explained, unknown_effect; not_testable: no capture with a model, gaps are NaN and
   // `needs` names a suitable one; bench_description: /stimulus contradicts the pictures, gaps are NaN, no effect is
@@ -166,8 +168,7 @@ struct Report {
   std::vector<std::string> withheld;  // effects removed from the catalogue
   bool kelvin = true;                 // false: the captures are in counts, and so is every figure whose name ends in _k
   double noise_floor_k = 0.0;
-  double noise_gap_before = 1.0;  // of the noise's own statistics
-  double noise_gap_after = 1.0;
+  Gaps noise_gap;  // of the noise's own statistics
   std::vector<NoiseStatistic> noise;
   PixelDefects defects;
   std::vector<Observation> observations;  // of the captures without a model
@@ -216,14 +217,15 @@ std::string effect_sentence(const FoundEffect& effect, Wording wording = {});
 // The verdict in one or two sentences.
 std::string headline(const Report& report, bool utf8 = false);
 
-// A gap as text: "7.9", "1.02".
+// A gap as text: "7.9", "1.02"; and two: "7.9 -> 1.02".
 std::string gap_text(double gap);
+std::string gap_text(const Gaps& gap, const char* between = " -> ");
 
 // The observations, one sentence each: jumps with their frames, freezes, noise, patterns, outliers.
 std::vector<std::string> describe(const Observation& observation);
 
-// "3 stuck: (12, 5), (100, 40), (7, 81)": the first few places.
-std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what);
+// "3 stuck: (12, 5), (100, 40), (7, 81)": the first few places; of the noisy ones, too.
+std::vector<std::string> describe(const PixelDefects& defects);
 
 // Some lines of text for a terminal: verdict, effects, gap, stimulus, unidentifiable effects, warnings.
 std::string report_summary(const Report& report);

@@ -22,11 +22,8 @@ struct Tried {
 };
 
 std::vector<Choice> forms_of(const Effect& effect) {
-  if (effect.forms.empty()) return {{&effect, -1}};
-  std::vector<Choice> all;
-  all.reserve(effect.forms.size());
-  for (int f = 0; f < static_cast<int>(effect.forms.size()); ++f) all.push_back({&effect, f});
-  return all;
+  if (effect.forms.empty()) return {{&effect}};
+  return mapped(effect.forms, [&effect](const Form& form) { return Choice{&effect, &form}; });
 }
 
 // True if the effect reaches Effect::least.
@@ -43,9 +40,7 @@ bool enough(const Gain& gain) { return gain.total > kLeastGain && gain.z > kLeas
 // The state without one of its effects: parameters as in `base`, map removed.
 State without_effect(const Session& session, const State& from, const State& base, const Effect& effect) {
   State state = from;
-  if (effect.parameters) {
-    for (const Parameter& c : effect.parameters(session)) c.set(state, c.get(base));
-  }
+  for (const Parameter& c : effect.parameters(session)) c.set(state, c.get(base));
   if (effect.map != MapKind::kNone) map_of(state.camera, effect.map).resize(0);
   return state;
 }
@@ -76,7 +71,8 @@ struct Selector {
     if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) {
       found.confidence = std::max(found.confidence, kSoleConfidence);
     }
-    take(std::move(best.fit), {best.choice, std::move(found), false});
+    selection.fit = std::move(best.fit);
+    selection.chosen.push_back({best.choice, std::move(found), false});
     return true;
   }
 
@@ -90,7 +86,7 @@ struct Selector {
       // Without the map first: later rounds cannot recover what it has absorbed of the effect.
       State start = selection.fit.state;
       map_of(start.camera, effect->hides_in).resize(0);
-      const std::vector<Choice> choices = with({effect, -1});
+      const std::vector<Choice> choices = with({effect});
       std::vector<Choice> mapless = choices;
       std::erase_if(mapless, [effect](const Choice& c) { return c.effect->map == effect->hides_in; });
       start = fit(data, start, mapless, 2 * kRounds).state;
@@ -102,7 +98,8 @@ struct Selector {
       error = std::max(error, std::abs(fitted.value.back().front()) / before);
       FoundEffect found = found_in(fitted, choices.back());
       found.confidence = kSoleConfidence;
-      take(std::move(fitted), {choices.back(), std::move(found), true});
+      selection.fit = std::move(fitted);
+      selection.chosen.push_back({choices.back(), std::move(found), true});
       return true;
     }
     return false;
@@ -180,7 +177,7 @@ struct Selector {
   std::vector<const Effect*> candidates() const {
     std::vector<const Effect*> all;
     for (const Effect& effect : catalogue()) {
-      const bool of_mean = effect.parameters || effect.map != MapKind::kNone;
+      const bool of_mean = effect.map != MapKind::kNone || !effect.parameters(data.session).empty();
       const bool chosen =
           std::ranges::any_of(selection.chosen, [&](const Chosen& c) { return c.choice.effect == &effect; });
       if (of_mean && !chosen && may(effect) && effect.testable_in(data.session)) all.push_back(&effect);
@@ -236,14 +233,8 @@ struct Selector {
   // An effect with its gaps before and after its addition.
   FoundEffect found_in(const FitResult& fit, const Choice& choice) const {
     FoundEffect found = named(choice.effect->name, 0.0);
-    found.gap_before = selection.fit.score.gap();
-    found.gap_after = fit.score.gap();
+    found.gap = {selection.fit.score.gap(), fit.score.gap()};
     return found;
-  }
-
-  void take(FitResult fit, Chosen chosen) {
-    selection.fit = std::move(fit);
-    selection.chosen.push_back(std::move(chosen));
   }
 };
 

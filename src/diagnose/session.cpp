@@ -9,15 +9,6 @@ constexpr std::size_t kSortedPixels = 20000;  // enough for quartiles to a hundr
 constexpr double kTrim = 0.1;                 // of the sorted changes, on either side
 constexpr double kTrimmedSigma = 0.6616;      // standard deviation of a unit Gaussian without its outer fifth
 
-Kind kind_of(const capture::Stimulus& stimulus) {
-  if (std::holds_alternative<capture::Uniform>(stimulus)) return Kind::kUniform;
-  if (std::holds_alternative<capture::Chopper>(stimulus)) return Kind::kChopper;
-  if (const auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
-    return bars->velocity_px_s == 0.0 ? Kind::kStillBars : Kind::kMovingBars;
-  }
-  return std::holds_alternative<capture::SceneStimulus>(stimulus) ? Kind::kScene : Kind::kField;
-}
-
 // The error in a stimulus' numbers, or an empty string.
 std::string fault(const capture::Stimulus& stimulus) {
   if (const auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
@@ -110,6 +101,15 @@ std::vector<float> to_vector(const ArrayXd& values) {
 }
 
 }  // namespace
+
+Kind kind_of(const capture::Stimulus& stimulus) {
+  if (std::holds_alternative<capture::Uniform>(stimulus)) return Kind::kUniform;
+  if (std::holds_alternative<capture::Chopper>(stimulus)) return Kind::kChopper;
+  if (const auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
+    return bars->velocity_px_s == 0.0 ? Kind::kStillBars : Kind::kMovingBars;
+  }
+  return std::holds_alternative<capture::SceneStimulus>(stimulus) ? Kind::kScene : Kind::kField;
+}
 
 Result<FrameReader> FrameReader::open(const std::filesystem::path& file, const model::PixelMaps& known) {
   ASSIGN_OR_RETURN(auto capture, capture::CaptureReader::open(file));

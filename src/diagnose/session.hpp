@@ -28,6 +28,7 @@ using Eigen::Index;
 using Series = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 enum class Kind { kUniform, kChopper, kMovingBars, kStillBars, kScene, kField };
+Kind kind_of(const capture::Stimulus& stimulus);
 std::string_view name_of(Kind kind);
 inline bool is_bars(Kind kind) { return kind == Kind::kStillBars || kind == Kind::kMovingBars; }
 

@@ -103,9 +103,7 @@ void judge_losses(const Transport& transport, const Events& events, Fit& out) {
   const auto repeats = std::accumulate(events.repeated.begin(), events.repeated.end(), std::size_t{0});
   const int losses = transport.lost + transport.inserted + static_cast<int>(repeats);
   if (losses == 0) return;
-  std::size_t frames = 0;
-  for (const Recording& r : out.session.recordings) frames += static_cast<std::size_t>(r.frames());
-  const double per_thousand = 1000.0 / static_cast<double>(frames);
+  const double per_thousand = 1000.0 / sum_of(out.session.recordings, &Recording::frames);
   const double error = std::sqrt(static_cast<double>(losses));
   out.findings.add("frame_loss", 10.0, "frames are lost or repeated without a gap in the counter",
                    {{"per_thousand", interval(losses * per_thousand, error * per_thousand)}}, 0.999);
@@ -149,8 +147,7 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   out.session = events.session;
   out.raw = events.raw;
   out.jumps = events.jumps;
-  const auto testable = [&out] { return std::ranges::any_of(out.session.recordings, has_model); };
-  if (!testable()) return out;
+  if (!has_bench(out.session)) return out;
   out.state = nominal_state(out.session, options.profile);
   if (noise.statistics.filter != FrameFilter::kNone) {
     // Known from the noise; the same filter acts on the mean.
@@ -161,7 +158,7 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   if (some.empty()) return bad_input("fewer than 16 pixels are neither dead nor jumping; nothing can be judged");
   if (!progress("finding the stimuli", 0.1)) return failed("interrupted");
   match_stimuli(some, out);
-  if (!testable() || !out.wrong_description.empty()) return out;
+  if (!has_bench(out.session) || !out.wrong_description.empty()) return out;
   out.state.camera.clip_k = events.ceiling_k;
   if (std::isfinite(events.ceiling_k)) {
     out.findings.add("saturation", 20.0, "values pile up at a ceiling",

@@ -149,45 +149,40 @@ double floor_of(const Events& events, const Noise& noise, const model::CameraPro
   return std::max(floor_k, std::sqrt(p.noise_k * p.noise_k + events.step_k * events.step_k / 12.0));
 }
 
-void add_named(Findings& out, const char* effect, double z, Estimates parameters, const char* where) {
-  out.add(effect, z, where, std::move(parameters)).of_noise = true;
-}
-
 // Whole frames, rows and columns.
 void name_components(const NoiseStatistics& n, Findings& out) {
   if (shows(n.flicker)) {
-    add_named(out, "flicker", n.flicker.z, {{"sigma_k", n.flicker.estimate()}}, "whole frames differ by an offset");
+    out.add("flicker", n.flicker.z, "whole frames differ by an offset", {{"sigma_k", n.flicker.estimate()}});
   }
   if (shows(n.rows) || shows(n.columns)) {
-    add_named(out, "stripes", std::max(n.rows.z, n.columns.z),
-              {{"column_k", n.columns.estimate()}, {"row_k", n.rows.estimate()}},
-              "rows or columns differ by an offset in every frame");
+    out.add("stripes", std::max(n.rows.z, n.columns.z), "rows or columns differ by an offset in every frame",
+            {{"column_k", n.columns.estimate()}, {"row_k", n.rows.estimate()}});
   }
 }
 
 void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::CameraProfile& p, Findings& out) {
   const NoiseStatistics& n = noise.statistics;
   if (n.filter != FrameFilter::kNone) {
-    add_named(out, "iir", n.alpha.z, {{"alpha", n.alpha.estimate()}}, "the noise is correlated from frame to frame");
+    out.add("iir", n.alpha.z, "the noise is correlated from frame to frame", {{"alpha", n.alpha.estimate()}});
   }
   // Rounding of filtered noise to coarse steps is slow.
   const bool hops = coarse && n.filter != FrameFilter::kNone;
   if (n.corner_hz.z > kClearCorner && n.corner_hz.value > kLeastCorner && !hops) {
-    add_named(out, "one_over_f", n.corner_hz.z, {{"corner_hz", n.corner_hz.estimate()}},
-              "the noise grows towards low frequencies");
+    out.add("one_over_f", n.corner_hz.z, "the noise grows towards low frequencies",
+            {{"corner_hz", n.corner_hz.estimate()}});
   }
   const bool tails = n.excess_kurtosis.z > kClear && n.excess_kurtosis.value > kLeastKurtosis && !coarse;
   if (tails) {
-    add_named(out, "heavy_tail", n.excess_kurtosis.z, {{"degrees", interval(n.degrees, n.degrees_error)}},
-              "the noise has outliers");
+    out.add("heavy_tail", n.excess_kurtosis.z, "the noise has outliers",
+            {{"degrees", interval(n.degrees, n.degrees_error)}});
   }
   const double scale = n.white_k / noise.nominal_k;
   if (scale > (tails ? kLeastScaleOfTails : kLeastScale) && !coarse) {
     const double error = kScaleError * scale;
     const double quantisation2 = p.quantisation_k * p.quantisation_k / 12.0;
     const double own = std::sqrt(std::max(0.0, n.white_k * n.white_k - quantisation2)) / p.noise_k;
-    add_named(out, "noise_level", (scale - 1.0) / error, {{"scale", interval(own, error)}},
-              "the noise is stronger than the profile says");
+    out.add("noise_level", (scale - 1.0) / error, "the noise is stronger than the profile says",
+            {{"scale", interval(own, error)}});
   }
 }
 
@@ -200,13 +195,9 @@ void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
                               kClear});
   }
   // Correlated noise of neighbours, without flicker and stripes.
-  if (std::abs(n.neighbour_row_z) > kClear) {
-    out.remainders.push_back(
-        {"readout", "the noise of a pixel shows in its neighbour in the row", std::abs(n.neighbour_row_z)});
-  }
-  if (std::abs(n.neighbour_column_z) > kClear) {
-    out.remainders.push_back(
-        {"readout", "the noise of a pixel shows in its neighbour in the column", std::abs(n.neighbour_column_z)});
+  for (const auto& [line, z] : {std::pair{"row", n.neighbour_row_z}, {"column", n.neighbour_column_z}}) {
+    const std::string where = std::string("the noise of a pixel shows in its neighbour in the ") + line;
+    if (std::abs(z) > kClear) out.remainders.push_back({"readout", where, std::abs(z)});
   }
   if (n.spectrum_misfit > kClearMisfit && !coarse) {
     out.remainders.push_back({"noise", "the noise's spectrum has a shape that no effect gives it", n.spectrum_misfit});
@@ -319,6 +310,7 @@ Noise judge_noise(const Events& events, const Options& options) {
   if (noise.statistics.frames == 0) return noise;
   name_components(noise.statistics, noise.findings);
   name_spectrum_and_tails(noise, events.coarse, options.profile, noise.findings);
+  for (Finding& one : noise.findings.effects) one.effect.of_noise = true;
   name_rest(noise.statistics, events.coarse, noise.findings);
   return noise;
 }

@@ -132,23 +132,19 @@ struct Halves {
   }
   // Correlation of both halves' means, due to a fixed pattern, in standard errors; 0 if its rms is below `allowed`.
   double z(double allowed) const {
-    ArrayXd x(sum.rows());
-    ArrayXd y(sum.rows());
-    Index n = 0;
-    for (Index i = 0; i < sum.rows(); ++i) {
-      if (count(i, 0) < 1.0 || count(i, 1) < 1.0) continue;
-      x[n] = sum(i, 0) / count(i, 0);
-      y[n++] = sum(i, 1) / count(i, 1);
-    }
-    if (n < 4) return 0.0;
-    x.conservativeResize(n);
-    y.conservativeResize(n);
+    const auto known = places_where<Index>(static_cast<std::size_t>(sum.rows()), [this](std::size_t i) {
+      return count.row(static_cast<Index>(i)).minCoeff() >= 1.0;
+    });
+    if (known.size() < 4) return 0.0;
+    const auto n = static_cast<double>(known.size());
+    ArrayXd x = sum(known, 0) / count(known, 0);
+    ArrayXd y = sum(known, 1) / count(known, 1);
     x -= x.mean();
     y -= y.mean();
     const double scale = std::sqrt(x.square().sum() * y.square().sum());
     if ((x * y).mean() <= allowed * allowed || scale <= 0.0) return 0.0;
     const double r = std::clamp((x * y).sum() / scale, -0.9999, 0.9999);
-    return std::atanh(r) * std::sqrt(std::max(1.0, static_cast<double>(n) - 3.0));
+    return std::atanh(r) * std::sqrt(std::max(1.0, n - 3.0));
   }
   Eigen::ArrayX2d sum;
   Eigen::ArrayX2d count;

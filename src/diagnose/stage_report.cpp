@@ -61,9 +61,7 @@ Findings judge_values(const Events& events, const Noise& noise, const Options& o
 Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const Report& report) {
   Findings out;
   const auto found = [&](const char* name, const char* where, Estimates parameters, double confidence) {
-    FoundEffect& e = out.add(name, 20.0, where, std::move(parameters), confidence);
-    e.gap_before = report.gap_before;
-    e.gap_after = report.gap_after;
+    out.add(name, 20.0, where, std::move(parameters), confidence).gap = report.gap;
   };
   const auto jump = std::ranges::find(jumps, false, &Jump::after_freeze);
   if (jump != jumps.end()) {
@@ -88,12 +86,11 @@ Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const
 // Gaps of the effects, in the order of selection.
 void add_chosen(const Fit& fit, Report& report) {
   // Effects with their own statistics come between the nominal camera and the fit.
-  double gap = report.gap_before;
+  double gap = report.gap.before;
   for (FoundEffect& e : report.effects) {
     if (e.of_noise) continue;
-    e.gap_before = gap;
-    gap = fit.base.score.gap();
-    e.gap_after = gap;
+    e.gap = {gap, fit.base.score.gap()};
+    gap = e.gap.after;
   }
   const Selection& selection = fit.selection;
   for (std::size_t c = 0; c < selection.chosen.size(); ++c) {
@@ -137,8 +134,7 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const State& s
 }
 
 void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
-  report.gap_before = fit.before.gap();
-  report.gap_after = fit.selection.fit.score.gap();
+  report.gap = {fit.before.gap(), fit.selection.fit.score.gap()};
   add_chosen(fit, report);
   fill_plots(fit, noise.floor_k, report);
   const State files = nominal_state(fit.session, {});
@@ -166,18 +162,16 @@ void fill_noise(const Noise& noise, Report& report) {
   if (n.frames == 0 || nominal <= 0.0) return;
   const auto share = [nominal](double sigma) { return square(sigma / nominal); };
   const double stripes = share(n.rows.value) + share(n.columns.value);
-  report.noise_gap_before = std::sqrt(1.0 + std::abs(share(n.total_k) - 1.0) + share(n.flicker.value) + stripes);
+  report.noise_gap.before = std::sqrt(1.0 + std::abs(share(n.total_k) - 1.0) + share(n.flicker.value) + stripes);
   const bool flicker = has(report, {"flicker"});
   const bool striped = has(report, {"stripes"});
   const bool spectral = has(report, {"iir", "one_over_f", "noise_level", "heavy_tail", "coarse_quantisation"});
   double left = flicker ? 0.0 : share(n.flicker.value);
   if (!striped) left += stripes;
   if (!spectral) left += std::abs(share(n.sigma_tvh) - 1.0);
-  report.noise_gap_after = std::sqrt(1.0 + left);
+  report.noise_gap.after = std::sqrt(1.0 + left);
   for (FoundEffect& e : report.effects) {
-    if (!e.of_noise) continue;
-    e.gap_before = report.noise_gap_before;
-    e.gap_after = report.noise_gap_after;
+    if (e.of_noise) e.gap = report.noise_gap;
   }
   const double explained = std::sqrt(std::max(0.0, square(n.total_k) - left * square(nominal)));
   report.noise = {{"total", n.total_k, nominal, explained},
@@ -192,14 +186,14 @@ void join_gaps(bool fitted, Report& report) {
   const auto both = [fitted](double mean, double noise) {
     return fitted ? std::sqrt(std::max(0.0, mean * mean + noise * noise - 1.0)) : noise;
   };
-  report.gap_before = both(report.gap_before, report.noise_gap_before);
-  report.gap_after = both(report.gap_after, report.noise_gap_after);
+  report.gap.before = both(report.gap.before, report.noise_gap.before);
+  report.gap.after = both(report.gap.after, report.noise_gap.after);
   // The largest effect first.
   std::ranges::stable_sort(report.effects, std::greater{}, [](const FoundEffect& e) {
-    return std::max(e.gap_before, 1.0) / std::max(e.gap_after, 0.5);
+    return std::max(e.gap.before, 1.0) / std::max(e.gap.after, 0.5);
   });
-  if (report.gap_before <= kNoGap) return;
-  report.closed_fraction = std::clamp((report.gap_before - report.gap_after) / (report.gap_before - 1.0), 0.0, 1.0);
+  if (report.gap.before <= kNoGap) return;
+  report.closed_fraction = std::clamp((report.gap.before - report.gap.after) / (report.gap.before - 1.0), 0.0, 1.0);
 }
 
 void judge(std::vector<Remainder> left, Report& report) {
@@ -215,7 +209,7 @@ void judge(std::vector<Remainder> left, Report& report) {
   } else if (report.effects.empty()) {
     report.verdict = "no_gap";
   } else {
-    report.verdict = report.gap_after > kPartly ? "partly_explained" : "explained";
+    report.verdict = report.gap.after > kPartly ? "partly_explained" : "explained";
   }
   report.location.stage = report.effects.empty() ? report.unexplained.stage : report.effects.front().stage;
 }
@@ -234,12 +228,12 @@ void mark_not_testable(const Session& session, const Noise& noise, const std::st
       "captures of a known stimulus: a closed shutter or a flat black body for noise and offsets, a chopper or a pan "
       "over bars for the time constant";
   report.needs += (session.recordings.front().kelvin ? "" : "; in kelvin, not in counts") + why;
-  report.gap_before = report.gap_after = report.closed_fraction = kUnknown;
+  report.gap.before = report.gap.after = report.closed_fraction = kUnknown;
   if (noise.statistics.frames == 0) {
-    report.noise_gap_before = report.noise_gap_after = report.noise_floor_k = kUnknown;
+    report.noise_gap.before = report.noise_gap.after = report.noise_floor_k = kUnknown;
   }
   for (FoundEffect& e : report.effects) {
-    if (!e.of_noise) e.gap_before = e.gap_after = kUnknown;
+    if (!e.of_noise) e.gap.before = e.gap.after = kUnknown;
   }
 }
 
@@ -251,7 +245,7 @@ void mark_wrong_description(const std::vector<std::string>& wrong, Report& repor
   for (const std::string& one : wrong) report.needs += (&one == wrong.data() ? "" : "; ") + one;
   report.unexplained = {0.0, {}, report.needs};
   report.location.stage.clear();
-  report.gap_before = report.gap_after = report.closed_fraction = kUnknown;
+  report.gap.before = report.gap.after = report.closed_fraction = kUnknown;
 }
 
 std::vector<PixelPlace> places_of(const std::vector<int>& pixels, int width) {
@@ -310,8 +304,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   if (fit.done) fill_fit(fit, noise, report);
   if (fit.done && events.coarse) take_filter_from_edges(fit, report);
   if (field.judged) {
-    report.gap_before = field.gap_before;
-    report.gap_after = field.gap_after;
+    report.gap = field.gap;
     report.location.captures = field.gaps;
   }
   report.scene = field.scene;
@@ -340,8 +333,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
     const auto seen = field.seen.find(r.name);
     if (!has_model(r)) report.observations.push_back(seen == field.seen.end() ? observe(r) : seen->second);
   }
-  if (!field.judged && std::ranges::none_of(session.recordings, has_model))
-    mark_not_testable(session, noise, field.why, report);
+  if (!field.judged && !has_bench(session)) mark_not_testable(session, noise, field.why, report);
   if (!fit.wrong_description.empty()) mark_wrong_description(fit.wrong_description, report);
   report.withheld = options.withheld;
   return report;

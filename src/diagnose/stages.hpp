@@ -13,6 +13,8 @@ struct Freeze {  // frames [first, last] repeat the one before
   std::size_t first = 0;
   std::size_t last = 0;
 };
+// True if a freeze ends just before this frame.
+bool thaws(const std::vector<Freeze>& freezes, std::size_t recording, std::size_t frame);
 
 // A step of the offset at one frame: global, or of each pixel.
 struct Jump {

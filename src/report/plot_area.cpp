@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/core/statistics.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::plot {
@@ -271,9 +272,7 @@ std::string PlotArea::ramp(const Margins& margins, const Placing& placing) const
 
 std::string PlotArea::ends(const Margins& margins, const Placing& placing) const {
   const std::vector<EndLabel> labels = end_labels(placing);
-  std::vector<double> ys;
-  ys.reserve(labels.size());
-  for (const EndLabel& label : labels) ys.push_back(label.y);
+  std::vector<double> ys = mapped(labels, &EndLabel::y);
   spread(ys, kEndGap, placing.height);
   std::string out;
   for (std::size_t i = 0; i < labels.size(); ++i) {

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 #include "sim_effect_list.hpp"  // made by the build from the files in effects/
+#include "src/core/statistics.hpp"
 #include "src/core/text.hpp"
 #include "src/sim/effect_type.hpp"
 
@@ -17,8 +17,7 @@ std::string span_text(const Range& range) { return shortest(range.low) + " to " 
 
 Result<const EffectDescription*> known(std::string_view name) {
   if (const EffectDescription* found = find_effect(name)) return found;
-  std::vector<std::string_view> names;
-  for (const EffectDescription& effect : effect_descriptions()) names.push_back(effect.name);
+  const auto names = mapped(effect_descriptions(), &EffectDescription::name);
   return bad_input(did_you_mean("effect", name, names) + " (bolo simulate --list-effects shows all)");
 }
 
@@ -32,8 +31,7 @@ Status check_value(const EffectDescription& effect, std::string_view name, doubl
   const std::string where = "effect " + std::string(effect.name) + ": ";
   const auto parameter = std::ranges::find(effect.parameters, name, &Parameter::key);
   if (parameter == effect.parameters.end()) {
-    std::vector<std::string_view> keys;
-    for (const Parameter& p : effect.parameters) keys.push_back(p.key);
+    auto keys = mapped(effect.parameters, &Parameter::key);
     if (!effect.forms.empty()) keys.push_back("form");
     if (keys.empty()) return bad_input(where + "there is no key '" + std::string(name) + "'; it takes none");
     return bad_input(where + did_you_mean("key", name, keys));
@@ -44,10 +42,8 @@ Status check_value(const EffectDescription& effect, std::string_view name, doubl
 
 Status check(const EffectSpec& spec) {
   ASSIGN_OR_RETURN(const auto effect, known(spec.name));
-  if (Status form = check_form(*effect, spec.form); !form) return form;
-  for (const auto& [name, value] : spec.values) {
-    if (Status fine = check_value(*effect, name, value); !fine) return fine;
-  }
+  RETURN_IF_ERROR(check_form(*effect, spec.form));
+  for (const auto& [name, value] : spec.values) RETURN_IF_ERROR(check_value(*effect, name, value));
   return {};
 }
 
@@ -76,8 +72,7 @@ Status take_item(EffectSpec& spec, std::string_view item) {
 
 // A value of the ranges, each as likely as it is long.
 double draw_value(const std::vector<Range>& ranges, SplitMix& random) {
-  const auto longer = [](double sum, const Range& r) { return sum + (r.high - r.low); };
-  double place = random.between(0.0, std::accumulate(ranges.begin(), ranges.end(), 0.0, longer));
+  double place = random.between(0.0, sum_of(ranges, [](const Range& r) { return r.high - r.low; }));
   std::size_t i = 0;
   while (i + 1 < ranges.size() && place > ranges[i].high - ranges[i].low) {
     place -= ranges[i].high - ranges[i].low;
@@ -111,11 +106,7 @@ const std::vector<EffectType>& effect_types() {
 }
 
 const std::vector<EffectDescription>& effect_descriptions() {
-  static const std::vector<EffectDescription> descriptions = [] {
-    std::vector<EffectDescription> all;
-    for (const EffectType& type : effect_types()) all.push_back(type.description);
-    return all;
-  }();
+  static const std::vector<EffectDescription> descriptions = mapped(effect_types(), &EffectType::description);
   return descriptions;
 }
 
@@ -178,7 +169,7 @@ Result<EffectSpec> parse_effect(std::string_view text) {
 
 Status check_effects(std::span<const EffectSpec> effects) {
   for (std::size_t i = 0; i < effects.size(); ++i) {
-    if (Status fine = check(effects[i]); !fine) return fine;
+    RETURN_IF_ERROR(check(effects[i]));
     const auto same = [&](const EffectSpec& other) { return other.name == effects[i].name; };
     if (std::any_of(effects.begin(), effects.begin() + static_cast<std::ptrdiff_t>(i), same)) {
       return bad_input("effect " + effects[i].name + " is given twice; put all its keys into one");

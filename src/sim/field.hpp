@@ -110,6 +110,9 @@ std::unique_ptr<const Field> make_chopper(capture::Chopper chopper);
 // period_px; a pixel sees the mean over its own width, [x - 0.5, x + 0.5], along its middle line.
 std::unique_ptr<const Field> make_bars(const capture::BarTarget& target);
 
+// The field that one of these three describes.
+std::unique_ptr<const Field> make_field(const capture::Stimulus& stimulus);
+
 // A still panned along a path: the pixel (0, 0) of a frame looks at image (x, y) = path.at(t), bilinear between the
 // centres of the image's pixels. The image must cover the path from `from_s` to `to_s`; beyond these times the view
 // stops at the image's borders.

@@ -88,10 +88,8 @@ class NaturalSpline {
 
 Path::Path(std::vector<PathPoint> points) : points_(std::move(points)) {}
 
-std::size_t Path::segment(double t_s) const noexcept { return segment_at(points_, t_s); }
-
 Position Path::at(double t_s) const noexcept {
-  const std::size_t first = segment(t_s);
+  const std::size_t first = segment_at(points_, t_s);
   return between(points_[first], points_[first + 1], t_s);
 }
 
@@ -121,7 +119,7 @@ void Path::crossings(double from_s, double to_s, std::vector<double>& out) const
   const auto begin = static_cast<std::ptrdiff_t>(out.size());
   double a_s = from_s;
   Position a = at(from_s);
-  for (std::size_t next = segment(from_s) + 1; a_s < to_s; ++next) {
+  for (std::size_t next = segment_at(points_, from_s) + 1; a_s < to_s; ++next) {
     const bool bends = next + 1 < points_.size() && points_[next].t_s < to_s;
     const double b_s = bends ? points_[next].t_s : to_s;
     const Position b = at(b_s);

@@ -42,7 +42,6 @@ class Path {
   const std::vector<PathPoint>& points() const noexcept { return points_; }
 
  private:
-  std::size_t segment(double t_s) const noexcept;  // index of the segment's first point
   std::vector<PathPoint> points_;
 };
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "src/core/statistics.hpp"
+
 namespace bolo::sim {
 namespace {
 
@@ -69,10 +71,9 @@ std::vector<std::size_t> choose(std::uint64_t seed, std::size_t size, std::size_
 }
 
 std::vector<double> standardised(std::vector<double> values) {
-  double mean = 0.0;
-  for (const double value : values) mean += value / static_cast<double>(values.size());
-  double variance = 0.0;
-  for (const double value : values) variance += (value - mean) * (value - mean) / static_cast<double>(values.size());
+  const auto count = static_cast<double>(values.size());
+  const double mean = sum_of(values, [=](double value) { return value / count; });
+  const double variance = sum_of(values, [=](double value) { return (value - mean) * (value - mean) / count; });
   const double scale = variance > 0.0 ? 1.0 / std::sqrt(variance) : 0.0;
   for (double& value : values) value = (value - mean) * scale;
   return values;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <variant>
 
+#include "src/core/statistics.hpp"
 #include "src/core/text.hpp"
 #include "src/sim/effect.hpp"
 
@@ -42,12 +43,7 @@ Status take(StimulusError& error, std::string_view item) {
   if (equals == std::string_view::npos) return bad_input("'" + std::string(item) + "': expected key=value");
   const std::string_view name = item.substr(0, equals);
   const auto* const found = std::ranges::find(kItems, name, &Item::name);
-  if (found == kItems.end()) {
-    std::vector<std::string_view> names;
-    names.reserve(kItems.size());
-    for (const Item& known : kItems) names.push_back(known.name);
-    return bad_input(did_you_mean("key", name, names));
-  }
+  if (found == kItems.end()) return bad_input(did_you_mean("key", name, mapped(kItems, &Item::name)));
   const std::optional<double> value = number_of(item.substr(equals + 1));
   if (!value || *value < found->range.low || *value > found->range.high) {
     return bad_input(std::string(item) + ": expected " + shortest(found->range.low) + " to " +

@@ -290,6 +290,12 @@ std::unique_ptr<const Field> make_chopper(capture::Chopper chopper) {
 
 std::unique_ptr<const Field> make_bars(const capture::BarTarget& target) { return make_soft_bars(target, {}); }
 
+std::unique_ptr<const Field> make_field(const capture::Stimulus& stimulus) {
+  if (const auto* uniform = std::get_if<capture::Uniform>(&stimulus)) return make_uniform(uniform->temperature_k);
+  if (const auto* chopper = std::get_if<capture::Chopper>(&stimulus)) return make_chopper(*chopper);
+  return make_bars(std::get<capture::BarTarget>(stimulus));
+}
+
 std::unique_ptr<const Field> make_swept_chopper(capture::Chopper chopper, const StimulusError& error, int width) {
   return std::make_unique<SweptChopper>(std::move(chopper), error, width);
 }

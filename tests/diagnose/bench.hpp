@@ -51,18 +51,6 @@ inline capture::Chopper odd_chopper() {
 // 290 and 315 K, period 20 px, slanted.
 inline capture::BarTarget slanted_bars(double velocity_px_s) { return {290.0, 315.0, 20.0, 10.0, 0.25, velocity_px_s}; }
 
-inline std::unique_ptr<const sim::Field> field_of(const capture::Stimulus& stimulus) {
-  if (const auto* uniform = std::get_if<capture::Uniform>(&stimulus)) return sim::make_uniform(uniform->temperature_k);
-  if (const auto* chopper = std::get_if<capture::Chopper>(&stimulus)) return sim::make_chopper(*chopper);
-  return sim::make_bars(std::get<capture::BarTarget>(stimulus));
-}
-
-inline Kind kind_of(const capture::Stimulus& stimulus) {
-  if (std::holds_alternative<capture::Uniform>(stimulus)) return Kind::kUniform;
-  if (std::holds_alternative<capture::Chopper>(stimulus)) return Kind::kChopper;
-  return std::get<capture::BarTarget>(stimulus).velocity_px_s == 0.0 ? Kind::kStillBars : Kind::kMovingBars;
-}
-
 // Of all pixels, without values.
 inline Recording blank(const capture::Stimulus& stimulus, int frames) {
   Recording r;
@@ -79,7 +67,7 @@ inline Recording blank(const capture::Stimulus& stimulus, int frames) {
 inline Recording record(const sim::CameraSettings& camera, const capture::Stimulus& stimulus, int frames,
                         const sim::StimulusError& error = {}) {
   Recording r = blank(stimulus, frames);
-  auto field = must(sim::with_errors(field_of(stimulus), error, camera.geometry));
+  auto field = must(sim::with_errors(sim::make_field(stimulus), error, camera.geometry));
   auto simulator = must(sim::Simulator::create(camera, std::move(*field)));
   for (int k = 0; simulator && k < frames; ++k) (*simulator)->next(r.values.row(k).data(), nullptr);
   return r;

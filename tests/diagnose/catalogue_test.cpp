@@ -39,13 +39,11 @@ const Session& bench() {
 // The nominal camera, with the first form of the effect.
 State nominal(const Effect& effect) {
   State state = nominal_state(bench(), {});
-  if (!effect.forms.empty() && effect.forms.front().begin) effect.forms.front().begin(state);
+  if (!effect.forms.empty()) effect.forms.front()(state);
   return state;
 }
 
-std::vector<Parameter> parameters_of(const Effect& effect) {
-  return effect.parameters ? effect.parameters(bench()) : std::vector<Parameter>{};
-}
+std::vector<Parameter> parameters_of(const Effect& effect) { return effect.parameters(bench()); }
 
 TEST(Catalogue, EveryEffectIsToldByAFullBenchAndSaysWhatItNeeds) {
   const Session& full = bench();
@@ -80,7 +78,7 @@ TEST(Catalogue, AnEffectAtItsTypicalSizeChangesThePrediction) {
   std::vector<int> pixels;
   for (int p = 0; p < full.grid.pixels(); p += 5) pixels.push_back(p);
   for (const Effect& effect : catalogue()) {
-    if (!effect.parameters) continue;
+    if (parameters_of(effect).empty()) continue;
     State plain = nominal_state(full, {});
     State state = nominal(effect);
     // A reference of gains has an effect only with gains.

@@ -21,8 +21,8 @@ class Diagnosis : public testing::BlindBench {
 TEST_F(Diagnosis, FindsNothingWhereNothingIs) {
   const Report report = diagnosed(bench({.seed = 11}));
   EXPECT_EQ(told(report), "no_gap:") << report.unexplained.where;
-  EXPECT_NEAR(report.gap_before, 1.0, 0.05);
-  EXPECT_NEAR(report.gap_after, 1.0, 0.05);
+  EXPECT_NEAR(report.gap.before, 1.0, 0.05);
+  EXPECT_NEAR(report.gap.after, 1.0, 0.05);
   EXPECT_TRUE(report.warnings.empty());
   EXPECT_TRUE(report.not_identifiable.empty());
   EXPECT_EQ(report.inputs.size(), 6U);
@@ -55,8 +55,8 @@ TEST_P(OneEffect, IsNamedFirstWithItsSize) {
   // The interval is neither empty nor too wide.
   EXPECT_GT(e.high - e.low, 0.0);
   EXPECT_LT(e.high - e.low, 0.6 * std::abs(c.truth));
-  EXPECT_LT(report.gap_after, 1.1) << told(report);
-  EXPECT_LT(report.gap_after, report.gap_before + 0.01);
+  EXPECT_LT(report.gap.after, 1.1) << told(report);
+  EXPECT_LT(report.gap.after, report.gap.before + 0.01);
   EXPECT_NE(report.verdict, "no_gap") << told(report);
   for (const auto& [capture, errors] : report.stimulus) {
     const auto phase = errors.find("phase_px");
@@ -171,8 +171,8 @@ TEST_F(Diagnosis, DoesNotDependOnTheNumberOfThreads) {
   EXPECT_TRUE(has(a, "tau_global")) << told(a);
   EXPECT_EQ(told(a), told(b));
   EXPECT_EQ(a.unexplained.where, b.unexplained.where);
-  EXPECT_DOUBLE_EQ(a.gap_before, b.gap_before);
-  EXPECT_DOUBLE_EQ(a.gap_after, b.gap_after);
+  EXPECT_DOUBLE_EQ(a.gap.before, b.gap.before);
+  EXPECT_DOUBLE_EQ(a.gap.after, b.gap.after);
 }
 
 TEST_F(Diagnosis, OfAShutterAloneSaysWhatItCannotTell) {

@@ -39,7 +39,7 @@ TEST_F(FieldRecording, WithoutAnEffectThereIsNoGapAndItSaysWhatItCannotTell) {
   for (const bool moves : {false, true}) {
     const Report report = diagnosed(moves ? hand() : still());
     EXPECT_EQ(told(report), "no_gap:") << report.unexplained.where;
-    EXPECT_LT(report.gap_after, 1.1);
+    EXPECT_LT(report.gap.after, 1.1);
     EXPECT_EQ(untold(report, "fpn_offset"), !moves);
     EXPECT_FALSE(untold(report, moves ? "fpn_gain" : "flicker"));
     EXPECT_TRUE(untold(report, moves ? "clock_skew" : "tau_global"));
@@ -69,7 +69,7 @@ TEST_F(FieldRecording, NamesTheEffectOrSaysThatSomethingIsLeft) {
     shot.effects = {c.effect};
     const Report named = diagnosed(shot);
     EXPECT_EQ(told(named), "explained: " + c.effect);
-    EXPECT_GT(named.gap_before, named.gap_after + 0.01) << c.effect;
+    EXPECT_GT(named.gap.before, named.gap.after + 0.01) << c.effect;
     EXPECT_EQ(told(diagnosed(shot, {c.effect})), "unknown_effect:") << c.effect;
   }
 }

@@ -48,7 +48,7 @@ TEST(NewEffect, IsSimulatedAndDiagnosed) {
   const Report report = testing::diagnosed(files);
   ASSERT_EQ(testing::told(report), "explained: column_droop") << report.unexplained.where;
   EXPECT_NEAR(report.effects.front().parameters.at("droop_k").value, 0.06, 0.004);
-  EXPECT_LT(report.gap_after, 1.05);
+  EXPECT_LT(report.gap.after, 1.05);
   EXPECT_NE(report_json(report).find(kNew), std::string::npos);
   EXPECT_NE(report_html(report).find("The offset falls towards the right"), std::string::npos) << "its words";
 }

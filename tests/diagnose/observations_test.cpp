@@ -188,7 +188,7 @@ TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
   EXPECT_GT(motion.fastest_px_s, 400.0);
   ASSERT_TRUE(motion.tau_s);
   EXPECT_NEAR(motion.tau_s->value.value, kTau_s, 0.03 * kTau_s);
-  EXPECT_GT(motion.tau_s->gap_before, 1.1 * motion.tau_s->gap_after);
+  EXPECT_GT(motion.tau_s->gap.before, 1.1 * motion.tau_s->gap.after);
   ASSERT_TRUE(motion.row_delay_s);
   EXPECT_NEAR(motion.row_delay_s->value.value, kDelay_s, 0.05 * kDelay_s);
   expect_said(report, "time constant 1");
@@ -273,7 +273,7 @@ TEST_F(Observations, OfARealDriveItSaysWhatItCanTellAndNoMore) {
   if (real("").empty()) GTEST_SKIP() << kNoData;
   const Report report = diagnosed({real("a65_drive_a.h5")});
   EXPECT_EQ(report.verdict, "explained");
-  EXPECT_GT(report.gap_before, report.gap_after);
+  EXPECT_GT(report.gap.before, report.gap.after);
   EXPECT_TRUE(has(report, "fpn_offset")) << told(report);
   for (const char* name :
        {"tau_global", "tau_spread", "slow_pole", "row_delay", "optical_psf", "crosstalk", "jitter"}) {
@@ -303,7 +303,7 @@ TEST_F(Observations, OfRealBlackBodiesInCounts) {
   EXPECT_EQ(report.defects.stuck.size(), 2U);
   const Report colder = diagnosed({real("atto320_blackbody_20C.h5")});
   for (const char* effect : {"flicker", "stripes", "dead_pixels"}) EXPECT_TRUE(has(colder, effect)) << told(colder);
-  EXPECT_GT(colder.gap_before, colder.gap_after);
+  EXPECT_GT(colder.gap.before, colder.gap.after);
 }
 
 TEST_F(Observations, OfRealRecordingsWithoutAnEventThereIsNone) {

@@ -37,8 +37,7 @@ plot::Plot profile(double slope_k) {
 CapturePlots plots(const char* file, const char* kind, double before, double after) {
   return {file,
           kind,
-          before,
-          after,
+          {before, after},
           {gap_map(1.0, 2.0 * before - 1.0), gap_map(after, after), profile(0.03 * (before - 1.0))}};
 }
 
@@ -59,7 +58,7 @@ void add_captures(Report& report, double strongest) {
                      plots("06-target.h5", "bar_target", 1.0, 1.0)};
   for (const CapturePlots& one : report.captures) {
     report.inputs.push_back("bench/" + one.file);
-    report.location.captures[one.file] = one.gap_before;
+    report.location.captures[one.file] = one.gap.before;
   }
   report.frames = 2000;
   report.seconds = 3.4;
@@ -68,15 +67,14 @@ void add_captures(Report& report, double strongest) {
 // Row delay as the only effect, six captures with plots.
 Report invented_row_delay() {
   Report report;
-  report.gap_before = 7.9;
-  report.gap_after = 1.02;
+  report.gap.before = 7.9;
+  report.gap.after = 1.02;
   report.closed_fraction = (7.9 - 1.02) / 6.9;
   report.verdict = "explained";
   report.effects = {{"row_delay",
                      "readout",
                      0.99,
-                     7.9,
-                     1.02,
+                     {7.9, 1.02},
                      false,
                      {{"row_delay_s", {2.79e-5, 2.6e-5, 3.01e-5}}},
                      {{"clock_skew", 6.8}, {"tau_global", 7.1}, {"integration_window", 7.2}}}};
@@ -94,26 +92,24 @@ Report invented_row_delay() {
 Report invented_mixture() {
   Report report = invented_row_delay();
   report.verdict = "partly_explained";
-  report.gap_before = 14.2;
-  report.gap_after = 1.31;
+  report.gap.before = 14.2;
+  report.gap.after = 1.31;
   report.closed_fraction = (14.2 - 1.31) / 13.2;
-  report.noise_gap_before = 1.42;
-  report.noise_gap_after = 1.01;
+  report.noise_gap.before = 1.42;
+  report.noise_gap.after = 1.01;
   report.effects = {
       {"tau_global",
        "pixel",
        1.0,
-       14.2,
-       3.4,
+       {14.2, 3.4},
        false,
        {{"scale", {1.12, 1.118, 1.123}}},
        {{"iir", 5.2}, {"slow_pole", 9.7}}},
-      {"fpn_gain", "readout", 0.97, 3.4, 1.31, false, {{"rms", {0.0061, 0.0058, 0.0064}}}, {{"vignetting", 2.9}}},
+      {"fpn_gain", "readout", 0.97, {3.4, 1.31}, false, {{"rms", {0.0061, 0.0058, 0.0064}}}, {{"vignetting", 2.9}}},
       {"stripes",
        "readout",
        0.93,
-       1.42,
-       1.01,
+       {1.42, 1.01},
        true,
        {{"column_k", {0.012, 0.0115, 0.0124}}, {"row_k", {0.006, 0.0057, 0.0063}}},
        {{"flicker", 1.33}}}};
@@ -185,7 +181,7 @@ TEST(ReportJson, SaysMoreThanTheTableAsks) {
 
 TEST(ReportJson, WhatIsNoNumberIsNull) {
   Report report = invented_row_delay();
-  report.gap_after = std::nan("");
+  report.gap.after = std::nan("");
   report.effects[0].parameters["row_delay_s"].high = std::numeric_limits<double>::infinity();
   const json out = json::parse(report_json(report));
   EXPECT_TRUE(out.at("gap").at("after").is_null());
@@ -351,8 +347,8 @@ TEST(ReportHtml, NamesCannotBecomeMarkup) {
 TEST(ReportHtml, WhatCouldNotBeMeasuredDoesNotSpoilThePage) {
   Report report = invented_mixture();
   const double nan = std::nan("");
-  report.gap_before = std::numeric_limits<double>::infinity();
-  report.gap_after = nan;
+  report.gap.before = std::numeric_limits<double>::infinity();
+  report.gap.after = nan;
   report.noise[0].measured = nan;
   report.effects[0].parameters["scale"].low = nan;
   report.captures[2].plots[2].series[0].y[3] = nan;

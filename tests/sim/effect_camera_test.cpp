@@ -134,22 +134,4 @@ TEST(EffectCamera, ACameraKeepsItsPatternFromCaptureToCapture) {
   EXPECT_EQ(run(camera, make_chopper({295, {-1.0}, {0.012}, {320}}), 6).shown.back(), pattern("fpn_offset", 5, 1));
 }
 
-TEST(EffectCamera, RefusesWhatItCannotDo) {
-  const auto refused = [](const CameraSettings& camera) {
-    const auto simulator = Simulator::create(camera, make_uniform(300.0));
-    return !simulator && simulator.error().exit_code() == 2;
-  };
-  CameraSettings camera = with(ideal_camera({8, 4}), {"iir"});
-  EXPECT_FALSE(refused(camera));
-  camera.effects.push_back({"iir", "", {}});
-  EXPECT_TRUE(refused(camera));
-  camera.effects = {{"nothing", "", {}}};
-  EXPECT_TRUE(refused(camera));
-  camera.effects = {{"iir", "", {{"alpha", 3.0}}}};
-  EXPECT_TRUE(refused(camera));
-  camera.effects = {{"iir", "", {}}};
-  camera.session_start_s = -1.0;
-  EXPECT_TRUE(refused(camera));
-}
-
 }  // namespace bolo::sim::effect_camera_test

@@ -40,31 +40,28 @@ TEST(SplitReadout, MeetsInTheMiddle) {
   EXPECT_NEAR(lateness(frames, 6, 2, 9), 0.0, 1e-6);
 }
 
+// Of the answer to one pulse, over the window that ends at frame k; `share` of it comes late.
+double mean_over(double window_s, std::size_t k, double share = 0.0) {
+  constexpr int kPoints = 4000;
+  double mean = 0.0;
+  for (int i = 0; i < kPoints; ++i) {
+    const double t = kPeriod * static_cast<double>(k) - window_s * (i + 0.5) / kPoints;
+    mean += ((1.0 - share) * chopped(t, kOn, kOff) + share * chopped(t, kOn, kOff, 0.15, 0.15)) / kPoints;
+  }
+  return mean;
+}
+
 TEST(IntegrationWindow, IsTheMeanOverTheWindow) {
   for (const double window : {0.0005, 0.002, 0.005, 0.012}) {
     const auto frames = run({2, 2}, {"integration_window:window_s=" + std::to_string(window)}, one_pulse(), 25);
-    for (std::size_t k = 0; k < 25; ++k) {
-      double expected = 0.0;
-      constexpr int kPoints = 4000;
-      for (int i = 0; i < kPoints; ++i) {
-        expected += chopped(kPeriod * static_cast<double>(k) - window * (i + 0.5) / kPoints, kOn, kOff) / kPoints;
-      }
-      EXPECT_NEAR(frames.shown[k][3], expected, 5e-4) << window << " frame " << k;
-    }
+    for (std::size_t k = 0; k < 25; ++k)
+      EXPECT_NEAR(frames.shown[k][3], mean_over(window, k), 5e-4) << window << " " << k;
   }
 }
 
 TEST(IntegrationWindow, TakesTheSlowPartAlong) {
   const auto frames = run({2, 2}, {"integration_window:window_s=0.004", "slow_pole:share=0.2"}, one_pulse(), 25);
-  for (std::size_t k = 0; k < 25; ++k) {
-    double expected = 0.0;
-    constexpr int kPoints = 4000;
-    for (int i = 0; i < kPoints; ++i) {
-      const double t = kPeriod * static_cast<double>(k) - 0.004 * (i + 0.5) / kPoints;
-      expected += (0.8 * chopped(t, kOn, kOff) + 0.2 * chopped(t, kOn, kOff, 0.15, 0.15)) / kPoints;
-    }
-    EXPECT_NEAR(frames.shown[k][0], expected, 5e-4) << k;
-  }
+  for (std::size_t k = 0; k < 25; ++k) EXPECT_NEAR(frames.shown[k][0], mean_over(0.004, k, 0.2), 5e-4) << k;
 }
 
 TEST(ClockSkew, TheTrueFramePeriodIsLonger) {

@@ -110,18 +110,6 @@ TEST(Simulator, MovingBarsAreWithinTheStatedTolerance) {
   }
 }
 
-TEST(Simulator, TheResultDoesNotDependOnTheThreads) {
-  CameraSettings camera = noisy_camera({50, 23});
-  std::vector<std::vector<std::vector<float>>> results;
-  for (const int threads : {1, 2, 5, 40}) {
-    camera.threads = threads;
-    auto field = pan_over(*make_street(camera.geometry, 9), steady_pan(250), {0, 0}, camera.geometry, -0.2, 0.1);
-    ASSERT_TRUE(field);
-    results.push_back(run(camera, std::move(*field), 5).shown);
-  }
-  for (const auto& shown : results) EXPECT_EQ(shown, results.front());
-}
-
 TEST(Simulator, TheSeedChangesTheNoiseOnly) {
   CameraSettings camera = noisy_camera({40, 20});
   const auto frames = [&camera](std::uint64_t seed) {
@@ -150,6 +138,11 @@ TEST(Simulator, RefusesSettingsOutOfRange) {
   EXPECT_TRUE(refused([](CameraSettings& c) { c.readout.quantisation_k = 0.0; }));
   EXPECT_TRUE(refused([](CameraSettings& c) { c.readout.quantisation_k = 0.001; }));  // reaches only 65 K
   EXPECT_TRUE(refused([](CameraSettings& c) { c.threads = 0; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.session_start_s = -1.0; }));
+  EXPECT_FALSE(refused([](CameraSettings& c) { c.effects = {{"iir", "", {}}}; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.effects = {{"iir", "", {}}, {"iir", "", {}}}; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.effects = {{"nothing", "", {}}}; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.effects = {{"iir", "", {{"alpha", 3.0}}}}; }));
 }
 
 // --- Noise and stored values.

@@ -103,16 +103,6 @@ TEST(ImperfectChopper, PixelsFollowTheSweep) {
 
 constexpr capture::BarTarget kBars{285, 310, 12, 6, 0.25, 200};
 
-TEST(ImperfectBars, WithoutErrorsAreTheNominalBars) {
-  const auto nominal = make_bars(kBars);
-  const auto same = with(make_bars(kBars), "edge_px=0");
-  for (const double t : {-0.3, 0.0, 0.123}) {
-    const auto a = row_at(*nominal, t, 5);
-    const auto b = row_at(*same, t, 5);
-    for (std::size_t x = 0; x < 32; ++x) EXPECT_NEAR(a[x], b[x], 1e-3) << t << ' ' << x;
-  }
-}
-
 TEST(ImperfectBars, PhaseVelocityAndStart) {
   const auto nominal = make_bars(kBars);
   const auto expect_late = [&](const char* text, double t, double as_at) {

@@ -65,8 +65,8 @@ std::vector<Parameter> cubics(const Session& session) {
   return all;
 }
 
-Form slow_from(const char* name, double tau_s) {
-  return {name, [tau_s](State& s) { s.camera.response.slow_tau_s = tau_s; }};
+Form slow_from(double tau_s) {
+  return [tau_s](State& s) { s.camera.response.slow_tau_s = tau_s; };
 }
 
 // Optics, radiometry, the pixel's response in time, and heat that flows between pixels.
@@ -75,8 +75,8 @@ std::vector<Effect> scene_and_pixel_effects() {
   const Predicate bars = any_of({Kind::kStillBars, Kind::kMovingBars});
   const Predicate changes = any_of({Kind::kChopper, Kind::kMovingBars});
   // Pixels at the target's edges average over radiance, or over temperature.
-  const std::vector<Form> edge_forms{{"radiance", [](State& s) { s.camera.edges_in_temperature = false; }},
-                                     {"temperature", [](State& s) { s.camera.edges_in_temperature = true; }}};
+  const std::vector<Form> edge_forms{[](State& s) { s.camera.edges_in_temperature = false; },
+                                     [](State& s) { s.camera.edges_in_temperature = true; }};
   return {
       // Blur of the optics, as a Gaussian.
       {.name = "optical_psf",
@@ -159,7 +159,7 @@ std::vector<Effect> scene_and_pixel_effects() {
             log_of(
                 "log_tau", 0.2, 1.7, kSlowTau_s, [](auto& s) -> auto& { return s.camera.response.slow_tau_s; })}),
        .least = 0.0012,
-       .forms = {slow_from("fast", 0.07), slow_from("middle", kSlowTau_s), slow_from("slow", 0.35)},
+       .forms = {slow_from(0.07), slow_from(kSlowTau_s), slow_from(0.35)},
        .report =
            [](const Fitted& f) {
              return Estimates{{"share", interval(f.value[0], f.error[0])},
@@ -189,8 +189,7 @@ std::vector<Effect> readout_effects() {
        .testable_in = changes,
        .parameters = always({number_of("row_delay_s", 1e-5, -2e-4, 2e-4, &CameraModel::row_delay_s)}),
        .least = 5e-07,
-       .forms = {{"rolling", [](State& s) { s.camera.two_halves = false; }},
-                 {"halves", [](State& s) { s.camera.two_halves = true; }}},
+       .forms = {[](State& s) { s.camera.two_halves = false; }, [](State& s) { s.camera.two_halves = true; }},
        .report = first_as("row_delay_s")},
       // The read-out averages over a part of the frame. Its mean delay is a start phase: only its square shows.
       {.name = "integration_window",

@@ -103,9 +103,9 @@ std::string lower_first(std::string text) {
 // Reduction of the gap by the effects.
 std::string closing(const Report& report) {
   const std::string these = report.effects.size() == 1 ? "this" : "these";
-  if (std::ranges::all_of(report.effects, &FoundEffect::of_noise) || !(report.gap_before > 1.0)) {
-    return "adding " + these + " brings the noise's statistics from " + gap_text(report.noise_gap_before) + " to " +
-           gap_text(report.noise_gap_after) + " of what was expected";
+  if (std::ranges::all_of(report.effects, &FoundEffect::of_noise) || !(report.gap.before > 1.0)) {
+    return "adding " + these + " brings the noise's statistics from " + gap_text(report.noise_gap, " to ") +
+           " of what was expected";
   }
   return "adding " + these + " closes " + percent(report.closed_fraction) + " of the gap";
 }
@@ -189,13 +189,21 @@ std::string motion_text(const FromMotion& motion) {
   return joined(parts);
 }
 
-}  // namespace
-
-std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what) {
+void add_places(const std::vector<PixelPlace>& pixels, const char* what, std::vector<std::string>& out) {
   constexpr std::size_t kMost = 8;
+  if (pixels.empty()) return;
   std::string text = std::to_string(pixels.size()) + ' ' + what + ':';
   for (const auto& [x, y] : first_of(pixels, kMost)) text += format(" (%d, %d)", x, y);
-  return text + (pixels.size() > kMost ? " ..." : "");
+  out.push_back(text + (pixels.size() > kMost ? " ..." : ""));
+}
+
+}  // namespace
+
+std::vector<std::string> describe(const PixelDefects& defects) {
+  std::vector<std::string> all;
+  add_places(defects.stuck, "stuck", all);
+  add_places(defects.noisy, "noisy", all);
+  return all;
 }
 
 std::vector<std::string> describe(const Observation& one) {
@@ -212,7 +220,7 @@ std::vector<std::string> describe(const Observation& one) {
   }
   if (std::string pattern = pattern_text(one); !pattern.empty()) all.push_back(std::move(pattern));
   if (one.motion) all.push_back(motion_text(*one.motion));
-  if (!one.outliers.empty()) all.push_back(describe(one.outliers, "pixels stand out of all their neighbours"));
+  add_places(one.outliers, "pixels stand out of all their neighbours", all);
   return all;
 }
 
@@ -249,6 +257,10 @@ std::string effect_sentence(const FoundEffect& effect, Wording wording) {
 
 std::string gap_text(double gap) { return fixed(gap, gap < 1.995 ? 2 : gap < 99.5 ? 1 : 0); }
 
+std::string gap_text(const Gaps& gap, const char* between) {
+  return gap_text(gap.before) + between + gap_text(gap.after);
+}
+
 std::string headline(const Report& report, bool utf8) {
   if (report.verdict == "not_testable") {
     return "The simulator was not tested: nothing in these captures is known well enough to be predicted. Needed: " +
@@ -274,18 +286,17 @@ std::string report_summary(const Report& report) {
   std::string out = headline(report) + '\n';
   add_line(out, "verdict", report.verdict);
   if (report.tested()) {
-    add_line(out, "gap",
-             gap_text(report.gap_before) + " -> " + gap_text(report.gap_after) + " noise floors (1.00: none)");
+    add_line(out, "gap", gap_text(report.gap) + " noise floors (1.00: none)");
   }
-  if (std::isfinite(report.noise_gap_before)) {
+  if (std::isfinite(report.noise_gap.before)) {
     add_line(out, "noise",
-             gap_text(report.noise_gap_before) + " -> " + gap_text(report.noise_gap_after) +
-                 " of its own statistics, floor " + quantity("floor_k", report.noise_floor_k, wording));
+             gap_text(report.noise_gap) + " of its own statistics, floor " +
+                 quantity("floor_k", report.noise_floor_k, wording));
   }
   for (const FoundEffect& effect : report.effects) {
     std::string text = effect.name + " (" + effect.stage + ", " + percent(effect.confidence) + " sure)";
-    if (std::isfinite(effect.gap_before)) {
-      text += ": gap " + gap_text(effect.gap_before) + " -> " + gap_text(effect.gap_after);
+    if (std::isfinite(effect.gap.before)) {
+      text += ": gap " + gap_text(effect.gap);
       text += effect.of_noise ? " of noise" : "";
     }
     add_line(out, "effect", text);
@@ -294,8 +305,7 @@ std::string report_summary(const Report& report) {
   for (const Observation& one : report.observations) {
     for (const std::string& sentence : describe(one)) add_line(out, "seen", one.file + ": " + sentence);
   }
-  if (!report.defects.stuck.empty()) add_line(out, "pixels", describe(report.defects.stuck, "stuck"));
-  if (!report.defects.noisy.empty()) add_line(out, "pixels", describe(report.defects.noisy, "noisy"));
+  for (const std::string& places : describe(report.defects)) add_line(out, "pixels", places);
   for (const auto& [file, errors] : report.stimulus) {
     const auto parts =
         mapped(errors, [&](const auto& one) { return one.first + ' ' + quantity(one.first, one.second, wording); });

@@ -21,8 +21,8 @@ static void to_json(ordered_json& out, const Alternative& other) {
 }
 
 static void to_json(ordered_json& out, const FoundEffect& effect) {
-  out = {{"name", effect.name},           {"confidence", effect.confidence},    {"gap_before", effect.gap_before},
-         {"gap_after", effect.gap_after}, {"of_noise", effect.of_noise},        {"parameters", effect.parameters},
+  out = {{"name", effect.name},           {"confidence", effect.confidence},    {"gap_before", effect.gap.before},
+         {"gap_after", effect.gap.after}, {"of_noise", effect.of_noise},        {"parameters", effect.parameters},
          {"stage", effect.stage},         {"alternatives", effect.alternatives}};
 }
 
@@ -86,7 +86,7 @@ std::string report_json(const Report& report) {
   for (const NotIdentifiable& one : report.not_identifiable) needs[one.effect] = one.needs;
   ordered_json captures = ordered_json::object();
   for (const CapturePlots& one : report.captures) {
-    captures[one.file] = {{"kind", one.kind}, {"gap_before", one.gap_before}, {"gap_after", one.gap_after}};
+    captures[one.file] = {{"kind", one.kind}, {"gap_before", one.gap.before}, {"gap_after", one.gap.after}};
   }
   ordered_json observations = ordered_json::object();
   for (const Observation& one : report.observations) observations[one.file] = one;
@@ -94,9 +94,9 @@ std::string report_json(const Report& report) {
       {"bolo_report", 1},
       {"inputs", report.inputs},
       {"gap",
-       {{"before", report.gap_before}, {"after", report.gap_after}, {"closed_fraction", report.closed_fraction}}},
-      {"noise_gap_before", report.noise_gap_before},
-      {"noise_gap_after", report.noise_gap_after},
+       {{"before", report.gap.before}, {"after", report.gap.after}, {"closed_fraction", report.closed_fraction}}},
+      {"noise_gap_before", report.noise_gap.before},
+      {"noise_gap_after", report.noise_gap.after},
       {"verdict", report.verdict},
       {"needs", report.needs},
       {"effects", report.effects},

@@ -25,7 +25,7 @@ std::string fact(const std::string& value, const std::string& name) {
   return "<div class=fact><b>" + value + "</b><span>" + name + "</span></div>";
 }
 
-std::string arrow(double before, double after) { return gap_text(before) + " \u2192 " + gap_text(after); }
+std::string arrow(const Gaps& gap) { return gap_text(gap, " \u2192 "); }
 
 // A line of a figure of gaps.
 struct GapLine {
@@ -50,7 +50,7 @@ std::string gap_figure(const std::vector<GapLine>& lines) {
       plot.y.low = std::min(plot.y.low, 0.95 * gap);
       plot.y.high = std::max(plot.y.high, 1.1 * gap);
     }
-    plot.x.categories.push_back(name + "  " + (from == 1.0 ? gap_text(to) : arrow(from, to)));
+    plot.x.categories.push_back(name + "  " + (from == 1.0 ? gap_text(to) : arrow({from, to})));
     // Room for the lines beside the longest name, which may be a file's.
     plot.width = std::max(plot.width, plot::text_width(plot.x.categories.back(), 12.0) + 400.0);
     plot.series.push_back({.hue = hue, .x = {place, place}, .y = {from, to}, .width = 5.0});
@@ -63,15 +63,15 @@ std::string gap_figure(const std::vector<GapLine>& lines) {
 void add_waterfall(const Report& report, bool of_noise, std::vector<GapLine>& lines) {
   using enum plot::Hue;
   lines.push_back(
-      {of_noise ? "Nominal noise" : "Nominal simulator", 1.0, of_noise ? report.noise_gap_before : report.gap_before});
+      {of_noise ? "Nominal noise" : "Nominal simulator", 1.0, of_noise ? report.noise_gap.before : report.gap.before});
   for (const FoundEffect& effect : report.effects) {
     if (effect.of_noise != of_noise) continue;
     lines.push_back(
-        {"with " + effect_title(effect.name), effect.gap_before, effect.gap_after, of_noise ? kPurple : kDeblurred});
+        {"with " + effect_title(effect.name), effect.gap.before, effect.gap.after, of_noise ? kPurple : kDeblurred});
   }
   const std::size_t effects = report.effects.size();
   const char* const left = effects == 0 ? "Left" : effects == 1 ? "Left with it" : "Left with all of them";
-  lines.push_back({left, 1.0, of_noise ? report.noise_gap_after : report.gap_after, kSoft});
+  lines.push_back({left, 1.0, of_noise ? report.noise_gap.after : report.gap.after, kSoft});
 }
 
 std::string span_text(double low, double high, const char* unit) {
@@ -93,16 +93,16 @@ std::string head_part(const Report& report) {
   }
   out += "</p><div class=facts>";
   const bool tested = report.tested();
-  if (!tested && !std::isfinite(report.noise_gap_before)) return out + "</div>";
+  if (!tested && !std::isfinite(report.noise_gap.before)) return out + "</div>";
   if (tested) {
-    out += fact(arrow(report.gap_before, report.gap_after), "gap of the prediction, in noise floors; 1.00 is none");
-    out += fact(report.gap_before > 1.0 && report.verdict != "no_gap"
+    out += fact(arrow(report.gap), "gap of the prediction, in noise floors; 1.00 is none");
+    out += fact(report.gap.before > 1.0 && report.verdict != "no_gap"
                     ? format("%.*f %%", report.closed_fraction > 0.995 && report.closed_fraction < 1.0 ? 1 : 0,
                              100.0 * report.closed_fraction)
                     : "\u2013",
                 "of the gap closed");
   }
-  out += fact(arrow(report.noise_gap_before, report.noise_gap_after), "gap of the noise's own statistics");
+  out += fact(arrow(report.noise_gap), "gap of the noise's own statistics");
   out += fact(quantity("floor_k", report.noise_floor_k, {true, report.kelvin}), "noise floor of a pixel");
   return out + "</div>";
 }
@@ -174,7 +174,7 @@ std::string alternatives_text(const FoundEffect& effect) {
   if (effect.alternatives.empty()) return {};
   std::string out =
       format("<p class=soft style=\"font-size:14px\">Instead of it, the gap after (with it: %s):</p><table>",
-             gap_text(effect.gap_after).c_str());
+             gap_text(effect.gap.after).c_str());
   for (const Alternative& other : effect.alternatives) {
     out += "<tr><td>" + escaped(effect_title(other.name)) + "<td class=n>" + gap_text(other.gap_after) + "</tr>";
   }
@@ -182,9 +182,8 @@ std::string alternatives_text(const FoundEffect& effect) {
 }
 
 std::string gaps_text(const FoundEffect& effect) {
-  if (!std::isfinite(effect.gap_before)) return {};
-  return format(" \u00b7 gap%s %s \u2192 %s", effect.of_noise ? " of the noise" : "",
-                gap_text(effect.gap_before).c_str(), gap_text(effect.gap_after).c_str());
+  if (!std::isfinite(effect.gap.before)) return {};
+  return " \u00b7 gap" + std::string(effect.of_noise ? " of the noise " : " ") + arrow(effect.gap);
 }
 
 std::string effect_card(const FoundEffect& effect, Wording wording) {
@@ -232,10 +231,8 @@ std::string observed_part(const Report& report) {
     const std::vector<std::string> items = mapped(describe(one), escaped);
     if (!items.empty()) out += "<h3>" + escaped(one.file) + "</h3>" + list_of(items);
   }
-  std::vector<std::string> items;
-  if (!report.defects.stuck.empty()) items.push_back(describe(report.defects.stuck, "stuck"));
-  if (!report.defects.noisy.empty()) items.push_back(describe(report.defects.noisy, "noisy"));
-  if (!items.empty()) out += "<h3>Pixels that do not work</h3>" + list_of(items);
+  const std::vector<std::string> defects = describe(report.defects);
+  if (!defects.empty()) out += "<h3>Pixels that do not work</h3>" + list_of(defects);
   if (out.empty()) return {};
   return "<h2>What frames and pixels tell by themselves</h2><p class=soft>Without a model of what the camera looked "
          "at; frames count from 0, pixels are (column, row).</p>" +
@@ -251,13 +248,12 @@ std::string figures(const std::vector<plot::Plot>& plots) {
 }
 
 std::string capture_part(const CapturePlots& one) {
-  const bool open = std::max(one.gap_before, one.gap_after) > kWorthOpening;
+  const bool open = std::max(one.gap.before, one.gap.after) > kWorthOpening;
   std::string kind = one.kind;
   std::ranges::replace(kind, '_', ' ');
   const std::string plots = figures(one.plots);
-  return format("<details%s><summary>%s<span>%s, gap %s \u2192 %s</span></summary>", open ? " open" : "",
-                escaped(one.file).c_str(), kind.c_str(), gap_text(one.gap_before).c_str(),
-                gap_text(one.gap_after).c_str()) +
+  return format("<details%s><summary>%s<span>%s, gap %s</span></summary>", open ? " open" : "",
+                escaped(one.file).c_str(), kind.c_str(), arrow(one.gap).c_str()) +
          (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>" : "<div class=\"pair\">" + plots + "</div>") +
          "</details>";
 }

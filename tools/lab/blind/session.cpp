@@ -215,12 +215,6 @@ std::mutex& hdf5_mutex() {
   return mutex;
 }
 
-std::unique_ptr<const sim::Field> nominal_field(const capture::Stimulus& stimulus) {
-  if (const auto* uniform = std::get_if<capture::Uniform>(&stimulus)) return sim::make_uniform(uniform->temperature_k);
-  if (const auto* chopper = std::get_if<capture::Chopper>(&stimulus)) return sim::make_chopper(*chopper);
-  return sim::make_bars(std::get<capture::BarTarget>(stimulus));
-}
-
 sim::CameraSettings camera_of(const Session& session, const CapturePlan& plan) {
   sim::CameraSettings camera;
   camera.geometry = session.geometry;
@@ -271,7 +265,7 @@ Status write_capture(const Session& session, const CapturePlan& plan, const std:
     const StreamFormat format{session.geometry, PixelType::kUint16, {Unit::kKelvin, 0.01, 0.0}, kPeriodS, 1};
     return write_planes(file, format, plan, session.misdescribed, second::film(session, plan));
   }
-  ASSIGN_OR_RETURN(auto field, sim::with_errors(nominal_field(plan.stimulus), plan.faults, session.geometry));
+  ASSIGN_OR_RETURN(auto field, sim::with_errors(sim::make_field(plan.stimulus), plan.faults, session.geometry));
   ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera_of(session, plan), std::move(field)));
   std::vector<std::uint16_t> counts(session.geometry.pixels() * plan.frames);
   for (std::size_t k = 0; k < plan.frames; ++k) simulator->next(counts.data() + k * session.geometry.pixels(), nullptr);

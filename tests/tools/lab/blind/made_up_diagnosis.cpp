@@ -47,8 +47,8 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   write_down(captures.front().parent_path());
   const bool unknown = !options.withheld.empty();
   report.verdict = unknown ? "unknown_effect" : "explained";
-  report.gap_before = 3.0;
-  report.gap_after = unknown ? 3.0 : 1.0;
+  report.gap.before = 3.0;
+  report.gap.after = unknown ? 3.0 : 1.0;
   report.closed_fraction = unknown ? 0.0 : 1.0;
   if (!unknown) {
     report.effects = {{"row_delay", "readout", 0.99, 3.0, 1.0, false, {{"row_delay_s", {2.8e-5, 0.0, 1e-4}}}, {}}};
