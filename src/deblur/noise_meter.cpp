@@ -76,8 +76,9 @@ double NoiseMeter::noise() const noexcept {
   return std::min(kMostNoise, noise);
 }
 
+double NoiseMeter::measured() const noexcept { return measured_ > 0.0 ? std::max(measured_, floor_) : 0.0; }
+
 void NoiseMeter::update(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
-  if (given_ > 0.0) return;
   int run = 0;  // received frames in a row, newest first
   for (int s = pattern.slots - 1; s >= 0 && run <= kOrder; --s) {
     run = pattern.received[static_cast<std::size_t>(s)] ? run + 1 : 0;

@@ -32,6 +32,9 @@ class NoiseMeter {
   // quantisation. Thread: pipeline.
   double noise() const noexcept;
 
+  // The measured, whatever the settings say; 0 before anything is. Thread: pipeline.
+  double measured() const noexcept;
+
  private:
   double measure(const void* const* planes, int order, Crew& crew) noexcept;
   double calmest(const void* const* planes, int order, bool without_ends, Crew& crew) noexcept;
