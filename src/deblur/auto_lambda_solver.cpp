@@ -143,6 +143,7 @@ AutoLambdaSolver::AutoLambdaSolver(const StreamTask& task)
       run_(run_for(task_)) {}
 
 double AutoLambdaSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
+double AutoLambdaSolver::measured_noise_k() const noexcept { return task_.in_kelvin(posterior_.measured_noise()); }
 
 void AutoLambdaSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   const Pattern pattern = pattern_of(window);

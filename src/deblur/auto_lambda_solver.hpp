@@ -47,6 +47,7 @@ class AutoLambdaSolver final : public Solver {
   int iterations() const noexcept override { return method_->iterations(); }
   std::string_view isa() const noexcept override { return method_->isa(); }
   double noise_k() const noexcept override;
+  double measured_noise_k() const noexcept override;
 
  private:
   void solve_blocks(const WindowView& window, const Region& part, std::byte* out, std::size_t stride) const noexcept;

@@ -20,6 +20,7 @@ struct MmaeSolver::Columns {
 MmaeSolver::MmaeSolver(const StreamTask& task) : task_(task), posterior_(task) {}
 
 double MmaeSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
+double MmaeSolver::measured_noise_k() const noexcept { return task_.in_kelvin(posterior_.measured_noise()); }
 
 void MmaeSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   posterior_.prepare(window, pattern_of(window), crew);

@@ -24,6 +24,7 @@ class MmaeSolver final : public Solver {
   const MmaeKernels& kernels() const noexcept { return posterior_.kernels(); }
   double noise() const noexcept { return posterior_.noise(); }  // in the values' unit
   double noise_k() const noexcept override;
+  double measured_noise_k() const noexcept override;
 
  private:
   struct Columns;

@@ -34,6 +34,7 @@ class MotionPosterior {
   // Which of tables().weights belongs to a row of blocks. Thread: any.
   int weights_of(int block_row) const noexcept { return delays_rows_ ? block_row : 0; }
   double noise() const noexcept { return noise_.noise(); }  // in the values' unit
+  double measured_noise() const noexcept { return noise_.measured(); }
 
  private:
   std::size_t place_of(const Pattern& pattern) noexcept;

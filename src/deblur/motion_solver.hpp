@@ -33,6 +33,7 @@ class MotionSolver final : public Solver {
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return mmae_.isa(); }
   double noise_k() const noexcept override;
+  double measured_noise_k() const noexcept override;
   const SceneMotion* motion() const noexcept override { return tells_motion_ ? &block_motions_.found() : nullptr; }
   std::optional<GyroUse> gyro_use() const noexcept override { return gyro_use_; }
 

@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <numeric>
 
 #include "src/deblur/mmae_kernels.hpp"
 
 namespace bolo::deblur {
 namespace {
+
+using Ends = NoiseMeter::Ends;
 
 constexpr int kOrder = 6;
 constexpr int kBlockRows = 4;
@@ -34,6 +38,26 @@ double gain(int order) {
   return result;
 }
 
+template <typename T>
+void widen(const T* row, std::size_t width, Ends& ends) {
+  T low = row[0];
+  T high = row[0];
+  for (std::size_t x = 1; x < width; ++x) {
+    low = std::min(low, row[x]);
+    high = std::max(high, row[x]);
+  }
+  ends = {std::min(ends.low, static_cast<float>(low)), std::max(ends.high, static_cast<float>(high))};
+}
+
+// An infinite sum leaves its block out.
+template <typename T>
+void leave_out(const T* row, std::size_t width, const Ends& ends, float* sums) {
+  for (std::size_t x = 0; x < width; ++x) {
+    const auto value = static_cast<float>(row[x]);
+    sums[x] = value > ends.low && value < ends.high ? sums[x] : std::numeric_limits<float>::infinity();
+  }
+}
+
 }  // namespace
 
 NoiseMeter::NoiseMeter(const StreamTask& task) : task_(task) {
@@ -44,6 +68,7 @@ NoiseMeter::NoiseMeter(const StreamTask& task) : task_(task) {
   const Geometry g = task.input.geometry;
   column_.resize(static_cast<std::size_t>(g.width) * static_cast<std::size_t>(g.height / kRowStep + 1));
   block_.reserve(column_.size());
+  ends_.resize(static_cast<std::size_t>(g.height / kRowStep + 1));
 }
 
 double NoiseMeter::noise() const noexcept {
@@ -51,8 +76,9 @@ double NoiseMeter::noise() const noexcept {
   return std::min(kMostNoise, noise);
 }
 
+double NoiseMeter::measured() const noexcept { return measured_ > 0.0 ? std::max(measured_, floor_) : 0.0; }
+
 void NoiseMeter::update(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
-  if (given_ > 0.0) return;
   int run = 0;  // received frames in a row, newest first
   for (int s = pattern.slots - 1; s >= 0 && run <= kOrder; --s) {
     run = pattern.received[static_cast<std::size_t>(s)] ? run + 1 : 0;
@@ -66,6 +92,11 @@ void NoiseMeter::update(const WindowView& window, const Pattern& pattern, Crew& 
 
 // 0 when no block shows any difference: a frozen or synthetic picture.
 double NoiseMeter::measure(const void* const* planes, int order, Crew& crew) noexcept {
+  const double calm = calmest(planes, order, true, crew);
+  return calm > 0.0 ? calm : calmest(planes, order, false, crew);  // a picture of few values is all ends
+}
+
+double NoiseMeter::calmest(const void* const* planes, int order, bool without_ends, Crew& crew) noexcept {
   const MmaeKernels& kernels = best_mmae_kernels();
   const Geometry g = task_.input.geometry;
   const auto stride = static_cast<std::size_t>(g.width);
@@ -78,6 +109,7 @@ double NoiseMeter::measure(const void* const* planes, int order, Crew& crew) noe
     kernels.add_squared_differences(task_.input.type, planes, order, first, rows, stride, g.width,
                                     column_.data() + static_cast<std::size_t>(strip) * stride);
   });
+  if (without_ends) leave_out_ends(planes[0], planes[order], rows, strips, crew);
   block_.clear();
   for (int strip = 0; strip < strips; ++strip) {
     const float* const columns = column_.data() + static_cast<std::size_t>(strip) * stride;
@@ -91,6 +123,30 @@ double NoiseMeter::measure(const void* const* planes, int order, Crew& crew) noe
   std::nth_element(block_.begin(), at, block_.end());
   const double pixels = rows * width;
   return std::sqrt(static_cast<double>(*at) / pixels / gain(order) / low_quantile(pixels));
+}
+
+void NoiseMeter::leave_out_ends(const void* oldest, const void* newest, int rows, int strips, Crew& crew) noexcept {
+  const auto width = static_cast<std::size_t>(task_.input.geometry.width);
+  const auto with_type = [&](auto value) {
+    using T = decltype(value);
+    const auto for_strips = [&](auto&& work) {
+      for_rows(crew, strips, [&](int strip) {
+        const auto row = static_cast<std::size_t>(strip);
+        for (int r = 0; r < rows; ++r) work(row, (row * kRowStep + static_cast<std::size_t>(r)) * width);
+      });
+    };
+    std::fill(ends_.begin(), ends_.end(), Ends{});
+    for_strips(
+        [&](std::size_t strip, std::size_t at) { widen(static_cast<const T*>(newest) + at, width, ends_[strip]); });
+    Ends all;
+    for (const Ends& ends : ends_) all = {std::min(all.low, ends.low), std::max(all.high, ends.high)};
+    for_strips([&](std::size_t strip, std::size_t at) {
+      for (const void* plane : {oldest, newest}) {
+        leave_out(static_cast<const T*>(plane) + at, width, all, column_.data() + strip * width);
+      }
+    });
+  };
+  task_.input.type == PixelType::kUint16 ? with_type(std::uint16_t{}) : with_type(float{});
 }
 
 }  // namespace bolo::deblur

@@ -1,6 +1,7 @@
 // The temporal noise of a stream, measured while the scene moves.
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "src/core/crew.hpp"
@@ -12,9 +13,15 @@ namespace bolo::deblur {
 // The sixth difference in time of a pixel's samples has 924 times the variance of their noise and next to none of a
 // scene that is smooth over seven frames. Of its mean square over blocks of 4 x 8 pixels the 5 % quantile is taken: the
 // calmest places of the frame, corrected for what the quantile of pure noise would be. Where everything moves even
-// those overestimate, so the measure falls within a few frames and rises by 0.2 % a frame at most.
+// those overestimate, so the measure falls within a few frames and rises by 0.2 % a frame at most. Blocks that hold the
+// frame's lowest or highest value are left out: what is cut off at the end of a camera's range has less noise or none.
 class NoiseMeter {
  public:
+  struct Ends {  // lowest and highest value
+    float low = std::numeric_limits<float>::infinity();
+    float high = -std::numeric_limits<float>::infinity();
+  };
+
   // Thread: setup.
   explicit NoiseMeter(const StreamTask& task);
 
@@ -25,8 +32,13 @@ class NoiseMeter {
   // quantisation. Thread: pipeline.
   double noise() const noexcept;
 
+  // The measured, whatever the settings say; 0 before anything is. Thread: pipeline.
+  double measured() const noexcept;
+
  private:
   double measure(const void* const* planes, int order, Crew& crew) noexcept;
+  double calmest(const void* const* planes, int order, bool without_ends, Crew& crew) noexcept;
+  void leave_out_ends(const void* oldest, const void* newest, int rows, int strips, Crew& crew) noexcept;
 
   StreamTask task_;
   double floor_;
@@ -34,6 +46,7 @@ class NoiseMeter {
   double measured_ = 0.0;      // 0: nothing yet
   std::vector<float> column_;  // sums of each strip of rows
   std::vector<float> block_;
+  std::vector<Ends> ends_;  // of each strip
 };
 
 }  // namespace bolo::deblur

@@ -60,6 +60,8 @@ class Solver {
   // Temporal noise that the last prepare() worked with, K (counts for a stream without kelvin); 0 where the method does
   // not use it. Thread: pipeline.
   virtual double noise_k() const noexcept { return 0.0; }
+  // The same as the frames show it, also where the settings tell another; 0: not known. Thread: pipeline.
+  virtual double measured_noise_k() const noexcept { return 0.0; }
   // Motion up to the frame that was solved last; null where the method does not estimate it, or could not.
   // Good until the next prepare(). Thread: pipeline.
   virtual const SceneMotion* motion() const noexcept { return nullptr; }

@@ -29,6 +29,7 @@ inline constexpr std::string_view kNuc = "nuc";
 inline constexpr std::string_view kClockStep = "clock_step";  // somebody set the host's clock
 inline constexpr std::string_view kGyro = "gyro";             // begins or ceases to be of use
 inline constexpr std::string_view kGapGrew = "gap_grew";      // the profile does not fit the camera, or fits again
+inline constexpr std::string_view kSettingsDoubted = "settings_doubted";  // by what the frames show
 inline constexpr std::string_view kVideoLost = "video_lost";
 inline constexpr std::string_view kVideoBack = "video_back";
 inline constexpr std::string_view kReload = "reload";

@@ -142,6 +142,7 @@ void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
     stats.effort.set(quality);
     if (solves()) {
       published.noise_k = solvers.at(quality).noise_k();
+      input_check.add_noise(solvers.at(quality).measured_noise_k());
       published.motion = solvers.at(quality).motion();
       if (const auto use = solvers.at(quality).gyro_use()) stats.gyro[static_cast<std::size_t>(*use)].add();
     }
@@ -230,6 +231,8 @@ bool Pipeline::Impl::process_next() noexcept {
     return true;
   }
   const bool restart_window = arrival.restart_window || std::exchange(restart_window_next, false);
+  if (newest != nullptr) input_check.add_frame(slot.data, newest);
+  newest = slot.data;
   raw_of[slot.index] = slot.data;
   const void* plane = corrected(slot, restart_window);
   if (gap) gap->offer(slot.meta, plane, restart_window);
@@ -369,9 +372,12 @@ std::vector<Notice> Pipeline::take_notices() {
                        "somebody set the host's clock: UTC of the frames stepped with it, their other times did not",
                        event::kClockStep});
   }
+  for (std::string& line : take_doubts()) notices.push_back({true, std::move(line), event::kSettingsDoubted});
   if (auto notice = impl_->gyro_notice()) notices.push_back(std::move(*notice));
   return notices;
 }
+
+std::vector<std::string> Pipeline::take_doubts() { return impl_->input_check.take(); }
 
 std::span<FrameSink* const> Pipeline::sinks() const noexcept { return impl_->all_sinks; }
 

@@ -79,6 +79,8 @@ class Pipeline {
   const SourceInfo& source() const noexcept;
   // The source's and then the sinks' own (FrameSource, FrameSink). Thread: any.
   std::vector<Notice> take_notices();
+  // Those of them about settings that the frames speak against (InputCheck). Thread: any.
+  std::vector<std::string> take_doubts();
   // The source's. Thread: any.
   Status trigger_nuc();
   // As given to create(). Thread: any.

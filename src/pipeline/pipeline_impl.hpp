@@ -16,6 +16,7 @@
 #include "src/corrections/chain.hpp"
 #include "src/deblur/window.hpp"
 #include "src/pipeline/gap_watch.hpp"
+#include "src/pipeline/input_check.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "src/pipeline/solver_ladder.hpp"
 #include "src/rt/thread.hpp"
@@ -85,6 +86,7 @@ struct Pipeline::Impl {
         text(describe_solver(settings, info.format.scale.unit, solvers.full().isa())),
         window(settings),
         quality_control(static_cast<std::uint64_t>(options.queue_frames), info.format.frame_period_s),
+        input_check(info.format, settings.noise_k),
         inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
         stats(inlet, source->status()),
         deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),
@@ -144,6 +146,7 @@ struct Pipeline::Impl {
   std::string text;
   deblur::Window window;
   QualityControl quality_control;
+  InputCheck input_check;
   FrameInlet inlet;
   PipelineStats stats;
   Plane deblurred;
@@ -164,6 +167,7 @@ struct Pipeline::Impl {
   };
   std::vector<Flag> band_saturated;  // one a part
   const void* raw = nullptr;         // of the job's frame, as it came
+  const void* newest = nullptr;      // raw, of the frame that the window got last; it has it still
   std::vector<const void*> raw_of;   // of each pool slot in the window, by token
   bool restart_window_next = false;  // a frame that was dropped had begun a new window
 

@@ -342,6 +342,23 @@ TEST(NoiseMeter, IsNotFooledBySaturatedPixels) {
   EXPECT_NEAR(solver->noise_k(), 0.1, 0.008);
 }
 
+// Cut off at 300 K, in the midst of the noise: as where a camera's range ends within the picture.
+TEST(NoiseMeter, IsNotFooledByValuesCutOffAtTheRangesEnd) {
+  const Geometry g{320, 64};
+  for (const double speed : {0.0, 0.7}) {
+    for (const bool above : {false, true}) {
+      Movie movie(g, 0.5, kWindow, speed);
+      for (auto& plane : movie.planes()) {
+        for (auto& value : plane)
+          value = above ? std::min<std::uint16_t>(value, 30500) : std::max<std::uint16_t>(value, 30000);
+      }
+      const auto solver = make(settings_with(0.0), g);
+      whole_frame(*solver, movie.view(), g);
+      EXPECT_NEAR(solver->noise_k(), 0.5, 0.1) << speed << above;
+    }
+  }
+}
+
 TEST(NoiseMeter, ASyntheticPictureHasTheQuantisationsNoise) {
   const Geometry g{64, 16};
   Movie movie(g, 0.0, kWindow, 0.0);

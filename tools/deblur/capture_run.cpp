@@ -290,6 +290,9 @@ Result<RunFacts> CaptureRun::run(const OutputFile& output, const std::string& ma
     return bad_input(file_.string() + ": no full window of " + std::to_string(options_.deblur.window) +
                      " frames between its breaks (events, jumps in time); give a smaller --window");
   }
+  for (const std::string& line : pipeline->take_doubts()) {
+    if (options_.warn) options_.warn(file_.string() + ": " + line);
+  }
   RETURN_IF_ERROR(sink.finish(pipeline->isa(), files_behind(*request_), made_from));
   const pipeline::PipelineStats& stats = pipeline->stats();
   RunFacts facts{

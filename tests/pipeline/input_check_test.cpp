@@ -1,0 +1,67 @@
+#include "src/pipeline/input_check.hpp"
+
+#include "tests/pipeline/fakes.hpp"
+#include "tests/test.hpp"
+
+namespace bolo::pipeline::test {
+namespace {
+
+std::size_t told(const Script& script, const PipelineOptions& options, std::string_view what) {
+  MemorySink sink;
+  std::size_t count = 0;
+  const auto pipeline = *must(Pipeline::create(std::make_unique<ScriptedSource>(script), {&sink}, options));
+  std::atomic<bool> stop{false};
+  EXPECT_TRUE(pipeline->run(stop));
+  for (int i = 0; i < 2; ++i) {
+    for (const Notice& notice : pipeline->take_notices()) {
+      if (notice.text.find(what) == std::string::npos) continue;
+      EXPECT_TRUE(notice.warning);
+      EXPECT_EQ(notice.event, event::kSettingsDoubted);
+      ++count;
+    }
+  }
+  return count;
+}
+
+// Counts of 10 mK with noise of 0.5 K.
+void fill_noise(rt::FrameSlot& slot, const StreamFormat& format) {
+  std::mt19937 random(static_cast<unsigned>(slot.meta.frame_id));
+  std::normal_distribution<double> noise(0.0, 50.0);
+  for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {
+    slot.u16()[i] = static_cast<std::uint16_t>(30'000.0 + noise(random));
+  }
+}
+
+TEST(InputCheck, NoiseThatTheFramesDoNotShowIsToldOnce) {
+  Script script{.info = small_source(96, 48), .frames = run_of(0, 80), .fill = fill_noise};
+  for (const auto method : {deblur::Method::kMotion, deblur::Method::kMmae, deblur::Method::kAdmm}) {
+    for (const double noise_k : {0.0, 0.15, 0.3, 0.9, 1.5}) {
+      deblur::Settings settings{.method = method, .noise_k = noise_k};
+      settings.auto_lambda = true;
+      const bool other = noise_k == 0.15 || noise_k == 1.5;
+      EXPECT_EQ(told(script, {.deblur = settings}, " is told, "), other ? 1U : 0U) << noise_k;
+    }
+  }
+}
+
+TEST(InputCheck, FramesThatComeTwiceAreToldButNotAShutter) {
+  Script script{.frames = run_of(0, 80)};
+  EXPECT_EQ(told(script, {}, "twice"), 0U);
+  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
+    for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {
+      slot.u16()[i] = static_cast<std::uint16_t>(30'000U + slot.meta.frame_id / 2 + i);
+    }
+  };
+  EXPECT_EQ(told(script, {}, "twice"), 1U);
+  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
+    const std::uint64_t shown =
+        slot.meta.frame_id < 30 ? slot.meta.frame_id : std::max<std::uint64_t>(slot.meta.frame_id, 70);
+    for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {
+      slot.u16()[i] = static_cast<std::uint16_t>(30'000U + shown + i);
+    }
+  };
+  EXPECT_EQ(told(script, {}, "twice"), 0U);
+}
+
+}  // namespace
+}  // namespace bolo::pipeline::test
