@@ -1,12 +1,12 @@
 // The estimators that look at a pixel's surroundings: lambda = auto and mmae, with and without corrections.
 #include "src/deblur/auto_lambda_solver.hpp"
 #include "tests/deblur/solve.hpp"
+#include "tests/motion/scenes.hpp"
 
 namespace bolo::deblur::adaptive_test {
 
 constexpr Geometry kFrame{150, 37};
 constexpr int kWindow = 17;
-constexpr int kSteps = 8;  // of the movie, a frame
 
 enum class Estimator { kMmae, kAutoAdmm, kAutoDual, kAutoExact };
 
@@ -26,31 +26,12 @@ double scene(double x, double y) {
 
 // Float kelvin planes of a pan at `px_per_frame`, thermal inertia tau, seen by rows `delay` frames later each.
 std::vector<std::vector<float>> movie(double px_per_frame, double noise_k, double delay = 0.0) {
-  std::mt19937 random(5);
-  std::normal_distribution<double> noise(0.0, noise_k);
-  const double decay = std::exp(-Settings().period_s / Settings().tau_s / kSteps);
-  std::vector<double> state(kFrame.pixels(), 300.0);
+  const auto moving = [=](double x, double y, double t) { return scene(x - px_per_frame * (t + delay * y), y); };
+  auto frames = motion::testing::watch(moving, kFrame, Settings().tau_s / Settings().period_s, kWindow);
+  motion::testing::add_noise(frames, noise_k, 5);
   std::vector<std::vector<float>> planes;
-  for (int frame = -30; frame < kWindow; ++frame) {
-    std::vector<float> plane(kFrame.pixels());
-    for (std::size_t i = 0; i < plane.size(); ++i) {
-      const int x = static_cast<int>(i) % kFrame.width;
-      const int y = static_cast<int>(i) / kFrame.width;
-      for (int step = 0; step < kSteps; ++step) {
-        const double time = frame - 1 + (step + 0.5) / kSteps + delay * y;
-        state[i] = decay * state[i] + (1.0 - decay) * scene(x - px_per_frame * time, y);
-      }
-      plane[i] = static_cast<float>(state[i] + noise(random));
-    }
-    if (frame >= 0) planes.push_back(std::move(plane));
-  }
+  for (const auto& frame : frames) planes.emplace_back(frame.begin(), frame.end());
   return planes;
-}
-
-std::vector<const void*> pointers(const std::vector<std::vector<float>>& planes) {
-  std::vector<const void*> result;
-  for (const auto& plane : planes) result.push_back(plane.data());
-  return result;
 }
 
 std::unique_ptr<Solver> make(const Settings& settings, double row_delay_s = 0.0) {
@@ -78,7 +59,7 @@ class Adaptive : public ::testing::TestWithParam<Estimator> {};
 TEST_P(Adaptive, RowsThatAreReadLaterAreBroughtToTheFramesTime) {
   const double delay_periods = 0.6 / kFrame.height;
   const auto planes = movie(1.0, 0.03, delay_periods);
-  std::vector<const void*> window = pointers(planes);
+  std::vector<const void*> window = testing::pointers_to(planes);
   const WindowView view{window, kWindow - 1};
   const double without = rms_error(whole_frame(*make(settings_of(GetParam())), view), 1.0);
   const double with =
@@ -94,7 +75,7 @@ TEST_P(Adaptive, WhatIsNoNumberStaysInItsPixel) {
   auto planes = movie(0.8, 0.05);
   Settings settings = settings_of(GetParam());
   settings.noise_k = 0.05;
-  std::vector<const void*> window = pointers(planes);
+  std::vector<const void*> window = testing::pointers_to(planes);
   const auto solver = make(settings);
   const std::vector<float> clean = whole_frame(*solver, {window, kWindow - 1});
   const std::size_t broken = 20 * 150 + 70;
@@ -115,7 +96,7 @@ TEST_P(Adaptive, IsBetterThanTheSamples) {
   for (const double noise : {0.03, 0.5}) {
     for (const double speed : {0.0, 0.3, 1.5}) {
       const auto planes = movie(speed, noise);
-      std::vector<const void*> window = pointers(planes);
+      std::vector<const void*> window = testing::pointers_to(planes);
       const double blurred = rms_error(planes.back(), speed);
       const auto solver = make(settings_of(GetParam()));
       const double sharp = rms_error(whole_frame(*solver, {window, kWindow - 1}), speed);
@@ -129,7 +110,7 @@ TEST_P(Adaptive, IsBetterThanTheSamples) {
 TEST_P(Adaptive, ALookAheadWhoseFrameIsLostIsNoWorseThanNone) {
   for (const double speed : {0.3, 1.5}) {
     const auto planes = movie(speed, 0.05);
-    const std::vector<const void*> window = pointers(planes);
+    const std::vector<const void*> window = testing::pointers_to(planes);
     std::vector<const void*> longer(window.begin() + 1, window.end());
     longer.push_back(nullptr);
     Settings settings = settings_of(GetParam());

@@ -133,8 +133,7 @@ std::vector<std::vector<float>> samples_of(const DualPlan& plan, const std::vect
 }
 
 std::vector<float> solve(const DualPlan& plan, const std::vector<std::vector<float>>& planes, const Published& bins) {
-  std::vector<const void*> pointers;
-  for (const auto& plane : planes) pointers.push_back(plane.data());
+  const auto pointers = testing::pointers_to(planes);
   std::vector<float> out(planes[0].size());
   const std::vector<float> lambda(out.size(), kLambda);
   best_kernels().dual(plan, {.planes = pointers.data(),
@@ -197,8 +196,7 @@ TEST(Fixed, IsHowDualSolvesWholeWindows) {
   task.settings.lambda = static_cast<double>(kLambda) * 2.0 * task.settings.kappa;
   DualPlan plan = plan_of(17, 200.0, static_cast<double>(kLambda));
   const auto planes = samples_of(plan, corners(16), 2000.0);
-  std::vector<const void*> pointers;
-  for (const auto& plane : planes) pointers.push_back(plane.data());
+  const auto pointers = testing::pointers_to(planes);
   std::vector<float> out(planes[0].size());
   const auto method = make_dual(task);
   method->prepare(whole_pattern(task.settings));

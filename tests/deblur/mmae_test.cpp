@@ -5,6 +5,7 @@
 #include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/motion_models.hpp"
 #include "tests/deblur/solve.hpp"
+#include "tests/motion/scenes.hpp"
 
 namespace bolo::deblur::mmae_test {
 
@@ -19,25 +20,15 @@ Settings settings_with(double noise_k, int lookahead = 0) {
 // A window of a scene that moves to the right, some of it faster, through the thermal inertia, with noise.
 class Movie {
  public:
-  Movie(Geometry geometry, double noise_k, int frames = kWindow, double px_per_frame = 0.7) : geometry_(geometry) {
-    std::mt19937 random(3);
-    std::normal_distribution<double> noise(0.0, noise_k);
-    std::vector<double> state(geometry.pixels(), 300.0);
-    const double decay = std::exp(-5.0 / 11.0 / kSteps);
-    for (int frame = -40; frame < frames; ++frame) {
-      std::vector<std::uint16_t> plane(geometry.pixels());
-      for (std::size_t i = 0; i < plane.size(); ++i) {
-        const int x = static_cast<int>(i) % geometry.width;
-        const int y = static_cast<int>(i) / geometry.width;
-        for (int step = 1; step <= kSteps; ++step) {
-          const double time = frame - 1 + (step - 0.5) / kSteps;
-          state[i] = decay * state[i] + (1.0 - decay) * scene(x - px_per_frame * time, y);
-        }
-        plane[i] = static_cast<std::uint16_t>(std::lround(100.0 * (state[i] + noise(random))));
-      }
-      if (frame >= 0) planes_.push_back(std::move(plane));
+  Movie(Geometry geometry, double noise_k, double px_per_frame = 0.7) : geometry_(geometry) {
+    const auto moving = [=](double x, double y, double t) { return scene(x - px_per_frame * t, y); };
+    auto frames = motion::testing::watch(moving, geometry, 2.2, kWindow);
+    motion::testing::add_noise(frames, noise_k, 3);
+    for (const auto& frame : frames) {
+      auto& plane = planes_.emplace_back();
+      for (const double k : frame) plane.push_back(static_cast<std::uint16_t>(std::lround(100.0 * k)));
     }
-    for (const auto& plane : planes_) pointers_.push_back(plane.data());
+    pointers_ = testing::pointers_to(planes_);
   }
 
   static double scene(double x, double y) {
@@ -51,7 +42,6 @@ class Movie {
   std::vector<std::vector<std::uint16_t>>& planes() { return planes_; }
 
  private:
-  static constexpr int kSteps = 10;  // a frame
   Geometry geometry_;
   std::vector<std::vector<std::uint16_t>> planes_;
   std::vector<const void*> pointers_;
@@ -326,7 +316,7 @@ TEST(NoiseMeter, FindsWhiteNoiseBehindMotion) {
     whole_frame(*solver, moving.view(), g);
     EXPECT_NEAR(solver->noise_k(), std::hypot(noise, 0.01 / std::sqrt(12.0)), 0.2 * noise) << noise;
     const auto still = make(settings_with(0.0), g);
-    const Movie calm(g, noise, kWindow, 0.0);
+    const Movie calm(g, noise, 0.0);
     whole_frame(*still, calm.view(), g);
     EXPECT_NEAR(still->noise_k(), std::hypot(noise, 0.01 / std::sqrt(12.0)), 0.05 * noise) << noise;
   }
@@ -334,7 +324,7 @@ TEST(NoiseMeter, FindsWhiteNoiseBehindMotion) {
 
 TEST(NoiseMeter, IsNotFooledBySaturatedPixels) {
   const Geometry g{320, 64};
-  Movie movie(g, 0.1, kWindow, 0.0);
+  Movie movie(g, 0.1, 0.0);
   for (auto& plane : movie.planes())
     std::fill(plane.begin(), plane.begin() + static_cast<std::ptrdiff_t>(plane.size() / 2), 65535);
   const auto solver = make(settings_with(0.0), g);
@@ -361,7 +351,7 @@ TEST(NoiseMeter, IsNotFooledByValuesCutOffAtTheRangesEnd) {
 
 TEST(NoiseMeter, ASyntheticPictureHasTheQuantisationsNoise) {
   const Geometry g{64, 16};
-  Movie movie(g, 0.0, kWindow, 0.0);
+  Movie movie(g, 0.0, 0.0);
   for (auto& plane : movie.planes()) std::fill(plane.begin(), plane.end(), 30000);
   const auto solver = make(settings_with(0.0), g);
   const std::vector<float> out = whole_frame(*solver, movie.view(), g);

@@ -23,6 +23,14 @@ std::vector<T> whole_frame(Solver& solver, const WindowView& view, Geometry geom
   return out;
 }
 
+// Of a window of planes that stay where they are.
+template <typename T>
+std::vector<const void*> pointers_to(const std::vector<std::vector<T>>& planes) {
+  std::vector<const void*> pointers;
+  for (const auto& plane : planes) pointers.push_back(plane.data());
+  return pointers;
+}
+
 // Parts and points of a window that is prepared have the bits of the whole frame, and nothing else is written.
 template <typename T>
 void expect_parts(Solver& solver, const WindowView& view, Geometry geometry, const std::vector<T>& whole,

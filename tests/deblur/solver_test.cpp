@@ -314,8 +314,7 @@ TEST(Solver, WithoutAPriorItIsTheInverseFilter) {
 TEST(Solver, CountsAreRoundedAndLimited) {
   std::vector<std::vector<std::uint16_t>> values(17, {0, 30000, 65535});
   values[15] = {20000, 30000, 40000};
-  std::vector<const void*> pointers;
-  for (const auto& plane : values) pointers.push_back(plane.data());
+  const auto pointers = testing::pointers_to(values);
   const auto solver =
       testing::make(settings_for(17, 0.0, 0, Method::kInverse), {.geometry = {3, 1}}, PixelType::kUint16);
   EXPECT_EQ(testing::whole_frame<std::uint16_t>(*solver, {pointers, 16}, {3, 1}),

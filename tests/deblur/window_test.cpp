@@ -225,16 +225,6 @@ TEST(Window, ARestartShowsTheFramesThatWaitedFirst) {
   EXPECT_EQ(player.held().size(), 1U);
 }
 
-TEST(Window, TheEndShowsWhatWaitedAndGivesAllMemoryBack) {
-  Player player(5, 3);
-  player.run(0, 9);
-  player.finish();
-  EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5, 6, 7, 8}));
-  EXPECT_TRUE(player.held().empty());
-  player.finish();
-  EXPECT_EQ(player.shown().size(), 9U);
-}
-
 // Whatever happens, each frame is shown once and in order, and all memory comes back.
 TEST(Window, ShowsEveryFrameOnceWhateverIsLost) {
   for (int lookahead = 0; lookahead <= 3; ++lookahead) {
@@ -250,6 +240,7 @@ TEST(Window, ShowsEveryFrameOnceWhateverIsLost) {
       sent.push_back(id);
     }
     player.finish();
+    player.finish();  // and once is enough
     EXPECT_EQ(player.ids(), sent);
     EXPECT_TRUE(player.held().empty());
   }
