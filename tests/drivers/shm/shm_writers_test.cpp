@@ -6,6 +6,7 @@
 #include <sys/statvfs.h>
 
 #include "drivers/shm/followed_stream.hpp"
+#include "tests/child.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/drivers/shm/unprivileged.hpp"
 #include "tests/refusal.hpp"
@@ -53,16 +54,13 @@ TEST(ShmWriters, OnlyOneOfManyStartersWins) {
 
 // A writer that published a frame and was killed: its object and its lock's file stay.
 void leave_a_dead_writer(const std::string& name) {
-  const pid_t child = fork();
-  if (child == 0) {
-    auto* writer = new Writer(name, {8, 8});
-    if (!writer->open()) _exit(1);
+  const int ended = in_child([&] {
+    auto* writer = new Writer(name, {8, 8});  // no destructor
+    if (!writer->open()) return 1;
     writer->publish();
-    _exit(0);  // no destructor
-  }
-  int status = 0;
-  ASSERT_EQ(waitpid(child, &status, 0), child);
-  ASSERT_EQ(status, 0);
+    return 0;
+  });
+  ASSERT_EQ(ended, 0);
 }
 
 TEST(ShmWriters, AKilledWritersObjectIsReplaced) {

@@ -2,10 +2,8 @@
 #pragma once
 
 #include <grp.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include "tests/test.hpp"
+#include "tests/child.hpp"
 
 namespace bolo::shm {
 
@@ -32,17 +30,13 @@ inline void let_others_sleep() {
   }
 }
 
-// Runs `work` in a child without privileges, member of `groups`; what it returns. -1: it did not get there. Only root
-// can.
+// Runs `work` in a child without privileges, member of `groups`; what it returns. Only root can.
 inline int unprivileged(const std::vector<gid_t>& groups, const std::function<int()>& work, uid_t user = kNobody) {
   let_others_sleep();
-  const pid_t child = fork();
-  if (child == 0) {
+  return in_child([&] {
     const bool dropped = setgroups(groups.size(), groups.data()) == 0 && setgid(kNoGroup) == 0 && setuid(user) == 0;
-    _exit(dropped ? work() : 99);
-  }
-  int status = 0;
-  return waitpid(child, &status, 0) == child && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return dropped ? work() : 99;
+  });
 }
 
 }  // namespace bolo::shm
