@@ -23,6 +23,7 @@ class MmaeSolver final : public Solver {
   std::string_view isa() const noexcept override { return kernels().isa; }
   const MmaeKernels& kernels() const noexcept { return posterior_.kernels(); }
   double noise() const noexcept { return posterior_.noise(); }  // in the values' unit
+  double measured_noise() const noexcept { return posterior_.measured_noise(); }
   double noise_k() const noexcept override;
   double measured_noise_k() const noexcept override;
 

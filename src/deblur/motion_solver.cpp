@@ -72,7 +72,7 @@ Geometry MotionSolver::followed() const noexcept {
 }
 
 double MotionSolver::noise_k() const noexcept { return task_.in_kelvin(mmae_.noise()); }
-double MotionSolver::measured_noise_k() const noexcept { return task_.in_kelvin(mmae_.measured_noise_k()); }
+double MotionSolver::measured_noise_k() const noexcept { return task_.in_kelvin(mmae_.measured_noise()); }
 
 void MotionSolver::forget() noexcept {
   for (Frame& f : frames_) f.there = f.lost = false;

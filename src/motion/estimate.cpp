@@ -10,7 +10,7 @@ namespace bolo::motion {
 namespace {
 
 constexpr float kLeastGradient = 0.3F;      // of the noise in the past's mean
-constexpr float kLeastUncertainty = 0.02F;  // px a frame
+constexpr float kLeastUncertainty = 0.01F;  // px a frame
 constexpr float kOfSpeed = 0.004F;
 constexpr float kSlowest = 0.05F;               // px a frame, that an uncertainty is relative to
 constexpr float kSlowPath = 0.3F;               // px a frame, that differences from the path are relative to
@@ -18,6 +18,7 @@ constexpr float kSamePath = 0.1F;               // of the speed: up to here the 
 constexpr float kOtherPath = 0.3F;              // from here on none of them
 constexpr float kFading = 8.0F;                 // px a frame, before PathWeights::kFastest
 constexpr float kOfError = 0.3F;                // of the estimate's error, in the trust in the check
+constexpr float kOfSmoother = 0.75F;            // a px, of the error: promised too low where the scene is not so smooth
 constexpr float kMayLeave = 1.0F;               // px of a trail, beyond the border
 constexpr float kNearlyRight = 0.05F;           // of the mean square error beside it
 constexpr float kAnotherWay = 1.0F;             // px a frame
@@ -334,7 +335,8 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
     const float error = std::max(table_->near_error(place_[i], &path_weights_, bent_[i]), 0.0F);
     const float left = std::max(smooth_[0][i] - of_innovation, 0.0F);
     step_[i] = leaves_[i] != 0 ? 0.0F : left / (left + of_innovation + kOfError * error * noise + 1e-30F);
-    const float mine = error + unexplained_[i];
+    const auto smoother = static_cast<float>(smooth_of(static_cast<double>(speed_[i])) - kSmooth);
+    const float mine = (1.0F + kOfSmoother * smoother) * error + unexplained_[i];
     const Evidence evidence{
         .mine = mine,
         .other = in.other_error[i],

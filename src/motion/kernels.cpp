@@ -98,7 +98,8 @@ float mean_difference(const PaddedPlane& a, const PaddedPlane& b, int dx, int dy
 
 // ------------------------------------------------------------------ the scene's model
 
-double covariance(const float* share, std::size_t count, double x, double dx, double y, double dy) noexcept {
+double covariance(const float* share, std::size_t count, double x, double dx, double y, double dy,
+                  float smooth) noexcept {
   using Wide = hn::CappedTag<float, 16>;
   const Wide d;
   constexpr std::size_t kStep = hn::MaxLanes(d);
@@ -115,8 +116,8 @@ double covariance(const float* share, std::size_t count, double x, double dx, do
     const auto step = hn::Iota(d, static_cast<float>(first - nearest));
     const auto at = hn::MulAdd(hn::Set(d, static_cast<float>(dx)), step, x0);
     const auto across = hn::MulAdd(hn::Set(d, static_cast<float>(dy)), step, y0);
-    const auto square = hn::MulAdd(at, at, hn::MulAdd(across, across, hn::Set(d, 0.36F)));
-    const auto distance = hn::Sub(hn::Sqrt(square), hn::Set(d, 0.6F));
+    const auto square = hn::MulAdd(at, at, hn::MulAdd(across, across, hn::Set(d, smooth * smooth)));
+    const auto distance = hn::Sub(hn::Sqrt(square), hn::Set(d, smooth));
     const auto slow = hn::Exp(d, hn::Max(hn::Mul(distance, hn::Set(d, -1.0F / 30.0F)), hn::Set(d, -80.0F)));
     const auto cube = hn::Mul(hn::Mul(slow, slow), slow);
     return hn::MulAdd(hn::LoadU(d, w), hn::MulAdd(cube, cube, slow), sum);  // exp(-R / 5) is the sixth power
@@ -137,7 +138,8 @@ double covariance(const float* share, std::size_t count, double x, double dx, do
   return 0.5 * total;
 }
 
-void correlate(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, int count, double* out) noexcept {
+void correlate(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, int count, float smooth,
+               double* out) noexcept {
   using Wide = hn::CappedTag<float, 16>;
   const Wide d;
   constexpr int kStep = static_cast<int>(hn::MaxLanes(d));
@@ -152,7 +154,7 @@ void correlate(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, i
         const auto x = hn::Sub(set(a.x[n] + dx), hn::Load(d, b.x + m));
         const auto y = hn::Sub(set(a.y[n] + dy), hn::Load(d, b.y + m));
         const auto doubt = hn::Sub(set(a.doubt[n]), hn::Load(d, b.doubt + m));
-        const auto blur = hn::Add(set(a.blur[n] + 0.36F), hn::Load(d, b.blur + m));
+        const auto blur = hn::Add(set(a.blur[n] + smooth * smooth), hn::Load(d, b.blur + m));
         const auto square = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::MulAdd(doubt, doubt, blur)));
         auto one_over = hn::ApproximateReciprocalSqrt(square);  // of 8 bits at least: two steps of Newton's method
         for (int k = 0; k < 2; ++k) {
@@ -160,7 +162,7 @@ void correlate(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, i
           one_over = hn::Mul(one_over, hn::MulAdd(half, one_over, set(1.5F)));
         }
         const auto root = hn::Mul(square, one_over);
-        const auto slow = hn::Exp(d, hn::Max(hn::MulAdd(root, set(-1.0F / 30.0F), set(0.02F)), set(-80.0F)));
+        const auto slow = hn::Exp(d, hn::Max(hn::MulAdd(root, set(-1.0F / 30.0F), set(smooth / 30.0F)), set(-80.0F)));
         const auto cube = hn::Mul(hn::Mul(slow, slow), slow);
         of_n = hn::MulAdd(hn::Load(d, b.share + m), hn::MulAdd(cube, cube, slow), of_n);
       }

@@ -140,11 +140,13 @@ struct Kernels {
                 float* out) noexcept;
   // For j = first, first + 1 ...: the sum of shares c(r), r^2 the square of a - b + j step, of the difference of their
   // uncertainties, and of their blurs. As mean over velocities this is good to 2 %, and like it a covariance: c falls
-  // completely monotonely with r^2. Thread: any.
-  void (*correlate)(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, int count, double* out) noexcept;
+  // completely monotonely with r^2. `smooth`: as in covariance. Thread: any.
+  void (*correlate)(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, int count, float smooth,
+                    double* out) noexcept;
   // Sum over i of share[i] c(r_i), r_i the length of (x + i dx, y + i dy), to 2e-7; c is the scene's autocovariance
-  // (weights.hpp). Thread: setup.
-  double (*covariance)(const float* share, std::size_t count, double x, double dx, double y, double dy) noexcept;
+  // (weights.hpp), smooth over so many px. Thread: setup.
+  double (*covariance)(const float* share, std::size_t count, double x, double dx, double y, double dy,
+                       float smooth) noexcept;
 };
 
 // The best this processor has, or the one forced: "" is the best. Thread: setup.

@@ -7,7 +7,7 @@ namespace bolo::motion {
 namespace {
 
 constexpr float kLocalPixels = kBlock * kBlock;
-constexpr float kTight = 0.05F;     // px that a block may deviate without evidence that blocks do
+constexpr float kTight = 0.02F;     // px that a block may deviate without evidence that blocks do
 constexpr float kLoose = 0.5F;      // the same where they do, or once the block is known to move differently
 constexpr float kGuarded = 2.0F;    // of the measured deviation, which noise adds to
 constexpr float kOwnWay = 1.0F;     // px: more is another object's motion

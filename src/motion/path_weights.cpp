@@ -89,17 +89,18 @@ void PathWeights::fill(const Kernels& kernels, const Trails& trails, Covariances
   const auto rows_of = [](std::size_t trail) {
     return has_taps(trail) ? Rows{kFirstRow[trail], kTaps, kReach} : Rows{kFirstRow[trail], 1, 0};
   };
+  const auto smooth = static_cast<float>(smooth_of(speed_));
   SceneTrail here;
   here.share[here.count++] = 1.0F;
   double common[2 * kTaps];
   const std::size_t end = ahead_ > 0 ? kAfter + 1 : kAfter;
   for (std::size_t i = 0; i < end; ++i) {
     const Rows a = rows_of(i);
-    kernels.correlate(here, trails[i], step_ * -1.0F, -a.centre, a.count, &out.truth(a.first));
+    kernels.correlate(here, trails[i], step_ * -1.0F, -a.centre, a.count, smooth, &out.truth(a.first));
     for (std::size_t j = i; j < end; ++j) {
       const Rows b = rows_of(j);
       const int back = i == j ? 0 : b.count - 1;  // the first of the distances is that from a's first to b's last
-      kernels.correlate(trails[i], trails[j], step_, b.centre - a.centre - back, a.count + back, common);
+      kernels.correlate(trails[i], trails[j], step_, b.centre - a.centre - back, a.count + back, smooth, common);
       for (int k = 0; k < a.count; ++k) {
         for (int l = 0; l < b.count; ++l) {
           const double value = common[i == j ? std::abs(k - l) : k - l + back];
@@ -177,7 +178,7 @@ void PathWeights::set_contrast(const Kernels& kernels, const SceneTrail& now, Ve
   const double variance = scene(kReach, kReach);
   const auto contrast = [&](float apart) {
     double common = 0.0;
-    kernels.correlate(now, now, e * apart, 1, 1, &common);
+    kernels.correlate(now, now, e * apart, 1, 1, static_cast<float>(smooth_of(speed_)), &common);
     return std::max(variance - common, kFlat * variance);
   };
   unit_ = contrast(2.0F);

@@ -41,8 +41,14 @@ constexpr std::array kAlong = {Node{-2.8569700138728, 0.0112574113277}, Node{-1.
                                Node{2.8569700138728, 0.0112574113277}};
 constexpr std::array kAcross = {Node{0.0, 2.0 / 3.0}, Node{1.7320508075689, 1.0 / 3.0}};
 
-double scene(double r) {
-  const double distance = std::sqrt(r * r + 0.36) - 0.6;
+// The scene is smooth over so many px. In slow motion less of what is finer than the optics pass is to be told from
+// noise: of 0.6, 1.0 and 1.5 px, 1.0 left least of the error below half a pixel a frame, and 0.6 from one on (street
+// stills, as they are and behind a Gaussian of 0.5 px).
+constexpr double kSmoother = 1.0;
+constexpr double kSlow = 0.6;  // px a frame: up to here kSmoother
+constexpr double kFast = 1.2;  // from here on kSmooth
+double scene(double r, double smooth) {
+  const double distance = std::sqrt(r * r + smooth * smooth) - smooth;
   return 0.5 * std::exp(-distance / 5.0) + 0.5 * std::exp(-distance / 30.0);
 }
 
@@ -124,7 +130,11 @@ struct Inertia {
 class Covariances {
  public:
   Covariances(double tau, double speed, double sigma)
-      : speed_(speed), sigma_(sigma), inertia_(tau, speed + 2.0 * sigma), kernels_(best_kernels()) {}
+      : speed_(speed),
+        sigma_(sigma),
+        smooth_(static_cast<float>(smooth_of(speed))),
+        inertia_(tau, speed + 2.0 * sigma),
+        kernels_(best_kernels()) {}
 
   double of(const Raw& a, const Raw& b) {
     Raw apart{a.back - b.back, a.at - b.at};
@@ -146,7 +156,7 @@ class Covariances {
         const double across = beside.at * sigma_;
         sum += node.weight * beside.weight *
                kernels_.covariance(times.share.data(), times.share.size(), apart.at + along * begin, along * times.step,
-                                   across * begin, across * times.step);
+                                   across * begin, across * times.step, smooth_);
       }
     }
     return sum;
@@ -154,6 +164,7 @@ class Covariances {
 
   double speed_;
   double sigma_;
+  float smooth_;
   Inertia inertia_;
   const Kernels& kernels_;
   std::map<std::pair<int, long long>, double> known_;
@@ -167,6 +178,10 @@ float index_in(const float* grid, int size, float value) {
 }
 
 }  // namespace
+
+double smooth_of(double speed) noexcept {
+  return kSmooth + (kSmoother - kSmooth) * std::clamp((kFast - speed) / (kFast - kSlow), 0.0, 1.0);
+}
 
 double shared_noise(bool same_frame, double apart) noexcept {
   return std::max(1.0 - apart, 0.0) * ((same_frame ? 1.0 : 0.0) + kFixedPattern * kFixedPattern);
@@ -182,14 +197,14 @@ double WeightTable::uncertainty_of(std::size_t kind) noexcept { return kUncertai
 WeightTable::WeightTable(double tau_periods, int ahead)
     : tau_(tau_periods), ahead_(ahead), far_less_(kCells), per_pixel_(kCells) {
   for (std::vector<FilterWeights>& cells : cells_) cells.resize(kCells);
-  constexpr std::array kSlow = {0.02, 0.05, 0.1};
+  constexpr std::array kSlowest = {0.02, 0.05, 0.1};
   for (std::size_t i = 0; i < kSpeeds; ++i) {
     const double decades = -0.8 + 2.4 * (static_cast<double>(i) - 3.0) / 18.0;
-    speed_[i] = i < kSlow.size() ? kSlow[i] : std::pow(10.0, decades);
+    speed_[i] = i < kSlowest.size() ? kSlowest[i] : std::pow(10.0, decades);
     log_speed_[i] = static_cast<float>(std::log(speed_[i]));
     const double lag = lag_of(static_cast<float>(speed_[i]));
     lag_factor_[i] = static_cast<float>(structure(speed_[i], 2.0) / structure(speed_[i], lag));
-    across_factor_[i] = static_cast<float>((scene(0.0) - scene(2.0)) / structure_across(speed_[i]));
+    across_factor_[i] = static_cast<float>((1.0 - scene(2.0, smooth_of(speed_[i]))) / structure_across(speed_[i]));
   }
   fill_across();
   share_out(kSpeeds * kUncertainties, std::min(std::thread::hardware_concurrency(), kMostThreads), [&](std::size_t i) {
@@ -209,20 +224,22 @@ std::shared_ptr<const WeightTable> WeightTable::of(double tau_periods, int ahead
 // Half the mean square difference of y over `lag` pixels, for a scene of variance 1: 96 equally likely differences of
 // two values' ages.
 double WeightTable::structure(double speed, double lag) const {
+  const double smooth = smooth_of(speed);
   double sum = 0.0;
   for (int i = 0; i < kNodes; ++i) {
     const double t = -std::log(1.0 - (i + 0.5) / kNodes) * tau_;
-    for (const double s : {t, -t}) sum += scene(speed * s) - scene(lag + speed * s);
+    for (const double s : {t, -t}) sum += scene(speed * s, smooth) - scene(lag + speed * s, smooth);
   }
   return sum / (2 * kNodes);
 }
 
 // The same over 2 pixels across the motion.
 double WeightTable::structure_across(double speed) const {
+  const double smooth = smooth_of(speed);
   double sum = 0.0;
   for (int i = 0; i < kNodes; ++i) {
     const double way = -std::log(1.0 - (i + 0.5) / kNodes) * tau_ * speed;
-    sum += scene(way) - scene(std::hypot(2.0, way));
+    sum += scene(way, smooth) - scene(std::hypot(2.0, way), smooth);
   }
   return sum / kNodes;
 }
@@ -234,10 +251,10 @@ void WeightTable::fill_across() noexcept {
   using Matrix = Eigen::Matrix<double, kSize, kSize>;
   using Vector = Eigen::Matrix<double, kSize, 1>;
   for (int i = 0; i < kRatios; ++i) {
-    const double variance = kSmallestRatio * std::pow(10.0, kRatioDecades * i) / (scene(0.0) - scene(2.0));
+    const double variance = kSmallestRatio * std::pow(10.0, kRatioDecades * i) / (1.0 - scene(2.0, kSmooth));
     Matrix values;
     for (int a = 0; a < kSize; ++a) {
-      for (int b = 0; b < kSize; ++b) values(a, b) = variance * scene(a - b);
+      for (int b = 0; b < kSize; ++b) values(a, b) = variance * scene(a - b, kSmooth);
     }
     const Eigen::LDLT<Matrix> factors(values + Matrix::Identity());
     const Vector a = factors.solve(values.col(kSide));

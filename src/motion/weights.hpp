@@ -2,7 +2,8 @@
 // speed and contrast and the uncertainty of the motion.
 //
 // They are linear minimum-mean-square weights with unit sum. The model, in pixels and frame periods: the scene has the
-// autocovariance c(R) = var (exp(-R / 5) + exp(-R / 30)) / 2, R = sqrt(r^2 + 0.6^2) - 0.6. Pixel p of frame k shows
+// autocovariance c(R) = var (exp(-R / 5) + exp(-R / 30)) / 2, R = sqrt(r^2 + s^2) - s, s = 0.6 (1.0 in slow motion).
+// Pixel p of frame k shows
 //   y_k(p) = mean over a of x_k(p + v a), a ~ exp(-a T / tau),
 // plus white noise of variance 1 and a fixed pattern of 1/2. The velocity is uncertain along and across: covariances
 // are means over it, both with the same nodes, or they would not be covariances.
@@ -23,6 +24,10 @@ namespace bolo::motion {
 inline constexpr float kStill = 1e-3F;
 
 class PathWeights;
+
+// Over how many px the scene is taken to be smooth, at a speed in px a frame: kSmooth but for slow motion. Thread: any.
+inline constexpr double kSmooth = 0.6;
+double smooth_of(double speed) noexcept;
 
 // Covariance of noise and fixed pattern, noise variances, of two values that are interpolated from pixels so far apart.
 // Thread: any.

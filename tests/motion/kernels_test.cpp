@@ -359,14 +359,18 @@ TEST_P(MotionKernels, Covariance) {
                                                     {250.0, -0.25, -9.0, 0.01},
                                                     {4.0, 0.3, 1.0, 0.0},
                                                     {7.0, 0, 0, 0}}};
-  for (const auto& [x, dx, y, dy] : lines) {
+  for (std::size_t line = 0; line < lines.size(); ++line) {
+    const auto& [x, dx, y, dy] = lines[line];
+    const double smooth = line % 2 == 0 ? 0.6 : 1.0;
     double want = 0.0;
     for (std::size_t i = 0; i < share.size(); ++i) {
       const auto n = static_cast<double>(i);
-      const double distance = std::sqrt((x + n * dx) * (x + n * dx) + (y + n * dy) * (y + n * dy) + 0.36) - 0.6;
+      const double distance =
+          std::sqrt((x + n * dx) * (x + n * dx) + (y + n * dy) * (y + n * dy) + smooth * smooth) - smooth;
       want += share[i] * 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
     }
-    EXPECT_NEAR(kernels_.covariance(share.data(), share.size(), x, dx, y, dy), want, 2e-7) << x;
+    EXPECT_NEAR(kernels_.covariance(share.data(), share.size(), x, dx, y, dy, static_cast<float>(smooth)), want, 2e-7)
+        << x;
   }
 }
 
@@ -382,20 +386,22 @@ TEST_P(MotionKernels, WhatTwoTrailsHaveInCommon) {
     t.blur[t.count] = 0.02F * v;
     t.share[t.count++] = 1.0F / (1.0F + v);
   }
-  double got[3];
-  kernels_.correlate(a, b, {0.4F, -1.0F}, -1, 3, got);
-  for (int j = -1; j <= 1; ++j) {
-    double want = 0.0;
-    for (int n = 0; n < a.count; ++n) {
-      for (int m = 0; m < b.count; ++m) {
-        const double x = a.x[n] - b.x[m] + 0.4F * static_cast<float>(j);
-        const double y = a.y[n] - b.y[m] - static_cast<float>(j);
-        const double r = std::hypot(x, y, a.doubt[n] - b.doubt[m]);
-        const double distance = std::sqrt(r * r + a.blur[n] + b.blur[m] + 0.36) - 0.6;
-        want += a.share[n] * b.share[m] * 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
+  for (const float smooth : {0.6F, 1.0F}) {
+    double got[3];
+    kernels_.correlate(a, b, {0.4F, -1.0F}, -1, 3, smooth, got);
+    for (int j = -1; j <= 1; ++j) {
+      double want = 0.0;
+      for (int n = 0; n < a.count; ++n) {
+        for (int m = 0; m < b.count; ++m) {
+          const double x = a.x[n] - b.x[m] + 0.4F * static_cast<float>(j);
+          const double y = a.y[n] - b.y[m] - static_cast<float>(j);
+          const double r = std::hypot(x, y, a.doubt[n] - b.doubt[m]);
+          const double distance = std::sqrt(r * r + a.blur[n] + b.blur[m] + smooth * smooth) - smooth;
+          want += a.share[n] * b.share[m] * 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
+        }
       }
+      EXPECT_NEAR(got[j + 1], want, 1e-5 * want) << j;
     }
-    EXPECT_NEAR(got[j + 1], want, 1e-5 * want) << j;
   }
 }
 

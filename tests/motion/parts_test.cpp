@@ -295,7 +295,7 @@ TEST(Weights, TheFarPastIsOfUseInNoise) {
     EXPECT_EQ(table->far_gain(dull, 100.0F * error(dull, 0.0F)), 0.0F) << speed;
     EXPECT_LT(error(dull, 1.0F), error(dull, 0.0F)) << speed;
     EXPECT_NEAR(error(dull, 0.5F), 0.5F * (error(dull, 0.0F) + error(dull, 1.0F)), 1e-6F) << speed;
-    EXPECT_EQ(table->near_error(dull), error(dull, 0.0F)) << speed;
+    EXPECT_FLOAT_EQ(table->near_error(dull), error(dull, 0.0F)) << speed;
   }
   for (const float speed : {3.0F, 8.0F}) {
     EXPECT_LT(table->far_gain(table->place_of(speed, 1e3F, 0.05F), 0.0F), 0.1F) << speed;
