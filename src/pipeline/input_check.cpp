@@ -36,7 +36,7 @@ std::vector<std::string> InputCheck::take() {
                     "read it at its own rate");
   }
   const double noise_k = noise_k_.value();
-  const bool other = noise_k > kOtherNoise * told_noise_k_ || told_noise_k_ > kOtherNoise * noise_k;
+  const bool other = (fast_ && noise_k > kOtherNoise * told_noise_k_) || told_noise_k_ > kOtherNoise * noise_k;
   if (!noise_told_ && noise_frames_.value() >= kEnoughFrames && other) {
     noise_told_ = true;
     char text[160];

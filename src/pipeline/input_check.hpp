@@ -14,7 +14,8 @@ namespace bolo::pipeline {
 class InputCheck {
  public:
   // told_noise_k: K (counts without kelvin); 0: none is told.
-  InputCheck(const StreamFormat& format, double told_noise_k) noexcept : format_(format), told_noise_k_(told_noise_k) {}
+  InputCheck(const StreamFormat& format, double told_noise_k, double tau_s) noexcept
+      : format_(format), told_noise_k_(told_noise_k), fast_(format.frame_period_s < kFastPeriod * tau_s) {}
 
   // A frame as it came, and the one before. Thread: pipeline.
   void add_frame(const void* raw, const void* before) noexcept;
@@ -26,8 +27,12 @@ class InputCheck {
   std::vector<std::string> take();
 
  private:
+  // tau: at longer periods what moves differs from frame to frame as noise does.
+  static constexpr double kFastPeriod = 0.6;
+
   StreamFormat format_;
   double told_noise_k_;
+  bool fast_;
   bool repeats_ = false;     // the last frame was the one before it
   rt::Counter frames_;       // compared with the one before
   rt::Counter repeat_runs_;  // of one frame or more: a shutter's is one

@@ -86,7 +86,7 @@ struct Pipeline::Impl {
         text(describe_solver(settings, info.format.scale.unit, solvers.full().isa())),
         window(settings),
         quality_control(static_cast<std::uint64_t>(options.queue_frames), info.format.frame_period_s),
-        input_check(info.format, settings.noise_k),
+        input_check(info.format, settings.noise_k, settings.tau_s),
         inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
         stats(inlet, source->status()),
         deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),

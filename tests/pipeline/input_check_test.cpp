@@ -40,6 +40,8 @@ TEST(InputCheck, NoiseThatTheFramesDoNotShowIsToldOnce) {
       settings.auto_lambda = true;
       const bool other = noise_k == 0.15 || noise_k == 1.5;
       EXPECT_EQ(told(script, {.deblur = settings}, " is told, "), other ? 1U : 0U) << noise_k;
+      settings.tau_s = 0.006;  // a period of 0.8 of it: what moves looks like noise
+      EXPECT_EQ(told(script, {.deblur = settings}, " is told, "), noise_k == 1.5 ? 1U : 0U) << noise_k;
     }
   }
 }
