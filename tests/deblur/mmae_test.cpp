@@ -337,7 +337,7 @@ TEST(NoiseMeter, IsNotFooledByValuesCutOffAtTheRangesEnd) {
   const Geometry g{320, 64};
   for (const double speed : {0.0, 0.7}) {
     for (const bool above : {false, true}) {
-      Movie movie(g, 0.5, kWindow, speed);
+      Movie movie(g, 0.5, speed);
       for (auto& plane : movie.planes()) {
         for (auto& value : plane)
           value = above ? std::min<std::uint16_t>(value, 30500) : std::max<std::uint16_t>(value, 30000);
