@@ -175,9 +175,10 @@ Result<std::vector<fs::path>> captures_in(const fs::path& given) {
   if (type != fs::file_type::directory && type != fs::file_type::none) return std::vector<fs::path>{given};
   std::vector<fs::path> captures;
   for (fs::directory_iterator at(given, error), end; !error && at != end; at.increment(error)) {
-    std::error_code ignored;
-    const fs::file_type kind = at->status(ignored).type();
-    const bool may_be_read = kind == fs::file_type::regular || kind == fs::file_type::none;  // none: nobody knows now
+    std::error_code unknown;
+    const fs::file_type kind = at->status(unknown).type();
+    const bool fails = kind == fs::file_type::none && unknown != std::errc::too_many_symbolic_link_levels;
+    const bool may_be_read = kind == fs::file_type::regular || fails;
     if (may_be_read && is_capture_name(at->path())) captures.push_back(at->path());
   }
   if (error) return bad_input(given.string() + ": cannot be read: " + error.message());
