@@ -194,7 +194,8 @@ def check_saving(page, folder):
     def saved(what, pattern):
         page.run("document.getElementById('save').open = true")
         page.click(f'[data-save="{what}"]')
-        return wait_for(lambda: glob.glob(os.path.join(folder, pattern)), pattern)[0]
+        # The browser takes the name with an empty file first.
+        return wait_for(lambda: [f for f in glob.glob(os.path.join(folder, pattern)) if os.path.getsize(f) > 0], pattern)[0]
 
     page.keys("\ue00c")
     page.click("#pause")
