@@ -13,7 +13,7 @@ namespace bolo::pipeline {
 
 class InputCheck {
  public:
-  // told_noise_k: K (counts without kelvin); 0: none is told.
+  // told_noise_k: K (counts without kelvin); 0: none is told. tau_s: of the pixels.
   InputCheck(const StreamFormat& format, double told_noise_k, double tau_s) noexcept
       : format_(format), told_noise_k_(told_noise_k), fast_(format.frame_period_s < kFastPeriod * tau_s) {}
 

@@ -10,12 +10,12 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdint>
-#include <exception>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "src/core/clock.hpp"
+#include "src/core/threads.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -55,12 +55,11 @@ struct RequestServer::Impl {
       list(events);
       if (poll(events.data(), events.size(), wait_ms()) < 0 && errno != EINTR) return;
       if ((events[0].revents & POLLIN) != 0 || ending.load(std::memory_order_relaxed)) return;
-      try {
+      const bool served = attempt([&] {
         attend(events);
         if ((events[1].revents & POLLIN) != 0) accept_all();
-      } catch (const std::exception&) {  // for want of memory
-        clients.clear();                 // frames go on
-      }
+      });
+      if (!served) clients.clear();  // frames go on
     }
   }
 
