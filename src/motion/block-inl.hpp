@@ -13,7 +13,7 @@
 #include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
-#include "src/motion/cubic.hpp"
+#include "src/motion/interpolation.hpp"
 #include "src/motion/kernels.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -107,63 +107,58 @@ struct Sampler {
   }
 };
 
-// What values that are `step` apart are interpolated from, kReach of them on both sides of a block's pixels: the four
-// pixels around one, or, where it lies on a row or a column, four of that.
+// How values `step` apart are interpolated, kReach of them on both sides of a block's pixels. Linear interpolation
+// would blur what the weights sharpen.
 struct Taps {
-  static constexpr int kPadded = 16;
-  HWY_ALIGN float fx[kPadded];
-  HWY_ALIGN float fy[kPadded];
-  HWY_ALIGN std::int32_t offset[kPadded];
-  HWY_ALIGN float w[4][kPadded];
-  std::ptrdiff_t stride;
+  std::ptrdiff_t offset[kTaps];
+  const float* of_row[kTaps];     // weights along a row; null where the value lies on a column
+  const float* of_column[kTaps];  // the same along a column
 
   // For the block at (x0, y0). Whole parts are limited as in whole_of.
-  HWY_INLINE Taps(const PaddedPlane& plane, int x0, int y0, Vec2 step) : stride(plane.stride()) {
-    static_assert(kPadded >= kTaps);
-    const hn::RebindToSigned<Float> whole;
-    const auto part = [&](int j, float along, int first, int blocks, Vec& share) HWY_ATTR {
-      const Vec s = hn::Mul(count_from(static_cast<float>(j - kReach)), all(along));
-      const Vec floor = hn::Floor(s);
-      share = hn::Sub(s, floor);
-      const Vec low = all(lowest(first));
-      const Vec high = all(highest(first, blocks));
-      return hn::ConvertTo(whole, hn::Min(hn::IfThenElse(hn::Gt(floor, low), floor, low), high));
+  HWY_INLINE Taps(const PaddedPlane& plane, int x0, int y0, Vec2 step) {
+    constexpr auto kParts = static_cast<float>(SixWeights::kParts);
+    const auto part = [](float s, int first, int blocks, int& whole) HWY_ATTR {
+      const float in_reach = std::min(std::max(-1.0F * kReach, s), 1.0F * kReach);  // NaN becomes the lowest
+      const float rounded = std::floor(in_reach * kParts + 0.5F) / kParts;
+      const float floor = std::floor(rounded);
+      whole = limited(floor, first, blocks);
+      const auto row = static_cast<std::size_t>((rounded - floor) * kParts);
+      return row == 0 ? nullptr : kSixWeights.w[row];
     };
-    for (int j = 0; j < kPadded; j += kLanes) {
-      Vec right;
-      Vec down;
-      const auto x = part(j, step.x, x0, plane.blocks_across(), right);
-      const auto y = part(j, step.y, y0, plane.blocks_down(), down);
-      const auto row = hn::Set(whole, static_cast<std::int32_t>(stride));
-      hn::Store(hn::Add(hn::Mul(y, row), x), whole, offset + j);
-      hn::Store(right, Float(), fx + j);
-      hn::Store(down, Float(), fy + j);
-      const Vec left = hn::Sub(all(1.0F), right);
-      const Vec up = hn::Sub(all(1.0F), down);
-      hn::Store(hn::Mul(left, up), Float(), w[0] + j);
-      hn::Store(hn::Mul(right, up), Float(), w[1] + j);
-      hn::Store(hn::Mul(left, down), Float(), w[2] + j);
-      hn::Store(hn::Mul(right, down), Float(), w[3] + j);
-    }
     for (int j = 0; j < kTaps; ++j) {
-      if (linear(j)) continue;
-      float four[4];
-      cubic(fx[j] + fy[j], four);
-      for (int i = 0; i < 4; ++i) w[i][j] = four[i];
+      const auto along = static_cast<float>(j - kReach);
+      int x = 0;
+      int y = 0;
+      of_row[j] = part(along * step.x, x0, plane.blocks_across(), x);
+      of_column[j] = part(along * step.y, y0, plane.blocks_down(), y);
+      offset[j] = y * plane.stride() + x;
     }
   }
-  bool linear(int j) const { return fx[j] != 0.0F && fy[j] != 0.0F; }
-  Source around(int j) const { return {offset[j], w[0][j], w[1][j], w[2][j], w[3][j]}; }
-};
 
-// Of a tap that is not linear.
-HWY_INLINE Vec value_of(const float* at, const Taps& taps, int j) {
-  const std::ptrdiff_t step = taps.fx[j] == 0.0F ? taps.stride : 1;
-  const float* from = at + taps.offset[j] - step;
-  Vec v = hn::Mul(all(taps.w[0][j]), load(from));
-  for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(taps.w[i][j]), load(from + i * step), v);
-  return v;
-}
+  // put(row, values) for `kRows` rows from `at` on.
+  template <int kRows, typename Put>
+  HWY_INLINE void values(int j, const float* at, std::ptrdiff_t stride, const Put& put) const {
+    const auto sum = [](const float* w, const auto& value) HWY_ATTR {
+      Vec v = hn::Mul(all(w[0]), value(0));
+      for (int i = 1; i < SixWeights::kValues; ++i) v = hn::MulAdd(all(w[i]), value(i), v);
+      return v;
+    };
+    const float* from = at + offset[j];
+    const auto in_row = [&](int r) HWY_ATTR {
+      const float* p = from + r * stride;
+      if (of_row[j] == nullptr) return load(p);
+      return sum(of_row[j], [&](int i) HWY_ATTR { return load(p + i - SixWeights::kBefore); });
+    };
+    if (of_column[j] == nullptr) {
+      for (int r = 0; r < kRows; ++r) put(r, in_row(r));
+      return;
+    }
+    constexpr int kRead = kRows + SixWeights::kValues - 1;
+    Vec rows[std::size_t{kRead}];
+    for (int r = 0; r < kRead; ++r) rows[r] = in_row(r - SixWeights::kBefore);
+    for (int r = 0; r < kRows; ++r) put(r, sum(of_column[j], [&](int i) HWY_ATTR { return rows[r + i]; }));
+  }
+};
 
 // 1 for pixels x0 .. of row y whose source p - d keeps `margin` from the border.
 struct Inside {

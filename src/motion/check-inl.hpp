@@ -10,12 +10,16 @@
 #include <cmath>
 
 #include "src/motion/estimate-inl.hpp"
+#include "src/motion/innovation.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::motion::HWY_NAMESPACE {
 
 constexpr int kFewestSteps = 3;
 constexpr int kMostSteps = 30;
+
+constexpr float kShort = 1.0F;  // px of a trail: longer ones blur more than interpolation does,
+constexpr float kLong = 5.0F;   // from here on so much that it does not count
 
 // Steps of a trail along d.
 HWY_INLINE int steps_of(Vec2 d) {
@@ -33,6 +37,21 @@ HWY_INLINE void share_steps(int steps, float ratio, float* share) {
   for (int i = 0; i < steps; ++i) share[i] /= total;
 }
 
+// Adds to a block what `blur` (px^2 along both axes) took off the values at `from`.
+HWY_INLINE void add_sharpness(const float* from, std::ptrdiff_t stride, Vec2 blur, BlockSum& block) {
+  const Vec across = all(-0.5F * blur.x);
+  const Vec down = all(-0.5F * blur.y);
+  const Vec middle = all(blur.x + blur.y);
+  for (int r = 0; r < kBlock; ++r) {
+    for (int k = 0; k < kBlock; k += kLanes) {
+      const float* p = from + r * stride + k;
+      Vec v = hn::MulAdd(middle, load(p), block.row[r][k / kLanes]);
+      v = hn::MulAdd(across, hn::Add(load(p - 1), load(p + 1)), v);
+      block.row[r][k / kLanes] = hn::MulAdd(down, hn::Add(load(p - stride), load(p + stride)), v);
+    }
+  }
+}
+
 void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, const Vec2* d, float ratio, int block_row,
            PaddedPlane& left, float* left_square, float* change_square) noexcept {
   const int y0 = block_row * kBlock;
@@ -42,10 +61,17 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
     const int x0 = c * kBlock;
     if (const int here = steps_of(d[c]); here != steps) share_steps(steps = here, ratio, share);
     for (const PaddedPlane* plane : {&x, &y, &z}) prefetch_next(plane->at(x0, y0), plane->stride(), kBlock);
+    const float length = std::sqrt(d[c].x * d[c].x + d[c].y * d[c].y);
+    const float counts = std::clamp((kLong - length) / (kLong - kShort), 0.0F, 1.0F);
     BlockSum blurred;
+    Vec2 middle;
+    Vec2 blur;  // by linear interpolation
     for (int i = 0; i < steps; ++i) {
       const float f = (static_cast<float>(i) + 0.5F) / static_cast<float>(steps);
-      Source s = source_at(x, x0, y0, f * d[c].x, f * d[c].y);
+      const Vec2 at = d[c] * f;
+      Source s = source_at(x, x0, y0, at.x, at.y);
+      middle = middle + at * share[i];
+      blur = blur + Vec2{spread_by_moving(at.x), spread_by_moving(at.y)} * (share[i] * counts);
       s.w00 *= share[i];
       s.w10 *= share[i];
       s.w01 *= share[i];
@@ -55,6 +81,10 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
         HWY_UNROLL(8)
         for (int r = 0; r < kBlock; ++r) blurred.row[r][k / kLanes] = hn::Add(blurred.row[r][k / kLanes], moved.next());
       }
+    }
+    if (counts > 0.0F) {
+      const Source s = source_at(x, x0, y0, std::floor(middle.x + 0.5F), std::floor(middle.y + 0.5F));
+      add_sharpness(x.at(x0, y0) + s.offset, x.stride(), blur, blurred);
     }
     Vec residual = hn::Zero(Float());
     Vec change = residual;

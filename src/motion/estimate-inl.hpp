@@ -10,7 +10,7 @@
 #include <cmath>
 
 #include "src/motion/block-inl.hpp"
-#include "src/motion/cubic.hpp"
+#include "src/motion/interpolation.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::motion::HWY_NAMESPACE {
@@ -265,13 +265,8 @@ HWY_INLINE void filter_half(const FilterInputs& in, const Taps& taps, const Pixe
   const auto along = [&](int j, const PaddedPlane& plane, int tap) HWY_ATTR {
     const Vec middle = hn::Load(Float(), weights.middle[tap] + column);
     const Vec change = hn::Load(Float(), weights.change[half][tap] + column);
-    const float* from = plane.at(x, y);
-    if (taps.linear(j)) {
-      Sampler rows(from, stride, taps.around(j));
-      for (int r = 0; r < HalfBlock::kRows; ++r) sums.add(r, rows.next(), middle, change);
-    } else {
-      for (int r = 0; r < HalfBlock::kRows; ++r) sums.add(r, value_of(from + r * stride, taps, j), middle, change);
-    }
+    taps.values<HalfBlock::kRows>(j, plane.at(x, y), stride,
+                                  [&](int r, Vec v) HWY_ATTR { sums.add(r, v, middle, change); });
   };
   for (int j = 0; j < kTaps; ++j) {
     along(j, *in.now, j);

@@ -3,21 +3,22 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/motion/cubic.hpp"
+#include "src/motion/interpolation.hpp"
 #include "src/motion/odds.hpp"
 
 namespace bolo::motion {
 namespace {
 
-constexpr float kLeastGradient = 0.3F;      // of the noise in the past's mean
-constexpr float kLeastUncertainty = 0.01F;  // px a frame
-constexpr float kOfSpeed = 0.004F;
-constexpr float kSlowest = 0.05F;               // px a frame, that an uncertainty is relative to
-constexpr float kSlowPath = 0.3F;               // px a frame, that differences from the path are relative to
-constexpr float kSamePath = 0.1F;               // of the speed: up to here the path's weights are a block's
-constexpr float kOtherPath = 0.3F;              // from here on none of them
-constexpr float kFading = 8.0F;                 // px a frame, before PathWeights::kFastest
-constexpr float kOfError = 0.3F;                // of the estimate's error, in the trust in the check
+constexpr float kLeastGradient = 0.3F;       // of the noise in the past's mean
+constexpr float kLeastUncertainty = 0.005F;  // px a frame
+constexpr float kOfSpeed = 0.001F;
+constexpr float kOfMisfit = 0.3F;   // of the squared displacement that would explain a misfit: most of it is no motion
+constexpr float kSlowest = 0.05F;   // px a frame, that an uncertainty is relative to
+constexpr float kSlowPath = 0.3F;   // px a frame, that differences from the path are relative to
+constexpr float kSamePath = 0.1F;   // of the speed: up to here the path's weights are a block's
+constexpr float kOtherPath = 0.3F;  // from here on none of them
+constexpr float kFading = 8.0F;     // px a frame, before PathWeights::kFastest
+constexpr float kOfError = 0.3F;    // of the estimate's error, in the trust in the check
 constexpr float kOfSmoother = 0.75F;            // a px, of the error: promised too low where the scene is not so smooth
 constexpr float kMayLeave = 1.0F;               // px of a trail, beyond the border
 constexpr float kNearlyRight = 0.05F;           // of the mean square error beside it
@@ -189,7 +190,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
       const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
       const float from_fit = unexplained / gradient / (kMeanAge * kMeanAge);
       const float sigma =
-          std::sqrt(from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
+          std::sqrt(kOfMisfit * from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
       unexplained_.at(c, row) = unexplained * age * age / noise;
       contrast_across_.at(c, row) = across / noise;
       place_.at(c, row) = table_->place_of(speed, structure / noise, sigma / std::max(speed, kSlowest));

@@ -158,27 +158,24 @@ void PathWeights::follow(const Kernels& kernels, const Path& path, Crew& crew) n
   }
   bent_ = bend > kStraight * speed_ + kUnseenBend && speed_ < static_cast<double>(kFastest);
   if (!bent_) return;
-  const Vec2 e = speed_ < kStill ? Vec2{1.0F, 0.0F} : v * static_cast<float>(1.0 / speed_);
-  const bool flat = std::abs(e.x) >= std::abs(e.y);
-  step_ = e * (1.0F / std::abs(flat ? e.x : e.y));
-  (flat ? step_.x : step_.y) = std::copysign(1.0F, flat ? e.x : e.y);
+  step_ = speed_ < kStill ? Vec2{1.0F, 0.0F} : v * static_cast<float>(1.0 / speed_);
   for_rows(crew, kLevels, [&](int level) {
     Trails trails;
     set_trails(path, WeightTable::uncertainty_of(static_cast<std::size_t>(level)) * speed_, trails);
     fill(kernels, trails, covariances_[static_cast<std::size_t>(level)]);
-    if (level == 0) set_contrast(kernels, trails[kNow], e);
+    if (level == 0) set_contrast(kernels, trails[kNow]);
   });
   set_noise(path);
 }
 
 // Derives from contrasts the scene's variance and the past's mean's difference from the frame, for the least
 // uncertainty that has weights.
-void PathWeights::set_contrast(const Kernels& kernels, const SceneTrail& now, Vec2 e) noexcept {
+void PathWeights::set_contrast(const Kernels& kernels, const SceneTrail& now) noexcept {
   const Matrix& scene = covariances_[0].scene;
   const double variance = scene(kReach, kReach);
   const auto contrast = [&](float apart) {
     double common = 0.0;
-    kernels.correlate(now, now, e * apart, 1, 1, static_cast<float>(smooth_of(speed_)), &common);
+    kernels.correlate(now, now, step_ * apart, 1, 1, static_cast<float>(smooth_of(speed_)), &common);
     return std::max(variance - common, kFlat * variance);
   };
   unit_ = contrast(2.0F);

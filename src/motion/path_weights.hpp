@@ -28,7 +28,7 @@ class PathWeights {
 
   // False when the last path is as good as straight: then there are no weights. Thread: pipeline.
   bool bent() const noexcept { return bent_; }
-  // Distance between values with weights: a whole pixel along an axis. Thread: any.
+  // From one value with weights to the next, 1 px. Thread: any.
   Vec2 step() const noexcept { return step_; }
   // Half the mean square difference over two pixels along the path, over the one at lag_of(its speed). Thread: any.
   float lag_factor() const noexcept { return lag_factor_; }
@@ -55,7 +55,7 @@ class PathWeights {
   void set_trails(const Path& path, double sigma, Trails& trails) const noexcept;
   void set_noise(const Path& path) noexcept;
   void fill(const Kernels& kernels, const Trails& trails, Covariances& out) const noexcept;
-  void set_contrast(const Kernels& kernels, const SceneTrail& now, Vec2 e) noexcept;
+  void set_contrast(const Kernels& kernels, const SceneTrail& now) noexcept;
 
   Inertia inertia_;
   int ahead_;

@@ -28,7 +28,7 @@ constexpr double kRatioDecades = 0.15;                             // a step
 constexpr float kLeastLess = 0.01F;     // of the mean square error: least gain for which the far past is used
 constexpr float kWorthwhile = 0.1F;     // gain beyond that for which it is used in full
 constexpr float kLeastAcross = 0.007F;  // noise variances
-constexpr float kSlanted = 0.7F;        // of the noise, by which values between pixels have less on the diagonal
+constexpr float kSlanted = 0.4F;        // of the noise, by which values between pixels have less on the diagonal
 constexpr float kLargestIndex = 1e-4F;  // below the last, so that there is one above
 
 // Gauss-Hermite nodes of the standard normal: 5 along the motion, 3 across, of which two are equivalent.

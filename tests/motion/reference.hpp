@@ -2,6 +2,8 @@
 // looked up with the frame's border repeated.
 #pragma once
 
+#include <Eigen/Dense>
+
 #include "src/motion/kernels.hpp"
 #include "tests/test.hpp"
 
@@ -42,6 +44,39 @@ inline double bicubic(const PaddedPlane& p, double x, double y) {
   double sum = 0.0;
   for (int j = -1; j <= 2; ++j) {
     for (int i = -1; i <= 2; ++i) sum += keys(x - (ix + i)) * keys(y - (iy + j)) * value(p, ix + i, iy + j);
+  }
+  return sum;
+}
+
+// Weights of the values from -2 to 3 for a point f after 0: kriging with unit sum, as a bordered system.
+inline Eigen::Matrix<double, 7, 1> kriging(double f) {
+  const auto likeness = [](double apart) { return std::exp(-0.5 * apart * apart / (1.2 * 1.2)); };
+  Eigen::Matrix<double, 7, 7> system = Eigen::Matrix<double, 7, 7>::Ones();
+  Eigen::Matrix<double, 7, 1> right = Eigen::Matrix<double, 7, 1>::Ones();
+  system(6, 6) = 0.0;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) system(i, j) = likeness(i - j) + (i == j ? 1e-3 : 0.0);
+    right(i) = likeness(i - 2 - f);
+  }
+  return system.fullPivLu().solve(right);
+}
+
+// Between six values along both axes, at the nearest of 64 parts of a pixel.
+inline double between_six(const PaddedPlane& p, double x, double y) {
+  const auto rounded = [](double v) { return std::floor(v * 64.0 + 0.5) / 64.0; };
+  const int ix = static_cast<int>(std::floor(rounded(x)));
+  const int iy = static_cast<int>(std::floor(rounded(y)));
+  const Eigen::Matrix<double, 7, 1> wx = kriging(rounded(x) - ix);
+  const Eigen::Matrix<double, 7, 1> wy = kriging(rounded(y) - iy);
+  // A value on a pixel is that pixel's.
+  const auto weight = [](const Eigen::Matrix<double, 7, 1>& w, double f, int i) {
+    return f == 0.0 ? (i == 2 ? 1.0 : 0.0) : w(i);
+  };
+  double sum = 0.0;
+  for (int j = 0; j < 6; ++j) {
+    for (int i = 0; i < 6; ++i) {
+      sum += weight(wx, rounded(x) - ix, i) * weight(wy, rounded(y) - iy, j) * value(p, ix + i - 2, iy + j - 2);
+    }
   }
   return sum;
 }
