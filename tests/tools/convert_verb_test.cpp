@@ -98,7 +98,7 @@ TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
 
 // The limit on file size stands for the end of the disk. The program inherits it from this process.
 TEST_F(ConvertVerb, AFullDiskLeavesNothingOfACapture) {
-  write_capture("a.h5", 500);
+  write_capture("a.h5", 3000);
   rlimit before{};
   getrlimit(RLIMIT_FSIZE, &before);
   const rlimit limit{fs::file_size(file("a.h5")) / 2, before.rlim_max};
