@@ -94,13 +94,14 @@ Session::Session(Connection connection, Negotiated negotiated, const CameraOptio
 
 Session::~Session() {
   gate_.shut();
-  if (began_ && !control_lost() && answers()) {
+  attempt([this] {  // without memory the camera finds out by itself
+    if (!began_ || control_lost() || !answers()) return;
     Nodes nodes(connection_.device.get());
     nodes.execute("AcquisitionStop");
     if (nodes.has("TLParamsLocked")) nodes.set_integer("TLParamsLocked", 0);
     GlibError ignored;
     if (gvsp_ != nullptr) arv_device_write_register(connection_.device.get(), kStreamPort, 0, ignored.out());
-  }
+  });
 }
 
 Status Session::prepare(FrameReceiver& receiver, std::shared_ptr<pipeline::SourceStatus> status,

@@ -4,10 +4,11 @@
 #include <bit>
 #include <string>
 
+#include "drivers/shm/json_members.hpp"
+
 namespace bolo::shm {
 namespace {
 
-using nlohmann::ordered_json;
 using pipeline::kCameraCounters;
 using pipeline::kLostCauses;
 using pipeline::SourceState;
@@ -22,8 +23,8 @@ static_assert(kLostCauses <= BOLO_SHM_LOST_CAUSES);
 
 using Words = std::array<std::uint64_t, sizeof(bolo_shm_camera) / sizeof(std::uint64_t)>;
 
-ordered_json value_of(const pipeline::CounterRow<pipeline::SourceStatus>& row, const Words& words,
-                      std::int64_t now_ns) {
+nlohmann::json value_of(const pipeline::CounterRow<pipeline::SourceStatus>& row, const Words& words,
+                        std::int64_t now_ns) {
   using pipeline::RowKind;
   const auto word = [&words](std::size_t offset) { return words[offset / sizeof(std::uint64_t)]; };
   const std::uint64_t own = word(row.shared);
@@ -59,19 +60,24 @@ const char* ptp_word(const bolo_shm_camera& camera) noexcept {
   return camera.ptp < pipeline::kPtpStatuses ? name(static_cast<pipeline::PtpStatus>(camera.ptp)).data() : "unknown";
 }
 
-ordered_json camera_json(const bolo_shm_camera& camera, std::int64_t now_ns) {
+std::string camera_json(const bolo_shm_camera& camera, std::int64_t now_ns) {
   const auto words = std::bit_cast<Words>(camera);
-  ordered_json json{{"state", camera_state_word(camera)}, {"state_age_s", seconds_since(camera.since_ns, now_ns)}};
+  JsonMembers json;
+  json.add("state", camera_state_word(camera));
+  json.add("state_age_s", seconds_since(camera.since_ns, now_ns));
   for (const auto& row : kCameraCounters) {
-    if (!row.key.empty() && row.parts == 1) json[std::string(row.key)] = value_of(row, words, now_ns);
+    if (!row.key.empty() && row.parts == 1) json.add(row.key, value_of(row, words, now_ns));
   }
-  json["ptp"] = camera.ptp == 0 ? ordered_json(nullptr) : ordered_json(ptp_word(camera));
+  json.add("ptp", camera.ptp == 0 ? nlohmann::json() : nlohmann::json(ptp_word(camera)));
   for (const auto& row : kCameraCounters) {
-    for (std::size_t i = 0; row.parts > 1 && i < row.parts; ++i) {
-      json[std::string(row.key)][part_key(row, i)] = words[row.shared / sizeof(std::uint64_t) + i];
+    if (row.parts == 1) continue;
+    JsonMembers parts;
+    for (std::size_t i = 0; i < row.parts; ++i) {
+      parts.add(part_key(row, i), words[row.shared / sizeof(std::uint64_t) + i]);
     }
+    json.add_text(row.key, parts.text());
   }
-  return json;
+  return json.text();
 }
 
 }  // namespace bolo::shm

@@ -1,7 +1,7 @@
 // A camera's status between the pipeline's form of it, shared memory's, and JSON.
 #pragma once
 
-#include <nlohmann/json.hpp>
+#include <string>
 
 #include "bolo/shm_layout.h"
 #include "src/pipeline/source.hpp"
@@ -21,6 +21,6 @@ const char* ptp_word(const bolo_shm_camera& camera) noexcept;
 double seconds_since(std::int64_t then_ns, std::int64_t now_ns) noexcept;
 
 // Keys in snake_case, unit in the name; what is not known is null. now_ns: CLOCK_MONOTONIC. Thread: any.
-nlohmann::ordered_json camera_json(const bolo_shm_camera& camera, std::int64_t now_ns);
+std::string camera_json(const bolo_shm_camera& camera, std::int64_t now_ns);
 
 }  // namespace bolo::shm

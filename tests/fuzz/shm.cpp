@@ -42,7 +42,7 @@ void take(const fuzz::Step& step, ShmReader& reader, fuzz::HostileObject& object
       static_cast<void>(reader.read_samples(step.value, std::array<std::uint32_t, 3>{0, 0, 0}, head, samples.data()));
       return;
     case 4:
-      if (const auto camera = reader.camera()) static_cast<void>(camera_json(*camera, monotonic_ns()).dump());
+      if (const auto camera = reader.camera()) static_cast<void>(camera_json(*camera, monotonic_ns()));
       return;
     case 5:
       static_cast<void>(reader.header());

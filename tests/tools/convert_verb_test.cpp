@@ -1,5 +1,6 @@
 // `bolo convert` as its user meets it. Radiometric stills are put together here by the structure that exiftool
 // documents for FLIR's APP1 segments, and exiftool itself reads them.
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include "tests/tools/program.hpp"
@@ -93,6 +94,18 @@ TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
   EXPECT_EQ(one.info().frames, 1U);
   EXPECT_NEAR(one.t()[0], 1.010, 1e-12);
   EXPECT_EQ(one.events().size(), 0U);
+}
+
+// The limit on file size stands for the end of the disk. The program inherits it from this process.
+TEST_F(ConvertVerb, AFullDiskLeavesNothingOfACapture) {
+  write_capture("a.h5", 3000);
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit limit{fs::file_size(file("a.h5")) / 2, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  ended(1, words("@a.h5 -o @b.h5"), {"File too large"});
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  for (const char* name : {"b.h5", "b.h5.part", "b.h5.part.journal"}) EXPECT_FALSE(fs::exists(file(name))) << name;
 }
 
 TEST_F(ConvertVerb, PreviewsOfARangeHaveTheSameGreysInEveryFrame) {

@@ -265,6 +265,8 @@ const std::vector<Refusal> kRefusals{
     {kUsual + "--points @none.csv", "none.csv: cannot be opened"},
     {kUsual + "--points /dev/zero", "/dev/zero: is a device, not a file"},
     {kUsual + "--points @bad.csv", "bad.csv:4: '3;4' is not a point"},
+    {kUsual + "--points @long.csv",
+     "long.csv:1: '111111111111111111111111111111111111111111111111111111111111' is not a point"},
     {kUsual + "--points @far.csv", "far.csv:1: point 39.5,2 is outside"},
     {kUsual + "--points @many.csv", "many.csv: more points than"},
     {kUsual + "--points @empty.csv", "empty.csv: no points"},
@@ -300,6 +302,7 @@ TEST_F(DeblurVerb, RefusesInOneLineWithExitCode2AndNoOutput) {
   write("text.h5", "not a capture\n");
   write("bad.csv", "# points\nx,y\n1,2\n3;4\n");
   write("far.csv", "39.5,2\n");
+  write("long.csv", std::string(100'000, '1') + "\n");
   std::string many;
   for (int i = 0; i <= kWidth * kHeight; ++i) many += "1,1\n";
   write("many.csv", many);

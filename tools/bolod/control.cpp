@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "drivers/shm/camera_block.hpp"
+#include "drivers/shm/json_members.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/threads.hpp"
@@ -67,34 +68,48 @@ tl::unexpected<Error> cannot(const std::string& path, int code) {
                    "; set control.socket to a place where the daemon may write, or control.enable = false");
 }
 
-using nlohmann::ordered_json;
+using shm::JsonMembers;
 
-ordered_json latency_json(const rt::LatencyHistogram& histogram) {
+std::string latency_json(const rt::LatencyHistogram& histogram) {
   const auto counts = histogram.counts();
-  const auto percentile = [&counts](double fraction) { return rt::LatencyHistogram::percentile_ms(counts, fraction); };
-  return {{"p50_ms", percentile(0.5)}, {"p99_ms", percentile(0.99)}, {"max_ms", percentile(1.0)}};
+  JsonMembers json;
+  json.add("p50_ms", rt::LatencyHistogram::percentile_ms(counts, 0.5));
+  json.add("p99_ms", rt::LatencyHistogram::percentile_ms(counts, 0.99));
+  json.add("max_ms", rt::LatencyHistogram::percentile_ms(counts, 1.0));
+  return json.text();
 }
 
 template <typename Enum, std::size_t N>
-ordered_json by_name(const std::array<std::uint64_t, N>& counts) {
-  ordered_json json;
-  for (std::size_t i = 0; i < N; ++i) json[std::string(name(static_cast<Enum>(i)))] = counts[i];
-  return json;
+std::string by_name(const std::array<std::uint64_t, N>& counts) {
+  JsonMembers json;
+  for (std::size_t i = 0; i < N; ++i) json.add(name(static_cast<Enum>(i)), counts[i]);
+  return json.text();
 }
 
-ordered_json sink_json(const pipeline::SinkStatistics& sink) {
-  ordered_json json{{sink.label, sink.name}};
+std::string sink_json(const pipeline::SinkStatistics& sink) {
+  JsonMembers json;
+  json.add(sink.label, sink.name);
   for (const pipeline::SinkNumber& number : sink.numbers) {
-    json[std::string(number.key)] = number.counts() ? ordered_json(number.value) : ordered_json(number.value != 0);
+    number.counts() ? json.add(number.key, number.value) : json.add(number.key, number.value != 0);
   }
-  return json;
+  return json.text();
 }
 
-ordered_json stages_json(const pipeline::PipelineStats& stats) {
-  ordered_json json;
-  for (const auto& stage : pipeline::kStages) json[std::string(stage.name)] = latency_json(stats.stages.*stage.latency);
-  json["total"] = latency_json(stats.latency);
-  return json;
+// Of the sinks that are one group, a list.
+std::string sinks_json(const pipeline::Pipeline& pipeline, std::string_view group) {
+  std::string list;
+  for (const pipeline::FrameSink* sink : pipeline.sinks()) {
+    const pipeline::SinkStatistics statistics = sink->statistics();
+    if (statistics.group == group) list += (list.empty() ? "" : ",") + sink_json(statistics);
+  }
+  return "[" + list + "]";
+}
+
+std::string stages_json(const pipeline::PipelineStats& stats) {
+  JsonMembers json;
+  for (const auto& stage : pipeline::kStages) json.add_text(stage.name, latency_json(stats.stages.*stage.latency));
+  json.add_text("total", latency_json(stats.latency));
+  return json.text();
 }
 
 }  // namespace
@@ -163,32 +178,33 @@ ControlServer::~ControlServer() {
 // No other file has its number while it is listened to, even without a name.
 bool ControlServer::is_there() const { return file_at(path_) == file_; }
 
-ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline) {
+std::string state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline) {
   const pipeline::PipelineStats& stats = pipeline.stats();
-  ordered_json json{{"ok", true}, {"name", config.name}, {"received", stats.inlet.received()}};
+  JsonMembers json;
+  json.add("ok", true);
+  json.add("name", config.name);
+  json.add("received", stats.inlet.received());
   for (const auto& row : pipeline::kFrameCounters) {  // the others are in shared memory
     if (row.shared != 0 || row.key.empty()) continue;
     const std::uint64_t word = row.read(stats, 0);
-    json[std::string(row.key)] = word;
+    if (row.kind != pipeline::RowKind::kReal) json.add(row.key, word);
     if (row.kind == pipeline::RowKind::kReal) {
-      json[std::string(row.key)] = word == 0 ? ordered_json() : ordered_json(std::bit_cast<double>(word));
+      json.add(row.key, word == 0 ? nlohmann::json() : nlohmann::json(std::bit_cast<double>(word)));
     }
   }
-  json["lost_total"] = stats.inlet.losses().total();
-  json["lost"] = by_name<LossCause>(loss_counts(stats));
-  json["effort"] = {{"now", name(stats.effort.value())},
-                    {"frames", by_name<pipeline::QualityLevel>(quality_counts(stats))}};
-  json["stages"] = stages_json(stats);
-  json["camera"] = nullptr;
-  if (stats.source != nullptr) json["camera"] = shm::camera_json(shm::camera_block(*stats.source), monotonic_ns());
+  json.add("lost_total", stats.inlet.losses().total());
+  json.add_text("lost", by_name<LossCause>(loss_counts(stats)));
+  JsonMembers effort;
+  effort.add("now", name(stats.effort.value()));
+  effort.add_text("frames", by_name<pipeline::QualityLevel>(quality_counts(stats)));
+  json.add_text("effort", effort.text());
+  json.add_text("stages", stages_json(stats));
+  const bool camera = stats.source != nullptr;
+  json.add_text("camera", camera ? shm::camera_json(shm::camera_block(*stats.source), monotonic_ns()) : "null");
   for (const auto& section : config.sinks) {
-    if (!section->group().empty()) json[std::string(section->group())] = ordered_json::array();
+    if (!section->group().empty()) json.add_text(section->group(), sinks_json(pipeline, section->group()));
   }
-  for (const pipeline::FrameSink* sink : pipeline.sinks()) {
-    const pipeline::SinkStatistics statistics = sink->statistics();
-    if (!statistics.group.empty()) json[std::string(statistics.group)].push_back(sink_json(statistics));
-  }
-  return json;
+  return json.text();
 }
 
 }  // namespace bolo::daemon

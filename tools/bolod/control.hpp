@@ -9,8 +9,6 @@
 #include <string_view>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
 #include "src/core/result.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/bolod/request_server.hpp"
@@ -54,6 +52,6 @@ class ControlServer {
 
 // Counts of frames, latency by stage ({"arrival": {"p50_ms": .., "p99_ms": .., "max_ms":
 // ..}, ...}), camera and sinks. Thread: any.
-nlohmann::ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline);
+std::string state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline);
 
 }  // namespace bolo::daemon

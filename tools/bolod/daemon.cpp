@@ -2,10 +2,12 @@
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <ctime>
 #include <exception>
+#include <future>
 #include <optional>
 #include <string_view>
 #include <thread>
@@ -18,8 +20,8 @@
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
-#include <nlohmann/json.hpp>
 
+#include "drivers/shm/json_members.hpp"
 #include "drivers/shm/shm_gyro.hpp"
 #include "drivers/shm/shm_sink.hpp"
 #include "drivers/v4l2/v4l2_sink.hpp"
@@ -54,6 +56,7 @@ Result<ComposedSource> make_replay(const ReplayOptions& options) {
 namespace event = pipeline::event;
 
 constexpr std::int64_t kRetryNs = 2'000'000'000;  // of what others took away, or have
+constexpr std::chrono::seconds kReadPatience{2};  // with the disk of the configuration
 constexpr timespec kPollPeriod{0, 100'000'000};   // how late a signal's or the source's end may be noticed
 
 sigset_t our_signals() {
@@ -161,6 +164,17 @@ std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipel
                      describe_sinks(config));
 }
 
+void end_by_signals() {
+  const auto end = [](int) { _exit(0); };
+  for (const int signal : {SIGTERM, SIGINT}) {
+    if (!ignored(signal)) ::signal(signal, end);
+  }
+  sigset_t hangup;
+  sigemptyset(&hangup);
+  sigaddset(&hangup, SIGHUP);
+  pthread_sigmask(SIG_BLOCK, &hangup, nullptr);
+}
+
 void block_signals() {
   const sigset_t signals = our_signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
@@ -192,7 +206,8 @@ struct Daemon::Impl {
   std::unique_ptr<RequestServer> metrics;
   std::int64_t next_metrics_try_ns = 0;
   std::int64_t next_control_check_ns = 0;
-  bool control_missed = false;  // and logged
+  bool control_missed = false;                // and logged
+  std::future<Result<DaemonConfig>> reading;  // the file once more
 
   Status compose();
   Result<std::unique_ptr<ControlServer>> make_control();
@@ -204,6 +219,7 @@ struct Daemon::Impl {
   void follow_period();
   bool take_signal(OnHangup on_hangup);
   void reload();
+  Result<DaemonConfig> read_again();
   void apply(const DaemonConfig& read);
   void lock_memory() const;
 };
@@ -288,13 +304,19 @@ void Daemon::Impl::serve_metrics() {
 std::string Daemon::Impl::answer(std::string_view request) const {
   // May contain text of the camera, which need be no UTF-8.
   const auto refused = [](const std::string& why) {
-    return nlohmann::json{{"ok", false}, {"error", printable(why)}}.dump();
+    shm::JsonMembers json;
+    json.add("ok", false);
+    json.add("error", printable(why));
+    return json.text();
   };
-  if (request == "state") return state_json(config, *pipeline).dump();
+  if (request == "state") return state_json(config, *pipeline);
   if (request != "nuc") return refused("unknown request; there are: nuc, state");
   if (const Status done = pipeline->trigger_nuc(); !done) return refused(done.error().message);
   const pipeline::SourceStatus* status = pipeline->stats().source;
-  return nlohmann::json{{"ok", true}, {"nucs", status != nullptr ? status->corrections.value() : 0}}.dump();
+  shm::JsonMembers json;
+  json.add("ok", true);
+  json.add("nucs", status != nullptr ? status->corrections.value() : 0);
+  return json.text();
 }
 
 // True when it asks for the end.
@@ -347,8 +369,7 @@ void Daemon::Impl::follow_period() {
 // A file that is wrong changes nothing.
 void Daemon::Impl::reload() {
   service::notify_reloading();
-  const Result<DaemonConfig> read =
-      config.file.empty() ? bad_input("there is no file that could have changed") : read_config(config.file);
+  const Result<DaemonConfig> read = tried([this] { return read_again(); });
   if (read) {
     apply(*read);
   } else {
@@ -356,6 +377,24 @@ void Daemon::Impl::reload() {
     log_notice(*log, spdlog::level::err, {true, text, event::kReload});
   }
   service::notify_ready(read ? "read its file again" : "could not read its file again");
+}
+
+// On a thread of its own, which a disk that hangs keeps; a file that still comes after that is not taken.
+Result<DaemonConfig> Daemon::Impl::read_again() {
+  if (config.file.empty()) return bad_input("there is no file that could have changed");
+  const auto comes_within = [this](std::chrono::seconds wait) {
+    return reading.wait_for(wait) == std::future_status::ready;
+  };
+  if (!reading.valid() || comes_within(std::chrono::seconds(0))) {
+    std::packaged_task<Result<DaemonConfig>()> task(
+        [file = config.file] { return tried([&] { return read_config(file); }); });
+    reading = task.get_future();
+    std::thread(std::move(task)).detach();
+  }
+  if (!comes_within(kReadPatience)) {
+    return bad_input(fmt::format("{}: cannot be read within {} s", config.file.string(), kReadPatience.count()));
+  }
+  return reading.get();
 }
 
 void Daemon::Impl::apply(const DaemonConfig& read) {

@@ -13,6 +13,7 @@
 #include "tools/bolod/config.hpp"
 #include "tools/bolod/daemon.hpp"
 #include "tools/bolod/log.hpp"
+#include "tools/bolod/setup_guard.hpp"
 
 namespace {
 
@@ -57,15 +58,16 @@ int usage(const std::string& what) {
 }
 
 int run(const std::string& file, bool check_only) {
-  bolo::daemon::block_signals();  // a signal during set-up waits for the watch, and still ends in good order
+  if (!check_only) bolo::daemon::end_by_signals();  // the disk of the file may hang
   const bolo::Result<bolo::daemon::DaemonConfig> config = bolo::daemon::read_config(file);
   if (!config) return report(config.error());
   if (check_only) {
     std::printf("%s: ok\n", bolo::printable(file).c_str());
     return printed();
   }
+  bolo::daemon::block_signals();  // a signal during set-up waits for the watch, and still ends in good order
   const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log, config->name));
-  if (!daemon) return report_start(daemon.error());
+  if (!daemon) return bolo::daemon::end_requested() ? kExitDone : report_start(daemon.error());
   const bolo::Status status = (*daemon)->run(bolo::daemon::OnHangup::kReload);
   return status ? kExitDone : report(status.error());
 }

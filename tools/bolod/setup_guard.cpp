@@ -14,12 +14,6 @@ namespace {
 
 constexpr std::chrono::milliseconds kSetupPollPeriod{100};
 
-// The signal stays pending, for Daemon::run().
-bool end_requested() {
-  sigset_t pending;
-  return sigpending(&pending) == 0 && (sigismember(&pending, SIGTERM) == 1 || sigismember(&pending, SIGINT) == 1);
-}
-
 void watch(const std::stop_token& over, std::chrono::milliseconds grace) {
   std::mutex mutex;
   std::condition_variable_any ended;
@@ -29,11 +23,16 @@ void watch(const std::stop_token& over, std::chrono::milliseconds grace) {
     waited = end_requested() ? waited + kSetupPollPeriod : std::chrono::milliseconds(0);
     if (waited < grace) continue;
     write_to_stderr("bolod: ended by a signal while it was set up\n", 0);
-    _exit(1);
+    _exit(0);
   }
 }
 
 }  // namespace
+
+bool end_requested() {
+  sigset_t pending;
+  return sigpending(&pending) == 0 && (sigismember(&pending, SIGTERM) == 1 || sigismember(&pending, SIGINT) == 1);
+}
 
 std::jthread guard_setup(std::chrono::milliseconds grace) {
   try {

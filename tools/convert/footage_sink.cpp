@@ -113,13 +113,23 @@ class CaptureSink final : public FootageSink {
     return std::make_unique<CaptureSink>(std::move(writer));
   }
   explicit CaptureSink(capture::CaptureWriter writer) : writer_(std::move(writer)) {}
+  ~CaptureSink() override {
+    if (!finished_) writer_.discard();  // what it was to be made from is there
+  }
+  CaptureSink(const CaptureSink&) = delete;
+  CaptureSink& operator=(const CaptureSink&) = delete;
   Status write(const Frame& frame) override {
     return writer_.append(frame.t_s, frame.id, frame.data(), nullptr, nullptr, frame.times ? &*frame.times : nullptr);
   }
-  Status finish() override { return writer_.close(); }
+  Status finish() override {
+    RETURN_IF_ERROR(writer_.close());
+    finished_ = true;
+    return {};
+  }
 
  private:
   capture::CaptureWriter writer_;
+  bool finished_ = false;
 };
 
 // One file a frame: NAME_000000.png ..., or NAME.png for a single one.

@@ -14,7 +14,7 @@ namespace {
 // The point's index.
 Result<std::uint32_t> parse_point(std::string_view line, Geometry frame) {
   const auto point = numbers_of<2>(line);
-  if (!point) return bad_input(fmt::format("'{}' is not a point; write x,y in pixels", line));
+  if (!point) return bad_input(fmt::format("'{:.60}' is not a point; write x,y in pixels", line));
   const double column = std::round((*point)[0]);
   const double row = std::round((*point)[1]);
   if (column < 0.0 || column >= frame.width || row < 0.0 || row >= frame.height) {

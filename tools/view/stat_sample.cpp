@@ -254,7 +254,8 @@ nlohmann::ordered_json stat_json(const std::string& name, const StatSnapshot& sn
     json["motion"] = {
         {"x_px", snapshot.motion->x_px}, {"y_px", snapshot.motion->y_px}, {"sure_blocks", snapshot.motion->sure}};
   }
-  if (snapshot.camera) json["camera"] = shm::camera_json(*snapshot.camera, snapshot.at_ns);
+  if (snapshot.camera)
+    json["camera"] = nlohmann::ordered_json::parse(shm::camera_json(*snapshot.camera, snapshot.at_ns));
   for (const char* key : {"effort", "stages", "video"}) json[key] = nullptr;
   if (!snapshot.status.is_object()) return json;
   for (const auto& [key, value] : snapshot.status.items()) {

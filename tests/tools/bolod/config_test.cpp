@@ -330,9 +330,9 @@ class Sinks : public testing::Test {
 };
 
 TEST_F(Sinks, AreInTheState) {
-  EXPECT_EQ(state_json(config_, *pipeline_)["video"].dump(),
-            R"([{"device":"/dev/video10","open":true,"written":0,"dropped":0,"failures":0},)"
-            R"({"device":"/dev/video11","open":true,"written":0,"dropped":0,"failures":0}])");
+  expect_parts(state_json(config_, *pipeline_),
+               {R"("video":[{"device":"/dev/video10","open":true,"written":0,"dropped":0,"failures":0},)"
+                R"({"device":"/dev/video11","open":true,"written":0,"dropped":0,"failures":0}]})"});
 }
 
 TEST_F(Sinks, ShareTheFamiliesOfTheMetrics) {

@@ -3,7 +3,7 @@
 usage: promises_test.py BOLO BOLOD restart
        promises_test.py BOLO BOLOD latency MODULE_FOLDER LIBRARY
        promises_test.py BOLO BOLOD memory LEAK_LIBRARY [SECONDS]
-       promises_test.py BOLO BOLOD refused REFUSE_LIBRARY
+       promises_test.py BOLO BOLOD refused|hung REFUSE_LIBRARY
 
 restart: frames flow again within 2 s after kill -9, each of five times.
 latency: p99 from a frame's first packet until it is published is within the camera's period, 640x120 at 200 Hz; on a
@@ -11,14 +11,17 @@ latency: p99 from a frame's first packet until it is published is within the cam
          counts: what the daemon itself does slowly is in all of them.
 memory:  the private memory of one life of SECONDS (60) grows by less than 64 KiB, or 256 KiB an hour, after the first third
          or minute; beside it the same daemon, in which LEAK_LIBRARY loses 24 bytes a frame's period, is found.
-refused: a daemon whose threads are refused memory while its camera is lost and it is told to reload goes on.
+refused: a daemon whose threads are refused memory while its camera is lost, it is told to reload and asked goes on.
+hung:    a daemon that is told to reload from a disk that hangs says so, and frames, requests and later reloads go on.
 Where other programs take the computer's time, latency is judged by the processor time that a frame takes, and says so.
 Exit code 77: numpy is not there.
 """
 
+import contextlib
 import os
 import pathlib
 import signal
+import socket
 import statistics
 import subprocess
 import sys
@@ -200,15 +203,33 @@ def memory(folder, leak_library, seconds=60.0):
 
 
 def refused(folder, library):
+    for every in (3, 61):  # a request is begun; it is nearly answered
+        with tempfile.TemporaryDirectory(dir=folder) as own:
+            refused_one_in(every, own, library)
+
+
+def request(path, line):
+    """Whatever becomes of it."""
+    with socket.socket(socket.AF_UNIX) as client, contextlib.suppress(OSError):
+        client.settimeout(0.1)
+        client.connect(str(path))
+        client.sendall(line)
+        client.recv(1)
+
+
+def refused_one_in(every, folder, library):
     switch = pathlib.Path(folder) / "refuse"
     programs = started(folder, f"test-refused-{os.getpid()}", faults=["--fault", "reboot:at=1,every=3,for=0.5"],
-                       env={**os.environ, "LD_PRELOAD": library, "BOLO_REFUSE": str(switch)})
+                       env={**os.environ, "LD_PRELOAD": library, "BOLO_REFUSE": str(switch),
+                            "BOLO_REFUSE_EVERY": str(every)})
     try:
         open_ring(programs.name, HANG_GUARD_S)
         wait_for(lambda: "camera opened again" in programs.log("daemon"), "the camera")
         switch.touch()
         for _ in range(100):
             programs.running["daemon"].send_signal(signal.SIGHUP)
+            for line in (b"state\n", b"other\n"):
+                request(programs.config.with_suffix(".sock"), line)
             assert programs.running["daemon"].poll() is None, programs.log("daemon")
             time.sleep(0.05)
         switch.unlink()
@@ -218,13 +239,36 @@ def refused(folder, library):
         programs.end()
 
 
+def hung(folder, library):
+    switch = pathlib.Path(folder) / "hang"
+    programs = started(folder, f"test-hung-{os.getpid()}",
+                       env={**os.environ, "LD_PRELOAD": library, "BOLO_HANG": str(switch)})
+    daemon = programs.running["daemon"]
+    threads = lambda: len(os.listdir(f"/proc/{daemon.pid}/task"))
+    try:
+        ring = open_ring(programs.name, HANG_GUARD_S)
+        time.sleep(1.0)  # until what the beginning starts is started
+        switch.touch()
+        before, threads_before = ring.published(), threads()
+        for reload in range(1, 4):  # the second and third while the first still hangs
+            daemon.send_signal(signal.SIGHUP)
+            wait_for(lambda: programs.log("daemon").count("cannot be read within 2 s") == reload, "the refusal")
+        assert ring.published() > before + 600, "frames of six seconds"
+        assert threads() == threads_before + 1, "one hangs, not three"
+        switch.unlink()
+        wait_for(lambda: daemon.send_signal(signal.SIGHUP) or "nothing to take up" in programs.log("daemon"), "a reload")
+    finally:
+        switch.unlink(missing_ok=True)
+        programs.end()
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder:
         arguments = sys.argv[4:]
         if WHAT == "memory":
             memory(folder, arguments[0], float(arguments[1]) if len(arguments) > 1 else 60.0)
         else:
-            {"restart": restart, "latency": latency, "refused": refused}[WHAT](folder, *arguments)
+            {"restart": restart, "latency": latency, "refused": refused, "hung": hung}[WHAT](folder, *arguments)
 
 
 if __name__ == "__main__":
