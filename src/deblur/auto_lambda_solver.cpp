@@ -25,7 +25,8 @@ struct Draws {
 };
 
 // Standard normal values, bit for bit those of libstdc++'s std::normal_distribution (Marsaglia's polar method). That
-// takes logarithms of long double for each of them where the compiler is clang: a third of a daemon's start.
+// takes logarithms of long double for each of them where the compiler is clang: a third of the time of the daemon's
+// tests under a sanitizer.
 class Normal {
  public:
   double operator()(std::mt19937_64& random) {
