@@ -99,19 +99,42 @@ void visit_order(int bins, std::array<Visit, kMaxDualBins>& order) {
   }
 }
 
+// What the pixels of a window have in common.
+struct Matrices {
+  Matrices(const Grid& grid, const Pattern& pattern, double rho)
+      : in_place(in_place_haar(grid.bins)),
+        haar(model::haar_matrix(grid.bins)),
+        response(solver_test::response(grid, pattern)) {
+    const double a = std::exp(-grid.ratio);
+    const MatrixXd identity = MatrixXd::Identity(grid.bins, grid.bins);
+    MatrixXd inverse = identity;  // G^-1
+    inverse.diagonal(-1).setConstant(-a);
+    inverse /= 1.0 - a;
+    curvature = in_place * inverse * inverse.transpose() * in_place.transpose();
+    const MatrixXd gram = response.transpose() * response;
+    least_squares.compute(gram + 1e-9 * identity);
+    step.compute(gram + rho * identity);
+  }
+
+  MatrixXd in_place;
+  MatrixXd haar;
+  MatrixXd response;
+  MatrixXd curvature;  // of the dual
+  Eigen::LLT<MatrixXd> least_squares;
+  Eigen::LLT<MatrixXd> step;  // of the alternating direction method
+};
+
 struct DualPoint {
   VectorXd t;  // in bins: H^T t
   VectorXd x;
 };
 
-DualPoint descend(const Grid& grid, const DualTuning& tuning, const Published& published, const VectorXd& y) {
+DualPoint descend(const Grid& grid, const DualTuning& tuning, const Published& published, const Matrices& of,
+                  const VectorXd& y) {
   const int bins = grid.bins;
   const double a = std::exp(-grid.ratio);
-  MatrixXd inverse = MatrixXd::Identity(bins, bins);  // G^-1
-  inverse.diagonal(-1).setConstant(-a);
-  inverse /= 1.0 - a;
-  const MatrixXd h = in_place_haar(bins);
-  const MatrixXd q = h * inverse * inverse.transpose() * h.transpose();
+  const MatrixXd& h = of.in_place;
+  const MatrixXd& q = of.curvature;
   VectorXd d = h * (y.tail(bins) - a * y.head(bins)) / (1.0 - a);
   VectorXd t = VectorXd::Zero(bins);
   std::array<Visit, kMaxDualBins> order;
@@ -137,34 +160,32 @@ double estimate(const Published& bins, const VectorXd& x) {
 
 // The published value, in the units of y: one value for each slot; those of lost frames are not looked at. By
 // coordinate descent on the dual, where dual_applies(), without lost frames.
-double reference_dual(const Grid& grid, const DualTuning& tuning, const Pattern& pattern, std::span<const double> y) {
+double reference_dual(const Grid& grid, const DualTuning& tuning, const Pattern& pattern, const Matrices& of,
+                      std::span<const double> y) {
   const double mean = mean_of(pattern, y);
   const Published bins = published_bins(grid, pattern.slots, pattern.target);
-  return mean + estimate(bins, descend(grid, tuning, bins, without_mean(y, mean)).x);
+  return mean + estimate(bins, descend(grid, tuning, bins, of, without_mean(y, mean)).x);
 }
 
 // The same by the alternating direction method of multipliers, also with lost frames.
-double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pattern, std::span<const double> y) {
-  const MatrixXd h = model::haar_matrix(grid.bins);
-  const MatrixXd g = response(grid, pattern);
+double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pattern, const Matrices& of,
+                      std::span<const double> y) {
+  const MatrixXd& h = of.haar;
   const double mean = mean_of(pattern, y);
-  const VectorXd gty = g.transpose() * data(grid, pattern, y, mean);
-  const MatrixXd identity = MatrixXd::Identity(grid.bins, grid.bins);
-  const MatrixXd gram = g.transpose() * g;
-  const Eigen::LLT<MatrixXd> factors(gram + tuning.rho * identity);
+  const VectorXd gty = of.response.transpose() * data(grid, pattern, y, mean);
   const double limit = grid.lambda / tuning.rho;
 
-  VectorXd x = Eigen::LLT<MatrixXd>(gram + 1e-9 * identity).solve(gty);
+  VectorXd x = of.least_squares.solve(gty);
   VectorXd w = h * x;
   const Published bins = published_bins(grid, pattern.slots, pattern.target);
   if (dual_applies(grid) && tuning.iterations == 1) {
-    const DualPoint start = descend(grid, tuning.start, bins, without_mean(y, mean));
+    const DualPoint start = descend(grid, tuning.start, bins, of, without_mean(y, mean));
     w = h * (start.x + start.t / tuning.rho);
   }
   for (int k = 0; k < tuning.iterations; ++k) {
     const VectorXd u = w.cwiseMax(-limit).cwiseMin(limit);
     const VectorXd z = w - u;
-    x = factors.solve(gty + tuning.rho * h.transpose() * (z - u));
+    x = of.step.solve(gty + tuning.rho * h.transpose() * (z - u));
     w = tuning.alpha * (h * x) + (1.0 - tuning.alpha) * z + u;
   }
   return mean + estimate(bins, x);
@@ -235,10 +256,11 @@ void expect_reference(const Settings& s, Input input, bool gap) {
   const Tuning tuning = tune(grid, 0.05, !gap);
   const DualTuning dual_tuning = tune_dual(grid, 0.05);
   const Pattern pattern = pattern_of(planes.view(target));
+  const Matrices matrices(grid, pattern, tuning.rho);
   for (std::size_t pixel = 0; pixel < out.size(); ++pixel) {
     const std::vector<double> y = planes.samples(pixel);
-    const double wanted = s.method == Method::kDual ? reference_dual(grid, dual_tuning, pattern, y)
-                                                    : reference_admm(grid, tuning, pattern, y);
+    const double wanted = s.method == Method::kDual ? reference_dual(grid, dual_tuning, pattern, matrices, y)
+                                                    : reference_admm(grid, tuning, pattern, matrices, y);
     EXPECT_NEAR(static_cast<double>(out[pixel]), wanted, 3e-3)
         << name(s.method) << ", " << name(input) << ", window " << s.window << ", look-ahead " << s.lookahead
         << ", gap " << gap << ", pixel " << pixel;

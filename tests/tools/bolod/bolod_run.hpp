@@ -32,10 +32,12 @@ inline void write_capture(const std::filesystem::path& file, std::uint64_t frame
   info.camera_model = "Test camera";
   info.camera_serial = serial;
   tools::test::SmallCapture capture(file, info);
+  std::vector<std::uint16_t> plane(kGeometry.pixels());
+  for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = scene(i);
   for (std::uint64_t id = kFirstId; id < kFirstId + frames; ++id) {
     if (id == kLostId) continue;
-    capture.append(static_cast<double>(id) * 0.005, id,
-                   [&](std::size_t i) { return i > 0 ? scene(i) : kFirstId + (id - kFirstId) * step; });
+    plane[0] = static_cast<std::uint16_t>(kFirstId + (id - kFirstId) * step);
+    EXPECT_TRUE(capture->append(static_cast<double>(id) * 0.005, id, plane.data()));
   }
   capture.close();
 }
