@@ -5,9 +5,11 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kLevelReach = 30.0;  // K
-constexpr double kEdgePrior = 0.2;    // px
-constexpr double kShapePrior = 0.5;   // uninformative between a Gaussian and a straight ramp
+constexpr double kLevelReach = 30.0;          // K
+constexpr double kEdgePrior = 0.2;            // px
+constexpr double kShapePrior = 0.5;           // uninformative between a Gaussian and a straight ramp
+constexpr double kAperturePrior = 0.15;       // px
+constexpr double kSmallestAperture_px = 0.6;  // a fill factor of 0.36
 constexpr int kFitPixels = 288;
 constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours differ from the model's
 constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, above which values are not used
@@ -178,6 +180,9 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
         "edge_ramp", 0.2, 0.0, 1.0, [](auto& s) -> auto& { return s.edge_ramp; });
     all.push_back({width, kAllBars, false, 0.0, kEdgePrior});
     all.push_back({shape, kAllBars, false, 0.5, kShapePrior});
+    const auto aperture = number_at(
+        "aperture", 0.05, kSmallestAperture_px, 1.0, [](auto& s) -> auto& { return s.aperture_px; });
+    all.push_back({aperture, kAllBars, false, 1.0, kAperturePrior});
   }
   return all;
 }

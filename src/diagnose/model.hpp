@@ -219,6 +219,9 @@ struct State {
   // just reaches a pixel; and the straight ramps' share of its square, the rest being Gaussian.
   double edge_px = 0.0;
   double edge_ramp = 0.5;
+  // Width (and height) over which a pixel averages: the absorber does not fill its place. A sharper edge than that of a
+  // full pixel behind softer optics is another shape, which no width of edges describes.
+  double aperture_px = 1.0;
 };
 
 // Different heights of a chopper's pulses, rising.

@@ -119,6 +119,7 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const State& s
   if (is_bars(r.kind)) {
     out["edge_px"] = state.edge_px;
     out["edge_ramp"] = state.edge_ramp;
+    out["aperture_px"] = state.aperture_px;
   }
   // Modulo the period.
   const auto phase = [&r](double px) { return std::remainder(px, std::get<capture::BarTarget>(r.stimulus).period_px); };

@@ -30,6 +30,44 @@ TEST_F(Diagnosis, FindsNothingWhereNothingIs) {
   EXPECT_EQ(report.frames, 2000U);
 }
 
+// Still bars before pixels that average over 0.85 of their distance, behind optics that blur by 0.25 px, in closed
+// form.
+Recording bars_through_small_pixels() {
+  constexpr double kAperture_px = 0.85;
+  constexpr double kBlur_px = 0.25;
+  const auto integral = [](double x) {  // of a blurred step
+    const double z = x / kBlur_px;
+    return 0.5 * x * std::erfc(-z / std::numbers::sqrt2) +
+           kBlur_px * std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+  };
+  const auto step = [&](double x) {
+    return (integral(x + kAperture_px / 2.0) - integral(x - kAperture_px / 2.0)) / kAperture_px;
+  };
+  Recording r = testing::blank(testing::slanted_bars(0.0), 150);
+  const auto& bars = std::get<capture::BarTarget>(r.stimulus);
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0.0, 0.03);
+  for (int p = 0; p < testing::kWidth * testing::kHeight; ++p) {
+    const double x = p % testing::kWidth - bars.slant_px_per_row * (p / testing::kWidth) - 3.37;
+    const double u = std::remainder(x - bars.bar_width_px / 2.0, bars.period_px);  // from the middle of a hot bar
+    const double hot = step(bars.bar_width_px / 2.0 - std::abs(u));
+    for (int k = 0; k < 150; ++k) {
+      r.values(k, p) = static_cast<float>(bars.cold_k + (bars.hot_k - bars.cold_k) * hot + noise(random));
+    }
+  }
+  return r;
+}
+
+TEST_F(Diagnosis, AllowsForPixelsThatDoNotFillTheirPlace) {
+  std::mt19937 random(6);
+  std::normal_distribution<double> noise(0.0, 0.03);
+  const Recording dark = testing::shutter(200, [&](int, int, int) { return noise(random); });
+  const Report report = diagnosed({testing::write(dark, scratch_ / "shutter.h5"),
+                                   testing::write(bars_through_small_pixels(), scratch_ / "still.h5")});
+  EXPECT_EQ(told(report), "no_gap:") << report.unexplained.where;
+  EXPECT_NEAR(report.stimulus.at("still.h5").at("aperture_px"), 0.85, 0.03);
+}
+
 struct Case {
   std::string effect;
   std::string name;
