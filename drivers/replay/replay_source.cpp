@@ -51,7 +51,7 @@ double period_of(const capture::CaptureReader& reader) {
   std::vector<double> steps_s;
   for (std::size_t i = 1; i < t.size(); ++i)
     steps_s.push_back((t[i] - t[i - 1]) / static_cast<double>(id[i] - id[i - 1]));
-  const double shown_s = pipeline::usual_step(steps_s);
+  const double shown_s = pipeline::usual_step(steps_s).mean;
   if (steps_s.size() < kFewestSteps || shown_s > kLongestPeriod_s) return stated_s;
   const auto closer = std::ranges::count_if(
       steps_s, [&](double step_s) { return std::abs(step_s - shown_s) < std::abs(step_s - stated_s); });

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "src/deblur/window.hpp"
-
 namespace bolo::corrections {
 
 // Each in the file of its name.
@@ -62,10 +60,9 @@ void Chain::begin(const FrameMeta& meta, const void* raw, bool restart) noexcept
   plane_ = planes_.data() + next_ * input_.geometry.pixels();
   next_ = (next_ + 1) % ring_planes_;
   bool off_grid = false;
-  const std::int64_t periods = deblur::periods_between(last_, meta, input_.frame_period_s, off_grid);
+  const std::int64_t periods = steps_.next(meta, input_.frame_period_s, off_grid);
   const bool first = restart || !begun_ || periods < 1;
   begun_ = true;
-  last_ = meta;
   for (Correction* c : samples_) c->begin(first ? 0 : static_cast<std::uint64_t>(periods));
 }
 

@@ -6,6 +6,7 @@
 
 #include "src/core/frame.hpp"
 #include "src/corrections/correction.hpp"
+#include "src/deblur/window.hpp"
 
 namespace bolo::corrections {
 
@@ -63,7 +64,7 @@ class Chain {
   std::size_t next_ = 0;
   float* plane_ = nullptr;
   const void* raw_ = nullptr;
-  FrameMeta last_;
+  deblur::FrameSteps steps_;
   bool begun_ = false;
 };
 

@@ -44,7 +44,9 @@ MotionSolver::MotionSolver(const StreamTask& task)
       global_(followed()),
       gyro_(task.input.geometry, task.input.row_step, task.settings.gyro_setup, task.settings.period_s, inertia_),
       local_(followed()),
-      block_motions_(task.input.geometry) {
+      block_motions_(task.input.geometry),
+      defects_(followed()),
+      covered_(defects_.most() * (kFrames + 1)) {
   const Geometry g = task.input.geometry;
   for (int ahead = 0; usable() && ahead <= task.settings.lookahead; ++ahead)
     estimators_.emplace_back(g, inertia_, ahead);
@@ -78,6 +80,7 @@ void MotionSolver::forget() noexcept {
   for (Frame& f : frames_) f.there = f.lost = false;
   for (Innovation& i : innovations_) i.there = false;
   for (Displacement& d : displacements_) d.there = false;
+  defects_.forget();
 }
 
 // Split like the kernels that read it, so that each row comes from memory once.
@@ -131,7 +134,10 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   const int back = frame(1).lost ? 1 : 2;
   d.bridged = !frame(back).lost ? 0 : frame(back + 1).lost ? 2 : 1;
   d.beyond = {};
-  if (!now.lost) load(plane, crew, now.values);
+  if (!now.lost) {
+    load(plane, crew, now.values);
+    defects_.add(now.values, static_cast<float>(mmae_.noise()), crew);
+  }
   if (z.there) find_innovation(kernels_, inertia_, now.values, frame(1).values, crew, z.values, z.smoothed);
   if (d.there) {
     const double more = frame(1).lost ? std::sqrt(1.0 + inertia_.rho * inertia_.rho) : 1.0;
@@ -332,6 +338,31 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
                       {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
                        innovation(target).smoothed.level[0], mmae_.noise()},
                       crew);
+  const std::span<const std::uint32_t> defects = defects_.find();
+  if (!defects.empty()) without_defects(true);
+  estimate_along_motion(path, ahead, deviation, crew);
+  if (!defects.empty()) without_defects(false);
+  for (const std::uint32_t pixel : defects) estimate_[pixel] = per_pixel_[pixel];
+}
+
+// Fills defects in the planes that the estimate is made of, or puts back what later displacements are to be found from:
+// those depend on their own frames alone.
+void MotionSolver::without_defects(bool fill) noexcept {
+  std::span<float> left(covered_);
+  const auto change = [&](motion::PaddedPlane& plane) {
+    const std::span<float> before = left.first(defects_.most());
+    left = left.subspan(before.size());
+    fill ? defects_.fill(plane, before) : defects_.restore(plane, before);
+  };
+  for (Frame& f : frames_) {
+    if (f.there) change(f.values);
+  }
+  change(innovation(task_.settings.lookahead).values);
+}
+
+void MotionSolver::estimate_along_motion(const motion::Path& path, bool ahead, const motion::VectorField& deviation,
+                                         Crew& crew) noexcept {
+  const int target = task_.settings.lookahead;
   motion::EstimateInputs in;
   in.now = &frame(target).values;
   in.innovation = &innovation(target).values;

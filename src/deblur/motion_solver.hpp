@@ -9,6 +9,7 @@
 #include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/solver.hpp"
 #include "src/motion/block_motion.hpp"
+#include "src/motion/defects.hpp"
 #include "src/motion/estimate.hpp"
 #include "src/motion/global_motion.hpp"
 #include "src/motion/gyro_motion.hpp"
@@ -74,6 +75,9 @@ class MotionSolver final : public Solver {
   bool has_gaps(int newest) noexcept;
   motion::Displacements history(int newest, const motion::GyroMotions& by_gyro, bool bridged = false) noexcept;
   bool use_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::GyroMotions& by_gyro) noexcept;
+  void estimate_along_motion(const motion::Path& path, bool ahead, const motion::VectorField& deviation,
+                             Crew& crew) noexcept;
+  void without_defects(bool fill) noexcept;
   void use_rest(int rests, const motion::VectorField& deviation) noexcept;
   void write(std::size_t pixel, std::size_t count, std::size_t to, void* out) const noexcept;
   void solve_per_pixel(const WindowView& window, Crew& crew) noexcept;
@@ -99,6 +103,8 @@ class MotionSolver final : public Solver {
   std::array<Displacement, motion::kHistory + 1> displacements_;
   motion::VectorField field_;
   motion::BlockMotions block_motions_;
+  motion::Defects defects_;
+  std::vector<float> covered_;    // what stood in their place in each plane
   bool tells_motion_ = false;     // of the last prepare()
   std::uint64_t taken_ = 0;       // periods taken in
   std::uint64_t newest_ = 0;      // WindowView::newest of the last of them; 0: none

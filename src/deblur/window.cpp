@@ -10,18 +10,29 @@ namespace {
 // less than the error that one frame of noise makes at 10 K of contrast; beyond it the frame is flagged.
 constexpr double kGridTolerance = 0.1;
 constexpr double kMostJitter = 1.0;  // periods by which a clock may err: stamps of a busy host
+constexpr int kScatterSteps = 16;    // of a clock, that its scatter is the mean of
+constexpr int kSteadySteps = 4;      // that it is given to begin with: one late stamp is no scatter
+constexpr double kBeyondChance = 5;  // mean distances: four standard deviations
 
 }  // namespace
 
-std::int64_t periods_between(const FrameMeta& from, const FrameMeta& to, double period_s, bool& off_grid) noexcept {
-  const double passed_ns = static_cast<double>(to.camera_ns) - static_cast<double>(from.camera_ns);
+std::int64_t FrameSteps::next(const FrameMeta& frame, double period_s, bool& off_grid) noexcept {
+  const double passed_ns = static_cast<double>(frame.camera_ns) - static_cast<double>(last_.camera_ns);
   const double periods = passed_ns / (period_s * 1e9);
   const double nearest = std::clamp(std::round(periods), -1.0, 1e9);
   const bool clock_fits = nearest >= 1.0 && std::abs(periods - nearest) <= kGridTolerance;
-  const auto counted = static_cast<std::int64_t>(to.frame_id - from.frame_id);
-  const bool pause = nearest >= 1.0 && std::abs(periods - static_cast<double>(counted)) > kMostJitter;
-  const std::int64_t steps = clock_fits || pause || periods < 0.0 ? static_cast<std::int64_t>(nearest) : counted;
-  off_grid = std::abs(periods - static_cast<double>(steps)) > kGridTolerance;
+  const auto counted = static_cast<std::int64_t>(frame.frame_id - last_.frame_id);
+  const double apart = std::abs(periods - static_cast<double>(counted));
+  const bool pause = nearest >= 1.0 && apart > kMostJitter;
+  const bool chance = counted >= 1 && scatter_ > kGridTolerance && apart <= kBeyondChance * scatter_;
+  const bool by_clock = !chance && (clock_fits || pause || periods < -kMostJitter);
+  const std::int64_t steps = by_clock ? static_cast<std::int64_t>(nearest) : counted;
+  const double off = std::abs(periods - static_cast<double>(steps));
+  off_grid = off > kGridTolerance;
+  last_ = frame;
+  if (steps < 1) return steps;
+  count_ = std::min(count_ + 1, kScatterSteps - kSteadySteps);
+  scatter_ += (std::min(off, kMostJitter) - scatter_) / (count_ + kSteadySteps);
   return steps;
 }
 
@@ -38,9 +49,9 @@ bool Window::push(const WindowFrame& frame, bool restart) noexcept {
   incoming_ = frame;
   steps_left_ = 1;
   bool emptied = false;
+  bool off_grid = false;
+  const std::int64_t steps = steps_.next(frame.meta, period_s_, off_grid);
   if (covered_ > 0) {
-    bool off_grid = false;
-    const std::int64_t steps = periods_between(last_, frame.meta, period_s_, off_grid);
     emptied = restart || steps < 1 || steps >= static_cast<std::int64_t>(places_.size());
     if (!emptied) {
       steps_left_ = steps;
@@ -48,7 +59,6 @@ bool Window::push(const WindowFrame& frame, bool restart) noexcept {
     }
   }
   if (emptied) finish_window();
-  last_ = frame.meta;
   return emptied;
 }
 

@@ -11,11 +11,22 @@
 
 namespace bolo::deblur {
 
-// Periods from one frame to a later one; below 1 where time does not go on. From the camera's clock and its counter.
-// When they disagree, the clock is right as long as it shows a whole number of periods (cameras lose frames without a
-// jump in the counter), or a longer pause than counter and jitter explain (NUC, reconnect: frames that never were are
-// not counted); else the counter is. `off_grid`: the clock shows no whole number of periods as taken. Thread: any.
-std::int64_t periods_between(const FrameMeta& from, const FrameMeta& to, double period_s, bool& off_grid) noexcept;
+// Periods from each frame to the next; below 1 where time does not go on. From the camera's clock and its counter. When
+// they disagree, the clock is right as long as it shows a whole number of periods (cameras lose frames without a jump
+// in the counter), or a longer pause than counter and jitter explain (NUC, reconnect: frames that never were are not
+// counted); else the counter is. A clock that scatters (stamps of a busy host, or in coarse steps) must differ by more
+// than its scatter to be right.
+class FrameSteps {
+ public:
+  // Since the frame of the last call; undefined for the first. `off_grid`: the clock shows no whole number of periods
+  // as taken. Thread: pipeline.
+  std::int64_t next(const FrameMeta& frame, double period_s, bool& off_grid) noexcept;
+
+ private:
+  FrameMeta last_;
+  double scatter_ = 0.0;  // periods, mean distance of the clock's steps from the grid
+  int count_ = 0;         // steps in it, up to so many
+};
 
 // A frame in the window. `token` is the owner's handle of the plane's memory; the window never uses it.
 struct WindowFrame {
@@ -40,7 +51,7 @@ class Window {
     bool full = false;  // a whole window lies behind (and `lookahead` frames before) this frame
   };
 
-  // Places a frame by its counter and its camera time (periods_between()); flagged as jitter where it stands off the
+  // Places a frame by its counter and its camera time (FrameSteps); flagged as jitter where it stands off the
   // grid. With `restart`, or when the frame is further from the last one than the window is long, or goes back in time,
   // the window is emptied first; frames that still waited for their look-ahead become ready without it. Returns true
   // when the window was emptied. Thread: pipeline.
@@ -80,7 +91,7 @@ class Window {
   std::size_t oldest_ = 0;
   std::uint64_t periods_ = 0;  // advanced so far, plus a whole window's at each emptying
   std::size_t covered_ = 0;    // periods since the window was emptied, at most places_.size()
-  FrameMeta last_;             // of the newest frame in the window
+  FrameSteps steps_;
   WindowFrame incoming_;
   std::int64_t steps_left_ = 0;      // until incoming_ stands in the newest place
   std::size_t drain_left_ = 0;       // steps until no frame waits for its look-ahead any more; then the window empties

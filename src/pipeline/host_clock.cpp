@@ -98,19 +98,26 @@ void HostClock::fit() noexcept {
   level_ns_ = a.late_ns - slope_ * a.camera_ns;
 }
 
-double usual_step(std::span<double> steps) noexcept {
-  if (steps.empty()) return 0.0;
+UsualStep usual_step(std::span<double> steps) noexcept {
+  if (steps.empty()) return {};
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
   const double median = *middle;
   double sum = 0.0;
+  double squares = 0.0;
   double near = 0.0;
   for (const double step : steps) {
-    if (std::abs(step - median) > 0.5 * median) continue;
-    sum += step;
+    const double off = step - median;
+    if (std::abs(off) > 0.5 * median) continue;
+    sum += off;
+    squares += off * off;
     near += 1.0;
   }
-  return near > 0.0 ? sum / near : 0.0;
+  if (near < 1.0) return {};
+  const double mean = sum / near;
+  const double scatter = std::sqrt(std::max(0.0, squares / near - mean * mean));
+  const bool all = static_cast<std::size_t>(near) == steps.size();
+  return {median + mean, scatter / (all ? near : std::sqrt(near))};
 }
 
 }  // namespace bolo::pipeline

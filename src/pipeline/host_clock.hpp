@@ -80,16 +80,28 @@ class HostClock {
 };
 
 // From one frame to the next where stamps jitter, or count in coarse ticks: the mean of the steps that are within half
-// of their median of it, so that pauses and lost frames do not move it. 0 without steps. Reorders them. No allocation.
-double usual_step(std::span<double> steps) noexcept;
+// of their median of it, so that pauses and lost frames do not move it. 0 without steps.
+struct UsualStep {
+  double mean = 0.0;
+  double error = 0.0;  // standard error of the mean; what a stamp errs stands in two steps, and cancels
+};
+
+// Reorders the steps. No allocation.
+UsualStep usual_step(std::span<double> steps) noexcept;
+
+// Relative: two periods that differ by less are the same to the sharp frames.
+inline constexpr double kSamePeriod = 0.005;
 
 // Measures the frame period by the camera's own clock, independently of its settings: the usual one of 32 steps of the
-// clock, each over the counter's number of frames.
+// clock, each over the counter's number of frames; of as many times 32 as are needed where its stamps jitter.
 // Thread: acquire. No allocation.
 class PeriodMeter {
  public:
   // Another connection's frames follow, or the clock jumped.
-  void restart() noexcept { started_ = false; }
+  void restart() noexcept {
+    started_ = false;
+    means_ = errors_ = runs_ = 0.0;
+  }
 
   // s; 0 unless this frame completed a measurement.
   double add(std::uint64_t frame_id, std::int64_t camera_ns) noexcept {
@@ -104,19 +116,33 @@ class PeriodMeter {
     last_ns_ = camera_ns;
     if (count_ < steps_ns_.size()) return 0.0;
     count_ = 0;
-    return usual_step(steps_ns_) / kNsPerSecond;
+    return add_run(usual_step(steps_ns_));
   }
 
  private:
+  double add_run(const UsualStep& step) noexcept {
+    constexpr double kMostRuns = 64;  // a clock that jitters more says nothing of the period
+    constexpr double kSure = 3.0;     // standard errors
+    means_ += step.mean;
+    errors_ += step.error * step.error;
+    runs_ += 1.0;
+    const bool sure = kSure * std::sqrt(errors_) <= kSamePeriod * means_;
+    if (!sure && runs_ < kMostRuns) return 0.0;
+    const double mean_s = means_ / runs_ / kNsPerSecond;
+    means_ = errors_ = runs_ = 0.0;
+    return sure ? mean_s : 0.0;
+  }
+
   std::array<double, 32> steps_ns_{};
   std::size_t count_ = 0;
   bool started_ = false;
   std::uint64_t last_id_ = 0;
   std::int64_t last_ns_ = 0;
+  // Of runs of so many steps: sums of their means and of their errors' squares.
+  double means_ = 0.0;
+  double errors_ = 0.0;
+  double runs_ = 0.0;
 };
-
-// Relative: two periods that differ by less are the same to the sharp frames.
-inline constexpr double kSamePeriod = 0.005;
 
 // Reports each change of the frame period, measured by the camera's clock, once. Of a clock whose period changes all
 // the time ever fewer changes are reported, until it has been steady for as long as the pause between them.

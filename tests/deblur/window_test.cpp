@@ -187,6 +187,27 @@ TEST(Window, AClockThatStandsStillIsNoWitness) {
   EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, -1, -1, 7}));
 }
 
+// Stamps of a busy host: a tenth of them would show a gap, or a step back, that never was.
+TEST(Window, AClockThatScattersInventsNoGaps) {
+  Player player(5);
+  std::mt19937 random(1);
+  std::normal_distribution<double> late(0.0, 0.4);
+  for (std::uint64_t id = 0; id < 400; ++id) {
+    EXPECT_FALSE(player.frame_at(id, 100.0 + static_cast<double>(id) + late(random))) << id;
+  }
+  const auto gap = [](const Shown& s) { return s.id >= 10 && (s.flags & kFlagGap) != 0; };  // it is known by then
+  EXPECT_TRUE(std::ranges::none_of(player.shown(), gap));
+  player.frame_at(402, 502.0);
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{398, 399, -1, -1, 402}));
+  EXPECT_TRUE(player.frame_at(403, 540.0)) << "a pause is beyond scatter";
+}
+
+TEST(Window, AClockOfTwoPeriodsATickInventsNoGaps) {
+  Player player(5);
+  for (std::uint64_t id = 0; id < 100; ++id) player.frame_at(id, 100.0 + static_cast<double>(id / 2 * 2));
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{95, 96, 97, 98, 99}));
+}
+
 TEST(Window, SmallJitterIsNotFlagged) {
   Player player(5);
   for (std::uint64_t id = 0; id < 12; ++id) player.frame_at(id, static_cast<double>(id) + (id % 2 == 0 ? 0.0 : 0.09));

@@ -155,6 +155,45 @@ TEST(MotionSolver, PartsAndPointsAreThoseOfTheWholeFrame) {
 }
 
 // A pixel that is no number stays one, and spoils no other.
+// Stuck and blinking pixels that no map names: their neighbours are as without them, and they as mmae has them.
+TEST(MotionSolver, DefectsAreNotSpread) {
+  constexpr int kLast = 39;
+  const auto near_defects = [](const Picture& p, const Picture& truth) {
+    double sum = 0.0;
+    double count = 0.0;
+    for (int y = 0; y < kFrame.height; ++y) {
+      for (int x = 0; x < kFrame.width; ++x) {
+        const int dx = std::abs(x - (x / 20 * 20 + 10));
+        const int dy = std::abs(y - (y / 20 * 20 + 10));
+        if (std::max(dx, dy) == 0 || std::max(dx, dy) > 4) continue;
+        const auto i = static_cast<std::size_t>(y * kFrame.width + x);
+        sum += std::pow(p[i] - truth[i], 2);
+        count += 1.0;
+      }
+    }
+    return std::sqrt(sum / count);
+  };
+  for (const bool blinks : {false, true}) {
+    Stream stream(pan(3.0, 0.6), 0.03, kLast + 1);
+    const Picture truth = stream.truth(kLast);
+    const double without = near_defects(stream.estimate(settings_of(Method::kMotion, 0.03), kLast), truth);
+    std::mt19937 random(1);
+    for (int k = 0; k <= kLast; ++k) {
+      for (int y = 10; y < kFrame.height; y += 20) {
+        for (int x = 10; x < kFrame.width; x += 20) {
+          if (blinks && random() % 3 != 0) continue;
+          stream.counts(k)[static_cast<std::size_t>(y * kFrame.width + x)] = 32000;
+        }
+      }
+    }
+    const Picture motion = stream.estimate(settings_of(Method::kMotion, 0.03), kLast);
+    const Picture mmae = stream.estimate(settings_of(Method::kMmae, 0.03), kLast);
+    EXPECT_LT(near_defects(motion, truth), 1.3 * without) << blinks;
+    const std::size_t defect = 30 * kFrame.width + 50;
+    EXPECT_NEAR(motion[defect], mmae[defect], 0.01) << blinks;
+  }
+}
+
 TEST(MotionSolver, NotANumberStaysAlone) {
   const Scene scene = pan(2.0, 0.0);
   const auto frames = watch(scene, kFrame, 2.2, 20);

@@ -1,0 +1,119 @@
+#include "src/motion/defects.hpp"
+
+#include <algorithm>
+#include <bit>
+
+namespace bolo::motion {
+namespace {
+
+constexpr std::uint16_t kFrames = 0x00FF;  // of the last eight: where it stood out ...
+constexpr std::uint16_t kByFar = 0xFF00;   // ... by far
+constexpr std::uint16_t kShifted = 0xFEFE;
+constexpr int kOften = 4;
+constexpr std::size_t kRarest = 16;  // pixels for each defect; more are a texture
+// What a pixel is beyond all its neighbours, in noise and in their range.
+constexpr float kNoises = 8.0F;
+constexpr float kRanges = 0.5F;
+constexpr float kFarNoises = 30.0F;
+constexpr float kFarRanges = 4.0F;
+
+// By how much a value is beyond both its neighbours on one line.
+float beyond_both(float value, float a, float b) noexcept {
+  return std::max(std::min(a, b) - value, value - std::max(a, b));
+}
+
+std::uint16_t stands_out(const float* at, std::ptrdiff_t stride, float noise) noexcept {
+  const auto [low, high] = std::minmax(
+      {at[-stride - 1], at[-stride], at[-stride + 1], at[-1], at[1], at[stride - 1], at[stride], at[stride + 1]});
+  const float beyond = std::max(*at - high, low - *at);
+  if (!(beyond > kNoises * noise + kRanges * (high - low))) return 0;
+  return beyond > kFarNoises * noise + kFarRanges * (high - low) ? 0x0101 : 0x0001;
+}
+
+}  // namespace
+
+Defects::Defects(Geometry geometry) : geometry_(geometry), seen_(geometry.pixels()), beyond_(geometry.pixels()) {
+  found_.reserve(geometry.pixels() / kRarest + 1);
+  good_.reserve(found_.capacity());
+}
+
+void Defects::forget() noexcept { std::ranges::fill(seen_, std::uint16_t{0}); }
+
+// The frame's border has too few neighbours to tell.
+void Defects::add(const PaddedPlane& frame, float noise, Crew& crew) noexcept {
+  const auto stride = frame.stride();
+  const float least = kNoises * noise;
+  for_rows(crew, frame.blocks_down(), [&](int block_row) {
+    const auto [begin, end] = frame.rows_of(block_row);
+    for (int y = std::max(begin, 1); y < std::min(end, geometry_.height - 1); ++y) {
+      const std::size_t first = static_cast<std::size_t>(y) * static_cast<std::size_t>(geometry_.width);
+      std::uint16_t* const seen = seen_.data() + first;
+      float* const beyond = beyond_.data() + first;
+      const float* const row = frame.at(0, y);
+      const float* const above = row - stride;
+      const float* const below = row + stride;
+      for (int x = 1; x + 1 < geometry_.width; ++x) {
+        beyond[x] = std::min(beyond_both(row[x], row[x - 1], row[x + 1]), beyond_both(row[x], above[x], below[x]));
+        seen[x] = static_cast<std::uint16_t>((seen[x] << 1) & kShifted);
+      }
+      for (int x = 1; x + 1 < geometry_.width; ++x) {
+        if (beyond[x] > least) seen[x] = static_cast<std::uint16_t>(seen[x] | stands_out(row + x, stride, noise));
+      }
+    }
+  });
+}
+
+std::span<const std::uint32_t> Defects::find() noexcept {
+  found_.clear();
+  for (std::size_t i = 0; i < seen_.size(); ++i) {
+    const std::uint16_t seen = seen_[i];
+    if (seen == 0) continue;
+    if ((seen & kByFar) == 0 && std::popcount(static_cast<std::uint16_t>(seen & kFrames)) < kOften) continue;
+    if (found_.size() == found_.capacity()) {
+      found_.clear();
+      break;
+    }
+    found_.push_back(static_cast<std::uint32_t>(i));
+  }
+  good_.clear();
+  for (const std::uint32_t pixel : found_) good_.push_back(good_around(pixel));
+  return found_;
+}
+
+// A bit for each of the neighbours, row by row, that is in the frame and no defect itself.
+std::uint16_t Defects::good_around(std::uint32_t pixel) const noexcept {
+  const int x = static_cast<int>(pixel) % geometry_.width;
+  const int y = static_cast<int>(pixel) / geometry_.width;
+  std::uint16_t bits = 0;
+  for (int i = 0; i < 9; ++i) {
+    const int u = x + i % 3 - 1;
+    const int v = y + i / 3 - 1;
+    if (u < 0 || v < 0 || u >= geometry_.width || v >= geometry_.height) continue;
+    const bool defect = std::ranges::binary_search(found_, static_cast<std::uint32_t>(v * geometry_.width + u));
+    if (!defect) bits = static_cast<std::uint16_t>(bits | 1 << i);
+  }
+  return bits;
+}
+
+void Defects::fill(PaddedPlane& plane, std::span<float> before) const noexcept {
+  const std::ptrdiff_t stride = plane.stride();
+  for (std::size_t i = 0; i < found_.size(); ++i) {
+    const int x = static_cast<int>(found_[i]) % geometry_.width;
+    float* const at = plane.at(x, static_cast<int>(found_[i]) / geometry_.width);
+    before[i] = *at;
+    float sum = 0.0F;
+    for (int n = 0; n < 9; ++n) {
+      if ((good_[i] >> n & 1) != 0) sum += at[(n / 3 - 1) * stride + n % 3 - 1];
+    }
+    if (good_[i] != 0) *at = sum / static_cast<float>(std::popcount(good_[i]));
+  }
+}
+
+void Defects::restore(PaddedPlane& plane, std::span<const float> before) const noexcept {
+  for (std::size_t i = 0; i < found_.size(); ++i) {
+    const int width = geometry_.width;
+    *plane.at(static_cast<int>(found_[i]) % width, static_cast<int>(found_[i]) / width) = before[i];
+  }
+}
+
+}  // namespace bolo::motion

@@ -1,0 +1,46 @@
+// Pixels that do not show the scene: dead, stuck or blinking ones that no map names. Estimates along the motion would
+// spread them over their neighbours.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "src/core/crew.hpp"
+#include "src/motion/padded_plane.hpp"
+
+namespace bolo::motion {
+
+// A pixel is taken for a defect while it stands out from all its neighbours in half of the last eight frames, or in one
+// of them as no optics let the scene do: what moves does not stay on a pixel for so long. Lines do, along themselves:
+// dead rows and columns are therefore not found.
+class Defects {
+ public:
+  // Thread: setup.
+  explicit Defects(Geometry geometry);
+
+  void forget() noexcept;
+  // The next frame; `noise`: standard deviation, in its values. Thread: pipeline.
+  void add(const PaddedPlane& frame, float noise, Crew& crew) noexcept;
+  // Finds those of the last eight frames; none where they are too many to be defects. No allocation. Thread: pipeline.
+  std::span<const std::uint32_t> find() noexcept;
+
+  // Puts the mean of good neighbours in place of those found, and tells what stood there. Rims stay as they are.
+  // Thread: pipeline.
+  void fill(PaddedPlane& plane, std::span<float> before) const noexcept;
+  void restore(PaddedPlane& plane, std::span<const float> before) const noexcept;
+  // The most that are found.
+  std::size_t most() const noexcept { return found_.capacity(); }
+
+ private:
+  std::uint16_t good_around(std::uint32_t pixel) const noexcept;
+
+  Geometry geometry_;
+  std::vector<std::uint16_t> seen_;  // of each pixel, a bit a frame: it stood out, and above them by far
+  std::vector<float> beyond_;        // of each pixel of the newest frame, what it is beyond the nearest four
+  std::vector<std::uint32_t> found_;
+  std::vector<std::uint16_t> good_;  // of each of them, a bit a neighbour
+};
+
+}  // namespace bolo::motion
