@@ -108,54 +108,77 @@ struct Sampler {
 };
 
 // How values `step` apart are interpolated, kReach of them on both sides of a block's pixels. Linear interpolation
-// would blur what the weights sharpen.
+// would blur what the weights sharpen; further away, where weights are small, it will do.
 struct Taps {
   std::ptrdiff_t offset[kTaps];
   const float* of_row[kTaps];     // weights along a row; null where the value lies on a column
   const float* of_column[kTaps];  // the same along a column
 
+  static constexpr int values_of(int j) {
+    const int apart = j < kReach ? kReach - j : j - kReach;
+    return apart <= 2 ? 6 : apart == 3 ? 4 : 2;
+  }
+
   // For the block at (x0, y0). Whole parts are limited as in whole_of.
   HWY_INLINE Taps(const PaddedPlane& plane, int x0, int y0, Vec2 step) {
-    constexpr auto kParts = static_cast<float>(SixWeights::kParts);
-    const auto part = [](float s, int first, int blocks, int& whole) HWY_ATTR {
+    constexpr auto kParts = static_cast<float>(Kriging::kParts);
+    const auto part = [](int j, float step_along, int first, int blocks, int& whole) HWY_ATTR {
+      const float s = static_cast<float>(j - kReach) * step_along;
       const float in_reach = std::min(std::max(-1.0F * kReach, s), 1.0F * kReach);  // NaN becomes the lowest
       const float rounded = std::floor(in_reach * kParts + 0.5F) / kParts;
       const float floor = std::floor(rounded);
       whole = limited(floor, first, blocks);
       const auto row = static_cast<std::size_t>((rounded - floor) * kParts);
-      return row == 0 ? nullptr : kSixWeights.w[row];
+      return row == 0 ? nullptr : kKriging.of(values_of(j), row);
     };
     for (int j = 0; j < kTaps; ++j) {
-      const auto along = static_cast<float>(j - kReach);
       int x = 0;
       int y = 0;
-      of_row[j] = part(along * step.x, x0, plane.blocks_across(), x);
-      of_column[j] = part(along * step.y, y0, plane.blocks_down(), y);
+      of_row[j] = part(j, step.x, x0, plane.blocks_across(), x);
+      of_column[j] = part(j, step.y, y0, plane.blocks_down(), y);
       offset[j] = y * plane.stride() + x;
     }
   }
 
-  // put(row, values) for `kRows` rows from `at` on.
+  // put(row, values) for `kRows` rows from `at` on. Inline for each number of values.
   template <int kRows, typename Put>
   HWY_INLINE void values(int j, const float* at, std::ptrdiff_t stride, const Put& put) const {
+    switch (values_of(j)) {
+      case 2:
+        return values_between<2, kRows>(j, at, stride, put);
+      case 4:
+        return values_between<4, kRows>(j, at, stride, put);
+      default:
+        return values_between<6, kRows>(j, at, stride, put);
+    }
+  }
+
+ private:
+  template <int kValues, int kRows, typename Put>
+  HWY_INLINE void values_between(int j, const float* at, std::ptrdiff_t stride, const Put& put) const {
+    constexpr int kBefore = kValues / 2 - 1;
     const auto sum = [](const float* w, const auto& value) HWY_ATTR {
       Vec v = hn::Mul(all(w[0]), value(0));
-      for (int i = 1; i < SixWeights::kValues; ++i) v = hn::MulAdd(all(w[i]), value(i), v);
+      HWY_UNROLL(8)
+      for (int i = 1; i < kValues; ++i) v = hn::MulAdd(all(w[i]), value(i), v);
       return v;
     };
     const float* from = at + offset[j];
     const auto in_row = [&](int r) HWY_ATTR {
       const float* p = from + r * stride;
       if (of_row[j] == nullptr) return load(p);
-      return sum(of_row[j], [&](int i) HWY_ATTR { return load(p + i - SixWeights::kBefore); });
+      return sum(of_row[j], [&](int i) HWY_ATTR { return load(p + i - kBefore); });
     };
     if (of_column[j] == nullptr) {
+      HWY_UNROLL(8)
       for (int r = 0; r < kRows; ++r) put(r, in_row(r));
       return;
     }
-    constexpr int kRead = kRows + SixWeights::kValues - 1;
+    constexpr int kRead = kRows + kValues - 1;
     Vec rows[std::size_t{kRead}];
-    for (int r = 0; r < kRead; ++r) rows[r] = in_row(r - SixWeights::kBefore);
+    HWY_UNROLL(16)
+    for (int r = 0; r < kRead; ++r) rows[r] = in_row(r - kBefore);
+    HWY_UNROLL(8)
     for (int r = 0; r < kRows; ++r) put(r, sum(of_column[j], [&](int i) HWY_ATTR { return rows[r + i]; }));
   }
 };

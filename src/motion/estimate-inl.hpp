@@ -262,7 +262,7 @@ HWY_INLINE void filter_half(const FilterInputs& in, const Taps& taps, const Pixe
   const int half = y % kBlock / HalfBlock::kRows;
   const std::ptrdiff_t stride = in.now->stride();
   HalfBlock sums;
-  const auto along = [&](int j, const PaddedPlane& plane, int tap) HWY_ATTR {
+  const auto along = [&](int j, const PaddedPlane& plane, int tap) HWY_ATTR __attribute__((always_inline)) {
     const Vec middle = hn::Load(Float(), weights.middle[tap] + column);
     const Vec change = hn::Load(Float(), weights.change[half][tap] + column);
     taps.values<HalfBlock::kRows>(j, plane.at(x, y), stride,

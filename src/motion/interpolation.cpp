@@ -14,23 +14,26 @@ double likeness(double apart) { return std::exp(-0.5 * apart * apart / (kLikeOve
 
 }  // namespace
 
-SixWeights::SixWeights() : w{} {
-  Eigen::Matrix<double, kValues, kValues> values;
-  for (int i = 0; i < kValues; ++i) {
-    for (int j = 0; j < kValues; ++j) values(i, j) = likeness(i - j) + (i == j ? kUnlike : 0.0);
-  }
-  using Vector = Eigen::Matrix<double, kValues, 1>;
-  const Eigen::LDLT<decltype(values)> factors(values);
-  const Vector b = factors.solve(Vector::Ones());
-  for (int part = 0; part < kParts; ++part) {
-    Vector truth;
-    for (int i = 0; i < kValues; ++i) truth(i) = likeness(i - kBefore - static_cast<double>(part) / kParts);
-    const Vector a = factors.solve(truth);
-    const Vector best = a + (1.0 - a.sum()) / b.sum() * b;
-    for (int i = 0; i < kValues; ++i) w[part][i] = static_cast<float>(best(i));
+Kriging::Kriging() : w{} {
+  for (int kind = 0; kind < 3; ++kind) {
+    const int n = kMost - 2 * kind;
+    Eigen::MatrixXd values(n, n);
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j) values(i, j) = likeness(i - j) + (i == j ? kUnlike : 0.0);
+    }
+    const Eigen::LDLT<Eigen::MatrixXd> factors(values);
+    const Eigen::VectorXd b = factors.solve(Eigen::VectorXd::Ones(n));
+    for (int part = 0; part < kParts; ++part) {
+      const double at = n / 2 - 1 + static_cast<double>(part) / kParts;
+      Eigen::VectorXd truth(n);
+      for (int i = 0; i < n; ++i) truth(i) = likeness(i - at);
+      const Eigen::VectorXd a = factors.solve(truth);
+      const Eigen::VectorXd best = a + (1.0 - a.sum()) / b.sum() * b;
+      for (int i = 0; i < n; ++i) w[kind][part][i] = static_cast<float>(best(i));
+    }
   }
 }
 
-const SixWeights kSixWeights;
+const Kriging kKriging;
 
 }  // namespace bolo::motion

@@ -1,5 +1,7 @@
-// Interpolation between four values, and between six.
+// Interpolation between values a pixel apart.
 #pragma once
+
+#include <cstddef>
 
 namespace bolo::motion {
 
@@ -14,18 +16,18 @@ namespace bolo::motion {
   w[3] = 1.0F - w[0] - w[1] - w[2];
 }
 
-// Weights of the values at -kBefore, 1 - kBefore ... for points in steps of 1 / kParts after 0: of those with unit sum
-// they leave the least mean square error (kriging) of a scene whose autocovariance is a Gaussian of 1.2 px, with
-// noise of a thousandth of its variance. Of these, bands of 0.35 and 0.42 cycles a px, the covariance of weights.hpp
-// and Lanczos' kernel, these made pans aslant and hands sharpest.
-struct SixWeights {
+// Weights of the nearest six, four and two values for points in steps of 1 / kParts after the first half's last: of
+// those with unit sum they leave the least mean square error (kriging) of a scene whose autocovariance is a Gaussian of
+// 1.2 px, with noise of a thousandth of its variance. Of these, bands of 0.35 and 0.42 cycles a px, the covariance of
+// weights.hpp and Lanczos' kernel, these made pans aslant and hands sharpest.
+struct Kriging {
   static constexpr int kParts = 64;
-  static constexpr int kBefore = 2;
-  static constexpr int kValues = 6;
-  float w[kParts][kValues + 2];
+  static constexpr int kMost = 6;
+  float w[3][kParts][kMost + 2];
 
-  SixWeights();
+  Kriging();
+  const float* of(int values, std::size_t part) const noexcept { return w[(kMost - values) / 2][part]; }
 };
-extern const SixWeights kSixWeights;
+extern const Kriging kKriging;
 
 }  // namespace bolo::motion

@@ -48,34 +48,38 @@ inline double bicubic(const PaddedPlane& p, double x, double y) {
   return sum;
 }
 
-// Weights of the values from -2 to 3 for a point f after 0: kriging with unit sum, as a bordered system.
-inline Eigen::Matrix<double, 7, 1> kriging(double f) {
+// Weights of the nearest n values for a point `at` after the first of them: kriging with unit sum, as a bordered
+// system.
+inline Eigen::VectorXd kriging(int n, double at) {
   const auto likeness = [](double apart) { return std::exp(-0.5 * apart * apart / (1.2 * 1.2)); };
-  Eigen::Matrix<double, 7, 7> system = Eigen::Matrix<double, 7, 7>::Ones();
-  Eigen::Matrix<double, 7, 1> right = Eigen::Matrix<double, 7, 1>::Ones();
-  system(6, 6) = 0.0;
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j < 6; ++j) system(i, j) = likeness(i - j) + (i == j ? 1e-3 : 0.0);
-    right(i) = likeness(i - 2 - f);
+  Eigen::MatrixXd system = Eigen::MatrixXd::Ones(n + 1, n + 1);
+  Eigen::VectorXd right = Eigen::VectorXd::Ones(n + 1);
+  system(n, n) = 0.0;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) system(i, j) = likeness(i - j) + (i == j ? 1e-3 : 0.0);
+    right(i) = likeness(i - at);
   }
-  return system.fullPivLu().solve(right);
+  return system.fullPivLu().solve(right).head(n);
 }
 
-// Between six values along both axes, at the nearest of 64 parts of a pixel.
-inline double between_six(const PaddedPlane& p, double x, double y) {
-  const auto rounded = [](double v) { return std::floor(v * 64.0 + 0.5) / 64.0; };
-  const int ix = static_cast<int>(std::floor(rounded(x)));
-  const int iy = static_cast<int>(std::floor(rounded(y)));
-  const Eigen::Matrix<double, 7, 1> wx = kriging(rounded(x) - ix);
-  const Eigen::Matrix<double, 7, 1> wy = kriging(rounded(y) - iy);
-  // A value on a pixel is that pixel's.
-  const auto weight = [](const Eigen::Matrix<double, 7, 1>& w, double f, int i) {
-    return f == 0.0 ? (i == 2 ? 1.0 : 0.0) : w(i);
+// Between n values along both axes, at the nearest of 64 parts of a pixel; a value on a row or column is of that alone.
+inline double between_values(const PaddedPlane& p, int n, double x, double y) {
+  struct Axis {
+    int first;
+    Eigen::VectorXd weights;
   };
+  const auto axis = [n](double v) -> Axis {
+    const double rounded = std::floor(v * 64.0 + 0.5) / 64.0;
+    const int whole = static_cast<int>(std::floor(rounded));
+    if (rounded == whole) return {whole, Eigen::VectorXd::Ones(1)};
+    return {whole - n / 2 + 1, kriging(n, n / 2 - 1 + rounded - whole)};
+  };
+  const Axis across = axis(x);
+  const Axis down = axis(y);
   double sum = 0.0;
-  for (int j = 0; j < 6; ++j) {
-    for (int i = 0; i < 6; ++i) {
-      sum += weight(wx, rounded(x) - ix, i) * weight(wy, rounded(y) - iy, j) * value(p, ix + i - 2, iy + j - 2);
+  for (int j = 0; j < down.weights.size(); ++j) {
+    for (int i = 0; i < across.weights.size(); ++i) {
+      sum += across.weights(i) * down.weights(j) * value(p, across.first + i, down.first + j);
     }
   }
   return sum;
