@@ -197,10 +197,10 @@ double WeightTable::uncertainty_of(std::size_t kind) noexcept { return kUncertai
 WeightTable::WeightTable(double tau_periods, int ahead)
     : tau_(tau_periods), ahead_(ahead), far_less_(kCells), per_pixel_(kCells) {
   for (std::vector<FilterWeights>& cells : cells_) cells.resize(kCells);
-  constexpr std::array kSlowest = {0.02, 0.05, 0.1};
+  constexpr std::array kFirstSpeeds = {0.02, 0.05, 0.1};
   for (std::size_t i = 0; i < kSpeeds; ++i) {
     const double decades = -0.8 + 2.4 * (static_cast<double>(i) - 3.0) / 18.0;
-    speed_[i] = i < kSlowest.size() ? kSlowest[i] : std::pow(10.0, decades);
+    speed_[i] = i < kFirstSpeeds.size() ? kFirstSpeeds[i] : std::pow(10.0, decades);
     log_speed_[i] = static_cast<float>(std::log(speed_[i]));
     const double lag = lag_of(static_cast<float>(speed_[i]));
     lag_factor_[i] = static_cast<float>(structure(speed_[i], 2.0) / structure(speed_[i], lag));
