@@ -24,7 +24,8 @@ Kriging::Kriging() : w{} {
     const Eigen::LDLT<Eigen::MatrixXd> factors(values);
     const Eigen::VectorXd b = factors.solve(Eigen::VectorXd::Ones(n));
     for (int part = 0; part < kParts; ++part) {
-      const double at = n / 2 - 1 + static_cast<double>(part) / kParts;
+      const int before = n / 2 - 1;
+      const double at = before + static_cast<double>(part) / kParts;
       Eigen::VectorXd truth(n);
       for (int i = 0; i < n; ++i) truth(i) = likeness(i - at);
       const Eigen::VectorXd a = factors.solve(truth);
