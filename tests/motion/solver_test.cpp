@@ -122,7 +122,8 @@ TEST(MotionSolver, OneOrTwoLostFramesCostLittle) {
   const Scene hand = [still = Texture(11)](double x, double y, double t) {
     return still(x - 1.9 * t, y + 30.0 * std::cos(0.09 * t));
   };
-  for (const Scene& scene : {pan(2.5, 0.5), hand}) {
+  for (const bool turns : {false, true}) {
+    const Scene scene = turns ? Scene(hand) : pan(2.5, 0.5);
     for (const int lookahead : {0, 1}) {
       const Settings settings = settings_of(Method::kMotion, 0.05, lookahead);
       Stream whole(scene, 0.05, 30);
@@ -134,11 +135,11 @@ TEST(MotionSolver, OneOrTwoLostFramesCostLittle) {
           SCOPED_TRACE(::testing::Message() << "frame " << k << ", look-ahead " << lookahead << ", two lost " << two);
           const double error = lossy.error(settings, k);
           const double of_mmae = lossy.error(settings_of(Method::kMmae, 0.05), k);
-          if (two && k == 23) {
-            EXPECT_LT(error, 0.38 * of_mmae);
+          EXPECT_LT(error, 0.5 * of_mmae);
+          if (turns && two && k == 23 && lookahead == 0) {
+            EXPECT_LT(error, 0.38 * of_mmae);  // whole frames have become sharper than what is foretold
           } else {
             EXPECT_LT(error, (two ? 2.0 : 1.5) * whole.error(settings, k));
-            EXPECT_LT(error, 0.5 * of_mmae);
           }
         }
       }

@@ -66,11 +66,6 @@ sigset_t our_signals() {
   return signals;
 }
 
-bool ignored(int signal) {
-  struct sigaction action {};
-  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
-}
-
 std::string_view name_of(int signal) {
   if (signal == SIGHUP) return "SIGHUP";
   return signal == SIGTERM ? "SIGTERM" : "SIGINT";
@@ -162,17 +157,6 @@ std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipel
                      1.0 / format.frame_period_s, pipeline.solver_text(), settings.window, settings.lookahead,
                      settings.tau_s * 1e3, config.pipeline.workers, config.pipeline.workers == 1 ? "" : "s",
                      describe_sinks(config));
-}
-
-void end_by_signals() {
-  const auto end = [](int) { _exit(0); };
-  for (const int signal : {SIGTERM, SIGINT}) {
-    if (!ignored(signal)) ::signal(signal, end);
-  }
-  sigset_t hangup;
-  sigemptyset(&hangup);
-  sigaddset(&hangup, SIGHUP);
-  pthread_sigmask(SIG_BLOCK, &hangup, nullptr);
 }
 
 void block_signals() {

@@ -37,9 +37,6 @@ std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig&
 // "genicam FLIR A655sc 640x120 at 200 Hz -> admm ... -> shared memory /bolo.camera". Thread: setup.
 std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipeline);
 
-// Until block_signals() SIGTERM and SIGINT end the process at once, with exit code 0; SIGHUP waits. Thread: setup.
-void end_by_signals();
-
 // Keeps SIGTERM, SIGINT and SIGHUP for Daemon::run(): blocked in this thread and all that it starts. To be called
 // before any thread exists. Thread: setup.
 void block_signals();

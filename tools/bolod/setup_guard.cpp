@@ -29,6 +29,22 @@ void watch(const std::stop_token& over, std::chrono::milliseconds grace) {
 
 }  // namespace
 
+bool ignored(int signal) {
+  struct sigaction action {};
+  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+void end_by_signals() {
+  const auto end = [](int) { _exit(0); };
+  for (const int signal : {SIGTERM, SIGINT}) {
+    if (!ignored(signal)) ::signal(signal, end);
+  }
+  sigset_t hangup;
+  sigemptyset(&hangup);
+  sigaddset(&hangup, SIGHUP);
+  pthread_sigmask(SIG_BLOCK, &hangup, nullptr);
+}
+
 bool end_requested() {
   sigset_t pending;
   return sigpending(&pending) == 0 && (sigismember(&pending, SIGTERM) == 1 || sigismember(&pending, SIGINT) == 1);
