@@ -190,6 +190,8 @@ TEST_F(ConvertVerb, RawDumpsInEitherByteOrder) {
     done(words(std::string("@dump.bin --raw ") + (big ? "40x24:u16be" : "40x24") + " --skip 16 -o @a.h5 --overwrite"));
     (void)expect_values("a.h5", 3);
   }
+  done(words("@dump.bin @dump.bin --raw 40x24:u16be --skip 16 -o @one.png --frame 4"));
+  EXPECT_EQ(must(read_png_picture(file("one.png")))->u16[7], value_at(1, 7)) << "the second dump's second";
   refused(words("@dump.bin --raw 41x24 -o @b.h5"), "not whole frames");
   refused(words("@dump.bin --raw 41 -o @b.h5"), "--raw '41'");
   refused(words("@dump.bin --raw 40x24:u8 -o @b.h5"), "none of u16le");

@@ -184,15 +184,13 @@ class RawFootage final : public Footage {
   }
 
   Status read(std::size_t index, Frame& frame) override {
-    if (next_ < dumps_.size() && index == dumps_[next_].first) {
-      if (Status good = open(dumps_[next_++].file); !good) return good;
-    }
+    const Dump& dump = *std::prev(std::ranges::upper_bound(dumps_, index, {}, &Dump::first));
+    RETURN_IF_ERROR(go_to(dump, index));
     frame.t_s = static_cast<double>(index) * info_.format.frame_period_s;
     frame.id = index;
     char* const out = static_cast<char*>(frame.resize(info_.format.type, layout_.geometry.pixels()));
-    const std::size_t bytes = plane_bytes(layout_.geometry, info_.format.type);
-    if (!in_.read(out, static_cast<std::streamsize>(bytes))) {
-      return bad_input(dumps_[next_ - 1].file.string() + ": frame " + std::to_string(index) + " cannot be read");
+    if (!in_.read(out, static_cast<std::streamsize>(frame_bytes()))) {
+      return bad_input(dump.file.string() + ": frame " + std::to_string(index) + " cannot be read");
     }
     if (layout_.big_endian) {
       for (std::uint16_t& v : frame.u16) v = swap_bytes(v);
@@ -201,16 +199,19 @@ class RawFootage final : public Footage {
   }
 
  private:
-  Status open(const std::filesystem::path& file) {
-    in_ = std::ifstream(file, std::ios::binary);
-    in_.seekg(static_cast<std::streamoff>(layout_.skip_bytes));
-    return in_ ? Status{} : bad_input(file.string() + ": cannot be opened");
+  std::uint64_t frame_bytes() const { return plane_bytes(layout_.geometry, layout_.type); }
+
+  Status go_to(const Dump& dump, std::size_t index) {
+    if (open_ != &dump) in_ = std::ifstream(dump.file, std::ios::binary);
+    open_ = &dump;
+    in_.seekg(static_cast<std::streamoff>(layout_.skip_bytes + (index - dump.first) * frame_bytes()));
+    return in_ ? Status{} : bad_input(dump.file.string() + ": cannot be opened");
   }
 
   std::vector<Dump> dumps_;
   RawLayout layout_;
-  std::size_t next_ = 0;
-  std::ifstream in_;
+  const Dump* open_ = nullptr;
+  std::ifstream in_;  // of it
 };
 
 }  // namespace
