@@ -106,7 +106,9 @@ std::string VideoDevice::offered() {
   std::string text;
   v4l2_fmtdesc format{};
   format.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
-  for (; format.index < 32 && system_.ioctl(fd_, VIDIOC_ENUM_FMT, &format) == 0; ++format.index) {
+  for (std::uint32_t i = 0; i < 32; ++i) {
+    format.index = i;  // anew: the driver has it in hand meanwhile
+    if (system_.ioctl(fd_, VIDIOC_ENUM_FMT, &format) != 0) break;
     text += (text.empty() ? "" : ", ") + text_of(format.pixelformat);
   }
   return text.empty() ? "nothing" : text;
@@ -165,7 +167,7 @@ Status VideoDevice::request_buffers(int count) {
   request.memory = V4L2_MEMORY_MMAP;
   if (system_.ioctl(fd_, VIDIOC_REQBUFS, &request) < 0) return refused(describe_error(errno));
   if (request.count < 2) return refused("it has no room for two frames");
-  for (std::uint32_t i = 0; i < request.count; ++i) {
+  for (std::uint32_t i = 0; i < std::min<std::uint32_t>(request.count, VIDEO_MAX_FRAME); ++i) {
     v4l2_buffer buffer{};
     buffer.index = i;
     buffer.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;

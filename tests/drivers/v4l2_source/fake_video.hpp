@@ -24,9 +24,10 @@ struct FakeCamera {
   bool there = true;
   int busy = 0;  // errno of S_FMT and REQBUFS
   std::uint32_t stamps = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
-  int open_refused = 0;  // errno
-  int take_refused = 0;  // errno of DQBUF, though poll says that a frame waits
-  bool endless = false;  // there is always one more frame, of a few bytes
+  int open_refused = 0;          // errno
+  int take_refused = 0;          // errno of DQBUF, though poll says that a frame waits
+  bool endless = false;          // there is always one more frame, of a few bytes
+  bool no_end_of_lists = false;  // of formats, and of buffers: as many as a number can say
 
   std::uint32_t sequence = 0;  // of the next frame
   int opened = 0;              // times
@@ -142,6 +143,7 @@ class FakeVideo final : public VideoSystem {
       }
       case VIDIOC_ENUM_FMT: {
         auto& answer = *static_cast<v4l2_fmtdesc*>(argument);
+        if (camera->no_end_of_lists) answer.index = 0;
         if (answer.index >= camera->formats.size()) return fail(EINVAL);
         answer.pixelformat = camera->formats[answer.index];
         return 0;
@@ -159,8 +161,9 @@ class FakeVideo final : public VideoSystem {
         return camera->period.denominator != 0 ? 0 : fail(ENOTTY);
       case VIDIOC_REQBUFS: {
         if (camera->busy != 0) return fail(camera->busy);
-        camera->memory.assign(static_cast<v4l2_requestbuffers*>(argument)->count,
-                              std::vector<std::byte>(camera->bytes()));
+        std::uint32_t& count = static_cast<v4l2_requestbuffers*>(argument)->count;
+        camera->memory.assign(camera->no_end_of_lists ? 100 : count, std::vector<std::byte>(camera->bytes()));
+        if (camera->no_end_of_lists) count = UINT32_MAX;
         return 0;
       }
       case VIDIOC_QUERYBUF: {

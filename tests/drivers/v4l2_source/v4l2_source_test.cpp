@@ -303,7 +303,11 @@ TEST_F(V4l2SourceTest, WhatCannotBeTakenIsRefusedInOneLine) {
   camera().formats = {V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_MJPEG};
   camera().code = V4L2_PIX_FMT_GREY;
   refuse("it does not send Y16; it offers GREY, MJPG");
+  camera().no_end_of_lists = true;
+  refuse("it does not send Y16; it offers GREY, GREY");
   camera().formats = {V4L2_PIX_FMT_Y16};
+  ASSERT_TRUE(open()) << "with the buffers that are mapped of those without end";
+  camera().no_end_of_lists = false;
   options_.rows = {4, 3};
   refuse("its frames have 6 rows, and source.rows asks for 3 from row 4 on");
   options_.rows = {};
