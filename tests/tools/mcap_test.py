@@ -157,6 +157,8 @@ class Mcap(unittest.TestCase):
         self.bolo(self.path("linear.h5"), self.path("linear.h5"), "-o", self.path("two.mcap"), code=2,
                   says="two captures would be")
         self.bolo(self.path("linear.h5"), self.path("sharp.h5"), "-o", self.path("two.tiff"), code=2)
+        self.bolo(self.path("linear.h5"), self.path("sharp.h5"), "-o", self.path("two.mcap"), "--frame", "1", code=2,
+                  says="--frame is of one capture")
         self.assertFalse(os.path.exists(self.path("two.mcap")))
 
     def test_names_that_are_no_topics_are_refused(self):

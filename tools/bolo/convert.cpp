@@ -162,7 +162,7 @@ Result<std::unique_ptr<Footage>> open_footage(const ConvertRequest& request) {
   return recording ? open_mcap(request.in.front(), request.topic, request.stated) : open_capture(request.in.front());
 }
 
-// One frame of other footage.
+// One frame of other footage, which has a single part.
 class OneFrame final : public Footage {
  public:
   OneFrame(std::unique_ptr<Footage> from, std::size_t frame) : from_(std::move(from)), frame_(frame) {
@@ -179,6 +179,7 @@ class OneFrame final : public Footage {
 Result<std::unique_ptr<Footage>> chosen_footage(const ConvertRequest& request) {
   auto footage = open_footage(request);
   if (!footage || !request.frame) return footage;
+  if ((*footage)->parts().size() > 1) return bad_input("--frame is of one capture; several were given");
   const std::size_t frames = (*footage)->info().frames;
   if (*request.frame >= frames)
     return bad_input("--frame " + std::to_string(*request.frame) + ": there are frames 0 to " +
