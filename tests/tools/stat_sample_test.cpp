@@ -186,6 +186,27 @@ TEST(StatSample, TableShowsWhatIsNotPrintableAsQuestionMarks) {
   EXPECT_EQ(table.find_first_of("\x1b\r\a\x7f"), std::string::npos);
 }
 
+// As one of another version might: it runs on while the package is upgraded.
+TEST(StatSample, ADaemonThatSaysLessOrOtherThingsIsShown) {
+  StatSnapshot snapshot = second_snapshot();
+  for (const char* answer :
+       {"{\"stages\": {}, \"effort\": {}}", "{\"stages\": null, \"effort\": null}",
+        "{\"stages\": [1], \"effort\": \"full\"}",
+        "{\"stages\": {\"deblur\": 7}, \"effort\": {\"now\": 5, \"frames\": {\"raw\": -1}}}", "[]", "7", "{"}) {
+    snapshot.status = nlohmann::ordered_json::parse(answer, nullptr, false);
+    EXPECT_NE(table_of(snapshot).find("lost     15 in all"), std::string::npos) << answer;
+    EXPECT_EQ(json_of(snapshot)["published"], 1380) << answer;
+  }
+  snapshot.status = nlohmann::ordered_json::parse("{\"gap_bursts\": \"many\", \"repeats\": -1}");
+  EXPECT_EQ(table_of(snapshot).find("profile"), std::string::npos);
+  snapshot.status = nlohmann::ordered_json::parse(
+      "{\"stages\": {\"deblur\": {\"p50_ms\": 1.5}}, \"effort\": {\"now\": \"raw\", \"frames\": {\"raw\": 3}}, "
+      "\"gap_bursts\": 1}");
+  expect_parts(table_of(snapshot),
+               {"deblur 1.500, publish 0.000 ms", "effort   raw; 0 frames reduced, 0 inverse, 3 raw\n",
+                "foretells frames to ? x noise"});
+}
+
 StatSample sample(double p50_ms, double p99_ms, double lost_hz = 0.0) {
   StatSample s;
   s.interval_s = 0.5;

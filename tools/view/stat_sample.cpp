@@ -65,10 +65,22 @@ std::uint64_t shared_count(const Shared& block, const Row& row) {
   return count;
 }
 
+// The daemon's answer under "/effort/now" and the like; null where a daemon of another version says it otherwise.
+nlohmann::ordered_json answered(const nlohmann::ordered_json& status, const std::string& path) {
+  const nlohmann::ordered_json::json_pointer place(path);
+  return status.contains(place) ? status.at(place) : nullptr;
+}
+
+double number_of(const nlohmann::ordered_json& answer) { return answer.is_number() ? answer.get<double>() : 0.0; }
+
+std::uint64_t count_of(const nlohmann::ordered_json& answer) {
+  return answer.is_number_unsigned() ? answer.get<std::uint64_t>() : 0;
+}
+
 // A count from shared memory, or else from the daemon's answer.
 std::uint64_t frame_count(const StatSnapshot& snapshot, const pipeline::FrameRow& row) {
   if (row.shared != 0) return shared_count(snapshot.header, row);
-  return snapshot.status.is_object() ? snapshot.status.value(std::string(row.key), std::uint64_t{0}) : 0;
+  return count_of(answered(snapshot.status, "/" + std::string(row.key)));
 }
 
 // "16 warm-up, 3 with gaps".
@@ -93,12 +105,12 @@ std::string describe_clock(const bolo_shm_header& h) {
 
 // Describes the gap watch's ratio.
 std::string describe_gap(const nlohmann::ordered_json& status) {
-  const auto times = [&status](const char* key) {
-    const auto found = status.find(key);
-    return found != status.end() && found->is_number() ? fmt::format("{:.2f}", found->get<double>()) : "?";
+  const auto times = [&status](const char* path) {
+    const auto found = answered(status, path);
+    return found.is_number() ? fmt::format("{:.2f}", found.get<double>()) : "?";
   };
-  return fmt::format("foretells frames to {} x noise; time constant {} x, noise {} x the profile's", times("gap_ratio"),
-                     times("gap_tau_ratio"), times("gap_noise_ratio"));
+  return fmt::format("foretells frames to {} x noise; time constant {} x, noise {} x the profile's",
+                     times("/gap_ratio"), times("/gap_tau_ratio"), times("/gap_noise_ratio"));
 }
 
 // State of the camera, its clock and corrections as far as they are known.
@@ -190,17 +202,20 @@ std::string stat_table(const std::string& name, const StatSnapshot& snapshot, co
     std::string stages;
     for (const auto& stage : pipeline::kStages) {
       stages += fmt::format("{}{} {:.3f}", stages.empty() ? "" : ", ", stage.name,
-                            snapshot.status["stages"][std::string(stage.name)].value("p50_ms", 0.0));
+                            number_of(answered(snapshot.status, fmt::format("/stages/{}/p50_ms", stage.name))));
     }
     out += line("stages   {} ms (p50 of all)", stages);
   }
   if (snapshot.status.contains("effort")) {
-    const auto frames = [&](const char* effort) { return snapshot.status["effort"]["frames"].value(effort, 0ULL); };
-    out += line("effort   {}; {} frames reduced, {} inverse, {} raw", snapshot.status["effort"].value("now", "unknown"),
-                frames("reduced"), frames("inverse"), frames("raw"));
+    const auto now = answered(snapshot.status, "/effort/now");
+    const auto frames = [&](const char* effort) {
+      return count_of(answered(snapshot.status, fmt::format("/effort/frames/{}", effort)));
+    };
+    out +=
+        line("effort   {}; {} frames reduced, {} inverse, {} raw", now.is_string() ? now.get<std::string>() : "unknown",
+             frames("reduced"), frames("inverse"), frames("raw"));
   }
-  if (snapshot.status.is_object() && snapshot.status.value("gap_bursts", 0ULL) > 0)
-    out += line("profile  {}", describe_gap(snapshot.status));
+  if (count_of(answered(snapshot.status, "/gap_bursts")) > 0) out += line("profile  {}", describe_gap(snapshot.status));
   const auto frames = [&snapshot](const auto& row) { return frame_count(snapshot, row); };
   out += line("windows  {}", describe_counts(pipeline::kFrameCounters, frames));
   out += line("lost     {} in all", s.lost_total);
