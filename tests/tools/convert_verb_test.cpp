@@ -226,6 +226,7 @@ TEST_F(ConvertVerb, WrongUsageIsOneLine) {
   refused({write("bad.jpg", "no JPEG"), "-o", file("b.h5")}, "bad.jpg: is no JPEG");
   fs::resize_file(write("huge.jpg", "\xff\xd8\xff"), std::uintmax_t{1} << 40U);
   refused({file("huge.jpg"), "-o", file("b.h5")}, "huge.jpg: is larger than a still can be");
+  refused(words("@a.png -o @a.mcap --rate 1e-7"), "--rate must be");  // no reader takes such a period
 }
 
 // --- radiometric stills ---

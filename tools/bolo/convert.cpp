@@ -125,8 +125,8 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   RETURN_IF_ERROR(check_name(request.out.name));
   if (parsed.count("topic") != 0) request.topic = parsed["topic"].as<std::string>();
   request.stated.rate_hz = parsed["rate"].as<double>();
-  if (!(request.stated.rate_hz > 0.0 && request.stated.rate_hz <= 1e6))
-    return bad_input("--rate must be above 0 frames a second");
+  if (!(request.stated.rate_hz >= 1e-6 && request.stated.rate_hz <= 1e6))  // what captures can state
+    return bad_input("--rate must be 0.000001 to 1000000 frames a second");
   RETURN_IF_ERROR(read_scale(parsed, request));
   if (parsed.count("raw") != 0) {
     ASSIGN_OR_RETURN(RawLayout layout, parse_raw(parsed["raw"].as<std::string>()));
