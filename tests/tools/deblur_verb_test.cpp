@@ -33,6 +33,23 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
 }
 
 // A gyro whose times are others' changes no bit; one whose times are the frames' is used, and said so.
+// A camera that is read faster than it takes pictures: its frames are those that repeat none.
+TEST_F(DeblurVerb, FramesThatRepeatAreDroppedAsIfTheyHadNeverBeenRead) {
+  write("drop.toml", "[firmware]\ndrop_repeated = true\n");
+  const auto once = deblurred("--profile @drop.toml");
+  for (const std::size_t reads : {2U, 7U}) {
+    write_blurred(file("in.h5"), {.reads = reads});
+    const auto out = deblurred("--profile @drop.toml", std::to_string(reads) + ".h5");
+    EXPECT_NEAR(out.info().format.frame_period_s, kPeriod, 1e-9);
+    ASSERT_EQ(out.info().frames, once.info().frames);
+    for (std::size_t n = 0; n < once.info().frames; ++n) {
+      const auto want = frame_of(once, n);
+      const auto got = frame_of(out, n);
+      for (std::size_t i = 0; i < want.size(); ++i) ASSERT_NEAR(got[i], want[i], 1e-3) << n;
+    }
+  }
+}
+
 TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
   write_blurred(file("in.h5"), {.height = kWidth});
   write("lens.toml", "[lens]\nfocal_px = 1400\n");
