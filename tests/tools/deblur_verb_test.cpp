@@ -267,7 +267,7 @@ const std::vector<Refusal> kRefusals{
     {"@text.h5 -o @out.h5", "text.h5"},
     {"@few.h5 -o @out.h5", "few.h5: 16 frames, fewer than one window of 17"},
     {"@broken.h5 -o @out.h5", "broken.h5: no full window of 17 frames"},
-    {"@slow.h5 -o @out.h5", "slow.h5: deblur settings: period_s is 114"},
+    {"@slow.h5 -o @out.h5", "to 10 s; if it is milliseconds, divide /t and frame_period_s by 1000"},
     {"@nan.h5 -o @out.h5", "nan.h5: frame 525, column 1, row 1 of /frames is nan"},
     {"@huge.h5 -o @out.h5", "huge.h5: frame 525, column 1, row 1 of /frames is 3e+38"},
     {"@in.h5 -o @none/out.h5", "none/out.h5"},
