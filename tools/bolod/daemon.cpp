@@ -346,7 +346,7 @@ void Daemon::Impl::follow_period() {
   const double before_s = period_change.update(measured_s, pipeline->settings().period_s, monotonic_ns());
   if (before_s == 0.0) return;
   const Status taken = pipeline->set_period(measured_s);
-  const bool repeats = pipeline->stats().repeats.value() > 0;
+  const bool repeats = fresh_s > 0.0 && pipeline->stats().repeats.value() > 0;
   const std::string_view advice = camera == nullptr || repeats ? "" : "; set source.true_rate_hz, or find out why";
   log->warn("by the camera's clock {:.5g} {}frames come a second, not {:.5g}, and they are solved {}{}",
             1.0 / measured_s, repeats ? "new " : "", 1.0 / before_s,
