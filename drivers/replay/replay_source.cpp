@@ -42,15 +42,43 @@ class WindowRestarts {
   std::size_t next_ = 0;
 };
 
-// The frame period that the capture's times show; the stated one where they agree, or say too little: the window places
-// frames by their times, so a filter for another period would be one of other frames.
-double period_of(const capture::CaptureReader& reader) {
-  const double stated_s = reader.info().format.frame_period_s;
+// From each frame to the next, over the counter's number of frames.
+std::vector<double> steps_of(const capture::CaptureReader& reader) {
   const std::vector<double>& t = reader.t();
   const std::vector<std::uint64_t>& id = reader.frame_id();
   std::vector<double> steps_s;
   for (std::size_t i = 1; i < t.size(); ++i)
     steps_s.push_back((t[i] - t[i - 1]) / static_cast<double>(id[i] - id[i - 1]));
+  return steps_s;
+}
+
+// From each frame that repeats none to the next such; of the first frames, because they are read for it.
+Result<std::vector<double>> fresh_steps_of(const capture::CaptureReader& reader) {
+  constexpr std::size_t kMostRead = 512;
+  const StreamFormat& format = reader.info().format;
+  std::vector<std::byte> before(plane_bytes(format.geometry, format.type));
+  std::vector<std::byte> frame(before.size());
+  std::vector<double> steps_s;
+  std::size_t last = 0;
+  std::size_t repeats = 0;
+  for (std::size_t i = 0; i < std::min(reader.t().size(), kMostRead); ++i) {
+    RETURN_IF_ERROR(reader.read_frame(i, frame.data()));
+    if (i > 0 && frame == before) {
+      ++repeats;
+      continue;
+    }
+    const auto counted = static_cast<double>(reader.frame_id()[i] - reader.frame_id()[last] - repeats);
+    if (i > 0) steps_s.push_back((reader.t()[i] - reader.t()[last]) / counted);
+    last = i;
+    repeats = 0;
+    before.swap(frame);
+  }
+  return steps_s;
+}
+
+// The frame period that the capture's times show; the stated one where they agree, or say too little: the window places
+// frames by their times, so a filter for another period would be one of other frames.
+double period_of(std::vector<double> steps_s, double stated_s) {
   const double shown_s = pipeline::usual_step(steps_s).mean;
   if (steps_s.size() < kFewestSteps || shown_s > kLongestPeriod_s) return stated_s;
   const auto closer = std::ranges::count_if(
@@ -64,15 +92,22 @@ double step_of(const LinearScale& scale) { return scale.unit == Unit::kKelvin ? 
 
 }  // namespace
 
-ReplaySource::ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, Laps laps, Values values)
-    : reader_(std::move(reader)), pace_(pace), laps_(laps), values_(values) {}
+ReplaySource::ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, Laps laps, Values values,
+                           Repeats repeats)
+    : reader_(std::move(reader)), pace_(pace), laps_(laps), values_(values), repeats_(repeats) {}
 
 ReplaySource::~ReplaySource() { stop(); }
 
 Result<pipeline::SourceInfo> ReplaySource::open() {
   const capture::CaptureInfo& info = reader_->info();
   pipeline::SourceInfo source{info.format, info.camera_model, info.camera_serial};
-  source.format.frame_period_s = period_of(*reader_);
+  std::vector<double> steps_s;
+  if (repeats_ == Repeats::kDropped) {
+    ASSIGN_OR_RETURN(steps_s, fresh_steps_of(*reader_));
+  } else {
+    steps_s = steps_of(*reader_);
+  }
+  source.format.frame_period_s = period_of(std::move(steps_s), info.format.frame_period_s);
   if (rounds()) {
     plane_.resize(info.format.geometry.pixels());
     source.format.type = PixelType::kUint16;

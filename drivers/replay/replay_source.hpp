@@ -29,6 +29,11 @@ enum class Values {
   kCounts,  // 16 bits, as of a camera: float32 is rounded to 10 mK, or to whole counts where it is no kelvin
 };
 
+enum class Repeats {
+  kFrames,   // frames as others
+  kDropped,  // the pipeline drops them: the period is that of the frames that repeat none
+};
+
 // Frames carry the capture's frame_id, /t in ns as camera time, and the host's time now as receive time. A jump of the
 // frame_id counts as that many frames missing. An event "nuc" or "reconnect" starts a new window with the first frame
 // at or after it; frames missing there are no loss.
@@ -36,7 +41,7 @@ class ReplaySource final : public pipeline::FrameSource {
  public:
   // The reader is used from the source's own thread between start() and stop().
   ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, Laps laps = Laps::kOne,
-               Values values = Values::kAsStored);
+               Values values = Values::kAsStored, Repeats repeats = Repeats::kFrames);
   ~ReplaySource() override;
 
   Result<pipeline::SourceInfo> open() override;
@@ -65,6 +70,7 @@ class ReplaySource final : public pipeline::FrameSource {
   Pace pace_;
   Laps laps_;
   Values values_;
+  Repeats repeats_;
   std::vector<float> plane_;  // as stored, where it is rounded
   std::atomic<bool> stop_requested_{false};
   std::thread thread_;

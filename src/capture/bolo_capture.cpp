@@ -349,7 +349,8 @@ void check_plausible(Contents& contents) {
   if (median_s > kLongestPeriod_s) {
     contents.warnings.push_back("/t rises by " + text(median_s) +
                                 " a frame: it looks like milliseconds, not seconds (" + text(median_s) + " ms is " +
-                                text(1e3 / median_s) + " frames a second); divide /t and frame_period_s by 1000");
+                                text(std::round(1e5 / median_s) / 100.0) +
+                                " frames a second); divide /t and frame_period_s by 1000");
   } else if (period_s > kLongestPeriod_s) {
     contents.warnings.push_back("frame_period_s is " + text(period_s) + ": it looks like milliseconds, not seconds");
   }

@@ -65,6 +65,7 @@ class Chain {
   float* plane_ = nullptr;
   const void* raw_ = nullptr;
   deblur::FrameSteps steps_;
+  std::uint64_t repeats_ = 0;  // dropped since the last begin()
   bool begun_ = false;
 };
 

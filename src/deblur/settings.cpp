@@ -19,6 +19,7 @@ constexpr std::array kNames = {
 
 constexpr double kLeastTau_s = 1e-6;   // far below any pixel's; period / tau stays a number
 constexpr double kLittleLeft = 0.05;   // of a frame in the next one
+constexpr double kNothingLeft = 1e-4;  // below which no more of it is told
 constexpr float kLargestValue = 1e7F;  // far above any temperature and count
 constexpr int kModelLookahead = 15;    // the models see 17 frames
 
@@ -104,9 +105,11 @@ std::string weak_inertia_warning(const Settings& settings) {
   const double left = std::exp(-settings.period_s / settings.tau_s);
   if (left > kLittleLeft) return {};
   std::ostringstream text;
+  text.precision(4);  // 111 and 1000, not 1.1e+02
+  text << "frames come every " << std::round(settings.period_s * 1e4) / 10.0 << " ms, ";
   text.precision(2);
-  text << "frames come every " << settings.period_s * 1e3 << " ms, " << settings.period_s / settings.tau_s
-       << " times tau: only " << 100.0 * left << " % of a frame is left in the next, there is next to nothing to undo";
+  text << settings.period_s / settings.tau_s << " times tau: " << (left < kNothingLeft ? "less than " : "only ")
+       << 100.0 * std::max(left, kNothingLeft) << " % of a frame is left in the next, there is next to nothing to undo";
   return text.str();
 }
 

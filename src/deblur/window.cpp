@@ -16,13 +16,16 @@ constexpr double kBeyondChance = 5;  // mean distances: four standard deviations
 
 }  // namespace
 
-std::int64_t FrameSteps::next(const FrameMeta& frame, double period_s, bool& off_grid) noexcept {
+std::int64_t FrameSteps::next(const FrameMeta& frame, std::uint64_t repeats, double period_s, bool& off_grid) noexcept {
   const double passed_ns = static_cast<double>(frame.camera_ns) - static_cast<double>(last_.camera_ns);
   const double periods = passed_ns / (period_s * 1e9);
   const double nearest = std::clamp(std::round(periods), -1.0, 1e9);
   const bool clock_fits = nearest >= 1.0 && std::abs(periods - nearest) <= kGridTolerance;
-  const auto counted = static_cast<std::int64_t>(frame.frame_id - last_.frame_id);
-  const double apart = std::abs(periods - static_cast<double>(counted));
+  const auto all = static_cast<std::int64_t>(frame.frame_id - last_.frame_id);
+  const std::int64_t fresh = all - static_cast<std::int64_t>(repeats);
+  const auto from_clock = [periods](std::int64_t count) { return std::abs(periods - static_cast<double>(count)); };
+  const std::int64_t counted = from_clock(fresh) < from_clock(all) ? fresh : all;
+  const double apart = from_clock(counted);
   const bool pause = nearest >= 1.0 && apart > kMostJitter;
   const bool chance = counted >= 1 && scatter_ > kGridTolerance && apart <= kBeyondChance * scatter_;
   const bool by_clock = !chance && (clock_fits || pause || periods < -kMostJitter);
@@ -50,7 +53,7 @@ bool Window::push(const WindowFrame& frame, bool restart) noexcept {
   steps_left_ = 1;
   bool emptied = false;
   bool off_grid = false;
-  const std::int64_t steps = steps_.next(frame.meta, period_s_, off_grid);
+  const std::int64_t steps = steps_.next(frame.meta, frame.repeats, period_s_, off_grid);
   if (covered_ > 0) {
     emptied = restart || steps < 1 || steps >= static_cast<std::int64_t>(places_.size());
     if (!emptied) {

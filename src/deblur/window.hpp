@@ -15,12 +15,14 @@ namespace bolo::deblur {
 // they disagree, the clock is right as long as it shows a whole number of periods (cameras lose frames without a jump
 // in the counter), or a longer pause than counter and jitter explain (NUC, reconnect: frames that never were are not
 // counted); else the counter is. A clock that scatters (stamps of a busy host, or in coarse steps) must differ by more
-// than its scatter to be right.
+// than its scatter to be right. Frames that were dropped because they repeat the one before are counted or not,
+// whichever the clock is closer to: a shutter that held takes their places, a camera that is read too fast never took
+// them.
 class FrameSteps {
  public:
   // Since the frame of the last call; undefined for the first. `off_grid`: the clock shows no whole number of periods
-  // as taken. Thread: pipeline.
-  std::int64_t next(const FrameMeta& frame, double period_s, bool& off_grid) noexcept;
+  // as taken. `repeats`: frames before it that were dropped as repeats. Thread: pipeline.
+  std::int64_t next(const FrameMeta& frame, std::uint64_t repeats, double period_s, bool& off_grid) noexcept;
 
  private:
   FrameMeta last_;
@@ -33,6 +35,7 @@ struct WindowFrame {
   FrameMeta meta;
   const void* plane = nullptr;
   std::uint32_t token = 0;
+  std::uint64_t repeats = 0;  // frames between the last one pushed and this one that were dropped as repeats
 };
 
 // Use, all on the pipeline thread:

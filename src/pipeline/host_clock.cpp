@@ -99,6 +99,7 @@ void HostClock::fit() noexcept {
 }
 
 UsualStep usual_step(std::span<double> steps) noexcept {
+  constexpr double kUsual = 0.6;
   if (steps.empty()) return {};
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
@@ -108,7 +109,7 @@ UsualStep usual_step(std::span<double> steps) noexcept {
   double near = 0.0;
   for (const double step : steps) {
     const double off = step - median;
-    if (std::abs(off) > 0.5 * median) continue;
+    if (std::abs(off) > kUsual * median) continue;
     sum += off;
     squares += off * off;
     near += 1.0;

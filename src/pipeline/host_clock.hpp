@@ -79,8 +79,9 @@ class HostClock {
   std::size_t count_ = 0;
 };
 
-// From one frame to the next where stamps jitter, or count in coarse ticks: the mean of the steps that are within half
-// of their median of it, so that pauses and lost frames do not move it. 0 without steps.
+// From one frame to the next where stamps jitter, or count in coarse ticks: the mean of the steps that differ from
+// their median by less than 0.6 of it (half a step is the tick of a camera that is read half as often again as it takes
+// pictures), so that pauses and lost frames do not move it. 0 without steps.
 struct UsualStep {
   double mean = 0.0;
   double error = 0.0;  // standard error of the mean; what a stamp errs stands in two steps, and cancels

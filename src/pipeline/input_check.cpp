@@ -7,7 +7,8 @@ namespace bolo::pipeline {
 namespace {
 
 constexpr std::uint64_t kEnoughFrames = 32;  // frames, before anything is told
-constexpr std::uint64_t kRarestRepeat = 5;   // frames for each that repeats, above which it is chance
+constexpr std::uint64_t kEnoughRuns = 8;     // of repeats
+constexpr std::uint64_t kRarestRepeat = 4;   // new frames for each run of repeats, above which it is chance
 constexpr double kOtherNoise = 2.0;          // factor: motion and mmae lose much beyond it
 
 }  // namespace
@@ -15,6 +16,7 @@ constexpr double kOtherNoise = 2.0;          // factor: motion and mmae lose muc
 void InputCheck::add_frame(const void* raw, const void* before) noexcept {
   const bool same = std::memcmp(raw, before, plane_bytes(format_.geometry, format_.type)) == 0;
   if (same && !repeats_) repeat_runs_.add();
+  if (!same) fresh_.add();
   repeats_ = same;
   frames_.add();
 }
@@ -29,11 +31,11 @@ std::vector<std::string> InputCheck::take() {
   std::vector<std::string> lines;
   const std::uint64_t frames = frames_.value();
   const std::uint64_t runs = repeat_runs_.value();
-  if (!repeats_told_ && frames >= kEnoughFrames && runs * kRarestRepeat > frames) {
+  if (!repeats_told_ && frames >= kEnoughFrames && runs >= kEnoughRuns && runs * kRarestRepeat > fresh_.value()) {
     repeats_told_ = true;
     lines.push_back("frames come twice or more, " + std::to_string(runs) + " times in " + std::to_string(frames) +
                     ": the camera is read faster than it takes pictures, and sharp frames are worse than raw ones; "
-                    "read it at its own rate");
+                    "read it at its own rate, or set firmware.drop_repeated in its profile");
   }
   const double noise_k = noise_k_.value();
   const bool other = (fast_ && noise_k > kOtherNoise * told_noise_k_) || told_noise_k_ > kOtherNoise * noise_k;

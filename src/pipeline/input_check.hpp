@@ -35,6 +35,7 @@ class InputCheck {
   bool fast_;
   bool repeats_ = false;     // the last frame was the one before it
   rt::Counter frames_;       // compared with the one before
+  rt::Counter fresh_;        // of them, those that were another
   rt::Counter repeat_runs_;  // of one frame or more: a shutter's is one
   rt::Counter noise_frames_;
   rt::Gauge<double> noise_k_;

@@ -88,6 +88,7 @@ void Pipeline::Impl::prepare(const deblur::WindowView& view) noexcept {
 // False when no time was left for it and nothing may stand in for it.
 bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   const std::int64_t start_ns = monotonic_ns();
+  const std::int64_t start_cpu_ns = thread_cpu_ns();
   job = &frame;
   quality = choose_quality();
   raw = raw_of[frame.frame.token];
@@ -101,6 +102,7 @@ bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
       work_alone();
     }
   }
+  if (frame.full) quality_control.spent(thread_cpu_ns() - start_cpu_ns);
   if (given_up.load(std::memory_order_relaxed)) {
     if (!options.degrade) {
       if (options.must_keep_up) inlet.count_loss(LossCause::kPoolExhausted);
@@ -211,6 +213,13 @@ void Pipeline::Impl::take_period() noexcept {
   spending = timed;
 }
 
+// A camera that is read faster than it takes pictures: its frames are those that repeat none.
+void Pipeline::Impl::measure_fresh_period(const FrameMeta& meta, bool restart_window) noexcept {
+  if (restart_window) fresh_period.restart();
+  const double period_s = fresh_period.add(meta.frame_id - stats.repeats.value(), meta.camera_ns);
+  if (period_s > 0.0) stats.fresh_period_s.set(period_s);
+}
+
 // False when nothing came in time.
 bool Pipeline::Impl::process_next() noexcept {
   const FrameInlet::Arrival arrival = inlet.next(kPollNs);
@@ -226,17 +235,19 @@ bool Pipeline::Impl::process_next() noexcept {
   if (corrections->drops(slot.data)) {
     inlet.count_loss(LossCause::kMissing);
     stats.repeats.add();
+    ++repeats;
     inlet.give_back(slot);
     restart_window_next = restart_window_next || arrival.restart_window;
     return true;
   }
   const bool restart_window = arrival.restart_window || std::exchange(restart_window_next, false);
+  if (options.undo.drop_repeated) measure_fresh_period(slot.meta, restart_window);
   if (newest != nullptr) input_check.add_frame(slot.data, newest);
   newest = slot.data;
   raw_of[slot.index] = slot.data;
   const void* plane = corrected(slot, restart_window);
   if (gap) gap->offer(slot.meta, plane, restart_window);
-  const bool restarted = window.push({slot.meta, plane, slot.index}, restart_window);
+  const bool restarted = window.push({slot.meta, plane, slot.index, std::exchange(repeats, 0)}, restart_window);
   if (restarted) stats.restarts.add();
   publish_ready();
   return true;

@@ -16,6 +16,7 @@
 #include "src/corrections/chain.hpp"
 #include "src/deblur/window.hpp"
 #include "src/pipeline/gap_watch.hpp"
+#include "src/pipeline/host_clock.hpp"
 #include "src/pipeline/input_check.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "src/pipeline/solver_ladder.hpp"
@@ -121,6 +122,7 @@ struct Pipeline::Impl {
   void read_clock(std::int64_t now_ns) noexcept;
   void stamp_utc(FrameMeta& meta) noexcept;
   void idle_sinks() noexcept;
+  void measure_fresh_period(const FrameMeta& meta, bool restart_window) noexcept;
   const void* corrected(const rt::FrameSlot& slot, bool restart_window) noexcept;
 
   // --- each worker ---
@@ -169,6 +171,8 @@ struct Pipeline::Impl {
   const void* raw = nullptr;         // of the job's frame, as it came
   const void* newest = nullptr;      // raw, of the frame that the window got last; it has it still
   std::vector<const void*> raw_of;   // of each pool slot in the window, by token
+  std::uint64_t repeats = 0;         // dropped since the frame that the window got last
+  PeriodMeter fresh_period;          // of the frames that repeat none, where those are dropped
   bool restart_window_next = false;  // a frame that was dropped had begun a new window
 
   std::atomic<Timed*> next_timed{nullptr};  // set_period() -> the pipeline thread, which exchanges the contents ...

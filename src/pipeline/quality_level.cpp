@@ -1,7 +1,11 @@
 #include "src/pipeline/quality_level.hpp"
 
+#include <time.h>
+
 #include <algorithm>
 #include <cmath>
+
+#include "src/core/clock.hpp"
 
 namespace bolo::pipeline {
 namespace {
@@ -18,7 +22,14 @@ std::string_view name(QualityLevel level) {
   return kNames[static_cast<std::size_t>(level)];
 }
 
-QualityControl::QualityControl(std::uint64_t queue_frames, double period_s) noexcept {
+std::int64_t thread_cpu_ns() noexcept {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
+}
+
+QualityControl::QualityControl(std::uint64_t queue_frames, double period_s) noexcept
+    : period_ns_(period_s * kNsPerSecond) {
   calm_for_ns_.fill(kShortestCalmNs);
   for (std::size_t i = 1; i < kQualityLevels; ++i) {
     const double frames = std::round(std::ldexp(kShortWait_s, static_cast<int>(i) - 1) / period_s);
@@ -40,7 +51,8 @@ QualityLevel QualityControl::next(std::uint64_t waiting, std::int64_t now_ns) no
   if (needed > level_) {
     const bool too_early = now_ns - stepped_up_ns_ < kTrialNs;
     std::int64_t& calm_ns = calm_for(level_);
-    calm_ns = too_early ? std::min(2 * calm_ns, kLongestCalmNs) : kShortestCalmNs;
+    if (!too_early) calm_ns = kShortestCalmNs;
+    if (too_early && much_work()) calm_ns = std::min(2 * calm_ns, kLongestCalmNs);
     level_ = needed;
   }
   if (waiting > kFewWait || level_ == QualityLevel::kFull) {
@@ -48,6 +60,7 @@ QualityLevel QualityControl::next(std::uint64_t waiting, std::int64_t now_ns) no
   } else if (now_ns - calm_since_ns_ >= calm_for(one_up(level_))) {
     level_ = one_up(level_);
     stepped_up_ns_ = now_ns;
+    trial_cpu_ns_ = trial_frames_ = 0;
     calm_since_ns_ = now_ns;
   }
   return level_;

@@ -1,7 +1,5 @@
 #include "src/pipeline/solver_ladder.hpp"
 
-#include <time.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -44,11 +42,7 @@ deblur::Settings cheaper(deblur::Settings settings, QualityLevel level) {
 
 constexpr double kMeasured_s = 0.05;  // CPU time
 
-double thread_seconds() noexcept {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
+double thread_seconds() noexcept { return 1e-9 * static_cast<double>(thread_cpu_ns()); }
 
 // Frames in which every pixel changes, so that no solver has less to do than a scene gives it.
 std::vector<std::byte> changing_plane(const StreamFormat& input, unsigned seed) {

@@ -39,14 +39,15 @@ struct PipelineStats {
     return come - std::min(gone, come);  // another thread may see the two counters in another order
   }
 
-  const FrameInlet& inlet;     // received(), losses()
-  const SourceStatus* source;  // of a camera; null for a source that is not monitored
-  rt::Gauge<double> period_s;  // that frames are solved with: the source's, or since set_period() that one
-  rt::Counter taken;           // frames taken out of the queue
-  rt::Counter published;       // frames handed to the sinks
-  rt::Counter restarts;        // windows emptied: NUC, reconnect, a jump in time
-  rt::Counter warm_up;         // published without a full window behind them
-  rt::Counter gap_frames;      // published with a lost frame in their window
+  const FrameInlet& inlet;           // received(), losses()
+  const SourceStatus* source;        // of a camera; null for a source that is not monitored
+  rt::Gauge<double> period_s;        // that frames are solved with: the source's, or since set_period() that one
+  rt::Gauge<double> fresh_period_s;  // measured, of the frames that repeat none, where others are dropped; 0: not yet
+  rt::Counter taken;                 // frames taken out of the queue
+  rt::Counter published;             // frames handed to the sinks
+  rt::Counter restarts;              // windows emptied: NUC, reconnect, a jump in time
+  rt::Counter warm_up;               // published without a full window behind them
+  rt::Counter gap_frames;            // published with a lost frame in their window
   std::array<rt::Counter, kQualityLevels>
       by_effort;                   // of the frames with a full window; their sum is published - warm_up
   rt::Gauge<QualityLevel> effort;  // of the last one

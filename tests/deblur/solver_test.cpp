@@ -394,6 +394,10 @@ TEST(SolverSettings, TellWhereThereIsNextToNothingToUndo) {
   EXPECT_EQ(weak_inertia_warning(settings),
             "frames come every 40 ms, 3.6 times tau: only 2.6 % of a frame is left in the next, there is next to "
             "nothing to undo");
+  settings.period_s = 0.1115;
+  EXPECT_EQ(weak_inertia_warning(settings),
+            "frames come every 111.5 ms, 10 times tau: less than 0.01 % of a frame is left in the next, there is next "
+            "to nothing to undo");
 }
 
 }  // namespace bolo::deblur::solver_test

@@ -59,6 +59,12 @@ TEST(InputCheck, FramesThatComeTwiceAreToldButNotAShutter) {
   };
   EXPECT_EQ(told(script, {}, "twice"), 1U);
   script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
+    for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {
+      slot.u16()[i] = static_cast<std::uint16_t>(30'000U + slot.meta.frame_id * 3 / 20 + i);
+    }
+  };
+  EXPECT_EQ(told(script, {}, "twice"), 1U) << "9 Hz read at 60";
+  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
     const std::uint64_t shown =
         slot.meta.frame_id < 30 ? slot.meta.frame_id : std::max<std::uint64_t>(slot.meta.frame_id, 70);
     for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {

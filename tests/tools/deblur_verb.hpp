@@ -28,6 +28,7 @@ struct Blurred {
   int width = kWidth;
   int height = kHeight;
   double period_s = kPeriod;  // that of /t and frame_period_s; the blur is always that of kPeriod
+  std::size_t reads = 1;      // of each frame, one after the other
   struct {
     std::size_t frame;
     float value;
@@ -45,7 +46,8 @@ inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
   capture::CaptureInfo info = small_info({b.width, b.height});
   info.format.type = b.type;
   info.format.scale = b.scale;
-  info.format.frame_period_s = b.period_s;
+  const double read_period_s = b.period_s / static_cast<double>(b.reads);
+  info.format.frame_period_s = read_period_s;
   info.camera_model = "a camera";
   auto writer = must(capture::CaptureWriter::create(file, info, {.truth = b.truth, .replace = Replace::kExisting}));
   const std::size_t pixels = info.format.geometry.pixels();
@@ -65,8 +67,10 @@ inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
     if (n == b.odd.frame) values[static_cast<std::size_t>(b.width) + 1] = b.odd.value;
     if (std::find(b.lost.begin(), b.lost.end(), n) != b.lost.end()) continue;
     const void* plane = b.type == PixelType::kUint16 ? static_cast<const void*>(counts.data()) : values.data();
-    ASSERT_TRUE(
-        writer->append(100.0 + static_cast<double>(n) * b.period_s, 500 + n, plane, b.truth ? truth.data() : nullptr));
+    for (std::size_t read = n * b.reads; read < (n + 1) * b.reads; ++read) {
+      ASSERT_TRUE(writer->append(100.0 + static_cast<double>(read) * read_period_s, 500 + read, plane,
+                                 b.truth ? truth.data() : nullptr));
+    }
   }
   for (const capture::Event& event : b.events) ASSERT_TRUE(writer->add_event(event));
   if (!std::holds_alternative<capture::NoStimulus>(b.stimulus)) {

@@ -33,6 +33,23 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
 }
 
 // A gyro whose times are others' changes no bit; one whose times are the frames' is used, and said so.
+// A camera that is read faster than it takes pictures: its frames are those that repeat none.
+TEST_F(DeblurVerb, FramesThatRepeatAreDroppedAsIfTheyHadNeverBeenRead) {
+  write("drop.toml", "[firmware]\ndrop_repeated = true\n");
+  const auto once = deblurred("--profile @drop.toml");
+  for (const std::size_t reads : {2U, 7U}) {
+    write_blurred(file("in.h5"), {.reads = reads});
+    const auto out = deblurred("--profile @drop.toml", std::to_string(reads) + ".h5");
+    EXPECT_NEAR(out.info().format.frame_period_s, kPeriod, 1e-9);
+    ASSERT_EQ(out.info().frames, once.info().frames);
+    for (std::size_t n = 0; n < once.info().frames; ++n) {
+      const auto want = frame_of(once, n);
+      const auto got = frame_of(out, n);
+      for (std::size_t i = 0; i < want.size(); ++i) ASSERT_NEAR(got[i], want[i], 1e-3) << n;
+    }
+  }
+}
+
 TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
   write_blurred(file("in.h5"), {.height = kWidth});
   write("lens.toml", "[lens]\nfocal_px = 1400\n");
@@ -250,7 +267,7 @@ const std::vector<Refusal> kRefusals{
     {"@text.h5 -o @out.h5", "text.h5"},
     {"@few.h5 -o @out.h5", "few.h5: 16 frames, fewer than one window of 17"},
     {"@broken.h5 -o @out.h5", "broken.h5: no full window of 17 frames"},
-    {"@slow.h5 -o @out.h5", "slow.h5: deblur settings: period_s is 114"},
+    {"@slow.h5 -o @out.h5", "to 10 s; if it is milliseconds, divide /t and frame_period_s by 1000"},
     {"@nan.h5 -o @out.h5", "nan.h5: frame 525, column 1, row 1 of /frames is nan"},
     {"@huge.h5 -o @out.h5", "huge.h5: frame 525, column 1, row 1 of /frames is 3e+38"},
     {"@in.h5 -o @none/out.h5", "none/out.h5"},

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstdio>
 #include <iostream>
+#include <string>
+#include <utility>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -224,19 +226,23 @@ std::string range_text(const json& range) {
 
 std::string lost_text(const json& lost) {
   if (lost["count"] == 0) return "none";
-  std::string text = lost["count"].dump() + " in " + lost["places"].dump() + " places:";
+  std::string text =
+      lost["count"].dump() + " in " + lost["places"].dump() + (lost["places"] == 1 ? " place" : " places");
+  const char* between = ": ";
   for (const json& gap : lost["first"]) {
-    text +=
-        fmt::format(" {} before frame {} ({} s)", gap["lost"].dump(), gap["before_frame"].dump(), number(gap["t_s"]));
+    text += fmt::format("{}{} before frame {} ({} s)", std::exchange(between, ", "), gap["lost"].dump(),
+                        gap["before_frame"].dump(), number(gap["t_s"]));
   }
   return text;
 }
 
 std::string irregular_text(const json& irregular) {
   if (irregular["count"] == 0) return "none";
-  std::string text = irregular["count"].dump() + " off the frame grid by more than a fifth of a period:";
+  std::string text = irregular["count"].dump() + " off the frame grid by more than a fifth of a period";
+  const char* between = ": ";
   for (const json& step : irregular["first"]) {
-    text += fmt::format(" frame {} (after {} s)", step["frame"].dump(), number(step["interval_s"]));
+    text += fmt::format("{}frame {} (after {} s)", std::exchange(between, ", "), step["frame"].dump(),
+                        number(step["interval_s"]));
   }
   return text;
 }

@@ -341,13 +341,16 @@ void Daemon::Impl::watch(OnHangup on_hangup) {
 // Frames are solved with the period that the camera's own clock shows, once it is known to be another one.
 void Daemon::Impl::follow_period() {
   const pipeline::SourceStatus* source = pipeline->stats().source;
-  const double measured_s = source != nullptr ? source->measured_period_s.value() : 0.0;
+  const double fresh_s = pipeline->stats().fresh_period_s.value();
+  const double measured_s = fresh_s > 0.0 ? fresh_s : source != nullptr ? source->measured_period_s.value() : 0.0;
   const double before_s = period_change.update(measured_s, pipeline->settings().period_s, monotonic_ns());
   if (before_s == 0.0) return;
   const Status taken = pipeline->set_period(measured_s);
-  const std::string_view advice = camera != nullptr ? "; set source.true_rate_hz, or find out why" : "";
-  log->warn("by the camera's clock {:.5g} frames come a second, not {:.5g}, and they are solved {}{}", 1.0 / measured_s,
-            1.0 / before_s, taken ? "so from now on" : "as before: " + taken.error().message, taken ? advice : "");
+  const bool repeats = fresh_s > 0.0 && pipeline->stats().repeats.value() > 0;
+  const std::string_view advice = camera == nullptr || repeats ? "" : "; set source.true_rate_hz, or find out why";
+  log->warn("by the camera's clock {:.5g} {}frames come a second, not {:.5g}, and they are solved {}{}",
+            1.0 / measured_s, repeats ? "new " : "", 1.0 / before_s,
+            taken ? "so from now on" : "as before: " + taken.error().message, taken ? advice : "");
 }
 
 // A file that is wrong changes nothing.

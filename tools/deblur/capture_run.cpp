@@ -270,15 +270,18 @@ Result<RunFacts> CaptureRun::run(const OutputFile& output, const std::string& ma
   }
   PixelChoice choice(info().format.geometry, options_.region, options_.points);
   DeblurSink sink(file_, std::move(own_reader), std::move(choice), output, on_frame);
-  auto source = std::make_unique<replay::ReplaySource>(reader_, replay::Pace::kAsFastAsPossible);
+  const bool drops = options_.undo.drop_repeated;
+  auto source = std::make_unique<replay::ReplaySource>(reader_, replay::Pace::kAsFastAsPossible, replay::Laps::kOne,
+                                                       replay::Values::kAsStored,
+                                                       drops ? replay::Repeats::kDropped : replay::Repeats::kFrames);
   const replay::ReplaySource& replayed = *source;
   ASSIGN_OR_RETURN(const auto pipeline, pipeline::Pipeline::create(std::move(source), {&sink}, options_));
   const double period_s = pipeline->settings().period_s;
   if (const double stated_s = info().format.frame_period_s; period_s != stated_s && options_.warn) {
     options_.warn(
-        fmt::format("{}: frames come every {:.5g} ms by /t, not every {:.5g} as frame_period_s says, and are "
+        fmt::format("{}: {}frames come every {:.5g} ms by /t, not every {:.5g} as frame_period_s says, and are "
                     "solved so",
-                    file_.string(), period_s * 1e3, stated_s * 1e3));
+                    file_.string(), drops ? "new " : "", period_s * 1e3, stated_s * 1e3));
   }
   RETURN_IF_ERROR(pipeline->run(sink.stop_requested()));
   RETURN_IF_ERROR(replayed.result());

@@ -374,7 +374,11 @@ Status check_capture(const DeblurRequest& request, const fs::path& file, const c
   deblur::Settings settings = request.options.deblur;
   if (Status status = deblur::validate(settings); !status) return status;
   settings.period_s = info.format.frame_period_s;
-  if (Status status = deblur::validate(settings); !status) return at(file.string(), status.error());
+  if (Status status = deblur::validate(settings); !status) {
+    const bool looks_like_ms = settings.period_s > 10.0 && settings.period_s < 1e4;
+    const char* const hint = looks_like_ms ? "; if it is milliseconds, divide /t and frame_period_s by 1000" : "";
+    return at(file.string(), Error{status.error().kind, status.error().message + hint});
+  }
   if (info.frames < static_cast<std::size_t>(settings.window)) {
     return bad_input(fmt::format("{}: {} frames, fewer than one window of {}; record longer or give a smaller --window",
                                  file.string(), info.frames, settings.window));

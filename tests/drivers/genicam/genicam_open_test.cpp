@@ -195,7 +195,12 @@ TEST_F(GenicamOpenTest, SaysWhatRateAFlirRunsAtInstead) {
   add_camera({.xml = write_xml(flir_nodes())});
   open(with({.height = 2048}));  // the whole sensor: 50 Hz at most
   EXPECT_NEAR(info_.format.frame_period_s, 0.02, 1e-9);
-  EXPECT_TRUE(warned("asked for 200 Hz, the camera runs at 50 Hz"));
+  EXPECT_TRUE(warned("asked for 200 Hz, the camera runs at 50 Hz: fewer rows allow more"));
+  auto slow = with({.height = 2048});
+  slow.rate_hz = 1.0;
+  open(slow);
+  EXPECT_FALSE(warned("asked for 1 Hz, the camera runs at 3.125 Hz: fewer rows"));
+  EXPECT_TRUE(warned("asked for 1 Hz, the camera runs at 3.125 Hz: it has no rate that is nearer"));
 }
 
 // Stands between a program and a camera's control channel, and reverses the bytes of registers that are read or written

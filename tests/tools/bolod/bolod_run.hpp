@@ -26,8 +26,9 @@ inline constexpr std::uint64_t kLostId = 1100;  // never recorded
 // A still scene, so that sharp and raw frames agree; the first pixel tells the frame, by `step` counts each.
 inline std::uint16_t scene(std::size_t pixel) { return static_cast<std::uint16_t>(30000 + pixel); }
 
+// The first pixel rises by `step` with each frame that is not read a second time.
 inline void write_capture(const std::filesystem::path& file, std::uint64_t frames, unsigned step = 1,
-                          const std::string& serial = "42") {
+                          const std::string& serial = "42", std::uint64_t reads = 1) {
   capture::CaptureInfo info = tools::test::small_info(kGeometry);
   info.camera_model = "Test camera";
   info.camera_serial = serial;
@@ -36,7 +37,7 @@ inline void write_capture(const std::filesystem::path& file, std::uint64_t frame
   for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = scene(i);
   for (std::uint64_t id = kFirstId; id < kFirstId + frames; ++id) {
     if (id == kLostId) continue;
-    plane[0] = static_cast<std::uint16_t>(kFirstId + (id - kFirstId) * step);
+    plane[0] = static_cast<std::uint16_t>(kFirstId + (id - kFirstId) / reads * step);
     EXPECT_TRUE(capture->append(static_cast<double>(id) * 0.005, id, plane.data()));
   }
   capture.close();

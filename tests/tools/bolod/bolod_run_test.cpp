@@ -239,31 +239,54 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   expect_good_end(*daemon);
 }
 
-// A camera that sends 180 frames a second where 200 are configured: its own clock's period is what frames are solved
-// with. The first pixel rises by 100 counts a frame, which the inverse filter turns into 100 a / (1 - a) counts more,
+// The first pixel rises by 100 counts a frame, which the inverse filter turns into 100 a / (1 - a) counts more,
 // a = exp(-period / tau).
-TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
+struct FollowsPeriod : BolodRun {
+  // Of frames with so many counts in the first pixel, whose place in the capture is counts / 100.
+  void expect_solved_at(double rate_hz, double wrong_hz, const Program& daemon) {
+    auto reader = attach(daemon);
+    const auto added = [](double hz) {
+      const double a = std::exp(-1.0 / (hz * 0.011));
+      return 100.0 * a / (1.0 - a);
+    };
+    double last = 0.0;
+    int read = 0;
+    EXPECT_TRUE(follow(*reader, [&](const ReadFrame& frame) {
+      const auto place = (frame.raw[0] - static_cast<unsigned>(kFirstId)) / 100;  // in the capture, which begins again
+      const bool counts = (frame.meta.flags & (kFlagWarmUp | kFlagGap)) == 0 && place >= 30;
+      if (counts) last = static_cast<double>(frame.deblurred[0]) - frame.raw[0];
+      return (counts && std::abs(last - added(rate_hz)) < 2.0) || ++read == 2000;
+    })) << daemon.err();
+    EXPECT_NEAR(last, added(rate_hz), 2.0) << wrong_hz << " Hz would add " << added(wrong_hz) << '\n' << daemon.err();
+    EXPECT_NEAR(attach(daemon)->header().frame_period_s, 1.0 / rate_hz, 1e-5) << "what recordings begun now state";
+  }
+};
+
+// A camera that sends 180 frames a second where 200 are configured: its own clock's period is what frames are solved
+// with.
+TEST_F(FollowsPeriod, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
   write_capture(folder_ / "in.h5", 90, 100);
   const std::string address = own_address();
   const auto camera = start_camera(address, {"--rate", "180"});
   const auto daemon = start_with(
       configure(source_at(address, "true_rate_hz = 200\n"), "[deblur]\nsolver = 'inverse'\ntau_s = 0.011\n"));
-  auto reader = attach(*daemon);
-  const auto added = [](double rate_hz) {
-    const double a = std::exp(-1.0 / (rate_hz * 0.011));
-    return 100.0 * a / (1.0 - a);
-  };
-  double last = 0.0;
-  int read = 0;
-  EXPECT_TRUE(follow(*reader, [&](const ReadFrame& frame) {
-    const auto place = (frame.raw[0] - static_cast<unsigned>(kFirstId)) / 100;  // in the capture, which begins again
-    const bool counts = (frame.meta.flags & (kFlagWarmUp | kFlagGap)) == 0 && place >= 30;
-    if (counts) last = static_cast<double>(frame.deblurred[0]) - frame.raw[0];
-    return (counts && std::abs(last - added(180.0)) < 2.0) || ++read == 2000;
-  })) << daemon->err();
-  EXPECT_NEAR(last, added(180.0), 2.0) << "200 Hz would add " << added(200.0) << '\n' << daemon->err();
+  expect_solved_at(180.0, 200.0, *daemon);
   EXPECT_TRUE(logged(*daemon, "180 frames come a second, not 200")) << daemon->err();
-  EXPECT_NEAR(attach(*daemon)->header().frame_period_s, 1.0 / 180.0, 1e-5) << "what recordings begun now state";
+  expect_good_end(*daemon);
+}
+
+// A camera of 100 Hz that is read at 200.
+TEST_F(FollowsPeriod, FramesThatComeTwiceAreSolvedWithThePeriodOfTheNewOnes) {
+  write_capture(folder_ / "in.h5", 90, 100, "42", 2);
+  write("drop.toml", "[firmware]\ndrop_repeated = true\n");
+  const std::string address = own_address();
+  const auto camera = start_camera(address, {"--rate", "200"});
+  const std::string source = source_at(address, "rate_hz = 200\n");
+  const auto daemon = start_with(
+      write("drop-bolod.toml", "name = '" + name_ + "'\nprofile = 'drop.toml'\n[source]\n" + source +
+                                   "[pipeline]\nlock_memory = false\n[deblur]\nsolver = 'inverse'\ntau_s = 0.011\n"));
+  expect_solved_at(100.0, 200.0, *daemon);
+  EXPECT_TRUE(logged(*daemon, "100 new frames come a second, not 200")) << daemon->err();
   expect_good_end(*daemon);
 }
 
