@@ -7,16 +7,12 @@
 #include <optional>
 #include <span>
 #include <utility>
-#include <vector>
 
 #include <fmt/format.h>
 
+#include "drivers/genicam/aravis_limits.hpp"
 #include "drivers/genicam/description.hpp"
-#include "drivers/genicam/division_trap.hpp"
-#include "drivers/genicam/gobject.hpp"
-#include "drivers/genicam/network.hpp"
 #include "drivers/genicam/nodes.hpp"
-#include "drivers/genicam/patience.hpp"
 
 namespace bolo::genicam {
 namespace {
