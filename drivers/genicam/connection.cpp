@@ -199,8 +199,10 @@ std::vector<FoundCamera> find_cameras() {
   const unsigned count = arv_get_n_devices();
   found.reserve(count);
   for (unsigned i = 0; i < count; ++i) {
-    found.push_back({safe(arv_get_device_id(i)), safe(arv_get_device_address(i)), safe(arv_get_device_model(i)),
-                     safe(arv_get_device_serial_nbr(i))});
+    found.push_back({.id = safe(arv_get_device_id(i)),
+                     .model = safe(arv_get_device_model(i)),
+                     .serial = safe(arv_get_device_serial_nbr(i)),
+                     .address = safe(arv_get_device_address(i))});
   }
   return found;
 }
