@@ -7,8 +7,6 @@
 
 #include <fmt/format.h>
 
-#include "drivers/fakecam/gige_vision.hpp"
-
 namespace bolo::fakecam {
 namespace {
 

@@ -1,7 +1,6 @@
 // Faults of the fake camera and their times, parsed from text and checked; and how often they struck.
 #pragma once
 
-#include <bit>
 #include <cstdint>
 #include <map>
 #include <mutex>

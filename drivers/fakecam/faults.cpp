@@ -5,7 +5,6 @@
 #include <cmath>
 #include <string_view>
 
-#include "drivers/fakecam/frames.hpp"
 #include "src/core/byte_order.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/splitmix.hpp"

@@ -65,20 +65,14 @@ WireFrame* FrameRing::begin_write() {
 }
 
 void FrameRing::end_write() {
-  {
-    const std::lock_guard lock(mutex_);
+  change([this] {
     frames_[slot(written_)].sequence = written_;
     ++written_;
-  }
-  changed_.notify_all();
+  });
 }
 
 void FrameRing::finish() {
-  {
-    const std::lock_guard lock(mutex_);
-    finished_ = true;
-  }
-  changed_.notify_all();
+  change([this] { finished_ = true; });
 }
 
 const WireFrame* FrameRing::begin_send() {
@@ -90,11 +84,7 @@ const WireFrame* FrameRing::begin_send() {
 }
 
 void FrameRing::end_send() {
-  {
-    const std::lock_guard lock(mutex_);
-    ++sent_;
-  }
-  changed_.notify_all();
+  change([this] { ++sent_; });
 }
 
 FrameRing::Pin FrameRing::find(std::uint16_t block_id) {
@@ -109,19 +99,11 @@ FrameRing::Pin FrameRing::find(std::uint16_t block_id) {
 
 FrameRing::Pin::~Pin() {
   if (frame_ == nullptr) return;
-  {
-    const std::lock_guard lock(ring_.mutex_);
-    --ring_.pins_[ring_.slot(frame_->sequence)];
-  }
-  ring_.changed_.notify_all();
+  ring_.change([this] { --ring_.pins_[ring_.slot(frame_->sequence)]; });
 }
 
 void FrameRing::close() {
-  {
-    const std::lock_guard lock(mutex_);
-    closed_ = true;
-  }
-  changed_.notify_all();
+  change([this] { closed_ = true; });
 }
 
 Status MemoryFrames::read(std::size_t index, void* out) {

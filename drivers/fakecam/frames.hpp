@@ -71,6 +71,14 @@ class FrameRing {
 
  private:
   std::size_t slot(std::uint64_t sequence) const { return static_cast<std::size_t>(sequence % frames_.size()); }
+  // Then whoever waits looks again.
+  void change(auto what) {
+    {
+      const std::lock_guard lock(mutex_);
+      what();
+    }
+    changed_.notify_all();
+  }
 
   std::mutex mutex_;
   std::condition_variable changed_;

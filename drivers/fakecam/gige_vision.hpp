@@ -1,7 +1,6 @@
 // GigE Vision 1.2 on the wire: big-endian fields, GVCP (control) and GVSP (stream).
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>

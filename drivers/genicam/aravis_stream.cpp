@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <ctime>
 #include <thread>
 #include <utility>
 
@@ -15,12 +14,6 @@ namespace {
 
 constexpr int kFewestBuffers = 40;
 constexpr std::int64_t kOldestNs = 1'000'000'000;  // a frame takes less than this from its first packet to here
-
-std::int64_t realtime_ns() noexcept {
-  timespec now{};
-  clock_gettime(CLOCK_REALTIME, &now);
-  return now.tv_sec * 1'000'000'000LL + now.tv_nsec;
-}
 
 // Arrival of the first packet, on CLOCK_MONOTONIC. Aravis notes it on the wall clock, in whole microseconds; the
 // clocks' present distance is applied. A step of the wall clock within the frame is an error of that size; an

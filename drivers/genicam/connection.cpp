@@ -7,16 +7,12 @@
 #include <optional>
 #include <span>
 #include <utility>
-#include <vector>
 
 #include <fmt/format.h>
 
+#include "drivers/genicam/aravis_limits.hpp"
 #include "drivers/genicam/description.hpp"
-#include "drivers/genicam/division_trap.hpp"
-#include "drivers/genicam/gobject.hpp"
-#include "drivers/genicam/network.hpp"
 #include "drivers/genicam/nodes.hpp"
-#include "drivers/genicam/patience.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -203,8 +199,10 @@ std::vector<FoundCamera> find_cameras() {
   const unsigned count = arv_get_n_devices();
   found.reserve(count);
   for (unsigned i = 0; i < count; ++i) {
-    found.push_back({safe(arv_get_device_id(i)), safe(arv_get_device_address(i)), safe(arv_get_device_model(i)),
-                     safe(arv_get_device_serial_nbr(i))});
+    found.push_back({.id = safe(arv_get_device_id(i)),
+                     .model = safe(arv_get_device_model(i)),
+                     .serial = safe(arv_get_device_serial_nbr(i)),
+                     .address = safe(arv_get_device_address(i))});
   }
   return found;
 }

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/gobject.hpp"
@@ -12,21 +11,6 @@
 #include "src/core/result.hpp"
 
 namespace bolo::genicam {
-
-// --- Discovery of cameras.
-
-struct FoundCamera {
-  std::string id;       // Aravis's: "FLIR Systems-A655sc-12345"
-  std::string address;  // IP address, or what the transport has instead
-  std::string model;
-  std::string serial;
-};
-
-// Asks every interface and waits for answers, about a second. Thread: setup.
-std::vector<FoundCamera> find_cameras();
-
-// Version of Aravis as it runs, "0.8.26". Thread: any.
-std::string aravis_version();
 
 struct Connection {
   // Set by the device's heartbeat thread when control is lost; made before and destroyed after that thread. Relaxed: a

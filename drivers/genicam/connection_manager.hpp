@@ -21,7 +21,6 @@
 #include "src/core/result.hpp"
 #include "src/pipeline/notices.hpp"
 #include "src/pipeline/source.hpp"
-#include "src/rt/counters.hpp"
 
 namespace bolo::genicam {
 

@@ -11,11 +11,9 @@
 #include <cstring>
 #include <iterator>
 #include <map>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "src/core/text.hpp"
 #include "src/core/unique_fd.hpp"

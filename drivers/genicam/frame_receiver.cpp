@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "drivers/genicam/camera_frame.hpp"
 #include "src/core/byte_order.hpp"
 #include "src/core/clock.hpp"
 

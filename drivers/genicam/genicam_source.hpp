@@ -83,6 +83,19 @@ using pipeline::SourceState;
 
 class ConnectionManager;
 
+struct FoundCamera {
+  std::string id;  // Aravis's: "FLIR Systems-A655sc-12345"
+  std::string model;
+  std::string serial;
+  std::string address;  // IP address, or what the transport has instead
+};
+
+// Asks every interface and waits for answers, about a second. Thread: setup.
+std::vector<FoundCamera> find_cameras();
+
+// Version of Aravis as it runs, "0.8.26". Thread: any.
+std::string aravis_version();
+
 class GenicamSource final : public pipeline::FrameSource {
  public:
   explicit GenicamSource(CameraOptions options);

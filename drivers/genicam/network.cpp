@@ -16,11 +16,9 @@
 #include <initializer_list>
 #include <limits>
 #include <memory>
-#include <optional>
 #include <system_error>
 #include <thread>
 #include <utility>
-#include <vector>
 
 #include "src/core/byte_order.hpp"
 #include "src/core/threads.hpp"

@@ -3,15 +3,12 @@
 #include <arpa/inet.h>
 
 #include <algorithm>
-#include <chrono>
 #include <system_error>
-#include <thread>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "drivers/genicam/nodes.hpp"
-#include "drivers/genicam/settings.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/threads.hpp"
 

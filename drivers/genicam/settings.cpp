@@ -5,7 +5,6 @@
 #include <cctype>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <string_view>
 
 #include <fmt/format.h>

@@ -2,9 +2,6 @@
 
 #include <array>
 #include <bit>
-#include <string>
-
-#include "drivers/shm/json_members.hpp"
 
 namespace bolo::shm {
 namespace {

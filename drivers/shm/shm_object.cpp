@@ -19,7 +19,6 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
 #include <mutex>
 #include <optional>
 #include <string_view>
@@ -28,6 +27,7 @@
 
 #include "bolo/shm_layout.h"
 #include "drivers/shm/shared_words.hpp"
+#include "src/core/input_file.hpp"
 #include "src/core/text.hpp"
 
 namespace bolo::shm {
@@ -167,9 +167,7 @@ std::string describe_process(const std::string& path, uid_t owner) {
   const std::string process = header ? "/proc/" + std::to_string(header->writer_pid) : "";
   struct stat status {};
   if (!header || stat(process.c_str(), &status) != 0 || status.st_uid != owner) return "";
-  std::string command;
-  std::getline(std::ifstream(process + "/comm"), command);
-  return ", process " + std::to_string(header->writer_pid) + " (" + printable(command) + ")";
+  return ", process " + std::to_string(header->writer_pid) + " (" + printable(first_line(process + "/comm")) + ")";
 }
 
 tl::unexpected<Error> living(const std::string& path, const std::optional<bolo_shm_header>& header) {

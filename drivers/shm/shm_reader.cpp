@@ -8,7 +8,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <bit>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
@@ -17,7 +16,6 @@
 #include <thread>
 #include <utility>
 
-#include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/scene_motion.hpp"
@@ -245,8 +243,6 @@ ShmReader ShmReader::share() const { return ShmReader(std::make_unique<Impl>(*im
 std::shared_ptr<const void> ShmReader::hold() const noexcept { return impl_->mapping; }
 
 const std::string& ShmReader::name() const noexcept { return impl_->mapping->name(); }
-
-std::vector<std::string> ShmReader::names() { return object_names(); }
 
 bolo_shm_header ShmReader::header() const noexcept {
   const std::uint64_t newest = published();  // first: the counters were stored before it, so that none is behind it

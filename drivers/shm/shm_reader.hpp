@@ -77,8 +77,6 @@ class ShmReader {
   // Maps "/bolo." + name read-only and checks its owner (is_trusted()), magic, version and every offset against the
   // object's size. Thread: setup.
   static Result<ShmReader> open(const std::string& name, Refusal* refusal = nullptr);
-  // The names that exist now, sorted: "cam" for the object "/bolo.cam", whether its writer lives or not. Thread: any.
-  static std::vector<std::string> names();
 
   ShmReader(ShmReader&&) noexcept;
   ShmReader& operator=(ShmReader&&) noexcept;

@@ -6,15 +6,13 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <fstream>
-#include <memory>
 #include <span>
-#include <string_view>
 #include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "src/core/input_file.hpp"
 #include "src/core/text.hpp"
 #include "src/rt/thread.hpp"
 
@@ -220,10 +218,7 @@ std::string port_path(libusb_device* device) {
 
 // As the kernel read it when the device was connected.
 std::string kernel_string(const std::string& port_path, const char* name) {
-  std::ifstream file("/sys/bus/usb/devices/" + port_path + "/" + name);
-  std::string text;
-  std::getline(file, text);
-  return text;
+  return first_line("/sys/bus/usb/devices/" + port_path + "/" + name);
 }
 
 std::string device_string(libusb_device_handle* handle, std::uint8_t index) {

@@ -12,11 +12,9 @@
 #include <optional>
 #include <span>
 #include <utility>
-#include <vector>
 
 #include <semaphore.h>
 
-#include "drivers/v4l2/video_port.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
 #include "src/core/threads.hpp"

@@ -9,7 +9,8 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
-#include <fstream>
+
+#include "src/core/input_file.hpp"
 
 namespace bolo::v4l2_source {
 namespace {
@@ -21,9 +22,7 @@ std::string serial_of(const fs::path& node) {
   std::error_code error;
   fs::path device = fs::canonical(node / "device", error);
   for (int up = 0; !error && up < 3 && device.has_relative_path(); ++up, device = device.parent_path()) {
-    std::ifstream file(device / "serial");
-    std::string serial;
-    if (std::getline(file, serial) && !serial.empty()) return serial;
+    if (std::string serial = first_line(device / "serial"); !serial.empty()) return serial;
   }
   return {};
 }

@@ -88,8 +88,7 @@ Result<CaptureReader> CaptureReader::salvage(const std::filesystem::path& file) 
 
 Result<CaptureReader> CaptureReader::open_as(const std::filesystem::path& file, Trust trust) {
   const h5::Quiet quiet;
-  ASSIGN_OR_RETURN(h5::Handle handle,
-                   at(file.string(), open_hdf5(file, trust == Trust::kDamaged ? FileUse::kSalvage : FileUse::kRead)));
+  ASSIGN_OR_RETURN(h5::Handle handle, at(file.string(), open_hdf5(file, trust == Trust::kDamaged)));
   ASSIGN_OR_RETURN(Contents contents,
                    at(file.string(), is_matlab_capture(handle.get()) ? read_matlab_capture(handle.get())
                                                                      : read_bolo_capture(handle.get(), trust)));

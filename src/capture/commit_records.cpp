@@ -9,12 +9,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <fstream>
 #include <limits>
 #include <string>
 #include <utility>
 
 #include <zlib.h>
+
+#include "src/core/input_file.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -50,13 +51,6 @@ struct Records {
 
 UniqueFd open_to_read(const std::filesystem::path& file) {
   return UniqueFd(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-}
-
-std::string first_line(const std::string& file) {
-  std::string line;
-  std::ifstream in(file);
-  std::getline(in, line);
-  return line;
 }
 
 // Counts the disks that were put in since the computer was started.

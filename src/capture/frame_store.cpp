@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "src/capture/contents.hpp"
+
 namespace bolo::capture {
 namespace {
 
@@ -88,13 +90,11 @@ Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOr
   ASSIGN_OR_RETURN(h5::Handle dataset, h5::open_dataset(file, path, expect));
   const h5::Dims dims = h5::shape(dataset.get());
   RETURN_IF_ERROR(check_shape(path, dims, order, expect, values));
+  RETURN_IF_ERROR(h5::check_numbers(dataset.get(), path));
 
   FrameStore store;
   const h5::Handle type(H5Dget_type(dataset.get()));
   store.stored_type_ = h5::type_text(type.get());
-  if (!h5::is_number(type.get())) {
-    return bad_input(path + " is of type " + store.stored_type_ + "; expected numbers");
-  }
   const bool frame_major = order == FrameOrder::kFrameMajor;
   store.path_ = path;
   store.order_ = order;

@@ -1,7 +1,6 @@
 // Frames of a dataset, one at a time, from either order of storage.
 #pragma once
 
-#include <memory>
 #include <string>
 #include <vector>
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -162,8 +161,8 @@ std::vector<T> read_readable_part(hid_t dataset, hid_t memory_type, std::size_t 
 template <typename T>
 Result<std::vector<T>> read_series(hid_t file, const std::string& path, Expect expect, hid_t memory_type) {
   ASSIGN_OR_RETURN(Handle dataset, open_dataset(file, path, expect));
+  RETURN_IF_ERROR(check_numbers(dataset.get(), path));
   const Handle type(H5Dget_type(dataset.get()));
-  if (!is_number(type.get())) return bad_input(path + " is of type " + type_text(type.get()) + "; expected numbers");
   const Dims dims = shape(dataset.get());
   const std::size_t values = product(dims).value_or(0);
   const bool vector_of_matlab = dims.size() == 2 && (dims[0] == 1 || dims[1] == 1);
@@ -282,6 +281,12 @@ std::string fixed_string(const char* characters, std::size_t size, hid_t type) {
 bool is_number(hid_t type) {
   const H5T_class_t kind = H5Tget_class(type);
   return kind == H5T_INTEGER || kind == H5T_FLOAT;
+}
+
+Status check_numbers(hid_t dataset, const std::string& path) {
+  const Handle type(H5Dget_type(dataset));
+  if (is_number(type.get())) return {};
+  return bad_input(path + " is of type " + type_text(type.get()) + "; expected numbers");
 }
 
 std::optional<std::size_t> product(const Dims& dims) {

@@ -69,6 +69,7 @@ std::string text(double value);      // shortest form with 9 digits
 std::string text(const Dims& dims);  // "(30, 120, 640)", "()" for a scalar
 std::string type_text(hid_t type);   // "uint16", "float64", "string" ...
 bool is_number(hid_t type);
+Status check_numbers(hid_t dataset, const std::string& path);
 std::string fixed_string(const char* characters, std::size_t size, hid_t type);  // without what pads it
 std::optional<std::size_t> product(const Dims& dims);                            // nothing when it doesn't fit
 

@@ -198,7 +198,7 @@ Result<h5::Handle> create_hdf5(const std::filesystem::path& name, const std::sha
   return file;
 }
 
-Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
+Result<h5::Handle> open_hdf5(const std::filesystem::path& file, bool salvage) {
   std::array<char, 128> head{};
   RETURN_IF_ERROR(read_head(file, head));
   if (std::string_view(head.data(), kOldMatlab.size()) == kOldMatlab) {
@@ -209,7 +209,7 @@ Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
   if (!h5::has_memory_for_a_file()) return failed("cannot be opened: not enough memory");
   const auto driven = std::make_shared<DrivenFile>();
   driven->file = std::move(opened);
-  driven->salvages = use == FileUse::kSalvage;
+  driven->salvages = salvage;
   const h5::Handle access = file_access(driven);
   if (!access) return bad_input("cannot be opened" + h5::because());
   h5::Handle handle(H5Fopen(file.c_str(), H5F_ACC_RDONLY, access.get()));

@@ -26,14 +26,10 @@ struct DrivenFile {
 // finish it. Errors (without the file's name): no memory, no room. Thread: any one at a time.
 Result<h5::Handle> create_hdf5(const std::filesystem::path& name, const std::shared_ptr<DrivenFile>& driven);
 
-enum class FileUse {
-  kRead,     // with what the records beside it lay over the file
-  kSalvage,  // a file that is shorter than its structure says opens too, reading what is gone fails
-};
-
-// Errors (kBadInput, without the file's name): not there, not HDF5 (what it is, where that shows), cut off, being
-// written by another program. Thread: any one at a time.
-Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use = FileUse::kRead);
+// With what the records beside it lay over the file. `salvage`: a file that is shorter than its structure says opens
+// too, reading what is gone fails. Errors (kBadInput, without the file's name): not there, not HDF5 (what it is, where
+// that shows), cut off, being written by another program. Thread: any one at a time.
+Result<h5::Handle> open_hdf5(const std::filesystem::path& file, bool salvage = false);
 
 // HDF5 takes what the disk fails to give (a bad sector, a network) for what is not there: after looking for what need
 // not be there this says whether that is so. Errors (kBadInput, without the file's name). Thread: any one at a time.

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <string>
-#include <utility>
 
 #include "src/capture/h5_driver.hpp"
 
@@ -48,11 +47,7 @@ Status check_shape(hid_t dataset, const Rule& rule, Geometry geometry) {
     return bad_input(std::string(rule.path) + " has the shape " + h5::text(h5::shape(dataset)) + "; expected " +
                      h5::text(wanted) + ", as 'height' and 'width' say");
   }
-  const h5::Handle type(H5Dget_type(dataset));
-  if (!h5::is_number(type.get())) {
-    return bad_input(std::string(rule.path) + " is of type " + h5::type_text(type.get()) + "; expected numbers");
-  }
-  return {};
+  return h5::check_numbers(dataset, rule.path);
 }
 
 // Leaves `values` empty when the dataset is not there.

@@ -1,13 +1,11 @@
-#include "src/capture/recovery.hpp"
+#include "src/capture/capture.hpp"
 
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
-#include <string>
 
-#include "src/capture/capture.hpp"
 #include "src/capture/commit_records.hpp"
 #include "src/core/threads.hpp"
 

@@ -252,10 +252,7 @@ Result<StillImage> read_image(hid_t file, const std::string& path) {
   if (dims.size() != 2 || pixels == 0 || pixels > kMostImagePixels) {
     return bad_input(path + " has the shape " + text(dims) + "; expected an image (height, width)");
   }
-  const h5::Handle type(H5Dget_type(dataset.get()));
-  if (!h5::is_number(type.get())) {
-    return bad_input(path + " is of type " + h5::type_text(type.get()) + "; expected numbers");
-  }
+  RETURN_IF_ERROR(h5::check_numbers(dataset.get(), path));
   StillImage image{static_cast<int>(dims[1]), static_cast<int>(dims[0]), std::vector<float>(pixels)};
   if (H5Dread(dataset.get(), H5T_NATIVE_FLOAT, H5S_ALL, H5S_ALL, H5P_DEFAULT, image.kelvin.data()) < 0) {
     return bad_input(path + " cannot be read" + h5::because());

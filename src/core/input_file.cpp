@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -67,6 +66,13 @@ Result<std::string> read_input(const std::filesystem::path& file, std::uint64_t 
       return bad_input(file.string() + ": is larger than the " + describe_size(most_bytes) + " that it may be");
     }
   }
+}
+
+std::string first_line(const std::filesystem::path& file) {
+  std::string line;
+  std::ifstream in(file);
+  std::getline(in, line);
+  return line;
 }
 
 }  // namespace bolo

@@ -23,4 +23,7 @@ Result<std::ifstream> stream_input(const std::filesystem::path& file);
 // All of it. Errors: also one that is larger, which grows meanwhile, or that the disk does not give. Thread: any.
 Result<std::string> read_input(const std::filesystem::path& file, std::uint64_t most_bytes = kMostTextBytes);
 
+// The first line of a small file of the kernel's; empty when it cannot be read. Thread: any.
+std::string first_line(const std::filesystem::path& file);
+
 }  // namespace bolo

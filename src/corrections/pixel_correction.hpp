@@ -15,7 +15,6 @@
 // wider square ring that has one.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <vector>
 

@@ -3,8 +3,6 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <numeric>
-#include <utility>
 
 #include "src/core/input_file.hpp"
 #include "src/core/text.hpp"

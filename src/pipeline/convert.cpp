@@ -1,9 +1,7 @@
 #include "src/pipeline/convert.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <cstring>
 #include <limits>
 

@@ -3,7 +3,6 @@
 // a row below it, and the place that counts.
 #pragma once
 
-#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>

@@ -1,8 +1,5 @@
 #include "src/pipeline/host_clock.hpp"
 
-#include <algorithm>
-#include <cmath>
-
 namespace bolo::pipeline {
 namespace {
 

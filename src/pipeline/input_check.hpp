@@ -1,8 +1,6 @@
 // What the frames themselves say against what is set.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <string>
 #include <vector>
 

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 #include <iterator>
-#include <memory>
 #include <utility>
 
 #include "src/core/clock.hpp"
@@ -78,8 +77,7 @@ QualityLevel Pipeline::Impl::choose_quality() noexcept {
 
 void Pipeline::Impl::prepare(const deblur::WindowView& view) noexcept {
   if (quality < QualityLevel::kInverse) {
-    rt::TeamCrew crew(team);
-    solvers.at(quality).prepare(view, crew);
+    solvers.at(quality).prepare(view, team);
   } else {
     solvers.at(quality).prepare(view);
   }

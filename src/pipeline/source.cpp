@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "src/core/clock.hpp"
 
@@ -26,6 +27,25 @@ std::uint64_t frames_between(std::int64_t last_ns, std::int64_t first_ns, double
 double known_period_s(const SourceStatus& status, double stated_s) noexcept {
   const double measured_s = status.measured_period_s.value();
   return measured_s > 0.0 ? measured_s : stated_s;
+}
+
+void Notices::report(bool warning, std::string text, std::string_view event) {
+  const std::lock_guard lock(mutex_);
+  if (text == last_) return;
+  last_ = text;
+  if (waiting_.size() == kMost) waiting_.pop_front();
+  waiting_.push_back({warning, std::move(text), event});
+}
+
+void Notices::forget_last() {
+  const std::lock_guard lock(mutex_);
+  last_.clear();
+}
+
+std::vector<Notice> Notices::take() {
+  const std::lock_guard lock(mutex_);
+  const std::deque<Notice> taken = std::exchange(waiting_, {});
+  return {std::make_move_iterator(taken.begin()), std::make_move_iterator(taken.end())};
 }
 
 }  // namespace bolo::pipeline

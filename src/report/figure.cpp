@@ -4,7 +4,7 @@
 #include <map>
 
 #include "page_text.hpp"  // page.css: one column of readable width, light and dark by the reader's preference
-#include "src/report/plot_area.hpp"
+#include "src/report/drawing.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::plot {

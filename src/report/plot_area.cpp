@@ -1,4 +1,4 @@
-#include "src/report/plot_area.hpp"
+#include "src/report/drawing.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -173,21 +173,21 @@ void WorkerTeam::work(int worker, const ThreadOptions& options, Status& applied)
   }
 }
 
-void TeamCrew::run(int rows, Parts parts, Work work, void* self) noexcept {
+void WorkerTeam::run(int rows, Parts parts, Work job, void* self) noexcept {
   constexpr int kFewestRows = 8;    // less is done before the others are awake
   constexpr int kPartsAWorker = 8;  // where they are many
   struct Call {
-    Work work;
+    Work job;
     void* self;
     int rows;
     int parts;
-  } call{work, self, rows, std::min(rows, team_.size() * (parts == Parts::kMany ? kPartsAWorker : 1))};
-  if (team_.size() == 1 || rows < kFewestRows) return work(self, 0, rows);
-  team_.run(
+  } call{job, self, rows, std::min(rows, size() * (parts == Parts::kMany ? kPartsAWorker : 1))};
+  if (size() == 1 || rows < kFewestRows) return job(self, 0, rows);
+  run(
       call.parts,
       [](void* context, int part) {
         const Call& c = *static_cast<const Call*>(context);
-        c.work(c.self, c.rows * part / c.parts, c.rows * (part + 1) / c.parts);
+        c.job(c.self, c.rows * part / c.parts, c.rows * (part + 1) / c.parts);
       },
       &call, true);
 }

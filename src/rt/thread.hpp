@@ -2,7 +2,6 @@
 #pragma once
 
 #include <atomic>
-#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -27,12 +26,12 @@ Status apply_to_this_thread(const ThreadOptions& options);
 
 // --- A fixed team of threads that share the parts of a job.
 
-class WorkerTeam {
+class WorkerTeam final : public Crew {
  public:
   // The caller of run() is a worker; workers - 1 threads are started here, named options.name-1, -2 ... Refusals by the
   // system (a thread, a priority, a CPU) are in status(); the team then works with what it got. Thread: setup.
   WorkerTeam(int workers, const ThreadOptions& options);
-  ~WorkerTeam();
+  ~WorkerTeam() override;
   WorkerTeam(const WorkerTeam&) = delete;
   WorkerTeam& operator=(const WorkerTeam&) = delete;
 
@@ -47,6 +46,7 @@ class WorkerTeam {
   // call follows at once, and the workers stay awake for it. No allocation. Thread: pipeline.
   using Job = void (*)(void* context, int part);
   void run(int parts, Job job, void* context, bool more = false) noexcept;
+  void run(int rows, Parts parts, Work job, void* self) noexcept override;
 
  private:
   void work(int worker, const ThreadOptions& options, Status& applied) noexcept;
@@ -71,16 +71,6 @@ class WorkerTeam {
   alignas(kCacheLine) std::atomic<int> done_{0};  // parts of this round; before the first, threads that have started
   std::vector<std::thread> threads_;
   Status status_;
-};
-
-// The team as a crew. Thread: pipeline.
-class TeamCrew final : public Crew {
- public:
-  explicit TeamCrew(WorkerTeam& team) : team_(team) {}
-  void run(int rows, Parts parts, Work work, void* self) noexcept override;
-
- private:
-  WorkerTeam& team_;
 };
 
 }  // namespace bolo::rt

@@ -1,5 +1,5 @@
 // Written captures are read back, value for value.
-#include "src/capture/recovery.hpp"
+#include "src/capture/capture.hpp"
 #include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture::capture_roundtrip_test {

@@ -3,7 +3,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-#include "src/capture/recovery.hpp"
+#include "src/capture/capture.hpp"
 #include "src/core/input_file.hpp"
 #include "tests/capture/small_captures.hpp"
 #include "tests/child.hpp"

@@ -11,8 +11,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "src/capture/capture.hpp"
 #include "src/capture/commit_records.hpp"
-#include "src/capture/recovery.hpp"
 #include "tests/capture/small_captures.hpp"
 #include "tests/child.hpp"
 

@@ -4,8 +4,8 @@
 #include <fstream>
 #include <system_error>
 
+#include "src/capture/capture.hpp"
 #include "src/capture/commit_records.hpp"
-#include "src/capture/recovery.hpp"
 #include "tests/fuzz/input.hpp"
 #include "tests/fuzz/use_capture.hpp"
 

@@ -9,7 +9,6 @@
 #include <thread>
 
 #include "tests/fuzz/input.hpp"
-#include "tools/view/page_files.hpp"
 #include "tools/view/site.hpp"
 
 using namespace bolo;

@@ -4,8 +4,8 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 
+#include "src/capture/capture.hpp"
 #include "src/capture/crash_safe_file.hpp"
-#include "src/capture/recovery.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/no_threads.hpp"
 #include "tests/refusal.hpp"

@@ -10,7 +10,6 @@
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/sockets.hpp"
-#include "tools/view/page_files.hpp"
 #include "tools/view/site.hpp"
 
 namespace bolo::view::view_server_test {

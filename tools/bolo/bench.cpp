@@ -1,5 +1,4 @@
 // `bolo bench`: how many times faster than its camera this computer deblurs, by solver.
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <vector>
@@ -23,12 +22,6 @@ constexpr Geometry kFrame{640, 120};
 constexpr deblur::Method kMethods[] = {deblur::Method::kAdmm, deblur::Method::kDual, deblur::Method::kMmae,
                                        deblur::Method::kMotion, deblur::Method::kInverse};
 constexpr double kSpeed_px_s = 300.0;
-
-struct Speed {
-  std::string_view solver;
-  double ms_per_frame = 0.0;  // the median
-  double realtime_factor = 0.0;
-};
 
 constexpr int kFrames = 64;  // that the window goes over, to the end and back
 
@@ -56,14 +49,14 @@ Result<Stream> make_stream(int frames) {
   return stream;
 }
 
-Result<Speed> measure(const Stream& input, deblur::Method method, int threads, double seconds) {
+// ms a frame, the median.
+Result<double> measure(const Stream& input, deblur::Method method, int threads, double seconds) {
   deblur::Settings settings;
   settings.method = method;
   settings.auto_lambda = method == deblur::Method::kAdmm || method == deblur::Method::kDual;
   ASSIGN_OR_RETURN(auto solver, deblur::Solver::create(settings, input.format, PixelType::kUint16));
   rt::WorkerTeam team(threads, rt::ThreadOptions{"bolo-bench"});
   if (team.size() < threads) return failed("cannot start " + std::to_string(threads) + " threads");
-  rt::TeamCrew crew(team);
   std::vector<const void*> planes;
   for (const auto& frame : input.frames) planes.push_back(frame.data());
   for (std::size_t i = planes.size() - 2; i > 0; --i) planes.push_back(planes[i]);
@@ -77,14 +70,13 @@ Result<Speed> measure(const Stream& input, deblur::Method method, int threads, d
     const std::span<const void* const> all(planes);
     const deblur::WindowView window{all.subspan(newest % period, length), settings.window - 1, newest};
     const auto start = Clock::now();
-    solver->prepare(window, crew);
-    for_parts(crew, kFrame.height, [&](int first, int last) {
+    solver->prepare(window, team);
+    for_parts(team, kFrame.height, [&](int first, int last) {
       solver->solve(window, {0, first, kFrame.width, last - first}, out.data());
     });
     ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
   }
-  const double typical_ms = median(std::move(ms));
-  return Speed{deblur::name(method), typical_ms, 1e3 * settings.period_s / typical_ms};
+  return median(std::move(ms));
 }
 
 Status bench(const cxxopts::ParseResult& given) {
@@ -96,11 +88,12 @@ Status bench(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const auto stream, make_stream(kFrames));
   std::string line;
   for (const deblur::Method method : kMethods) {
-    ASSIGN_OR_RETURN(const auto speed,
+    ASSIGN_OR_RETURN(const double ms,
                      measure(stream, method, threads, seconds / static_cast<double>(std::size(kMethods))));
-    result["solvers"].push_back(
-        {{"solver", speed.solver}, {"ms_per_frame", speed.ms_per_frame}, {"realtime_factor", speed.realtime_factor}});
-    line += fmt::format("{}{} {:.1f}", line.empty() ? "" : ", ", speed.solver, speed.realtime_factor);
+    const double factor = 1e3 * deblur::Settings{}.period_s / ms;
+    const std::string_view solver = deblur::name(method);
+    result["solvers"].push_back({{"solver", solver}, {"ms_per_frame", ms}, {"realtime_factor", factor}});
+    line += fmt::format("{}{} {:.1f}", line.empty() ? "" : ", ", solver, factor);
   }
   if (given.count("json") != 0) {
     std::puts(result.dump(2).c_str());

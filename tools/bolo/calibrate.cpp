@@ -50,18 +50,6 @@ cxxopts::Options calibrate_options() {
   return options;
 }
 
-struct ProfileFiles {
-  OutputFile profile;
-  std::filesystem::path maps;
-};
-
-ProfileFiles calibrate_files(const Given& given) {
-  const std::filesystem::path profile = given["output"].as<std::string>();
-  const auto maps =
-      given.count("maps") != 0 ? std::filesystem::path(given["maps"].as<std::string>()) : capture::maps_beside(profile);
-  return {{profile, replace_of(given)}, maps};
-}
-
 nlohmann::ordered_json rounded(const std::vector<double>& values) {
   auto list = nlohmann::ordered_json::array();
   for (const double v : values) {
@@ -162,14 +150,16 @@ Status run_calibrate(const Given& given) {
   if (captures.empty()) return bad_input("which captures? give one with pulses, then still ones");
   const auto plot = plot_file_of(given);
   if (!plot) return tl::unexpected(plot.error());
-  const ProfileFiles files = calibrate_files(given);
+  const OutputFile profile{given["output"].as<std::string>(), replace_of(given)};
+  std::filesystem::path maps = capture::maps_beside(profile.path);
+  if (given.count("maps") != 0) maps = given["maps"].as<std::string>();
   std::vector<std::filesystem::path> inputs = captures;
   model::CameraProfile known;
   if (given.count("profile") != 0) {
     ASSIGN_OR_RETURN(known, model::read_profile(given["profile"].as<std::string>()));
     inputs.insert(inputs.end(), {given["profile"].as<std::string>(), known.maps});
   }
-  RETURN_IF_ERROR(check_outputs({files.profile.path, files.maps, plot->path}, inputs, files.profile.replace));
+  RETURN_IF_ERROR(check_outputs({profile.path, maps, plot->path}, inputs, profile.replace));
   auto result = [&] {
     Progress progress("calibrate", 100);
     return diagnose::calibrate(captures, known, [&progress](const std::string&, double done) {
@@ -180,7 +170,7 @@ Status run_calibrate(const Given& given) {
   if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; nothing was written");
   if (!result) return tl::unexpected(result.error());
   const model::Origins origins = round_measured(*result);
-  RETURN_IF_ERROR(capture::write_profile_files(files.profile, files.maps, result->profile, result->maps, origins));
+  RETURN_IF_ERROR(capture::write_profile_files(profile, maps, result->profile, result->maps, origins));
   if (!plot->empty()) {
     plot::Sheet sheet{.title = "Calibration of a camera"};
     for (const plot::Plot& part : pulse_plots(result->fit, result->noise_k)) sheet.rows.push_back({part});

@@ -14,7 +14,6 @@
 #include "tools/cli/cli.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/made_from.hpp"
-#include "tools/deblur/report.hpp"
 #include "tools/deblur/request.hpp"
 
 namespace bolo::tools {

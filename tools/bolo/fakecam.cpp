@@ -11,7 +11,6 @@
 #include "drivers/fakecam/gige_vision.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
-#include "tools/bolo/listings.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 

@@ -1,5 +1,4 @@
-#include "tools/bolo/listings.hpp"
-
+// Output of `bolo simulate --list-effects` and `bolo fakecam --list-faults`.
 #include <cmath>
 #include <cstdio>
 #include <string>
@@ -9,6 +8,7 @@
 
 #include "drivers/fakecam/fault_script.hpp"
 #include "src/sim/effect.hpp"
+#include "tools/bolo/verbs.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/capture/recovery.hpp"
+#include "src/capture/capture.hpp"
 #include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"

@@ -15,7 +15,6 @@
 #include "src/core/text.hpp"
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
-#include "tools/bolo/listings.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 

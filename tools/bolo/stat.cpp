@@ -7,7 +7,6 @@
 #include <string>
 #include <thread>
 #include <utility>
-#include <vector>
 
 #include <fmt/format.h>
 
@@ -31,7 +30,6 @@ constexpr double kMaxInterval = 3600.0;
 constexpr std::chrono::seconds kStatePatience(1);  // a daemon that stands still holds up the others' rows
 
 struct StatOptions {
-  std::string name;
   double interval_s = 1.0;
   bool json = false;
   bool once = false;
@@ -45,10 +43,10 @@ nlohmann::ordered_json query_state(const shm::ShmReader& reader, const std::stri
   return answer ? nlohmann::ordered_json::parse(*answer, nullptr, false) : nlohmann::ordered_json();
 }
 
-StatSnapshot take_snapshot(const shm::ShmReader& reader, const StatOptions& options) {
+StatSnapshot take_snapshot(const shm::ShmReader& reader, const std::string& name) {
   const bool closed = reader.closed();
   StatSnapshot snapshot{reader.header(), monotonic_ns(), closed, reader.camera(), newest_motion(reader)};
-  if (!closed) snapshot.status = query_state(reader, options.name);
+  if (!closed) snapshot.status = query_state(reader, name);
   return snapshot;
 }
 
@@ -93,38 +91,25 @@ class Display {
   bool shown_ = false;
 };
 
-// Shows a sample an interval, of whichever daemon has the name.
-void follow(const StatOptions& options, shm::FollowedStream stream) {
-  Display display(options);
-  StatSnapshot before = take_snapshot(stream.reader(), options);
-  while (display.pause()) {
-    const StatSnapshot now = take_snapshot(stream.reader(), options);
-    const StatSample sample = compare(before, now);
-    display.add(sample);
-    if (options.json) {
-      display.show_json(options.name, now, sample);
-    } else {
-      display.show(stat_table(options.name, now, sample));
-    }
-    if (options.once) break;
-    before = stream.follow() ? take_snapshot(stream.reader(), options) : now;
-  }
-}
-
-// One of several cameras, followed across restarts.
+// A camera, followed across restarts.
 struct FollowedCamera {
   shm::FollowedStream stream;
   StatSnapshot before;
 };
 
+using Cameras = std::map<std::string, FollowedCamera>;
+
+void add_camera(Cameras& cameras, const std::string& name, shm::FollowedStream stream) {
+  StatSnapshot snapshot = take_snapshot(stream.reader(), name);
+  cameras.emplace(name, FollowedCamera{std::move(stream), std::move(snapshot)});
+}
+
 // Takes up daemons that have come since the last call.
-void find_cameras(std::map<std::string, FollowedCamera>& cameras) {
+void find_cameras(Cameras& cameras) {
   for (const std::string& name : shm::object_names()) {
     if (cameras.contains(name)) continue;
     auto stream = shm::FollowedStream::open(name, 0);
-    if (!stream || stream->reader().closed()) continue;
-    StatSnapshot snapshot = take_snapshot(stream->reader(), {.name = name});
-    cameras.emplace(name, FollowedCamera{std::move(*stream), std::move(snapshot)});
+    if (stream && !stream->reader().closed()) add_camera(cameras, name, std::move(*stream));
   }
 }
 
@@ -135,39 +120,29 @@ std::string row_of(const std::string& name, const StatSnapshot& snapshot, const 
                      s.latency_p99_ms, s.lost_total, printable(h.solver));
 }
 
-// Shows a row a camera an interval, of all that run, for as long as they are known.
-void follow_all(const StatOptions& options, std::map<std::string, FollowedCamera> cameras) {
+// Shows a sample an interval: of a single name whichever daemon has it; else a row a camera, of all that run, for as
+// long as they are known.
+void follow(const StatOptions& options, Cameras cameras) {
+  const bool single = cameras.size() == 1;
   Display display(options);
   while (display.pause()) {
-    std::string text = fmt::format("{:<16} {:<9} {:>9} {:>7} {:>7} {:>8} {:>8} {:>9}  {}\n", "camera", "state", "size",
-                                   "in/s", "out/s", "p50 ms", "p99 ms", "lost", "solver");
+    std::string text;
+    if (!single) {
+      text = fmt::format("{:<16} {:<9} {:>9} {:>7} {:>7} {:>8} {:>8} {:>9}  {}\n", "camera", "state", "size", "in/s",
+                         "out/s", "p50 ms", "p99 ms", "lost", "solver");
+    }
     for (auto& [name, camera] : cameras) {
-      StatOptions one = options;
-      one.name = name;
-      StatSnapshot now = take_snapshot(camera.stream.reader(), one);
+      StatSnapshot now = take_snapshot(camera.stream.reader(), name);
       const StatSample sample = compare(camera.before, now);
+      if (single) display.add(sample);
       if (options.json) display.show_json(name, now, sample);
-      text += row_of(name, now, sample);
-      camera.before = camera.stream.follow() ? take_snapshot(camera.stream.reader(), one) : std::move(now);
+      text += single ? stat_table(name, now, sample) : row_of(name, now, sample);
+      camera.before = camera.stream.follow() ? take_snapshot(camera.stream.reader(), name) : std::move(now);
     }
     if (!options.json) display.show(text);
     if (options.once) break;
-    find_cameras(cameras);
+    if (!single) find_cameras(cameras);
   }
-}
-
-// All that run; a single one as by its name.
-Status show_all(StatOptions options) {
-  std::map<std::string, FollowedCamera> cameras;
-  find_cameras(cameras);
-  if (cameras.empty()) return bad_input("no daemon runs: start one, see bolo demo");
-  if (cameras.size() > 1) {
-    follow_all(options, std::move(cameras));
-  } else {
-    options.name = cameras.begin()->first;
-    follow(options, std::move(cameras.begin()->second.stream));
-  }
-  return {};
 }
 
 Status run_stat(const cxxopts::ParseResult& given) {
@@ -178,10 +153,16 @@ Status run_stat(const cxxopts::ParseResult& given) {
   }
   options.json = given.count("json") != 0;
   options.once = given.count("once") != 0;
-  if (given.count("name") != 0) options.name = given["name"].as<std::string>();
-  if (options.name.empty()) return show_all(options);
-  ASSIGN_OR_RETURN(auto stream, shm::FollowedStream::open(options.name, 0));
-  follow(options, std::move(stream));
+  Cameras cameras;
+  if (given.count("name") != 0 && !given["name"].as<std::string>().empty()) {
+    const auto name = given["name"].as<std::string>();
+    ASSIGN_OR_RETURN(auto stream, shm::FollowedStream::open(name, 0));
+    add_camera(cameras, name, std::move(stream));
+  } else {
+    find_cameras(cameras);
+  }
+  if (cameras.empty()) return bad_input("no daemon runs: start one, see bolo demo");
+  follow(options, std::move(cameras));
   return {};
 }
 

@@ -25,6 +25,11 @@ int stat_main(int argc, char** argv);
 int usb_main(int argc, char** argv);
 int view_main(int argc, char** argv);
 
+// Every effect of the simulator with its stage, keys and forms, and every fault of the fake camera with its keys: a
+// table, or one JSON array.
+void print_effects(bool json);
+void print_faults(bool json);
+
 inline constexpr auto kVerbs = std::to_array<Verb>({
     {"demo", "simulated camera, daemon and live page at once: what Bolo does", demo_main},
     {"simulate", "write a capture of a simulated camera that moves", simulate_main},

@@ -39,7 +39,7 @@ Result<std::vector<std::string>> choose_daemons(const std::vector<std::string>& 
     if (std::count(named.begin(), named.end(), name) > 1) return bad_input(name + " is named twice");
   }
   if (!named.empty()) return named;
-  std::vector<std::string> names = shm::ShmReader::names();
+  std::vector<std::string> names = shm::object_names();
   const auto ended = [](const std::string& name) {
     const auto stream = shm::FollowedStream::open(name, 0);
     return !stream || stream->reader().closed();

@@ -6,7 +6,6 @@
 #include <array>
 #include <iterator>
 #include <optional>
-#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -17,7 +16,6 @@
 #include "src/core/input_file.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/model/strict_toml.hpp"
-#include "src/pipeline/pipeline.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/metrics.hpp"
 

@@ -13,10 +13,8 @@
 #include <filesystem>
 #include <optional>
 #include <system_error>
-#include <utility>
 
 #include "drivers/shm/camera_block.hpp"
-#include "drivers/shm/json_members.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/threads.hpp"

@@ -21,7 +21,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "drivers/shm/json_members.hpp"
+#include "drivers/shm/camera_block.hpp"
 #include "drivers/shm/shm_gyro.hpp"
 #include "drivers/shm/shm_sink.hpp"
 #include "drivers/v4l2/v4l2_sink.hpp"

@@ -4,7 +4,6 @@
 #include <poll.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -13,17 +12,13 @@
 #include <exception>
 #include <fstream>
 #include <iostream>
-#include <new>
 #include <set>
-#include <string>
 #include <thread>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "src/core/text.hpp"
 #include "src/core/threads.hpp"
-#include "src/core/unique_fd.hpp"
 #include "src/report/plot.hpp"
 
 namespace bolo::tools {

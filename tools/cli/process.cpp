@@ -14,10 +14,8 @@
 #include <fstream>
 #include <limits>
 #include <sstream>
-#include <string>
 #include <system_error>
 #include <thread>
-#include <utility>
 
 namespace bolo::tools {
 namespace {

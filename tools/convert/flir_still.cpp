@@ -12,7 +12,6 @@
 
 #include "src/core/byte_order.hpp"
 #include "tools/cli/process.hpp"
-#include "tools/convert/picture.hpp"
 
 namespace bolo::tools {
 namespace {

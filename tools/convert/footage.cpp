@@ -5,10 +5,7 @@
 #include <bit>
 #include <cctype>
 #include <fstream>
-#include <optional>
-#include <string>
 #include <system_error>
-#include <utility>
 
 #include <fmt/format.h>
 

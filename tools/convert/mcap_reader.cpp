@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "src/core/input_file.hpp"
-#include "src/core/text.hpp"
 
 namespace bolo::tools::mcap {
 namespace {

@@ -2,8 +2,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <memory>
-#include <utility>
 
 #include <fmt/format.h>
 #include <png.h>

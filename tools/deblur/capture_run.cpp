@@ -2,11 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <cstdio>
-#include <string>
 #include <system_error>
-#include <utility>
 
 #include <fmt/format.h>
 
@@ -17,7 +14,6 @@
 #include "src/core/threads.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tools/deblur/made_from.hpp"
-#include "tools/deblur/request.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/deblur/report.hpp"
+#include "tools/deblur/capture_run.hpp"
 
 #include <cstdio>
 

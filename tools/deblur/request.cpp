@@ -5,7 +5,6 @@
 #include <cstdlib>
 #include <optional>
 #include <set>
-#include <string>
 #include <string_view>
 #include <system_error>
 #include <thread>
@@ -18,7 +17,6 @@
 #include "src/core/text.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/model/camera_profile.hpp"
-#include "src/pipeline/pipeline.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/deblur/made_from.hpp"
 #include "tools/deblur/pixel_choice.hpp"

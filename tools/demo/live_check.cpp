@@ -2,16 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdio>
-#include <filesystem>
-#include <string>
-#include <vector>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "drivers/shm/shm_reader.hpp"
 #include "src/capture/capture.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/loss.hpp"

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/genicam/genicam_source.hpp"
 #include "src/core/clock.hpp"
 
 namespace bolo::tools::doctor {
@@ -21,13 +22,6 @@ struct Interface {
   bool loopback = false;
   bool up = false;
   bool operator==(const Interface&) const = default;
-};
-
-struct CameraFound {
-  std::string id;  // Aravis's
-  std::string model;
-  std::string serial;
-  std::string address;
 };
 
 struct VideoDevice {
@@ -65,8 +59,8 @@ struct Facts {
   std::string aravis;
   std::string hdf5;
 
-  std::vector<CameraFound> cameras;  // that answered
-  std::optional<bool> answers;       // the address that was asked for
+  std::vector<genicam::FoundCamera> cameras;  // that answered
+  std::optional<bool> answers;                // the address that was asked for
 
   std::optional<ClockState> clock;
   std::vector<std::string> time_services;  // their reports: chrony, linuxptp

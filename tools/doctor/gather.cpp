@@ -22,8 +22,8 @@
 #include <fmt/format.h>
 #include <hdf5.h>
 
-#include "drivers/genicam/connection.hpp"
 #include "drivers/genicam/network.hpp"
+#include "src/core/input_file.hpp"
 #include "src/core/unique_fd.hpp"
 #include "src/rt/thread.hpp"
 #include "tools/doctor/checks.hpp"
@@ -34,14 +34,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kFlir = "09cb";
-
-// The first line of a small file; empty when it can't be read.
-std::string line_of(const fs::path& file) {
-  std::ifstream in(file);
-  std::string line;
-  std::getline(in, line);
-  return line;
-}
 
 std::optional<int> number_of(const fs::path& file) {
   std::ifstream in(file);
@@ -78,10 +70,10 @@ void gather_processors(const fs::path& root, Facts& facts) {
   facts.processors = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   const fs::path cpus = root / "sys/devices/system/cpu";
   for (const fs::path& cpu : entries_of(cpus)) {
-    const std::string governor = line_of(cpu / "cpufreq/scaling_governor");
+    const std::string governor = first_line(cpu / "cpufreq/scaling_governor");
     if (!governor.empty()) facts.governors.push_back(governor);
   }
-  facts.isolated = processors_of(line_of(cpus / "isolated"));
+  facts.isolated = processors_of(first_line(cpus / "isolated"));
 }
 
 void gather_kernel(const fs::path& root, Facts& facts) {
@@ -128,12 +120,12 @@ void ask_for_rules(Facts& facts) {
 
 void gather_usb(const fs::path& root, Facts& facts) {
   for (const fs::path& device : entries_of(root / "sys/bus/usb/devices")) {
-    if (line_of(device / "idVendor") != kFlir) continue;
+    if (first_line(device / "idVendor") != kFlir) continue;
     const std::string node = fmt::format("/dev/bus/usb/{:03}/{:03}", number_of(device / "busnum").value_or(0),
                                          number_of(device / "devnum").value_or(0));
     const fs::path file = root / fs::path(node).relative_path();
-    facts.usb.push_back({std::string(kFlir) + ":" + line_of(device / "idProduct"), line_of(device / "product"), node,
-                         access(file.c_str(), W_OK) == 0});
+    facts.usb.push_back({std::string(kFlir) + ":" + first_line(device / "idProduct"), first_line(device / "product"),
+                         node, access(file.c_str(), W_OK) == 0});
   }
 }
 
@@ -214,15 +206,13 @@ void ask_clock(Facts& facts) {
 }
 
 void query_cameras(const CameraQuery& query, Facts& facts) {
-  for (const genicam::FoundCamera& found : genicam::find_cameras()) {
-    facts.cameras.push_back({found.id, found.model, found.serial, found.address});
-  }
+  facts.cameras = genicam::find_cameras();
   std::string address = query.address;
   if (genicam::is_ipv4(address)) facts.answers = genicam::answers_gvcp(address);
   if (address.empty() && facts.cameras.size() == 1) address = facts.cameras.front().address;
   if (!genicam::is_ipv4(address)) {
     if (address.empty()) return;
-    const auto named = [&](const CameraFound& c) { return c.id == address || c.serial == address; };
+    const auto named = [&](const genicam::FoundCamera& c) { return c.id == address || c.serial == address; };
     const auto at = std::find_if(facts.cameras.begin(), facts.cameras.end(), named);
     facts.answers = at != facts.cameras.end();
     if (at == facts.cameras.end()) return;

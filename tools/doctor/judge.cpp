@@ -267,7 +267,7 @@ Check library(const std::string& name, const std::string& title, const std::stri
 Check camera(const Facts& facts, const Needs& needs) {
   Check check{"camera", "Camera"};
   std::vector<std::string> names;
-  for (const CameraFound& c : facts.cameras) names.push_back(c.model + " " + c.serial + " at " + c.address);
+  for (const genicam::FoundCamera& c : facts.cameras) names.push_back(c.model + " " + c.serial + " at " + c.address);
   if (!needs.address.empty()) {
     check.found = needs.address + (facts.answers.value_or(false) ? " answers" : " does not answer");
     if (!names.empty()) check.found += "; found: " + list(names);

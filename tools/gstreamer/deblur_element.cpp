@@ -125,9 +125,8 @@ bool StreamDeblur::next(Ready& ready, std::uint16_t* out) noexcept {
 }
 
 void StreamDeblur::solve(const deblur::WindowView& view, std::uint16_t* out) noexcept {
-  rt::TeamCrew crew(team_);
-  solver_->prepare(view, crew);
-  for_parts(crew, format_.geometry.height, [&](int begin, int end) {
+  solver_->prepare(view, team_);
+  for_parts(team_, format_.geometry.height, [&](int begin, int end) {
     solver_->solve(view, {0, begin, format_.geometry.width, end - begin}, out);
   });
 }

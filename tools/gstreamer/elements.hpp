@@ -10,8 +10,7 @@
 
 namespace bolo::tools {
 
-// Registers "bolosrc" and "bolodeblur". Thread: GStreamer's, once.
-gboolean register_source(GstPlugin* plugin);
+// Registers "bolodeblur". Thread: GStreamer's, once.
 gboolean register_deblur(GstPlugin* plugin);
 
 constexpr GParamFlags kProperty = static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS);

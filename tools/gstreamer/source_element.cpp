@@ -1,9 +1,8 @@
-// "bolosrc": the frames that a bolod publishes in shared memory, as a live source.
+// libgstbolo.so, and of its elements "bolosrc": the frames that a bolod publishes in shared memory, as a live source.
 #include <gst/base/gstpushsrc.h>
 
 #include <algorithm>
 #include <atomic>
-#include <cctype>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -411,10 +410,14 @@ void bolo_src_class_init(BoloSrcClass* type) {
   GST_PUSH_SRC_CLASS(type)->create = create;
 }
 
-}  // namespace
-
-gboolean register_source(GstPlugin* plugin) {
-  return gst_element_register(plugin, "bolosrc", GST_RANK_NONE, bolo_src_get_type());
+gboolean register_elements(GstPlugin* plugin) {
+  return gst_element_register(plugin, "bolosrc", GST_RANK_NONE, bolo_src_get_type()) && register_deblur(plugin) ? TRUE
+                                                                                                                : FALSE;
 }
 
+}  // namespace
 }  // namespace bolo::tools
+
+#define PACKAGE "bolo"  // GST_PLUGIN_DEFINE asks for it
+GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, bolo, "Sharp frames of moving thermal cameras",
+                  bolo::tools::register_elements, BOLO_VERSION, GST_LICENSE_UNKNOWN, "bolo", "https://bolo.invalid")

@@ -10,6 +10,12 @@ die() {
   exit 1
 }
 
+# usage: prints the comment at the head of the script, and ends it.
+usage() {
+  sed -n '2,/^[^#]/s/^# \{0,1\}//p' "$0" >&2
+  exit 2
+}
+
 # as_root COMMAND...: runs it as root, with sudo where the caller is not.
 as_root() {
   if [ "$(id -u)" -eq 0 ]; then

@@ -1,5 +1,5 @@
 # Writes OUTPUT, which defines bolo::view::page_files() with the contents of FILES (a list of paths).
-set(code "// Made by embed_page.cmake.\n#include \"tools/view/page_files.hpp\"\n\n#include <array>\n\n")
+set(code "// Made by embed_page.cmake.\n#include \"tools/view/site.hpp\"\n\n#include <array>\n\n")
 string(APPEND code "namespace bolo::view {\nnamespace {\n\n")
 set(rows "")
 set(count 0)

@@ -1,7 +1,6 @@
 #include "tools/view/live_stream.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 
 #include "src/core/clock.hpp"

@@ -13,7 +13,6 @@
 #include "src/core/input_file.hpp"
 #include "src/core/ip_address.hpp"
 #include "src/core/text.hpp"
-#include "tools/view/page_files.hpp"
 
 namespace bolo::view {
 namespace {

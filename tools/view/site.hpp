@@ -16,7 +16,9 @@
 #include <future>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -27,6 +29,16 @@
 #include "tools/view/live_stream.hpp"
 
 namespace bolo::view {
+
+// --- The files of the page, built into the program.
+
+struct PageFile {
+  std::string_view name;  // as in tools/view/page
+  std::string_view content;
+};
+
+// Thread: any.
+std::span<const PageFile> page_files();
 
 // --- Access control. A browser sends requests to loopback on behalf of any page that it shows, and any user of this
 // computer can connect, whatever he may read of shared memory and control socket: local clients are not trusted for

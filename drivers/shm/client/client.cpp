@@ -10,6 +10,7 @@
 #include <string>
 
 #include "drivers/shm/client/handle.hpp"
+#include "drivers/shm/shm_object.hpp"
 #include "src/core/threads.hpp"
 
 // The C header's names. NOLINTBEGIN(readability-identifier-naming)
@@ -105,7 +106,7 @@ BorrowedFrame borrowed(const bolo_client_frame& frame) {
 
 int streams(char* text, std::size_t bytes) {
   std::string all;
-  for (const std::string& name : ShmReader::names()) all += name + "\n";
+  for (const std::string& name : object_names()) all += name + "\n";
   if (bytes > 0) {
     const std::size_t length = std::min(all.size(), bytes - 1);
     std::memcpy(text, all.data(), length);

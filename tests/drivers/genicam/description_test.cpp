@@ -4,8 +4,8 @@
 
 #include <fmt/format.h>
 
+#include "drivers/genicam/aravis_limits.hpp"
 #include "drivers/genicam/description.hpp"
-#include "drivers/genicam/division_trap.hpp"
 #include "tests/refusal.hpp"
 
 namespace bolo::genicam::description_test {

@@ -5,6 +5,7 @@
 #include <sys/syscall.h>
 #include <climits>
 
+#include "drivers/shm/shm_object.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/refusal.hpp"
 
@@ -204,7 +205,7 @@ TEST(ShmReader, NamesWhatExistsWhenTheNameIsUnknown) {
   ASSERT_TRUE(writer.open());
   expect_refused(ShmReader::open("no-such-camera"), {"no shared memory named 'no-such-camera'", name});
   writer.sink.close();
-  const auto left = ShmReader::names();
+  const auto left = object_names();
   EXPECT_EQ(std::count(left.begin(), left.end(), name), 0) << "an orderly end leaves nothing behind";
 }
 

@@ -6,6 +6,7 @@
 #include <sys/statvfs.h>
 
 #include "drivers/shm/followed_stream.hpp"
+#include "drivers/shm/shm_object.hpp"
 #include "tests/child.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/drivers/shm/unprivileged.hpp"
@@ -133,7 +134,7 @@ TEST(ShmWriters, WhatIsNoFileIsInTheWayAndStays) {
 TEST(ShmWriters, NamesThatAreNoneAreNotListed) {
   const std::string evil = "/dev/shm/bolo.\x1b[31m" + unique_name("red");
   close(open(evil.c_str(), O_RDWR | O_CREAT, 0600));
-  for (const std::string& name : ShmReader::names()) EXPECT_EQ(name.find('\x1b'), std::string::npos);
+  for (const std::string& name : object_names()) EXPECT_EQ(name.find('\x1b'), std::string::npos);
   const auto none = ShmReader::open("a\x1b[31m\nb");
   unlink(evil.c_str());
   expect_error(none, {"'a?[31m?b' is no name"});

@@ -130,14 +130,13 @@ class Runner {
   }
 
   void measure() {
-    rt::TeamCrew crew(*team_);
     const auto start = Clock::now();
     if (what_.profile) {
       corrected_.begin();
-      for_parts(crew, kFrame.height, [this](int begin, int end) { corrected_.correct(begin, end); });
+      for_parts(*team_, kFrame.height, [this](int begin, int end) { corrected_.correct(begin, end); });
       corrected_.finish();
     }
-    for_parts(crew, rows_, [this](int begin, int end) {
+    for_parts(*team_, rows_, [this](int begin, int end) {
       solver_->solve(window(), {0, begin, kFrame.width, end - begin}, out_.data());
     });
     const double ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();

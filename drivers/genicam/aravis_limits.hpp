@@ -1,4 +1,4 @@
-// Limits to the time that Aravis waits for answers.
+// Limits to what a camera can have Aravis do: wait, and divide.
 #pragma once
 
 namespace bolo::genicam {
@@ -15,5 +15,10 @@ class SearchLimit {
 
 // Not to be called: also linked in place of GLib's function is one that shortens the time for which a camera, or
 // whoever sends in its name, has Aravis wait by PENDING_ACK. That may be a minute, and again and again.
+
+// The smallest of all integers divided by -1 has no result. Aravis evaluates cameras' formulas, including that
+// division, which is a fault of the processor on x86-64 (SIGFPE) and nothing on arm64. From here on its result is 0;
+// every other fault is as it was. Thread: any.
+void survive_division_of_smallest() noexcept;
 
 }  // namespace bolo::genicam
