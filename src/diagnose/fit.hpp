@@ -118,8 +118,12 @@ double level_spread(const std::vector<Nuisance>& all, const State& state);
 // Root mean square of the levels' errors, K.
 double level_error(const std::vector<Nuisance>& all, const State& state);
 
-// Log-likelihood (up to a constant) of the levels' errors.
+// Log-likelihood (up to a constant) of the levels' errors. Levels of one stated temperature that agree count once: what
+// a black body is off by at a set point, it is in every capture.
 double level_evidence(const std::vector<Nuisance>& all, const State& state);
+
+// Root mean square of the set points' errors over the accuracy that the bench states; 1 is usual.
+double level_excess(const std::vector<Nuisance>& all, const State& state);
 
 // An effect in one of its forms.
 struct Choice {

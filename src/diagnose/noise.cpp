@@ -12,9 +12,12 @@ constexpr std::size_t kLeastBlock = 24;    // consecutive frames of a block for 
 constexpr std::size_t kLineReach = 18;     // bins on either side, the reference of a line
 constexpr double kMedianOfPower = 0.6931;  // ln 2: median of an exponential distribution over its mean
 constexpr double kWindowLoss = 0.9;        // Hann's window: the tail of a bin's power is a little longer
+constexpr double kBinsOfFreedom = 3.0;     // overlapping bins to each degree of freedom of their median
 constexpr double kBound = 1.5;             // the same window correlates neighbouring bins
 constexpr Index kClippedOneIn = 500;       // one clipped value in so many is allowed
 constexpr double kTails = 0.2;             // minimum excess kurtosis for a fit of tails
+constexpr double kOtherFlicker = 4.0;  // times another still field's variance of frames: flicker differs by chance less
+constexpr double kMostBound = 0.98;    // correlation of neighbouring frames
 
 // The longest run of frames without a gap: frames x pixels of the grid, pixel means taken out; bad pixels are 0.
 std::optional<ArrayXXd> longest_block(const Session& session, const Recording& r) {
@@ -139,11 +142,33 @@ void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
       if (i + 2 < j || i > j + 2) around.push_back(power[i]);
     }
     const double floor = std::max(1e-18, median(around) / kMedianOfPower);
-    const double p = std::min(1.0, static_cast<double>(power.size()) * std::exp(-power[j] / floor * kWindowLoss));
+    // The tail is that of a ratio: so few bins know their median no better.
+    const double freedom = static_cast<double>(around.size()) / kBinsOfFreedom;
+    const double tail = std::pow(1.0 + power[j] / floor * kWindowLoss / freedom, -freedom);
+    const double p = std::min(1.0, static_cast<double>(power.size()) * tail);
     if (p >= n.line_p) continue;
     n.line_p = p;
     n.line_hz = static_cast<double>(j) * rate_hz / static_cast<double>(x.size());
   }
+}
+
+// Variance of one still field's frames about a cubic, and of how many independent ones.
+struct FrameVariance {
+  double value = 0.0;
+  double freedom = 0.0;
+};
+
+// Difference of the still fields that differ most in it, in standard errors of its logarithm; 0: as flicker has it,
+// which does not depend on what the camera sees.
+double largest_difference(const std::vector<FrameVariance>& all) {
+  double largest = 0.0;
+  for (const FrameVariance& a : all) {
+    for (const FrameVariance& b : all) {
+      if (a.value < kOtherFlicker * b.value) continue;
+      largest = std::max(largest, std::log(a.value / b.value) / std::sqrt(2.0 / a.freedom + 2.0 / b.freedom));
+    }
+  }
+  return largest;
 }
 
 // Sums over the still recordings.
@@ -161,6 +186,7 @@ struct NoiseSums {
   double frame_lag = 0.0;
   double chi2 = 0.0;
   double degrees = 0.0;
+  std::vector<FrameVariance> frame_variance{};
   std::vector<double> kurtosis{};  // of each pixel and block
   std::vector<double> sample{};
   std::vector<Bin> bins{};
@@ -194,6 +220,7 @@ struct NoiseSums {
     n.excess_kurtosis.z = n.excess_kurtosis.value / n.excess_kurtosis.error;
     if (n.excess_kurtosis.value > kTails) fit_student(sample, n);
     n.drift_p = chi2_survival(chi2, degrees);
+    n.flicker_differs_z = largest_difference(frame_variance);
     return n;
   }
 
@@ -201,7 +228,7 @@ struct NoiseSums {
   void add_frames(const Parts& parts) {
     const Index frames = parts.frame.size();
     const auto count = static_cast<double>(frames);
-    const double freedom = (count - 1.0) / count;
+    const double unbiased = (count - 1.0) / count;
     const ArrayXd cubic = cubic_of(parts.frame);
     const ArrayXd off = parts.frame - cubic;
     const double squares = off.square().sum();
@@ -211,11 +238,13 @@ struct NoiseSums {
     const ArrayXd flicker = parts.frame - curve;
     frame.add(flicker.square().sum(), count - (slow ? 4.0 : 1.0));
     frame_lag += (flicker.tail(frames - 1) * flicker.head(frames - 1)).sum();
-    row.add(parts.row.square().sum() / freedom, count * height);
-    column.add(parts.column.square().sum() / freedom, count * width);
+    row.add(parts.row.square().sum() / unbiased, count * height);
+    column.add(parts.column.square().sum() / unbiased, count * width);
     // Slow change: variance of the cubic against the residual flicker (with its correlation).
     const double own = std::max(1e-18, squares / (count - 4.0));
-    const double bound = std::clamp(lag / squares, 0.0, 0.98);
+    const double bound = std::clamp(lag / squares, 0.0, kMostBound);
+    const double freedom = (count - 4.0) * (1.0 - bound) / (1.0 + bound);
+    frame_variance.push_back({own, std::max(1.0, freedom)});
     chi2 += cubic.square().sum() / own * (1.0 - bound) / (1.0 + bound);
     degrees += 3.0;
     n.drift_k = std::max(n.drift_k, cubic.maxCoeff() - cubic.minCoeff());
@@ -266,7 +295,7 @@ struct NoiseSums {
     n.columns = component(column.square, column.count * (1.0 - 1.0 / width), own / (height * share));
     const double stripes = n.columns.value * n.columns.value / width + n.rows.value * n.rows.value / height;
     n.flicker = component(frame.square, frame.count, own / pixels + stripes);
-    const double bound = std::clamp(frame_lag / std::max(frame.square, 1e-18), 0.0, 0.98);
+    const double bound = std::clamp(frame_lag / std::max(frame.square, 1e-18), 0.0, kMostBound);
     n.flicker.error *= std::sqrt((1.0 + bound) / (1.0 - bound));
     // Removal of row and column means correlates neighbours by - 1/width or - 1/height.
     const auto correlation_z = [&](const MeanSquare& s, double bias) {

@@ -24,6 +24,7 @@ constexpr double kMissError = 0.012;    // of a capture's rms residual, in floor
 constexpr double kFrameError = 0.03;    // of whole frames' rms residual, in floors
 constexpr double kStartLeft = 0.03;     // of a filter's start, negligible below
 constexpr double kFlickerMargin = 1.3;  // times the flicker's variance, allowed for whole frames
+constexpr double kMostExcess = 3.5;     // of the levels, in what the bench says of its accuracy
 constexpr double kPixelMargin = 2.0;    // the same of the pixels' noise in a frame's mean
 
 // Allowed residuals of known origin, in floors (rms).
@@ -325,6 +326,14 @@ void test_map(const Session& session, const Eigen::VectorXf& map, const std::str
                    z * kRemainderLimit / kClearTrend, std::nullopt, false});
 }
 
+// Levels take up what the camera does to all temperatures, as a grey target does; the bench says how far they may go.
+void test_levels(const Session& session, const State& state, std::vector<Remainder>& found) {
+  if (!session.recordings.front().kelvin) return;
+  const double excess = level_excess(nuisances(session, nominal_state(session, {})), state);
+  found.push_back({"radiometry", "the temperatures are further off than the bench says of its accuracy",
+                   excess * kRemainderLimit / kMostExcess});
+}
+
 }  // namespace
 
 std::vector<Remainder> test_remainder(const Events& events, const Noise& noise, const Fit& fit, int threads) {
@@ -337,6 +346,7 @@ std::vector<Remainder> test_remainder(const Events& events, const Noise& noise, 
   std::ranges::sort(found, std::greater{}, &Remainder::z);
   test_map(fit.session, fit.state.camera.offset, "offsets", found);
   test_map(fit.session, fit.state.camera.gain, "gains", found);
+  test_levels(fit.session, fit.state, found);
   return found;
 }
 

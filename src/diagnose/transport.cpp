@@ -33,7 +33,11 @@ void count_steps(const Session& session, std::size_t index, State& state, Transp
   for (std::size_t k = 0; k < r.used.size(); ++k) {
     if (r.used[k] == 0) continue;
     double went = 0.0;
-    if (!seen.empty()) went = (s.shift_px[k] - s.shift_px[seen.back()]) / s.speed_px_s[k] - (r.t[k] - r.t[seen.back()]);
+    if (!seen.empty()) {
+      // Jitter makes the speed of few frames uncertain, by a whole period where a freeze lies between.
+      const double speed = k > seen.back() + 1 ? s.mean_speed() : s.speed_px_s[k];
+      went = (s.shift_px[k] - s.shift_px[seen.back()]) / speed - (r.t[k] - r.t[seen.back()]);
+    }
     ahead_s.push_back(seen.empty() ? 0.0 : ahead_s.back() + went);
     seen.push_back(k);
   }

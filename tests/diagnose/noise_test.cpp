@@ -212,6 +212,33 @@ TEST(MeasureNoise, MainsHumIsALine) {
   EXPECT_NEAR(n.line_hz, 37.3, 1.0);
 }
 
+// The few bins beside a bin know their median with an error of its own.
+TEST(MeasureNoise, WhiteNoiseHasNoLine) {
+  double least = 1.0;
+  for (unsigned seed = 100; seed < 220; ++seed) {
+    Draws draws(seed);
+    const std::vector<double> frame = draws.normals(160, 0.01);
+    const Recording r = testing::shutter(
+        160, [&](int k, int row, int) { return row < kHeight / 2 ? frame[static_cast<std::size_t>(k)] : 0.0; });
+    least = std::min(least, measure_noise(testing::session_of({r}), kNoNoise).line_p);
+  }
+  EXPECT_GT(least, 2e-4);
+}
+
+// Steps of the gain move whole frames, the more the hotter; flicker is the same before every field.
+TEST(MeasureNoise, FramesScatterAlikeInAllStillFields) {
+  Draws draws(12);
+  const auto differs = [&](double first, double second) {
+    const auto field = [&](double step) {
+      return testing::shutter(kFrames, [&](int k, int, int) { return draws.normal() + step * (k / 50 % 3 - 1); });
+    };
+    return measure_noise(testing::session_of({field(first), field(second)}), kNoNoise).flicker_differs_z;
+  };
+  EXPECT_LT(differs(0.0, 0.0), kRemainderLimit);
+  EXPECT_LT(differs(0.2, 0.2), kRemainderLimit);
+  EXPECT_GT(differs(0.0, 0.2), kRemainderLimit);
+}
+
 TEST(MeasureNoise, ASlowChangeIsDrift) {
   Draws draws(11);
   const NoiseStatistics n = measured([&](int k, int, int) { return draws.normal() + 0.02 * k / kFrames; });

@@ -139,6 +139,21 @@ TEST(JudgeTransport, MeasuresJitter) {
   }
 }
 
+// Frozen frames do not count; the speed beside them is uncertain.
+TEST(JudgeTransport, JitterAroundAFreezeIsNoLoss) {
+  int steps = 0;
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    sim::CameraSettings camera = noisy_camera(seed);
+    camera.effects.push_back(*sim::parse_effect("jitter:rms_s=0.0007"));
+    Recording r = record(camera, slanted_bars(-320.0), 220);
+    std::fill(r.used.begin() + 100, r.used.begin() + 160, char{0});
+    State state;
+    const Transport t = judged(std::move(r), state);
+    steps += t.lost + t.inserted;
+  }
+  EXPECT_EQ(steps, 0);
+}
+
 TEST(Nuisances, BelongToTheStimuliThatHaveThem) {
   const Session session =
       testing::session_of({record(noisy_camera(), capture::Uniform{300.0}, 20),
@@ -173,6 +188,31 @@ TEST(Nuisances, LevelsThatAgreeWithTheFilesSayThatTheBenchIsGood) {
   EXPECT_LT(good, 0.02);
   EXPECT_GT(level_spread(all, state), 0.4);
   EXPECT_LT(level_evidence(all, state), evidence);
+  EXPECT_NEAR(level_excess(all, state), 1.0, 0.01);  // 0.5 K are what a bench without a statement may be off by
+}
+
+// The same black body is off by the same in every capture: five captures say no more than one.
+TEST(Nuisances, LevelsOfOneSetPointThatAgreeCountOnce) {
+  std::vector<Recording> flats;
+  for (int i = 0; i < 5; ++i) {
+    flats.push_back(record(noisy_camera(), capture::Uniform{300.0}, 20));
+    flats.push_back(record(noisy_camera(), capture::Uniform{320.0}, 20));
+  }
+  const Session session = testing::session_of(std::move(flats));
+  State state = nominal_state(session, {});
+  const auto all = nuisances(session, state);
+  const double none = level_evidence(all, state);
+  const auto evidence = [&](bool common) {
+    int nth = 0;
+    for (const Nuisance& n : all) {
+      if (n.is_level) n.parameter.set(state, n.nominal + ((common ? n.nominal < 310.0 : nth++ % 4 < 2) ? 0.3 : -0.3));
+    }
+    return none - level_evidence(all, state);
+  };
+  const double each = evidence(false);
+  const double common = evidence(true);
+  EXPECT_LT(common, 0.4 * each);
+  EXPECT_GT(common, 0.1 * each);
 }
 
 }  // namespace bolo::diagnose::registration_test
