@@ -376,6 +376,7 @@ void MotionSolver::estimate_along_motion(const motion::Path& path, bool ahead, c
   }
   in.ahead = ahead ? &frame(0).values : nullptr;
   in.path = path;
+  in.bridged = displacement(target).bridged;
   in.deviation = &deviation;
   in.row_delay = row_delay_;
   in.noise = mmae_.noise();

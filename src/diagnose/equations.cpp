@@ -32,58 +32,6 @@ bool touches(int owner, const Session& session, std::size_t recording) {
   return is_bars(session.recordings[recording].kind);
 }
 
-// Mean square of the levels' errors, each in its own unit.
-template <typename UnitOf>
-double mean_of_levels(const std::vector<Nuisance>& all, const State& state, const UnitOf& unit_of) {
-  double sum = 0.0;
-  double count = 0.0;
-  for (const Nuisance& n : all) {
-    if (!n.is_level) continue;
-    const double error = (n.parameter.get(state) - n.nominal) / unit_of(n);
-    sum += error * error;
-    count += 1.0;
-  }
-  return sum / std::max(1.0, count);
-}
-
-// Levels of one stated temperature and accuracy: a black body that is set to it in several captures.
-struct SetPoint {
-  double nominal = 0.0;
-  double prior = 0.0;
-  double count = 0.0;
-  double mean = 0.0;   // of the errors, K
-  double about = 0.0;  // sum of the squares about it
-};
-
-std::vector<SetPoint> set_points(const std::vector<Nuisance>& all, const State& state) {
-  constexpr double kSame_k = 1e-3;
-  std::vector<SetPoint> points;
-  for (const Nuisance& n : all) {
-    if (!n.is_level) continue;
-    auto point = std::ranges::find_if(points, [&n](const SetPoint& p) {
-      return std::abs(p.nominal - n.nominal) < kSame_k && std::abs(p.prior - n.prior) < kSame_k;
-    });
-    if (point == points.end()) point = points.insert(points.end(), {n.nominal, n.prior});
-    const double apart = n.parameter.get(state) - n.nominal - point->mean;
-    point->count += 1.0;
-    point->mean += apart / point->count;
-    point->about += apart * apart * (point->count - 1.0) / point->count;
-  }
-  return points;
-}
-
-// The part of the spread that differs between levels of one set point, as a share of the stated accuracy: the whole of
-// it where each capture has errors of its own, nothing where a set point has the same error in all of them.
-double own_spread(const std::vector<SetPoint>& points, double spread) {
-  double squares = 0.0;
-  double freedom = 0.0;
-  for (const SetPoint& p : points) {
-    if (p.prior > 0.0) squares += p.about / (p.prior * p.prior);
-    freedom += p.count - 1.0;
-  }
-  return freedom > 0.0 ? std::min(spread, std::sqrt(squares / freedom)) : spread;
-}
-
 // The standard deviation of one level at this spread, K.
 double level_width(const Nuisance& level, double spread) { return std::hypot(spread * level.prior, kLevelResolution); }
 
@@ -223,37 +171,6 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
     all.push_back({aperture, kAllBars, false, 1.0, kAperturePrior});
   }
   return all;
-}
-
-double level_spread(const std::vector<Nuisance>& all, const State& state) {
-  return std::sqrt(std::min(1.0, mean_of_levels(all, state, [](const Nuisance& n) { return n.prior; })));
-}
-
-double level_error(const std::vector<Nuisance>& all, const State& state) {
-  return std::sqrt(mean_of_levels(all, state, [](const Nuisance&) { return 1.0; }));
-}
-
-double level_evidence(const std::vector<Nuisance>& all, const State& state) {
-  const double spread = level_spread(all, state);
-  const std::vector<SetPoint> points = set_points(all, state);
-  const double own = own_spread(points, spread);
-  double evidence = 0.0;
-  for (const SetPoint& point : points) {
-    const double one = std::pow(kLevelResolution, 2) + std::pow(own * point.prior, 2);
-    const double common = one + point.count * (spread * spread - own * own) * point.prior * point.prior;
-    evidence -=
-        0.5 * (std::log(common) + (point.count - 1.0) * std::log(one)) - point.count * std::log(kLevelResolution);
-    evidence -= 0.5 * (point.count * point.mean * point.mean / common + point.about / one);
-  }
-  return evidence;
-}
-
-double level_excess(const std::vector<Nuisance>& all, const State& state) {
-  constexpr double kResolved_k = 0.05;  // what the camera's own offsets make of a level
-  const std::vector<SetPoint> points = set_points(all, state);
-  const double squares =
-      sum_of(points, [](const SetPoint& p) { return std::pow(p.mean / std::hypot(p.prior, kResolved_k), 2); });
-  return std::sqrt(squares / std::max(1.0, static_cast<double>(points.size())));
 }
 
 std::vector<Choice> unformed(std::vector<Choice> choices) {

@@ -345,7 +345,8 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
         .left = smooth_[0][i] / noise,
         .change = smooth_[1][i] / noise,
         .speed = std::min(speed_[i], std::hypot(trail_[i].x, trail_[i].y)),  // after a stop it rests
-        .seen = seen_before(static_cast<int>(i))};
+        .seen = seen_before(static_cast<int>(i)),
+        .bridged = in.bridged};
     share_[i] = static_cast<float>(in.path.steady) / (1.0F + std::exp(odds(inertia_, in.ahead != nullptr, evidence)));
     if (!std::isfinite(share_[i]) || !std::isfinite(step_[i])) share_[i] = step_[i] = 0.0F;
   }

@@ -22,6 +22,7 @@ struct EstimateInputs {
   std::array<const PaddedPlane*, kPast> past{};  // 1, 2 ... frames before; null: lost, but for the first
   const PaddedPlane* ahead = nullptr;            // the frame after; null without look-ahead
   Path path;
+  int bridged = 0;                         // lost frames that its newest displacement was found across
   const VectorField* deviation = nullptr;  // of the blocks from the path, px a frame
   double noise = 0.0;                      // standard deviation, in the values' unit
   // Delay of the middle of each row of blocks after the frame's time, periods; empty: none.

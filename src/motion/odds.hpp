@@ -17,6 +17,7 @@ struct Evidence {
   float change;     // of innovation less frame
   float speed;      // px a frame
   bool seen;        // before this frame
+  int bridged = 0;  // lost frames that the motion was found across
 };
 
 // The logarithm of the odds that the per-pixel estimate is the better one. `ahead`: with look-ahead. Thread: any.

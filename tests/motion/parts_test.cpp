@@ -336,6 +336,13 @@ TEST(Odds, AMotionThatExplainsMostOfTheChangeIsBelieved) {
     EXPECT_LT(odds(inertia, ahead, well), -0.5F) << ahead;
     EXPECT_GT(odds(inertia, ahead, badly), 0.0F) << ahead;
     EXPECT_GT(odds(inertia, ahead, slow), 0.0F) << ahead;
+    Evidence last = well;
+    for (const int lost : {1, 2}) {
+      Evidence bridged = well;
+      bridged.bridged = lost;
+      EXPECT_GT(odds(inertia, ahead, bridged), odds(inertia, ahead, last)) << ahead;
+      last = bridged;
+    }
   }
 }
 

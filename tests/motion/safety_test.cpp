@@ -150,10 +150,12 @@ TEST(MotionSafety, ParallelEdges) {
   }
 }
 
-void expect_safe(std::uint32_t seed, int lookahead = 0) {
+// `lost`: frames from kEvent on.
+void expect_safe(std::uint32_t seed, int lookahead = 0, int lost = 0) {
   const motion::testing::RandomScene random(seed, kEvent);
   Stream stream(random.scene(), random.noise(), kFrames, seed);
   stream.disturb(random.lost(), random.pattern(), seed);
+  for (int i = 0; i < lost; ++i) stream.lose(kEvent + i);
   const Worst worst = worst_of(stream, random.noise(), kWindow, lookahead);
   EXPECT_LT(worst.frame, kWorstFrame) << "scene " << seed;
   EXPECT_LT(worst.tile, kWorstTile) << "scene " << seed;
@@ -167,6 +169,11 @@ TEST(MotionSafety, RandomScenes) {
 // Squares whose nearest copy in the picture before is not where they came from.
 TEST(MotionSafety, SquaresThatRepeat) {
   for (const std::uint32_t seed : {31U, 5098U, 5100U, 5233U}) expect_safe(seed);
+}
+
+// What the frames after them are compared with was made up.
+TEST(MotionSafety, ScenesThatChangeWhileFramesAreLost) {
+  for (const std::uint32_t seed : {11U, 18U, 59U, 74U}) expect_safe(seed, 0, 2);
 }
 
 // With the frame after: at a cut, where squares are matched now here, now there, in slow motion, beside what rests.

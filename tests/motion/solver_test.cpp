@@ -155,7 +155,6 @@ TEST(MotionSolver, PartsAndPointsAreThoseOfTheWholeFrame) {
   expect_parts(*solver, window, kFrame, whole, {{17, 11, 40, 30}}, {5, 700, 11969});
 }
 
-// A pixel that is no number stays one, and spoils no other.
 // Stuck and blinking pixels that no map names: their neighbours are as without them, and they as mmae has them.
 TEST(MotionSolver, DefectsAreNotSpread) {
   constexpr int kLast = 39;
@@ -195,6 +194,7 @@ TEST(MotionSolver, DefectsAreNotSpread) {
   }
 }
 
+// A pixel that is no number stays one, and spoils no other.
 TEST(MotionSolver, NotANumberStaysAlone) {
   const Scene scene = pan(2.0, 0.0);
   const auto frames = watch(scene, kFrame, 2.2, 20);
