@@ -32,7 +32,6 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
   EXPECT_LT(rmse("deblurred_k"), 0.1 * rmse("blurred_k"));
 }
 
-// A gyro whose times are others' changes no bit; one whose times are the frames' is used, and said so.
 // A camera that is read faster than it takes pictures: its frames are those that repeat none.
 TEST_F(DeblurVerb, FramesThatRepeatAreDroppedAsIfTheyHadNeverBeenRead) {
   write("drop.toml", "[firmware]\ndrop_repeated = true\n");
@@ -50,6 +49,7 @@ TEST_F(DeblurVerb, FramesThatRepeatAreDroppedAsIfTheyHadNeverBeenRead) {
   }
 }
 
+// A gyro whose times are others' changes no bit; one whose times are the frames' is used, and said so.
 TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
   write_blurred(file("in.h5"), {.height = kWidth});
   write("lens.toml", "[lens]\nfocal_px = 1400\n");
@@ -267,6 +267,7 @@ const std::vector<Refusal> kRefusals{
     {"@text.h5 -o @out.h5", "text.h5"},
     {"@few.h5 -o @out.h5", "few.h5: 16 frames, fewer than one window of 17"},
     {"@broken.h5 -o @out.h5", "broken.h5: no full window of 17 frames"},
+    {"@slow.h5 -o @out.h5", "slow.h5: deblur settings: period_s is 114"},
     {"@slow.h5 -o @out.h5", "to 10 s; if it is milliseconds, divide /t and frame_period_s by 1000"},
     {"@nan.h5 -o @out.h5", "nan.h5: frame 525, column 1, row 1 of /frames is nan"},
     {"@huge.h5 -o @out.h5", "huge.h5: frame 525, column 1, row 1 of /frames is 3e+38"},
