@@ -28,6 +28,12 @@ std::int64_t realtime_ns() noexcept {
       .count();
 }
 
+std::int64_t thread_cpu_ns() noexcept {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
+}
+
 std::string utc_text(std::int64_t utc_ns) {
   const std::int64_t ms = utc_ns / kNsPerMs - (utc_ns % kNsPerMs < 0 ? 1 : 0);
   const std::int64_t part = (ms % 1000 + 1000) % 1000;

@@ -39,6 +39,9 @@ ClockState read_clock_state() noexcept;
 // CLOCK_REALTIME, ns since 1970. Thread: any.
 std::int64_t realtime_ns() noexcept;
 
+// Processor time of the calling thread. Thread: any.
+std::int64_t thread_cpu_ns() noexcept;
+
 // "2026-11-23T19:31:02.123Z": ISO 8601, cut to the millisecond. Thread: any.
 std::string utc_text(std::int64_t utc_ns);
 

@@ -52,17 +52,15 @@ void Chain::add(std::unique_ptr<Correction> correction) {
 }
 
 bool Chain::drops(const void* raw) noexcept {
-  const bool dropped = std::ranges::any_of(frames_, [raw](Correction* c) { return c->drops(raw); });
-  if (dropped) ++repeats_;
-  return dropped;
+  return std::ranges::any_of(frames_, [raw](Correction* c) { return c->drops(raw); });
 }
 
-void Chain::begin(const FrameMeta& meta, const void* raw, bool restart) noexcept {
+void Chain::begin(const FrameMeta& meta, const void* raw, bool restart, std::uint64_t repeats) noexcept {
   raw_ = raw;
   plane_ = planes_.data() + next_ * input_.geometry.pixels();
   next_ = (next_ + 1) % ring_planes_;
   bool off_grid = false;
-  const std::int64_t periods = steps_.next(meta, std::exchange(repeats_, 0), input_.frame_period_s, off_grid);
+  const std::int64_t periods = steps_.next(meta, repeats, input_.frame_period_s, off_grid);
   const bool first = restart || !begun_ || periods < 1;
   begun_ = true;
   for (Correction* c : samples_) c->begin(first ? 0 : static_cast<std::uint64_t>(periods));

@@ -27,8 +27,9 @@ class Chain {
 
   // True for a frame that counts as lost. Thread: pipeline.
   bool drops(const void* raw) noexcept;
-  // A new frame; with `restart` nothing of before is remembered. Thread: pipeline.
-  void begin(const FrameMeta& meta, const void* raw, bool restart) noexcept;
+  // A new frame; with `restart` nothing of before is remembered. `repeats`: frames dropped since the last one. Thread:
+  // pipeline.
+  void begin(const FrameMeta& meta, const void* raw, bool restart, std::uint64_t repeats = 0) noexcept;
   // A correction that needs the whole frame begins a pass of its own. Thread: pipeline.
   std::size_t passes() const noexcept { return pass_begin_.size(); }
   void begin_pass(std::size_t pass) noexcept;
@@ -65,7 +66,6 @@ class Chain {
   float* plane_ = nullptr;
   const void* raw_ = nullptr;
   deblur::FrameSteps steps_;
-  std::uint64_t repeats_ = 0;  // dropped since the last begin()
   bool begun_ = false;
 };
 

@@ -182,7 +182,7 @@ PixelRange Pipeline::Impl::share_of_pixels(int part) const noexcept {
 const void* Pipeline::Impl::corrected(const rt::FrameSlot& slot, bool restart_window) noexcept {
   if (!corrections->before()) return slot.data;
   const std::int64_t start_ns = monotonic_ns();
-  corrections->begin(slot.meta, slot.data, restart_window);
+  corrections->begin(slot.meta, slot.data, restart_window, repeats);
   for (pass = 0; pass < corrections->passes(); ++pass) {
     corrections->begin_pass(pass);
     team.run(

@@ -1,7 +1,5 @@
 #include "src/pipeline/quality_level.hpp"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -20,12 +18,6 @@ QualityLevel one_up(QualityLevel level) noexcept { return static_cast<QualityLev
 std::string_view name(QualityLevel level) {
   constexpr std::array<std::string_view, kQualityLevels> kNames{"full", "reduced", "inverse", "raw"};
   return kNames[static_cast<std::size_t>(level)];
-}
-
-std::int64_t thread_cpu_ns() noexcept {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
 }
 
 QualityControl::QualityControl(std::uint64_t queue_frames, double period_s) noexcept

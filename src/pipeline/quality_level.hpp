@@ -25,9 +25,6 @@ constexpr std::uint32_t flag_of(QualityLevel level) noexcept {
   return level == QualityLevel::kFull ? 0U : 16U << static_cast<unsigned>(level);
 }
 
-// CPU time of the calling thread. Thread: any.
-std::int64_t thread_cpu_ns() noexcept;
-
 // Decides before each frame, from how many wait behind it.
 //
 // Down the list: as soon as a share of the queue is filled, 1/8, 1/4 and 1/2 for the three, or with the frames of 40,

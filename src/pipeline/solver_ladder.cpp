@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "src/core/clock.hpp"
 #include "src/deblur/grid.hpp"
 
 namespace bolo::pipeline {
