@@ -359,7 +359,7 @@ Status write_capture(Simulator& simulator, const OutputFile& file, const Capture
   for (std::size_t k = 0; status && k < options.frames; ++k) {
     simulator.next(plane.data(), truth_plane);
     status = writer.append(static_cast<double>(k) / settings.rate_hz, k, plane.data(), truth_plane);
-    if (status && !progress(k + 1)) break;
+    if (status && !progress(k + 1) && k + 1 < options.frames) return writer.complete();
   }
   return status ? writer.close() : status;
 }

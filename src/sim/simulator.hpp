@@ -85,8 +85,8 @@ struct CaptureOptions {
 };
 
 // Writes `options.frames` frames with `/t` = k / rate, `/frame_id` = k, `/truth` and `/stimulus`. `progress` is called
-// after each frame with the number done; when it returns false the capture ends there, in good order.
-// Thread: setup.
+// after each frame with the number done; when it returns false the frames until then stay as the file's ".part", and
+// what has its name is left alone. Thread: setup.
 Status write_capture(Simulator& simulator, const OutputFile& file, const CaptureOptions& options,
                      const std::function<bool(std::size_t)>& progress);
 

@@ -103,7 +103,8 @@ TEST(WriteCapture, StopsInGoodOrderWhenAsked) {
     return done < 3;
   }));
   EXPECT_EQ(calls, (std::vector<std::size_t>{1, 2, 3}));
-  const auto reader = must(capture::CaptureReader::open(scratch / "a.h5"));
+  EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
+  const auto reader = must(capture::CaptureReader::open(scratch / "a.h5.part"));
   EXPECT_EQ(reader->t().size(), 3U);
 }
 

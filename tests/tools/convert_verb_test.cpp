@@ -33,6 +33,7 @@ class ConvertVerb : public test::ProgramTest {
       capture.append(1.0 + 0.005 * static_cast<double>(i), 7 + 2 * i, [i](std::size_t p) { return value_at(i, p); });
     }
     ASSERT_TRUE(capture->add_event({1.0, "nuc"}));
+    ASSERT_TRUE(capture->write_attribute("solver", "admm"));
     capture.close();
   }
 
@@ -89,9 +90,11 @@ TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
   EXPECT_EQ(a.frame_id(), b.frame_id());
   ASSERT_EQ(b.events().size(), 1U);
   EXPECT_EQ(b.events()[0].kind, "nuc");
+  ASSERT_EQ(must(a.attributes())->size(), 1U);
   done(words("@a.h5 -o @one.h5 --frame 2"));
   const capture::CaptureReader one = open("one.h5");
   EXPECT_EQ(one.info().frames, 1U);
+  EXPECT_EQ(must(one.attributes())->size(), 1U);
   EXPECT_NEAR(one.t()[0], 1.010, 1e-12);
   EXPECT_EQ(one.events().size(), 0U);
 }

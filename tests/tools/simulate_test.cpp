@@ -34,16 +34,19 @@ TEST_F(SimulateVerb, TheDefaultsAreThoseOfTheA655sc) {
   EXPECT_NEAR(std::abs((scene.x_px.back() - scene.x_px.front()) / (scene.t_s.back() - scene.t_s.front())), 300.0, 1e-6);
 }
 
-TEST_F(SimulateVerb, KeepsItsFramesWhenItsTerminalIsClosed) {
-  Program program = start(words("-o @a.h5 --width 32 --height 12 --stimulus uniform --frames 1000000"));
+TEST_F(SimulateVerb, KeepsItsFramesAndWhatWasThereWhenItsTerminalIsClosed) {
+  ASSERT_TRUE(simulated("--frames 3"));
+  Program program = start(words("-o @a.h5 --overwrite --width 32 --height 12 --stimulus uniform --frames 1000000"));
   ASSERT_TRUE(eventually([&] { return std::filesystem::exists(file("a.h5.part")); }));
   std::this_thread::sleep_for(std::chrono::milliseconds(200));  // some frames
   program.signal(SIGHUP);
   const Outcome outcome = program.outcome();
   EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
-  expect_parts(outcome.err, {"the capture holds the frames until then"});
-  EXPECT_FALSE(std::filesystem::exists(file("a.h5.part")));
-  EXPECT_TRUE(capture::CaptureReader::open(file("a.h5")));
+  expect_parts(outcome.err, {"frames are kept in " + file("a.h5.part") + ", which bolo recover finishes"});
+  EXPECT_EQ(must(capture::CaptureReader::open(file("a.h5")))->info().frames, 3U);
+  const auto kept = must(capture::CaptureReader::open(file("a.h5.part")));
+  EXPECT_GT(kept->info().frames, 3U);
+  EXPECT_TRUE(kept->warnings().empty());
 }
 
 TEST_F(SimulateVerb, EveryStimulusIsWrittenAsWhatItIs) {

@@ -170,6 +170,12 @@ class OneFrame final : public Footage {
     info_.frames = 1;
   }
   Status read(std::size_t, Frame& frame) override { return from_->read(frame_, frame); }
+  // Events are of other moments.
+  Result<Extras> extras() const override {
+    auto extras = from_->extras();
+    if (extras) extras->events.clear();
+    return extras;
+  }
 
  private:
   std::unique_ptr<Footage> from_;

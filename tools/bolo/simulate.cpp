@@ -336,8 +336,11 @@ Status simulate(const Options& given) {
     });
   }();
   RETURN_IF_ERROR(written);
+  if (const auto done = simulator->frames_done(); done < frames) {
+    return failed("interrupted; " + std::to_string(done) + " frames are kept in " + file.path.string() +
+                  ".part, which bolo recover finishes");
+  }
   print_result(given, file.path, *simulator);
-  if (simulator->frames_done() < frames) return failed("interrupted; the capture holds the frames until then");
   return {};
 }
 
