@@ -19,7 +19,7 @@ constexpr milliseconds kTick(20);
 constexpr milliseconds kFirstPause(100);  // between attempts to open a lost camera, doubled up to:
 constexpr milliseconds kLongestPause(500);
 constexpr int kAttemptsAtItsAddress = 5;
-constexpr milliseconds kStopLimit(5000);
+constexpr milliseconds kStopLimit(800);  // a camera that answers needs some 30 ms; others let go of a silent client
 constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to begin
 constexpr std::int64_t kProbePeriodNs = 200'000'000;   // between probes of a stalled camera
 constexpr std::int64_t kTemperaturePeriodNs = 10'000'000'000;

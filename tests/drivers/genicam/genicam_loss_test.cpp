@@ -161,7 +161,7 @@ TEST_F(GenicamLossTest, StopsInBoundedTimeWhenTheCameraIsGone) {
   fake.kill();
   const std::int64_t before_ns = monotonic_ns();
   source_->stop();
-  EXPECT_LT(monotonic_ns() - before_ns, 30'000'000'000) << "a guard against hanging; the limit itself is 5 s";
+  EXPECT_LT(monotonic_ns() - before_ns, 2'500'000'000) << "the limit is 0.8 s";
   const std::uint64_t received = collector_->inlet().received();
   source_.reset();
   EXPECT_EQ(collector_->inlet().received(), received);
