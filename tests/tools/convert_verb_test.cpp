@@ -137,6 +137,9 @@ TEST_F(ConvertVerb, AFilmOfThousandsOfPagesIsGoneThroughOnce) {
   done({file("long.tiff"), "-o", file("long.h5")});
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
   EXPECT_EQ(open("long.h5").info().frames, kPages);
+  fs::resize_file(file("long.tiff"), fs::file_size(file("long.tiff")) / 2 + 100);
+  refused({file("long.tiff"), "-o", file("half.h5")}, "is cut off or damaged: of its pages only ");
+  EXPECT_FALSE(fs::exists(file("half.h5")));
 }
 
 // A pipe would be waited for.

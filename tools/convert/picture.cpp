@@ -23,7 +23,6 @@ Status write_png(const std::filesystem::path& file, Geometry geometry, png_uint_
 }
 
 constexpr std::uint64_t kMostPixels = 64'000'000;
-constexpr std::size_t kMostPages = 10'000'000;
 
 constexpr const char* kRead = "rm";  // not mapped: a file that becomes shorter would end the process (SIGBUS)
 
@@ -84,7 +83,12 @@ Result<std::size_t> count_tiff_pages(const std::filesystem::path& file) {
   const TiffHandle tiff = open_tiff(file, kRead);
   if (!tiff) return bad_input("cannot be opened as TIFF");
   std::size_t pages = 1;
-  while (pages < kMostPages && TIFFReadDirectory(tiff.get()) != 0) ++pages;
+  while (TIFFLastDirectory(tiff.get()) == 0) {
+    if (TIFFReadDirectory(tiff.get()) == 0) {  // also where the pages go round in a circle, or are more than a million
+      return bad_input("is cut off or damaged: of its pages only " + std::to_string(pages) + " can be read");
+    }
+    ++pages;
+  }
   return pages;
 }
 

@@ -38,7 +38,8 @@ Result<Picture> read_png_picture(const std::filesystem::path& file);
 Status write_png16(const std::filesystem::path& file, Geometry geometry, const std::uint16_t* plane);
 Status write_png8(const std::filesystem::path& file, Geometry geometry, const std::uint8_t* plane);
 
-// Pages of grey values, uint16 or float32. Thread: any one at a time.
+// Pages of grey values, uint16 or float32. Errors (kBadInput): no TIFF, or one that is cut off. Thread: any one at a
+// time.
 Result<std::size_t> count_tiff_pages(const std::filesystem::path& file);
 
 struct TiffCloser {
