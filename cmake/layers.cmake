@@ -33,24 +33,23 @@ if(BOLO_UNITY)  # a class of one file with a member of that file's own: GCC take
   target_compile_options(bolo_options INTERFACE $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-subobject-linkage>)
 endif()
 
-# bolo_layer(NAME [ARITHMETIC] SOURCES file... DEPENDS layer... LIBRARIES target...)
-# ARITHMETIC: reads nothing from outside, and is built without BOLO_SANITIZE_LAYERS. DEPENDS: layers of ours (without the bolo_ prefix). LIBRARIES: libraries that the layer's headers or sources use.
+# bolo_layer(NAME [ARITHMETIC] [SOURCES file...] DEPENDS layer... LIBRARIES target...)
+# ARITHMETIC: reads nothing from outside, and is built without BOLO_SANITIZE_LAYERS. SOURCES: all files of the folder if
+# they are left out. DEPENDS: layers of ours (without the bolo_ prefix). LIBRARIES: libraries that the layer's headers or
+# sources use.
 function(bolo_layer name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "ARITHMETIC" "" "SOURCES;DEPENDS;LIBRARIES")
   list(TRANSFORM arg_DEPENDS PREPEND bolo_)
-  if(arg_SOURCES)
-    add_library(bolo_${name} STATIC ${arg_SOURCES})
-    target_link_libraries(bolo_${name} PUBLIC ${arg_DEPENDS} ${arg_LIBRARIES} PRIVATE bolo_options)
-    # Checks of every pointer double the time to compile what uses large headers: tools and tests do without them, too.
-    if(BOLO_SANITIZE_LAYERS AND NOT arg_ARITHMETIC)
-      target_compile_options(bolo_${name} PRIVATE -fsanitize=${BOLO_SANITIZE_LAYERS})
-    endif()
-    target_include_directories(bolo_${name} PUBLIC ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR})
-  else()
-    add_library(bolo_${name} INTERFACE)
-    target_link_libraries(bolo_${name} INTERFACE ${arg_DEPENDS} ${arg_LIBRARIES})
-    target_include_directories(bolo_${name} INTERFACE ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR})
+  if(NOT arg_SOURCES)
+    file(GLOB arg_SOURCES RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS *.cpp)
   endif()
+  add_library(bolo_${name} STATIC ${arg_SOURCES})
+  target_link_libraries(bolo_${name} PUBLIC ${arg_DEPENDS} ${arg_LIBRARIES} PRIVATE bolo_options)
+  # Checks of every pointer double the time to compile what uses large headers: tools and tests do without them, too.
+  if(BOLO_SANITIZE_LAYERS AND NOT arg_ARITHMETIC)
+    target_compile_options(bolo_${name} PRIVATE -fsanitize=${BOLO_SANITIZE_LAYERS})
+  endif()
+  target_include_directories(bolo_${name} PUBLIC ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR})
 endfunction()
 
 # bolo_effect_list(TYPE TEMPLATE OUTPUT file...): makes the list of effects from the files of a folder that has one;

@@ -41,18 +41,126 @@ std::string serial_of(const FakeCameraOptions& options, const FrameProvider& pro
 // Everything below runs on the control thread once it is there; the stream has threads of its own.
 struct FakeCamera::Impl {
   Impl(const FakeCameraOptions& options_in, std::unique_ptr<FrameProvider> provider_in, Region sensor_in,
-       ControlServer server_in, UniqueFd stream_socket_in, UniqueFd stop_event_in, const LocalAddress& local);
+       ControlServer server_in, UniqueFd stream_socket_in, UniqueFd stop_event_in, const LocalAddress& local)
+      : options(options_in),
+        provider(std::move(provider_in)),
+        sensor(sensor_in),
+        serial(serial_of(options, *provider, local.address)),
+        features(registers, counters, provider->format(), {sensor.width, sensor.height}, rate_hz(),
+                 {[this] { return start_stream(); }, [this] { stop_stream(); }, [this] { return streaming(); },
+                  [this] { control_faults.windowing_changed(monotonic_ns()); }}),
+        handler(registers, counters,
+                {[this](const ResendRequest& r) {
+                   if (!session || !control_faults.answers_resend(session->due_ns(r.block_id, monotonic_ns()))) return;
+                   session->resend(r.block_id, r.first_packet, r.last_packet);
+                 },
+                 [this] { stop_stream(); }}),
+        server(std::move(server_in)),
+        stream_socket(std::move(stream_socket_in)),
+        stop_event(std::move(stop_event_in)) {
+    fill_bootstrap(registers, {serial, local.address, local.netmask});
+    registers.set(reg::kStreamSourcePort, bound_port(stream_socket.get()));
+    registers.writable(reg::kStreamPacketSize, [this](std::uint32_t value) { return write_packet_size(value); });
+    registers.writable(reg::kTimestampControl, [this](std::uint32_t value) { return write_timestamp_control(value); });
+    registers.remember();
+  }
 
-  gvcp::Status start_stream();
-  void stop_stream();
+  gvcp::Status start_stream() {
+    if (streaming()) return gvcp::Status::kSuccess;
+    StreamPlan plan;
+    plan.route = route();
+    if (plan.route.destination.sin_port == 0 || plan.route.destination.sin_addr.s_addr == 0) {
+      return gvcp::Status::kWrongConfig;  // the stream channel is closed
+    }
+    plan.shown = features.region();
+    plan.region = {sensor.x + plan.shown.x, sensor.y + plan.shown.y, plan.shown.width, plan.shown.height};
+    plan.ir_format = features.ir_format();
+    plan.rate_hz = features.rate_hz();
+    plan.frames = features.single_frame() ? 1 : options.laps * provider->frame_ids().size();
+    plan.keep_frames = options.keep_frames;
+    stop_stream();
+    const std::int64_t now_ns = monotonic_ns();
+    frame_faults.begin_stream();
+    control_faults.begin(now_ns);
+    plan.fault_clock_ns = control_faults.clock_ns(now_ns);
+    counters.change([now_ns](FakeCameraStats& stats) {
+      if (stats.first_stream_ns == 0) stats.first_stream_ns = static_cast<std::uint64_t>(now_ns);
+    });
+    try {
+      session =
+          std::make_unique<StreamSession>(plan, *provider, counters, StreamFaults{frame_faults, tallies, period_ns});
+    } catch (const std::exception&) {  // for want of memory or threads
+      return gvcp::Status::kBusy;
+    }
+    return gvcp::Status::kSuccess;
+  }
+
+  void stop_stream() {
+    if (!session) return;
+    session->stop();
+    if (!session->result()) result = session->result();
+  }
+
   bool streaming() const { return session && session->running(); }
   double rate_hz() const { return options.rate_hz > 0.0 ? options.rate_hz : 1.0 / provider->format().frame_period_s; }
-  WriteOutcome write_packet_size(std::uint32_t value);
-  WriteOutcome write_timestamp_control(std::uint32_t value);
-  void fire_test_packet(std::uint32_t packet_size);
-  PacketRoute route() const;
-  void reboot();
-  void serve();
+
+  // The size itself, whether packets may be fragmented, and a test packet with which the client probes the link.
+  WriteOutcome write_packet_size(std::uint32_t value) {
+    const std::uint32_t size = value & reg::kPacketSizeMask;
+    if (size < gvsp::kMinPacketSize || size > gvsp::kMaxPacketSize) return refuse(gvcp::Status::kInvalidParameter);
+    set_do_not_fragment(stream_socket.get(), (value & reg::kDoNotFragment) != 0);
+    if ((value & reg::kFireTestPacket) != 0) fire_test_packet(size);
+    return value & (reg::kPacketSizeMask | reg::kDoNotFragment);
+  }
+
+  WriteOutcome write_timestamp_control(std::uint32_t value) {
+    const std::int64_t now_ns = monotonic_ns();
+    if ((value & reg::kTimestampReset) != 0) {
+      clock_origin_ns = now_ns;
+      counters.add(&FakeCameraStats::clock_resets);
+    }
+    if ((value & reg::kTimestampLatch) != 0) {
+      const std::uint64_t camera_ns =
+          streaming() ? session->camera_time_ns(now_ns) : static_cast<std::uint64_t>(now_ns - clock_origin_ns);
+      registers.set(reg::kTimestampHigh, static_cast<std::uint32_t>(camera_ns >> 32U));
+      registers.set(reg::kTimestampLow, static_cast<std::uint32_t>(camera_ns & 0xffffffffU));
+    }
+    return 0U;
+  }
+
+  void fire_test_packet(std::uint32_t packet_size) {
+    const sockaddr_in to = route().destination;
+    if (to.sin_port == 0) return;
+    std::vector<std::uint8_t> packet(packet_size - gvsp::kUdpOverhead, 0);
+    gvsp::write_header(packet, gvcp::Status::kSuccess, 0, gvsp::Content::kPayload, 0);
+    // A packet that the link doesn't carry is refused here; the client then sees nothing, which is the test's answer.
+    sendto(stream_socket.get(), packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof(to));
+  }
+
+  PacketRoute route() const {
+    PacketRoute route;
+    route.socket = stream_socket.get();
+    route.destination =
+        socket_address(registers.get(reg::kStreamAddress), static_cast<std::uint16_t>(registers.get(reg::kStreamPort)));
+    route.packet_size = registers.get(reg::kStreamPacketSize) & reg::kPacketSizeMask;
+    route.packet_delay_ns = registers.get(reg::kStreamPacketDelay);
+    route.burst_gap_ns = options.burst_gap_ns;
+    return route;
+  }
+
+  void reboot() {
+    handler.drop_client();
+    stop_stream();
+    session.reset();
+    registers.power_on();
+    features.power_on();
+  }
+
+  void serve() {
+    pthread_setname_np(pthread_self(), "fakecam-control");
+    server.run(handler, control_faults, stop_event.get());
+    stop_stream();
+  }
 
   const FakeCameraOptions options;
   const std::unique_ptr<FrameProvider> provider;
@@ -74,126 +182,6 @@ struct FakeCamera::Impl {
   Status result;
   std::thread thread;
 };
-
-FakeCamera::Impl::Impl(const FakeCameraOptions& options_in, std::unique_ptr<FrameProvider> provider_in,
-                       Region sensor_in, ControlServer server_in, UniqueFd stream_socket_in, UniqueFd stop_event_in,
-                       const LocalAddress& local)
-    : options(options_in),
-      provider(std::move(provider_in)),
-      sensor(sensor_in),
-      serial(serial_of(options, *provider, local.address)),
-      features(registers, counters, provider->format(), {sensor.width, sensor.height}, rate_hz(),
-               {[this] { return start_stream(); }, [this] { stop_stream(); }, [this] { return streaming(); },
-                [this] { control_faults.windowing_changed(monotonic_ns()); }}),
-      handler(registers, counters,
-              {[this](const ResendRequest& r) {
-                 if (!session || !control_faults.answers_resend(session->due_ns(r.block_id, monotonic_ns()))) return;
-                 session->resend(r.block_id, r.first_packet, r.last_packet);
-               },
-               [this] { stop_stream(); }}),
-      server(std::move(server_in)),
-      stream_socket(std::move(stream_socket_in)),
-      stop_event(std::move(stop_event_in)) {
-  fill_bootstrap(registers, {serial, local.address, local.netmask});
-  registers.set(reg::kStreamSourcePort, bound_port(stream_socket.get()));
-  registers.writable(reg::kStreamPacketSize, [this](std::uint32_t value) { return write_packet_size(value); });
-  registers.writable(reg::kTimestampControl, [this](std::uint32_t value) { return write_timestamp_control(value); });
-  registers.remember();
-}
-
-PacketRoute FakeCamera::Impl::route() const {
-  PacketRoute route;
-  route.socket = stream_socket.get();
-  route.destination =
-      socket_address(registers.get(reg::kStreamAddress), static_cast<std::uint16_t>(registers.get(reg::kStreamPort)));
-  route.packet_size = registers.get(reg::kStreamPacketSize) & reg::kPacketSizeMask;
-  route.packet_delay_ns = registers.get(reg::kStreamPacketDelay);
-  route.burst_gap_ns = options.burst_gap_ns;
-  return route;
-}
-
-gvcp::Status FakeCamera::Impl::start_stream() {
-  if (streaming()) return gvcp::Status::kSuccess;
-  StreamPlan plan;
-  plan.route = route();
-  if (plan.route.destination.sin_port == 0 || plan.route.destination.sin_addr.s_addr == 0) {
-    return gvcp::Status::kWrongConfig;  // the stream channel is closed
-  }
-  plan.shown = features.region();
-  plan.region = {sensor.x + plan.shown.x, sensor.y + plan.shown.y, plan.shown.width, plan.shown.height};
-  plan.ir_format = features.ir_format();
-  plan.rate_hz = features.rate_hz();
-  plan.frames = features.single_frame() ? 1 : options.laps * provider->frame_ids().size();
-  plan.keep_frames = options.keep_frames;
-  stop_stream();
-  const std::int64_t now_ns = monotonic_ns();
-  frame_faults.begin_stream();
-  control_faults.begin(now_ns);
-  plan.fault_clock_ns = control_faults.clock_ns(now_ns);
-  counters.change([now_ns](FakeCameraStats& stats) {
-    if (stats.first_stream_ns == 0) stats.first_stream_ns = static_cast<std::uint64_t>(now_ns);
-  });
-  try {
-    session =
-        std::make_unique<StreamSession>(plan, *provider, counters, StreamFaults{frame_faults, tallies, period_ns});
-  } catch (const std::exception&) {  // for want of memory or threads
-    return gvcp::Status::kBusy;
-  }
-  return gvcp::Status::kSuccess;
-}
-
-void FakeCamera::Impl::stop_stream() {
-  if (!session) return;
-  session->stop();
-  if (!session->result()) result = session->result();
-}
-
-// The size itself, whether packets may be fragmented, and a test packet with which the client probes the link.
-WriteOutcome FakeCamera::Impl::write_packet_size(std::uint32_t value) {
-  const std::uint32_t size = value & reg::kPacketSizeMask;
-  if (size < gvsp::kMinPacketSize || size > gvsp::kMaxPacketSize) return refuse(gvcp::Status::kInvalidParameter);
-  set_do_not_fragment(stream_socket.get(), (value & reg::kDoNotFragment) != 0);
-  if ((value & reg::kFireTestPacket) != 0) fire_test_packet(size);
-  return value & (reg::kPacketSizeMask | reg::kDoNotFragment);
-}
-
-void FakeCamera::Impl::fire_test_packet(std::uint32_t packet_size) {
-  const sockaddr_in to = route().destination;
-  if (to.sin_port == 0) return;
-  std::vector<std::uint8_t> packet(packet_size - gvsp::kUdpOverhead, 0);
-  gvsp::write_header(packet, gvcp::Status::kSuccess, 0, gvsp::Content::kPayload, 0);
-  // A packet that the link doesn't carry is refused here; the client then sees nothing, which is the test's answer.
-  sendto(stream_socket.get(), packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof(to));
-}
-
-WriteOutcome FakeCamera::Impl::write_timestamp_control(std::uint32_t value) {
-  const std::int64_t now_ns = monotonic_ns();
-  if ((value & reg::kTimestampReset) != 0) {
-    clock_origin_ns = now_ns;
-    counters.add(&FakeCameraStats::clock_resets);
-  }
-  if ((value & reg::kTimestampLatch) != 0) {
-    const std::uint64_t camera_ns =
-        streaming() ? session->camera_time_ns(now_ns) : static_cast<std::uint64_t>(now_ns - clock_origin_ns);
-    registers.set(reg::kTimestampHigh, static_cast<std::uint32_t>(camera_ns >> 32U));
-    registers.set(reg::kTimestampLow, static_cast<std::uint32_t>(camera_ns & 0xffffffffU));
-  }
-  return 0U;
-}
-
-void FakeCamera::Impl::reboot() {
-  handler.drop_client();
-  stop_stream();
-  session.reset();
-  registers.power_on();
-  features.power_on();
-}
-
-void FakeCamera::Impl::serve() {
-  pthread_setname_np(pthread_self(), "fakecam-control");
-  server.run(handler, control_faults, stop_event.get());
-  stop_stream();
-}
 
 Result<std::unique_ptr<FakeCamera>> FakeCamera::start(const FakeCameraOptions& options,
                                                       std::unique_ptr<FrameProvider> provider) {

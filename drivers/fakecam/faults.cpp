@@ -12,28 +12,37 @@
 namespace bolo::fakecam {
 namespace {
 
-bool strikes_packets(FaultKind kind) {
-  constexpr std::array kKinds{FaultKind::kLoss, FaultKind::kReorder, FaultKind::kDuplicate, FaultKind::kGarbage};
-  return std::ranges::find(kKinds, kind) != kKinds.end();
-}
-
 constexpr std::size_t kMostGarbage = 44;
 
 std::uint64_t draw(std::uint64_t frame_key, const PlannedPacket& packet) { return splitmix::key(frame_key, packet.id); }
 
 bool chance(std::uint64_t random, double rate) { return splitmix::unit(random) < rate; }
 
-struct Act {
-  FaultKind kind;
-  std::string_view amount;  // the key that says how much; "" for none
-};
-constexpr std::array<Act, 7> kActs{{{FaultKind::kNuc, "offset"},
-                                    {FaultKind::kMetadataRows, "rows"},
-                                    {FaultKind::kByteOrder, ""},
-                                    {FaultKind::kIdGap, "ids"},
-                                    {FaultKind::kTimeJump, "by"},
-                                    {FaultKind::kStall, ""},
-                                    {FaultKind::kFreeze, ""}}};
+constexpr std::array kOnPackets{FaultKind::kLoss, FaultKind::kReorder, FaultKind::kDuplicate, FaultKind::kGarbage};
+// In the order in which they act: pixels from the sensor to the wire.
+constexpr std::array kOnFrames{FaultKind::kNuc,      FaultKind::kMetadataRows, FaultKind::kByteOrder, FaultKind::kIdGap,
+                               FaultKind::kTimeJump, FaultKind::kStall,        FaultKind::kFreeze};
+constexpr std::array kOnControl{FaultKind::kNoResend, FaultKind::kFreeze, FaultKind::kControlLoss, FaultKind::kReboot,
+                                FaultKind::kWindowingDrop};
+
+double amount_of(const Fault& fault) {
+  for (const std::string_view key : {"by", "bytes", "ids", "offset", "rows"}) {
+    if (fault.has(key)) return fault.value(key);
+  }
+  return 0.0;
+}
+
+// The script's faults of these kinds, in its order. `schedule`: one of fault_script.hpp's.
+std::vector<FaultRule> rules_of(const FaultScript& script, std::span<const FaultKind> kinds,
+                                decltype(schedule_of)& schedule, std::int64_t period_ns) {
+  std::vector<FaultRule> rules;
+  for (std::size_t i = 0; i < script.size(); ++i) {
+    const Fault& fault = script[i];
+    if (std::ranges::find(kinds, fault.kind()) == kinds.end()) continue;
+    rules.push_back({fault.kind(), i, schedule(fault, period_ns), amount_of(fault), fault.value("rate")});
+  }
+  return rules;
+}
 
 // Programs that use the A6xx find the frame counter in bytes 12 and 13 of the last rows.
 constexpr std::size_t kCounterWord = 6;
@@ -53,27 +62,18 @@ void add_offset(std::vector<std::uint16_t>& counts, long offset) {
   }
 }
 
-bool strikes_control(FaultKind kind) {
-  constexpr std::array kKinds{FaultKind::kNoResend, FaultKind::kFreeze, FaultKind::kControlLoss, FaultKind::kReboot,
-                              FaultKind::kWindowingDrop};
-  return std::ranges::find(kKinds, kind) != kKinds.end();
-}
-
 }  // namespace
 
 PacketFaults::PacketFaults(FaultTallies& tallies, std::int64_t period_ns, std::int64_t origin_ns, bool resends)
-    : tallies_(tallies), origin_ns_(origin_ns), resends_(resends) {
-  const FaultScript& script = tallies.script();
-  for (std::size_t i = 0; i < script.size(); ++i) {
-    const Fault& fault = script[i];
-    if (!strikes_packets(fault.kind())) continue;
-    Rule rule{fault.kind(), i, frame_schedule_of(fault, period_ns), fault.value("rate"), 0, 0};
-    if (fault.kind() == FaultKind::kReorder) rule.amount = static_cast<std::uint32_t>(fault.value("by"));
-    if (fault.kind() == FaultKind::kGarbage) rule.amount = static_cast<std::uint32_t>(fault.value("bytes"));
-    rule.key = splitmix::key(splitmix::key(static_cast<std::uint64_t>(fault.value("seed")), i), resends ? 1 : 0);
-    rules_.push_back(rule);
+    : tallies_(tallies),
+      origin_ns_(origin_ns),
+      resends_(resends),
+      rules_(rules_of(tallies.script(), kOnPackets, frame_schedule_of, period_ns)) {
+  for (FaultRule& rule : rules_) {
+    const auto seed = static_cast<std::uint64_t>(tallies.script()[rule.place].value("seed"));
+    rule.key = splitmix::key(splitmix::key(seed, rule.place), resends ? 1 : 0);
   }
-  std::stable_partition(rules_.begin(), rules_.end(), [](const Rule& rule) { return rule.kind != FaultKind::kLoss; });
+  std::ranges::stable_partition(rules_, [](const FaultRule& rule) { return rule.kind != FaultKind::kLoss; });
 }
 
 std::span<const PlannedPacket> PacketFaults::plan(const WireFrame& frame, std::uint32_t first, std::uint32_t end) {
@@ -81,57 +81,52 @@ std::span<const PlannedPacket> PacketFaults::plan(const WireFrame& frame, std::u
   lost_ = 0;
   for (std::uint32_t id = first; id < end; ++id) plan_.push_back({id, 0, 0});
   const std::uint64_t attempt = resends_ ? ++attempts_ : 0;
-  for (const Rule& rule : rules_) {
+  for (const FaultRule& rule : rules_) {
     if (!rule.schedule.lasts(origin_ns_ + frame.due_ns)) continue;
-    apply(rule, splitmix::key(splitmix::key(rule.key, frame.sequence), attempt));
+    const std::uint64_t key = splitmix::key(splitmix::key(rule.key, frame.sequence), attempt);
+    const std::size_t struck = rule.kind == FaultKind::kLoss      ? lose(rule, key)
+                               : rule.kind == FaultKind::kReorder ? reorder(rule, key)
+                                                                  : insert(rule, key);
+    tallies_.add_packets(rule.place, struck);
+    if (struck > 0 && !resends_) tallies_.add_frames(rule.place);
   }
   return plan_;
 }
 
-void PacketFaults::apply(const Rule& rule, std::uint64_t frame_key) {
-  if (rule.kind == FaultKind::kLoss) return lose(rule, frame_key);
-  if (rule.kind == FaultKind::kReorder) return reorder(rule, frame_key);
-  insert(rule, frame_key);
-}
-
-void PacketFaults::lose(const Rule& rule, std::uint64_t frame_key) {
+std::size_t PacketFaults::lose(const FaultRule& rule, std::uint64_t frame_key) {
   const auto goes = [&](const PlannedPacket& packet) {
     return packet.garbage == 0 && chance(draw(frame_key, packet), rule.rate);
   };
-  const auto lost = static_cast<std::uint32_t>(std::erase_if(plan_, goes));
-  lost_ += lost;
-  tallies_.add_packets(rule.place, lost);
-  if (lost > 0 && !resends_) tallies_.add_frames(rule.place);
+  const std::size_t lost = std::erase_if(plan_, goes);
+  lost_ += static_cast<std::uint32_t>(lost);
+  return lost;
 }
 
 // From the last packet to the first, so that each is still where it was drawn.
-void PacketFaults::reorder(const Rule& rule, std::uint64_t frame_key) {
-  std::uint64_t moved = 0;
+std::size_t PacketFaults::reorder(const FaultRule& rule, std::uint64_t frame_key) {
+  std::size_t moved = 0;
   for (std::size_t i = plan_.size(); i-- > 0;) {
-    const std::size_t to = std::min(plan_.size() - 1, i + rule.amount);
+    const std::size_t to = std::min(plan_.size() - 1, i + static_cast<std::size_t>(rule.amount));
     if (to == i || !chance(draw(frame_key, plan_[i]), rule.rate)) continue;
     const auto at = [this](std::size_t n) { return plan_.begin() + static_cast<std::ptrdiff_t>(n); };
     std::rotate(at(i), at(i + 1), at(to + 1));
     ++moved;
   }
-  tallies_.add_packets(rule.place, moved);
-  if (moved > 0 && !resends_) tallies_.add_frames(rule.place);
+  return moved;
 }
 
 // A packet's double, or garbage, behind it.
-void PacketFaults::insert(const Rule& rule, std::uint64_t frame_key) {
+std::size_t PacketFaults::insert(const FaultRule& rule, std::uint64_t frame_key) {
   next_.clear();
   for (const PlannedPacket& packet : plan_) {
     next_.push_back(packet);
     const std::uint64_t random = draw(frame_key, packet);
     if (packet.garbage != 0 || !chance(random, rule.rate)) continue;
     const bool garbage = rule.kind == FaultKind::kGarbage;
-    next_.push_back(garbage ? PlannedPacket{packet.id, random | 1U, rule.amount} : packet);
+    next_.push_back(garbage ? PlannedPacket{packet.id, random | 1U, static_cast<std::uint32_t>(rule.amount)} : packet);
   }
-  const std::size_t added = next_.size() - plan_.size();
   plan_.swap(next_);
-  tallies_.add_packets(rule.place, added);
-  if (added > 0 && !resends_) tallies_.add_frames(rule.place);
+  return plan_.size() - next_.size();
 }
 
 std::size_t PacketFaults::write_garbage(const PlannedPacket& packet, std::uint16_t block_id, Bytes out) noexcept {
@@ -159,14 +154,9 @@ std::size_t PacketFaults::write_garbage(const PlannedPacket& packet, std::uint16
   return length;
 }
 
-FrameFaults::FrameFaults(const FaultScript& script, std::int64_t period_ns) : period_ns_(period_ns) {
-  for (const Act& act : kActs) {
-    for (std::size_t i = 0; i < script.size(); ++i) {
-      if (script[i].kind() != act.kind) continue;
-      const double amount = act.amount.empty() ? 0.0 : script[i].value(act.amount);
-      rules_.push_back({act.kind, i, frame_schedule_of(script[i], period_ns), amount});
-    }
-  }
+FrameFaults::FrameFaults(const FaultScript& script, std::int64_t period_ns)
+    : period_ns_(period_ns), rules_(rules_of(script, kOnFrames, frame_schedule_of, period_ns)) {
+  std::ranges::stable_sort(rules_, {}, [](const FaultRule& rule) { return std::ranges::find(kOnFrames, rule.kind); });
 }
 
 void FrameFaults::begin_stream() noexcept {
@@ -179,7 +169,7 @@ void FrameFaults::apply(WireFrame& frame, const Nominal& nominal) {
   frame.struck = 0;
   frame.withheld = false;
   const std::int64_t before_ns = started_ ? last_clock_ns_ : nominal.clock_ns - period_ns_;
-  for (const Rule& rule : rules_) {
+  for (const FaultRule& rule : rules_) {
     if (rule.schedule.begun(nominal.clock_ns) > rule.schedule.begun(before_ns)) frame.struck |= fault_bit(rule.place);
     strike(rule, frame, nominal);
   }
@@ -187,7 +177,7 @@ void FrameFaults::apply(WireFrame& frame, const Nominal& nominal) {
   last_clock_ns_ = nominal.clock_ns;
 }
 
-void FrameFaults::strike(const Rule& rule, WireFrame& frame, const Nominal& nominal) {
+void FrameFaults::strike(const FaultRule& rule, WireFrame& frame, const Nominal& nominal) {
   const bool lasts = rule.schedule.lasts(nominal.clock_ns);
   const auto strikes = static_cast<double>(rule.schedule.begun(nominal.clock_ns));
   if (lasts) frame.hit |= fault_bit(rule.place);
@@ -213,7 +203,7 @@ void FrameFaults::strike(const Rule& rule, WireFrame& frame, const Nominal& nomi
 }
 
 // While the shutter is closed the camera repeats what it saw last; each correction leaves its offset behind.
-void FrameFaults::show_shutter(const Rule& rule, WireFrame& frame, const Nominal& nominal) {
+void FrameFaults::show_shutter(const FaultRule& rule, WireFrame& frame, const Nominal& nominal) {
   const auto ended = static_cast<double>(rule.schedule.ended(nominal.clock_ns));
   add_offset(frame.counts, std::lround(ended * rule.amount * nominal.counts_per_kelvin));
   if (!rule.schedule.lasts(nominal.clock_ns) || held_.empty()) {
@@ -224,13 +214,9 @@ void FrameFaults::show_shutter(const Rule& rule, WireFrame& frame, const Nominal
 }
 
 ControlFaults::ControlFaults(FaultTallies& tallies, std::int64_t period_ns, Actions actions)
-    : tallies_(tallies), actions_(std::move(actions)) {
-  const FaultScript& script = tallies.script();
-  for (std::size_t i = 0; i < script.size(); ++i) {
-    if (strikes_control(script[i].kind()))
-      rules_.push_back({script[i].kind(), i, schedule_of(script[i], period_ns), 0});
-  }
-}
+    : tallies_(tallies),
+      actions_(std::move(actions)),
+      rules_(rules_of(tallies.script(), kOnControl, schedule_of, period_ns)) {}
 
 void ControlFaults::begin(std::int64_t now_ns) noexcept {
   if (began_) return;
@@ -241,7 +227,7 @@ void ControlFaults::begin(std::int64_t now_ns) noexcept {
 ControlFaults::Commands ControlFaults::update(std::int64_t now_ns) {
   Commands commands = now_ns < off_until_ns_ ? Commands::kDropped : Commands::kAnswered;
   if (!began_) return commands;
-  for (Rule& rule : rules_) {
+  for (FaultRule& rule : rules_) {
     if (rule.kind == FaultKind::kNoResend || rule.kind == FaultKind::kWindowingDrop) continue;
     const std::int64_t clock = clock_ns(now_ns);
     if (rule.schedule.begun(clock) > rule.seen) {
@@ -254,7 +240,7 @@ ControlFaults::Commands ControlFaults::update(std::int64_t now_ns) {
   return commands;
 }
 
-void ControlFaults::strike(Rule& rule) {
+void ControlFaults::strike(FaultRule& rule) {
   if (rule.kind == FaultKind::kFreeze) return;  // its frames are counted where they are withheld
   tallies_.add_time(rule.place);
   if (rule.kind == FaultKind::kControlLoss) actions_.drop_client();
@@ -262,7 +248,7 @@ void ControlFaults::strike(Rule& rule) {
 }
 
 bool ControlFaults::answers_resend(std::int64_t due_ns) noexcept {
-  for (const Rule& rule : rules_) {
+  for (const FaultRule& rule : rules_) {
     if (rule.kind != FaultKind::kNoResend || !rule.schedule.lasts(clock_ns(due_ns))) continue;
     tallies_.add_packets(rule.place);
     return false;
@@ -271,7 +257,7 @@ bool ControlFaults::answers_resend(std::int64_t due_ns) noexcept {
 }
 
 void ControlFaults::windowing_changed(std::int64_t now_ns) {
-  for (const Rule& rule : rules_) {
+  for (const FaultRule& rule : rules_) {
     if (rule.kind != FaultKind::kWindowingDrop) continue;
     tallies_.add_time(rule.place);
     off_until_ns_ = now_ns + rule.schedule.for_ns;

@@ -13,6 +13,17 @@
 
 namespace bolo::fakecam {
 
+// A fault of the script and its times.
+struct FaultRule {
+  FaultKind kind = FaultKind::kLoss;
+  std::size_t place = 0;  // in the script
+  Schedule schedule;
+  double amount = 0.0;     // ids, seconds, kelvin, rows; reorder: how many packets later; garbage: the most bytes
+  double rate = 0.0;       // of packets
+  std::uint64_t key = 0;   // of the draw of packets
+  std::uint64_t seen = 0;  // strikes on the camera that were acted on
+};
+
 // The next packet on the wire: one of the frame, or garbage.
 struct PlannedPacket {
   std::uint32_t id = 0;
@@ -39,25 +50,16 @@ class PacketFaults {
   static std::size_t write_garbage(const PlannedPacket& packet, std::uint16_t block_id, Bytes out) noexcept;
 
  private:
-  struct Rule {
-    FaultKind kind = FaultKind::kLoss;
-    std::size_t place = 0;  // in the script
-    Schedule schedule;
-    double rate = 0.0;
-    std::uint32_t amount = 0;  // reorder: how many packets later; garbage: the most bytes
-    std::uint64_t key = 0;
-  };
-
-  void apply(const Rule& rule, std::uint64_t frame_key);
-  void lose(const Rule& rule, std::uint64_t frame_key);
-  void reorder(const Rule& rule, std::uint64_t frame_key);
-  void insert(const Rule& rule, std::uint64_t frame_key);
+  // These change plan_ and return how many packets they struck.
+  std::size_t lose(const FaultRule& rule, std::uint64_t frame_key);
+  std::size_t reorder(const FaultRule& rule, std::uint64_t frame_key);
+  std::size_t insert(const FaultRule& rule, std::uint64_t frame_key);
 
   FaultTallies& tallies_;
   std::int64_t origin_ns_;
   bool resends_;
   std::uint64_t attempts_ = 0;
-  std::vector<Rule> rules_;  // in the order in which they act: loss last
+  std::vector<FaultRule> rules_;  // in the order in which they act: loss last
   std::vector<PlannedPacket> plan_;
   std::vector<PlannedPacket> next_;
   std::uint32_t lost_ = 0;
@@ -84,18 +86,11 @@ class FrameFaults {
   void apply(WireFrame& frame, const Nominal& nominal);
 
  private:
-  struct Rule {
-    FaultKind kind = FaultKind::kStall;
-    std::size_t place = 0;  // in the script
-    Schedule schedule;
-    double amount = 0.0;  // ids, seconds, kelvin, rows
-  };
-
-  void strike(const Rule& rule, WireFrame& frame, const Nominal& nominal);
-  void show_shutter(const Rule& rule, WireFrame& frame, const Nominal& nominal);
+  void strike(const FaultRule& rule, WireFrame& frame, const Nominal& nominal);
+  void show_shutter(const FaultRule& rule, WireFrame& frame, const Nominal& nominal);
 
   std::int64_t period_ns_;
-  std::vector<Rule> rules_;  // in the order in which they act: pixels from the sensor to the wire
+  std::vector<FaultRule> rules_;  // in the order in which they act: pixels from the sensor to the wire
   bool started_ = false;
   std::int64_t last_clock_ns_ = 0;   // of the frame before
   std::vector<std::uint16_t> held_;  // what the camera repeats while its shutter is closed
@@ -134,17 +129,11 @@ class ControlFaults {
   void windowing_changed(std::int64_t now_ns);
 
  private:
-  struct Rule {
-    FaultKind kind = FaultKind::kReboot;
-    std::size_t place = 0;  // in the script
-    Schedule schedule;
-    std::uint64_t seen = 0;  // strikes that were acted on
-  };
-  void strike(Rule& rule);
+  void strike(FaultRule& rule);
 
   FaultTallies& tallies_;
   Actions actions_;
-  std::vector<Rule> rules_;
+  std::vector<FaultRule> rules_;
   bool began_ = false;
   std::int64_t start_ns_ = 0;
   std::int64_t off_until_ns_ = 0;  // after a change of windowing

@@ -111,21 +111,14 @@ ConstBytes CommandHandler::handle_broadcast(ConstBytes packet, Peer peer, std::i
 }
 
 gvcp::Status CommandHandler::dispatch(std::uint16_t command, ConstBytes data) {
-  switch (static_cast<gvcp::Command>(command)) {
-    case gvcp::Command::kDiscovery:
-      return discover(data);
-    case gvcp::Command::kReadRegister:
-      return read_registers(data);
-    case gvcp::Command::kWriteRegister:
-      return write_registers(data);
-    case gvcp::Command::kReadMemory:
-      return read_memory(data);
-    case gvcp::Command::kWriteMemory:
-      return write_memory(data);
-    case gvcp::Command::kPacketResend:
-      return resend(data);
-    case gvcp::Command::kForceIp:
-      break;
+  static constexpr std::array kKnown{std::pair{gvcp::Command::kDiscovery, &CommandHandler::discover},
+                                     std::pair{gvcp::Command::kReadRegister, &CommandHandler::read_registers},
+                                     std::pair{gvcp::Command::kWriteRegister, &CommandHandler::write_registers},
+                                     std::pair{gvcp::Command::kReadMemory, &CommandHandler::read_memory},
+                                     std::pair{gvcp::Command::kWriteMemory, &CommandHandler::write_memory},
+                                     std::pair{gvcp::Command::kPacketResend, &CommandHandler::resend}};
+  for (const auto& [known, act] : kKnown) {
+    if (is(command, known)) return (this->*act)(data);
   }
   return gvcp::Status::kNotImplemented;
 }

@@ -1,12 +1,29 @@
-#include "drivers/genicam/connection_manager.hpp"
-
+// Keeps a camera streaming from start to stop: monitors the connection, reopens a lost camera and triggers NUCs.
 #include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <future>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
+#include "drivers/genicam/frame_receiver.hpp"
+#include "drivers/genicam/session.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/result.hpp"
 #include "src/core/text.hpp"
 #include "src/core/threads.hpp"
+#include "src/pipeline/notices.hpp"
+#include "src/pipeline/source.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -27,335 +44,385 @@ constexpr milliseconds kNucLimit(5000);
 
 }  // namespace
 
-Result<pipeline::SourceInfo> ConnectionManager::open() {
-  std::vector<std::string> found;
-  ASSIGN_OR_RETURN(opened_, Session::open(options_, true, stop_, found));
-  info_ = opened_->info();
-  limits_ = pipeline::watch_limits(options_.stall_ms, options_.reconnect_after_ms, info_.format.frame_period_s);
-  if (!opened_->address().empty()) options_.address = opened_->address();
-  if (options_.serial.empty()) options_.serial = info_.camera_serial;
-  const std::lock_guard lock(mutex_);
-  warnings_ = std::move(found);
-  return info_;
-}
+// The monitoring thread shares ownership: while a dead camera blocks it, it may outlive stop(), but then touches
+// neither the inlet nor the caller of stop(). The mutex is never taken by the acquire thread.
+class ConnectionManager : public std::enable_shared_from_this<ConnectionManager> {
+ public:
+  explicit ConnectionManager(CameraOptions options) : options_(std::move(options)), schedule_(options_.nuc) {}
 
-Status ConnectionManager::start(pipeline::FrameInlet& inlet) {
-  receiver_.emplace(inlet, options_, *status_);
-  if (Status adopted = adopt(std::move(opened_)); !adopted) {
-    take_session();
-    return adopted;
-  }
-  set_state(SourceState::kStreaming);
-  std::promise<void> done;
-  ended_ = done.get_future();
-  thread_ = std::thread([self = shared_from_this(), end = std::move(done)]() mutable {
-    self->run();
-    end.set_value();
-  });
-  return {};
-}
-
-void ConnectionManager::stop() noexcept {
-  {
+  // As GenicamSource::open(). Thread: setup.
+  Result<pipeline::SourceInfo> open() {
+    std::vector<std::string> found;
+    ASSIGN_OR_RETURN(opened_, Session::open(options_, true, stop_, found));
+    info_ = opened_->info();
+    limits_ = pipeline::watch_limits(options_.stall_ms, options_.reconnect_after_ms, info_.format.frame_period_s);
+    if (!opened_->address().empty()) options_.address = opened_->address();
+    if (options_.serial.empty()) options_.serial = info_.camera_serial;
     const std::lock_guard lock(mutex_);
-    stop_.store(true, std::memory_order_relaxed);
-    if (session_ != nullptr) session_->shut();
+    warnings_ = std::move(found);
+    return info_;
   }
-  wake_.notify_all();
-  nuc_done_.notify_all();
-  if (!thread_.joinable()) return;
-  const auto deadline = std::chrono::steady_clock::now() + kStopLimit;
-  if (ended_.wait_until(deadline) == std::future_status::ready) {
-    thread_.join();
-    closer_.wait_until(deadline);
-  } else {
-    thread_.detach();  // blocked by a camera that does not answer
-  }
-  receiver_->finish();
-  status_->since_ns.set(monotonic_ns());
-  status_->state.set(SourceState::kIdle);
-}
 
-std::vector<std::string> ConnectionManager::warnings() const {
-  const std::lock_guard lock(mutex_);
-  return warnings_;
-}
-
-// --- the monitoring thread ---
-
-void ConnectionManager::run() {
-  while (sleep(kTick)) {
-    attempt([this] {
-      poll();
-      serve_requests();
-      check_scene();
+  // Starts the stream and the monitoring thread. The inlet outlives stop(). Thread: setup, once.
+  Status start(pipeline::FrameInlet& inlet) {
+    receiver_.emplace(inlet, options_, *status_);
+    if (Status adopted = adopt(std::move(opened_)); !adopted) {
+      take_session();
+      return adopted;
+    }
+    set_state(SourceState::kStreaming);
+    std::promise<void> done;
+    ended_ = done.get_future();
+    thread_ = std::thread([self = shared_from_this(), end = std::move(done)]() mutable {
+      self->run();
+      end.set_value();
     });
+    return {};
   }
-  take_session();
-}
 
-// False when it is time to stop.
-bool ConnectionManager::sleep(milliseconds time) {
-  status_->watched_ns.set(monotonic_ns());
-  std::unique_lock lock(mutex_);
-  return !wake_.wait_for(lock, time, [this] { return stop_.load(std::memory_order_relaxed); });
-}
-
-void ConnectionManager::poll() {
-  if (session_ == nullptr) return reopen(cause_);  // the last attempt had no memory
-  const std::int64_t frame_ns = receiver_->last_frame_ns();
-  const bool arrived = frame_ns > since_ns_;
-  const std::int64_t now_ns = monotonic_ns();
-  if (now_ns < nuc_until_ns_ && !session_->control_lost()) return;  // the shutter may stop the stream
-  const std::int64_t quiet_ns = now_ns - std::max({frame_ns, since_ns_, nuc_until_ns_});
-  const bool flows = quiet_ns <= (arrived ? limits_.stall_ns : std::max(limits_.stall_ns, kFirstFrameNs));
-  if (flows && arrived) note_flow(frame_ns);
-  if (!flows) note_stall(quiet_ns);
-  if (options_.reconnect_after_ms == 0 || (flows && !session_->control_lost())) return;
-  // The signal of lost control comes on a thread of the device; one tick later it has surely returned, and
-  // the device can be destroyed without that thread waiting for itself.
-  if (session_->control_lost() && ++ticks_without_control_ < 2) return;
-  const auto cause = find_fault(quiet_ns);
-  if (!cause) return;
-  note_loss(*cause, frame_ns);
-  reopen(*cause);
-}
-
-// The fault of a camera that sends nothing; none, as long as it may only be pausing.
-std::optional<LostCause> ConnectionManager::find_fault(std::int64_t quiet_ns) {
-  const std::int64_t now_ns = monotonic_ns();
-  const bool signalled = session_->control_lost();
-  if (!signalled && now_ns < next_probe_ns_) return std::nullopt;
-  next_probe_ns_ = now_ns + kProbePeriodNs;
-  if (!session_->answers()) return LostCause::kNoAnswer;
-  if (signalled || !session_->controlled()) return LostCause::kControlLost;
-  return quiet_ns > limits_.lost_ns ? std::optional(LostCause::kStalled) : std::nullopt;
-}
-
-void ConnectionManager::set_state(SourceState state) {
-  if (stop_.load(std::memory_order_relaxed)) return;  // stop() says that it is idle
-  status_->since_ns.set(monotonic_ns());
-  status_->state.set(state);
-}
-
-void ConnectionManager::note_flow(std::int64_t frame_ns) {
-  const SourceState before = status_->state.value();
-  if (before == SourceState::kStreaming) return;
-  const std::int64_t first_ns = std::min(receiver_->flows_since_ns(), frame_ns);
-  if (before == SourceState::kStalled) {
-    report(false, "frames arrive again after " + seconds_text(first_ns - outage_from_ns_, 2), event::kFramesFlow);
-  } else if (before == SourceState::kLost) {
-    const double period_s = known_period_s(*status_, info_.format.frame_period_s);
-    const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, period_s);
-    status_->outage_frames.add(frames);
-    report(false,
-           fmt::format("camera opened again after {} ({}), {} frame{} missing",
-                       seconds_text(first_ns - outage_from_ns_, 2), name(cause_), frames, frames == 1 ? "" : "s"),
-           event::kCameraBack);
+  // No frame is handed in after it returns. Waits for the connection's end at most kStopLimit. Thread: setup.
+  void stop() noexcept {
+    {
+      const std::lock_guard lock(mutex_);
+      stop_.store(true, std::memory_order_relaxed);
+      if (session_ != nullptr) session_->shut();
+    }
+    wake_.notify_all();
+    nuc_done_.notify_all();
+    if (!thread_.joinable()) return;
+    const auto deadline = std::chrono::steady_clock::now() + kStopLimit;
+    if (ended_.wait_until(deadline) == std::future_status::ready) {
+      thread_.join();
+      closer_.wait_until(deadline);
+    } else {
+      thread_.detach();  // blocked by a camera that does not answer
+    }
+    receiver_->finish();
+    status_->since_ns.set(monotonic_ns());
+    status_->state.set(SourceState::kIdle);
   }
-  set_state(SourceState::kStreaming);
-}
 
-void ConnectionManager::note_stall(std::int64_t quiet_ns) {
-  const SourceState before = status_->state.value();
-  if (before != SourceState::kStreaming && before != SourceState::kCorrecting) return;
-  outage_from_ns_ = monotonic_ns() - quiet_ns;
-  status_->stalls.add();
-  set_state(SourceState::kStalled);
-  report(true, "camera stalled: no frame for " + seconds_text(quiet_ns, 2), event::kCameraStalled);
-}
+  // Thread: any.
+  const pipeline::SourceStatus& status() const noexcept { return *status_; }
 
-void ConnectionManager::note_loss(LostCause cause, std::int64_t frame_ns) {
-  if (status_->state.value() == SourceState::kLost) return;
-  cause_ = cause;
-  outage_from_ns_ = std::max(frame_ns, since_ns_);
-  status_->lost[static_cast<std::size_t>(cause)].add();
-  set_state(SourceState::kLost);
-  report(true, "camera lost (" + std::string(name(cause)) + "); opening it again until it answers", event::kCameraLost);
-}
+  std::vector<std::string> warnings() const {
+    const std::lock_guard lock(mutex_);
+    return warnings_;
+  }
 
-void ConnectionManager::reopen(LostCause cause) {
-  auto old = take_session();
-  if (cause == LostCause::kNoAnswer) closer_.close(std::move(old));
-  old.reset();  // one that answers lets go of the camera before it is opened again
-  milliseconds wait = kFirstPause;
-  for (int attempt = 1; !stop_.load(std::memory_order_relaxed); ++attempt) {
-    if (try_reopen(attempt % kAttemptsAtItsAddress == 0)) {
-      status_->reopened.add();
+  std::vector<pipeline::Notice> take_notices() { return notices_.take(); }
+
+  Status trigger_nuc() {
+    if (status_->state.value() == SourceState::kIdle) return failed("the camera is not started");
+    std::unique_lock lock(mutex_);
+    const std::uint64_t mine = ++nucs_asked_;
+    const auto served = [&] { return nucs_served_ >= mine || stop_.load(std::memory_order_relaxed); };
+    if (!nuc_done_.wait_for(lock, kNucLimit, served) || nucs_served_ < mine) {
+      nucs_served_ = std::max(nucs_served_, mine);  // nobody waits for it any more
+      return failed(std::string("the camera was not told to correct itself: it is ") +
+                    std::string(name(status_->state.value())));
+    }
+    return nuc_result_;
+  }
+
+  void set_nuc(const NucOptions& nuc) {
+    const std::lock_guard lock(mutex_);
+    new_nuc_ = nuc;
+  }
+
+ private:
+  void run() {
+    while (sleep(kTick)) {
+      attempt([this] {
+        poll();
+        serve_requests();
+        check_scene();
+      });
+    }
+    take_session();
+  }
+
+  // False when it is time to stop.
+  bool sleep(milliseconds time) {
+    status_->watched_ns.set(monotonic_ns());
+    std::unique_lock lock(mutex_);
+    return !wake_.wait_for(lock, time, [this] { return stop_.load(std::memory_order_relaxed); });
+  }
+
+  void poll() {
+    if (session_ == nullptr) return reopen(cause_);  // the last attempt had no memory
+    const std::int64_t frame_ns = receiver_->last_frame_ns();
+    const bool arrived = frame_ns > since_ns_;
+    const std::int64_t now_ns = monotonic_ns();
+    if (now_ns < nuc_until_ns_ && !session_->control_lost()) return;  // the shutter may stop the stream
+    const std::int64_t quiet_ns = now_ns - std::max({frame_ns, since_ns_, nuc_until_ns_});
+    const bool flows = quiet_ns <= (arrived ? limits_.stall_ns : std::max(limits_.stall_ns, kFirstFrameNs));
+    if (flows && arrived) note_flow(frame_ns);
+    if (!flows) note_stall(quiet_ns);
+    if (options_.reconnect_after_ms == 0 || (flows && !session_->control_lost())) return;
+    // The signal of lost control comes on a thread of the device; one tick later it has surely returned, and
+    // the device can be destroyed without that thread waiting for itself.
+    if (session_->control_lost() && ++ticks_without_control_ < 2) return;
+    const auto cause = find_fault(quiet_ns);
+    if (!cause) return;
+    note_loss(*cause, frame_ns);
+    reopen(*cause);
+  }
+
+  void set_state(SourceState state) {
+    if (stop_.load(std::memory_order_relaxed)) return;  // stop() says that it is idle
+    status_->since_ns.set(monotonic_ns());
+    status_->state.set(state);
+  }
+
+  void note_flow(std::int64_t frame_ns) {
+    const SourceState before = status_->state.value();
+    if (before == SourceState::kStreaming) return;
+    const std::int64_t first_ns = std::min(receiver_->flows_since_ns(), frame_ns);
+    if (before == SourceState::kStalled) {
+      report(false, "frames arrive again after " + seconds_text(first_ns - outage_from_ns_, 2), event::kFramesFlow);
+    } else if (before == SourceState::kLost) {
+      const double period_s = known_period_s(*status_, info_.format.frame_period_s);
+      const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, period_s);
+      status_->outage_frames.add(frames);
+      report(false,
+             fmt::format("camera opened again after {} ({}), {} frame{} missing",
+                         seconds_text(first_ns - outage_from_ns_, 2), name(cause_), frames, frames == 1 ? "" : "s"),
+             event::kCameraBack);
+    }
+    set_state(SourceState::kStreaming);
+  }
+
+  void note_stall(std::int64_t quiet_ns) {
+    const SourceState before = status_->state.value();
+    if (before != SourceState::kStreaming && before != SourceState::kCorrecting) return;
+    outage_from_ns_ = monotonic_ns() - quiet_ns;
+    status_->stalls.add();
+    set_state(SourceState::kStalled);
+    report(true, "camera stalled: no frame for " + seconds_text(quiet_ns, 2), event::kCameraStalled);
+  }
+
+  void note_loss(LostCause cause, std::int64_t frame_ns) {
+    if (status_->state.value() == SourceState::kLost) return;
+    cause_ = cause;
+    outage_from_ns_ = std::max(frame_ns, since_ns_);
+    status_->lost[static_cast<std::size_t>(cause)].add();
+    set_state(SourceState::kLost);
+    report(true, "camera lost (" + std::string(name(cause)) + "); opening it again until it answers",
+           event::kCameraLost);
+  }
+
+  // The fault of a camera that sends nothing; none, as long as it may only be pausing.
+  std::optional<pipeline::LostCause> find_fault(std::int64_t quiet_ns) {
+    const std::int64_t now_ns = monotonic_ns();
+    const bool signalled = session_->control_lost();
+    if (!signalled && now_ns < next_probe_ns_) return std::nullopt;
+    next_probe_ns_ = now_ns + kProbePeriodNs;
+    if (!session_->answers()) return LostCause::kNoAnswer;
+    if (signalled || !session_->controlled()) return LostCause::kControlLost;
+    return quiet_ns > limits_.lost_ns ? std::optional(LostCause::kStalled) : std::nullopt;
+  }
+
+  void reopen(LostCause cause) {
+    auto old = take_session();
+    if (cause == LostCause::kNoAnswer) closer_.close(std::move(old));
+    old.reset();  // one that answers lets go of the camera before it is opened again
+    milliseconds wait = kFirstPause;
+    for (int attempt = 1; !stop_.load(std::memory_order_relaxed); ++attempt) {
+      if (try_reopen(attempt % kAttemptsAtItsAddress == 0)) {
+        status_->reopened.add();
+        return;
+      }
+      if (!sleep(wait)) return;
+      wait = std::min(wait * 2, kLongestPause);
+    }
+  }
+
+  // `everywhere`: searches the whole network for its serial number, too, which takes a second.
+  bool try_reopen(bool everywhere) {
+    std::vector<std::string> ignored;  // reported when the camera was opened first
+    auto session = Session::open(options_, everywhere, stop_, ignored);
+    if (!session) {
+      report(true, "reconnecting: " + session.error().message, event::kCameraReconnecting);
+      return false;
+    }
+    if ((*session)->info().format != info_.format) {
+      report(true, "reconnecting: the camera came back with another size, rate or unit; restart to use it so",
+             event::kCameraReconnecting);
+      return false;
+    }
+    if (!(*session)->address().empty() && (*session)->address() != options_.address) {
+      report(false, "camera " + info_.camera_serial + " found again at " + (*session)->address() + ", before at " +
+                        options_.address);
+      options_.address = (*session)->address();
+    }
+    if (Status adopted = adopt(std::move(*session)); !adopted) {
+      report(true, "reconnecting: " + adopted.error().message, event::kCameraReconnecting);
+      take_session();
+      return false;
+    }
+    return true;
+  }
+
+  // Makes the session the current one, unless it is time to stop, and starts its stream.
+  Status adopt(std::unique_ptr<Session> session) {
+    std::vector<std::string> found;
+    if (Status prepared = session->prepare(*receiver_, status_, found); !prepared) return prepared;
+    const bool first = since_ns_ == 0;
+    if (first) {
+      for (const std::string& text : session->negotiated().notes) report(false, text);
+      for (const std::string& text : found) report(true, text);
+    }
+    ticks_without_control_ = 0;
+    nuc_until_ns_ = 0;
+    judged_median_ = -1;
+    receiver_->set_nuc_until(0);
+    Session* present = session.get();
+    {
+      const std::lock_guard lock(mutex_);
+      if (stop_.load(std::memory_order_relaxed)) return {};
+      if (first) warnings_.insert(warnings_.end(), found.begin(), found.end());
+      receiver_->begin(session->negotiated().kelvin_table);
+      since_ns_ = monotonic_ns();
+      session_ = std::move(session);
+      session_->admit();
+    }
+    return present->begin();
+  }
+
+  // The current session, shut. To end it takes seconds when the camera is dead; the mutex is not held meanwhile.
+  std::unique_ptr<Session> take_session() {
+    const std::lock_guard lock(mutex_);
+    if (session_ == nullptr) return nullptr;
+    session_->shut();
+    return std::move(session_);
+  }
+
+  // Once a connection: checks that its values can be temperatures. Every 10 s: reads the temperature of the camera.
+  void check_scene() {
+    if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
+    const int median = receiver_->scene().median();
+    if (median >= 0 && judged_median_ < 0) {
+      judged_median_ = median;
+      if (const auto doubt = implausible(median, info_.format.scale)) report(true, *doubt);
+    }
+    const std::int64_t now_ns = monotonic_ns();
+    if (now_ns < next_temperature_ns_) return;
+    next_temperature_ns_ = now_ns + kTemperaturePeriodNs;
+    status_->temperature_k.set(session_->temperature_k());
+    check_ptp();
+  }
+
+  // Reports how the camera's clock is kept, each time that this changes.
+  void check_ptp() {
+    const PtpState ptp = session_->ptp();
+    status_->ptp_offset_ns.set(ptp.offset_ns);
+    status_->ptp.set(ptp_status(ptp));
+    if (ptp.status == ptp_status_) return;
+    ptp_status_ = ptp.status;
+    if (ptp.status == "Slave") {
+      report(false, fmt::format("PTP keeps the camera's clock, {} ns from its master", ptp.offset_ns));
+    } else if (ptp.enabled && ptp.status != "Master") {
+      report(true, "PTP does not keep the camera's clock yet: it is " + ptp.status);
+    }
+  }
+
+  void serve_requests() {
+    apply_nuc_options();
+    if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
+    std::uint64_t asked = 0;
+    {
+      const std::lock_guard lock(mutex_);
+      asked = nucs_asked_ > nucs_served_ ? nucs_asked_ : 0;
+    }
+    if (asked == 0) {
+      if (!schedule_.due(monotonic_ns(), receiver_->scene().still_since_ns())) return;
+      const bool timed = options_.nuc.policy == NucPolicy::kTimed;
+      if (Status done = run_nuc(timed ? "it is time" : "nothing moves"); !done) report(true, done.error().message);
       return;
     }
-    if (!sleep(wait)) return;
-    wait = std::min(wait * 2, kLongestPause);
-  }
-}
-
-// `everywhere`: searches the whole network for its serial number, too, which takes a second.
-bool ConnectionManager::try_reopen(bool everywhere) {
-  std::vector<std::string> ignored;  // reported when the camera was opened first
-  auto session = Session::open(options_, everywhere, stop_, ignored);
-  if (!session) {
-    report(true, "reconnecting: " + session.error().message, event::kCameraReconnecting);
-    return false;
-  }
-  if ((*session)->info().format != info_.format) {
-    report(true, "reconnecting: the camera came back with another size, rate or unit; restart to use it so",
-           event::kCameraReconnecting);
-    return false;
-  }
-  if (!(*session)->address().empty() && (*session)->address() != options_.address) {
-    report(false, "camera " + info_.camera_serial + " found again at " + (*session)->address() + ", before at " +
-                      options_.address);
-    options_.address = (*session)->address();
-  }
-  if (Status adopted = adopt(std::move(*session)); !adopted) {
-    report(true, "reconnecting: " + adopted.error().message, event::kCameraReconnecting);
-    take_session();
-    return false;
-  }
-  return true;
-}
-
-// Makes the session the current one, unless it is time to stop, and starts its stream.
-Status ConnectionManager::adopt(std::unique_ptr<Session> session) {
-  std::vector<std::string> found;
-  if (Status prepared = session->prepare(*receiver_, status_, found); !prepared) return prepared;
-  const bool first = since_ns_ == 0;
-  if (first) {
-    for (const std::string& text : session->negotiated().notes) report(false, text);
-    for (const std::string& text : found) report(true, text);
-  }
-  ticks_without_control_ = 0;
-  nuc_until_ns_ = 0;
-  judged_median_ = -1;
-  receiver_->set_nuc_until(0);
-  Session* present = session.get();
-  {
+    Status done = run_nuc("asked for");
     const std::lock_guard lock(mutex_);
-    if (stop_.load(std::memory_order_relaxed)) return {};
-    if (first) warnings_.insert(warnings_.end(), found.begin(), found.end());
-    receiver_->begin(session->negotiated().kelvin_table);
-    since_ns_ = monotonic_ns();
-    session_ = std::move(session);
-    session_->admit();
+    nucs_served_ = asked;
+    nuc_result_ = std::move(done);
+    nuc_done_.notify_all();
   }
-  return present->begin();
-}
 
-// The current session, shut. To end it takes seconds when the camera is dead; the mutex is not held meanwhile.
-std::unique_ptr<Session> ConnectionManager::take_session() {
-  const std::lock_guard lock(mutex_);
-  if (session_ == nullptr) return nullptr;
-  session_->shut();
-  return std::move(session_);
-}
-
-// Once a connection: checks that its values can be temperatures. Every 10 s: reads the temperature of the camera.
-void ConnectionManager::check_scene() {
-  if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
-  const int median = receiver_->scene().median();
-  if (median >= 0 && judged_median_ < 0) {
-    judged_median_ = median;
-    if (const auto doubt = implausible(median, info_.format.scale)) report(true, *doubt);
+  // A lost camera gets the policy when it is opened again.
+  void apply_nuc_options() {
+    std::optional<NucOptions> nuc;
+    {
+      const std::lock_guard lock(mutex_);
+      nuc = std::exchange(new_nuc_, std::nullopt);
+    }
+    if (!nuc) return;
+    const bool new_policy = nuc->policy != options_.nuc.policy;
+    options_.nuc = *nuc;
+    schedule_.set_options(*nuc);
+    receiver_->set_nuc(*nuc);
+    if (!new_policy || session_ == nullptr) return;
+    std::vector<std::string> warnings;
+    if (Status done = session_->set_nuc(*nuc, warnings); !done) warnings.push_back(done.error().message);
+    for (std::string& warning : warnings) report(true, std::move(warning));
   }
-  const std::int64_t now_ns = monotonic_ns();
-  if (now_ns < next_temperature_ns_) return;
-  next_temperature_ns_ = now_ns + kTemperaturePeriodNs;
-  status_->temperature_k.set(session_->temperature_k());
-  check_ptp();
-}
 
-// Reports how the camera's clock is kept, each time that this changes.
-void ConnectionManager::check_ptp() {
-  const PtpState ptp = session_->ptp();
-  status_->ptp_offset_ns.set(ptp.offset_ns);
-  status_->ptp.set(ptp_status(ptp));
-  if (ptp.status == ptp_status_) return;
-  ptp_status_ = ptp.status;
-  if (ptp.status == "Slave") {
-    report(false, fmt::format("PTP keeps the camera's clock, {} ns from its master", ptp.offset_ns));
-  } else if (ptp.enabled && ptp.status != "Master") {
-    report(true, "PTP does not keep the camera's clock yet: it is " + ptp.status);
+  // Frames that arrive while the command is on its way count as the shutter's.
+  Status run_nuc(const std::string& why) {
+    const std::int64_t hold_ns = options_.nuc.hold_ms * kNsPerMs;
+    receiver_->set_nuc_until(monotonic_ns() + hold_ns);
+    Status done = session_->trigger_nuc();
+    const std::int64_t now_ns = monotonic_ns();
+    schedule_.done(now_ns);
+    nuc_until_ns_ = done ? now_ns + hold_ns : 0;
+    receiver_->set_nuc_until(nuc_until_ns_);
+    if (!done) return done;
+    status_->corrections.add();
+    status_->correction_ns.set(now_ns);
+    set_state(SourceState::kCorrecting);
+    report(false, "NUC (" + why + ")", event::kNuc);
+    notices_.forget_last();  // each NUC gets its line
+    return {};
   }
-}
 
-// --- NUC ---
-
-Status ConnectionManager::trigger_nuc() {
-  if (status_->state.value() == SourceState::kIdle) return failed("the camera is not started");
-  std::unique_lock lock(mutex_);
-  const std::uint64_t mine = ++nucs_asked_;
-  const auto served = [&] { return nucs_served_ >= mine || stop_.load(std::memory_order_relaxed); };
-  if (!nuc_done_.wait_for(lock, kNucLimit, served) || nucs_served_ < mine) {
-    nucs_served_ = std::max(nucs_served_, mine);  // nobody waits for it any more
-    return failed(std::string("the camera was not told to correct itself: it is ") +
-                  std::string(name(status_->state.value())));
+  void report(bool warning, std::string text, std::string_view event = {}) {
+    notices_.report(warning, std::move(text), event);
   }
-  return nuc_result_;
-}
 
-void ConnectionManager::set_nuc(const NucOptions& nuc) {
-  const std::lock_guard lock(mutex_);
-  new_nuc_ = nuc;
-}
+  CameraOptions options_;  // the address follows the camera
+  pipeline::SourceInfo info_;
+  pipeline::WatchLimits limits_{};
+  // Sessions that are still being closed share it.
+  const std::shared_ptr<pipeline::SourceStatus> status_ = std::make_shared<pipeline::SourceStatus>();
+  std::unique_ptr<Session> opened_;        // from open() to start()
+  std::optional<FrameReceiver> receiver_;  // from start() on
+  pipeline::Notices notices_;
+  std::atomic<bool> stop_{false};  // written under the mutex; read without it to give up early
 
-// A lost camera gets the policy when it is opened again.
-void ConnectionManager::apply_nuc_options() {
-  std::optional<NucOptions> nuc;
-  {
-    const std::lock_guard lock(mutex_);
-    nuc = std::exchange(new_nuc_, std::nullopt);
-  }
-  if (!nuc) return;
-  const bool new_policy = nuc->policy != options_.nuc.policy;
-  options_.nuc = *nuc;
-  schedule_.set_options(*nuc);
-  receiver_->set_nuc(*nuc);
-  if (!new_policy || session_ == nullptr) return;
-  std::vector<std::string> warnings;
-  if (Status done = session_->set_nuc(*nuc, warnings); !done) warnings.push_back(done.error().message);
-  for (std::string& warning : warnings) report(true, std::move(warning));
-}
+  // The monitoring thread's own, once that runs.
+  std::int64_t since_ns_ = 0;  // the present session's start
+  std::int64_t next_probe_ns_ = 0;
+  std::int64_t outage_from_ns_ = 0;  // the last frame before the camera was lost
+  pipeline::LostCause cause_ = pipeline::LostCause::kStalled;
+  std::int64_t nuc_until_ns_ = 0;
+  int ticks_without_control_ = 0;
+  int judged_median_ = -1;
+  NucSchedule schedule_;
+  std::int64_t next_temperature_ns_ = 0;
+  std::string ptp_status_;  // as last reported
+  SessionCloser closer_;    // stop() waits for it when the monitoring thread has ended
 
-void ConnectionManager::serve_requests() {
-  apply_nuc_options();
-  if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
-  std::uint64_t asked = 0;
-  {
-    const std::lock_guard lock(mutex_);
-    asked = nucs_asked_ > nucs_served_ ? nucs_asked_ : 0;
-  }
-  if (asked == 0) {
-    if (!schedule_.due(monotonic_ns(), receiver_->scene().still_since_ns())) return;
-    const bool timed = options_.nuc.policy == NucPolicy::kTimed;
-    if (Status done = run_nuc(timed ? "it is time" : "nothing moves"); !done) report(true, done.error().message);
-    return;
-  }
-  Status done = run_nuc("asked for");
-  const std::lock_guard lock(mutex_);
-  nucs_served_ = asked;
-  nuc_result_ = std::move(done);
-  nuc_done_.notify_all();
-}
-
-// Frames that arrive while the command is on its way count as the shutter's.
-Status ConnectionManager::run_nuc(const std::string& why) {
-  const std::int64_t hold_ns = options_.nuc.hold_ms * kNsPerMs;
-  receiver_->set_nuc_until(monotonic_ns() + hold_ns);
-  Status done = session_->trigger_nuc();
-  const std::int64_t now_ns = monotonic_ns();
-  schedule_.done(now_ns);
-  nuc_until_ns_ = done ? now_ns + hold_ns : 0;
-  receiver_->set_nuc_until(nuc_until_ns_);
-  if (!done) return done;
-  status_->corrections.add();
-  status_->correction_ns.set(now_ns);
-  set_state(SourceState::kCorrecting);
-  report(false, "NUC (" + why + ")", event::kNuc);
-  notices_.forget_last();  // each NUC gets its line
-  return {};
-}
-
-// --- the source ---
+  mutable std::mutex mutex_;  // guards what follows
+  std::condition_variable wake_;
+  std::unique_ptr<Session> session_;  // replaced by the monitoring thread only, which therefore reads it without
+  std::vector<std::string> warnings_;
+  std::condition_variable nuc_done_;
+  std::uint64_t nucs_asked_ = 0;
+  std::uint64_t nucs_served_ = 0;
+  std::optional<NucOptions> new_nuc_;
+  Status nuc_result_;   // of the last one that was asked for
+  std::thread thread_;  // setup thread only
+  std::future<void> ended_;
+};
 
 GenicamSource::GenicamSource(CameraOptions options)
     : manager_(std::make_shared<ConnectionManager>(std::move(options))) {}

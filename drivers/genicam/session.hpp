@@ -8,7 +8,6 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/genicam/aravis_stream.hpp"
 #include "drivers/genicam/connection.hpp"
 #include "drivers/genicam/frame_receiver.hpp"
 #include "drivers/genicam/gvsp_receiver.hpp"
@@ -55,6 +54,8 @@ class Gate {
   std::atomic<bool> open_{false};
   std::atomic<bool> inside_{false};
 };
+
+class AravisStream;
 
 class Session {
  public:
@@ -121,6 +122,45 @@ class Session {
   // One of them, by the camera's transport; goes before the device.
   std::unique_ptr<gvsp::Receiver> gvsp_;
   std::unique_ptr<AravisStream> other_;
+};
+
+// Closes connections on threads of their own: to close that of a dead camera takes seconds.
+// A thread that is still blocked when this is destroyed owns all that it touches. Thread: one at a time.
+class SessionCloser {
+ public:
+  // The session is shut already: it delivers no frames.
+  void close(std::unique_ptr<Session> session) {
+    {
+      const std::lock_guard lock(state_->mutex);
+      ++state_->running;
+    }
+    const auto end = [state = state_](std::unique_ptr<Session> ending) {
+      ending.reset();
+      const std::lock_guard lock(state->mutex);
+      --state->running;
+      state->ended.notify_all();
+    };
+    const auto shared = std::make_shared<std::unique_ptr<Session>>(std::move(session));
+    try {
+      std::thread([end, shared] { end(std::move(*shared)); }).detach();
+    } catch (const std::system_error&) {  // the system has no thread to give
+      end(std::move(*shared));
+    }
+  }
+
+  // Waits for all of them until `deadline`.
+  void wait_until(std::chrono::steady_clock::time_point deadline) {
+    std::unique_lock lock(state_->mutex);
+    state_->ended.wait_until(lock, deadline, [this] { return state_->running == 0; });
+  }
+
+ private:
+  struct State {
+    std::mutex mutex;
+    std::condition_variable ended;
+    int running = 0;
+  };
+  std::shared_ptr<State> state_ = std::make_shared<State>();
 };
 
 }  // namespace bolo::genicam

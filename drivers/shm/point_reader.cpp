@@ -69,62 +69,56 @@ struct PointReader::Impl {
   std::vector<std::vector<float>> corrected;        // of them, with a correction
   std::uint64_t frames_before = 0;                  // that are read before the target
 
-  Status set_correction(const model::PixelMaps& maps);
-  Status make_solver(double noise_k);
-  Outcome fill_window(std::uint64_t first, std::uint64_t last, std::uint64_t target, deblur::Window& window,
-                      deblur::Window::Ready& ready);
-  const void* corrected_plane(std::size_t place, std::uint64_t periods);
-};
-
-Status PointReader::Impl::make_solver(double noise_k) {
-  if (Status good = deblur::check_isa(isa); !good) return good;
-  const WithIsa same(isa);
-  deblur::Settings with_noise = settings;
-  with_noise.noise_k = noise_k;
-  ASSIGN_OR_RETURN(solver, deblur::Solver::create(with_noise, format, PixelType::kUint16, row_delay_s));
-  solver_noise_k = noise_k;
-  return {};
-}
-
-// Its planes are then float32, as the solver's input.
-Status PointReader::Impl::set_correction(const model::PixelMaps& maps) {
-  ASSIGN_OR_RETURN(auto made, corrections::PixelCorrection::create(settings, format, maps));
-  if (!made.changes_samples()) return {};
-  correction = std::move(made);
-  format.type = PixelType::kFloat32;
-  return {};
-}
-
-// Pushes frames as the writer did; where the writer began a new window, frames before it are too old to stand in this
-// one, for frame `target` had a full window.
-PointReader::Outcome PointReader::Impl::fill_window(std::uint64_t first, std::uint64_t last, std::uint64_t target,
-                                                    deblur::Window& window, deblur::Window::Ready& ready) {
-  std::uint64_t last_id = 0;
-  for (std::uint64_t number = first; number <= last; ++number) {
-    bolo_shm_slot head{};
-    const std::size_t place = number - first;
-    if (!reader.read_samples(number, copied, head, samples[place].data())) return Outcome::kOverwritten;
-    const FrameMeta meta = meta_of(head);
-    const bool begins = number == first || meta.frame_id <= last_id;
-    const void* plane = correction ? corrected_plane(place, begins ? 0 : meta.frame_id - last_id)
-                                   : static_cast<const void*>(samples[place].data());
-    last_id = meta.frame_id;
-    window.push({meta, plane, static_cast<std::uint32_t>(place)}, false);
-    while (window.next(ready)) {
-      if (ready.frame.token == target - first && ready.full) return Outcome::kSolved;
-    }
+  // Its planes are then float32, as the solver's input.
+  Status set_correction(const model::PixelMaps& maps) {
+    ASSIGN_OR_RETURN(auto made, corrections::PixelCorrection::create(settings, format, maps));
+    if (!made.changes_samples()) return {};
+    correction = std::move(made);
+    format.type = PixelType::kFloat32;
+    return {};
   }
-  return Outcome::kWarmUp;
-}
 
-const void* PointReader::Impl::corrected_plane(std::size_t place, std::uint64_t periods) {
-  std::vector<float>& plane = corrected[place];
-  plane.assign(samples[place].begin(), samples[place].end());
-  correction->begin(periods);
-  correction->apply(plane.data(), {0, plane.size()});
-  correction->finish(plane.data());
-  return plane.data();
-}
+  Status make_solver(double noise_k) {
+    if (Status good = deblur::check_isa(isa); !good) return good;
+    const WithIsa same(isa);
+    deblur::Settings with_noise = settings;
+    with_noise.noise_k = noise_k;
+    ASSIGN_OR_RETURN(solver, deblur::Solver::create(with_noise, format, PixelType::kUint16, row_delay_s));
+    solver_noise_k = noise_k;
+    return {};
+  }
+
+  // Pushes frames as the writer did; where the writer began a new window, frames before it are too old to stand in this
+  // one, for frame `target` had a full window.
+  Outcome fill_window(std::uint64_t first, std::uint64_t last, std::uint64_t target, deblur::Window& window,
+                      deblur::Window::Ready& ready) {
+    std::uint64_t last_id = 0;
+    for (std::uint64_t number = first; number <= last; ++number) {
+      bolo_shm_slot head{};
+      const std::size_t place = number - first;
+      if (!reader.read_samples(number, copied, head, samples[place].data())) return Outcome::kOverwritten;
+      const FrameMeta meta = meta_of(head);
+      const bool begins = number == first || meta.frame_id <= last_id;
+      const void* plane = correction ? corrected_plane(place, begins ? 0 : meta.frame_id - last_id)
+                                     : static_cast<const void*>(samples[place].data());
+      last_id = meta.frame_id;
+      window.push({meta, plane, static_cast<std::uint32_t>(place)}, false);
+      while (window.next(ready)) {
+        if (ready.frame.token == target - first && ready.full) return Outcome::kSolved;
+      }
+    }
+    return Outcome::kWarmUp;
+  }
+
+  const void* corrected_plane(std::size_t place, std::uint64_t periods) {
+    std::vector<float>& plane = corrected[place];
+    plane.assign(samples[place].begin(), samples[place].end());
+    correction->begin(periods);
+    correction->apply(plane.data(), {0, plane.size()});
+    correction->finish(plane.data());
+    return plane.data();
+  }
+};
 
 Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_t> pixels,
                                       const model::PixelMaps& maps) {

@@ -165,51 +165,48 @@ struct ShmReader::Impl {
     return mapping->data() + checked.slots_offset + number % checked.slot_count * checked.slot_stride;
   }
 
-  static Opened<std::unique_ptr<Impl>> open(const std::string& name);
-  void sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept;
+  static Opened<std::unique_ptr<Impl>> open(const std::string& name) {
+    Opened<std::shared_ptr<const Mapping>> mapping = map_object(name);
+    if (!mapping) return tl::unexpected<Refused>(std::move(mapping.error()));
+    auto impl = std::make_unique<Impl>();
+    impl->mapping = std::move(*mapping);
+    load_acquire(impl->live().magic);  // partner: the last store of ShmSink::open; the header is whole after it
+    impl->checked = snapshot(*impl->mapping);
+    if (const char* fault = first_fault(impl->checked, impl->mapping->bytes())) {
+      return refuse(impl->checked.magic == 0 ? Refusal::kNotReady : Refusal::kBadLayout,
+                    "shared memory '" + name + "' can't be read: " + fault);
+    }
+    end_text(impl->checked.camera_model);
+    end_text(impl->checked.camera_serial);
+    end_text(impl->checked.solver);
+    const std::size_t plane = std::size_t{2} * impl->checked.width * impl->checked.height;
+    const bolo_shm_header& h = impl->checked;
+    impl->layout = {h.raw_offset, h.deblurred_offset, plane, h.slot_stride};
+    if (h.motion_offset != 0) {
+      impl->layout.motion_offset = h.motion_offset;
+      impl->layout.motion_blocks = std::size_t{h.motion_across} * h.motion_down;
+    }
+    return impl;
+  }
+
+  // Sleeps until the wake word differs from what was seen, or ns have passed, and little longer than to the next frame:
+  // any reader can move the others to a futex that nobody wakes (FUTEX_REQUEUE), and then only their own clock does. A
+  // spurious wake-up only costs one more check.
+  void sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept {
+    constexpr double kPeriods = 1.25;  // frames in time come before it
+    const double most_ns =
+        std::clamp(kPeriods * checked.frame_period_s * kNsPerSecond, kShortestSleepNs, kLongestSleepNs);
+    ns = std::min(ns, static_cast<std::int64_t>(most_ns));
+    if (!futex_works) {
+      std::this_thread::sleep_for(std::min<std::chrono::nanoseconds>(kPollPeriod, std::chrono::nanoseconds(ns)));
+      return;
+    }
+    const timespec timeout{ns / 1'000'000'000, ns % 1'000'000'000};
+    const long result = syscall(SYS_futex, &live().wake, FUTEX_WAIT, wake_seen, &timeout, nullptr, 0);
+    if (result == 0 || errno == EAGAIN || errno == EINTR || errno == ETIMEDOUT) return;
+    futex_works = false;  // refused by a sandbox: poll from now on
+  }
 };
-
-Opened<std::unique_ptr<ShmReader::Impl>> ShmReader::Impl::open(const std::string& name) {
-  Opened<std::shared_ptr<const Mapping>> mapping = map_object(name);
-  if (!mapping) return tl::unexpected<Refused>(std::move(mapping.error()));
-  auto impl = std::make_unique<Impl>();
-  impl->mapping = std::move(*mapping);
-  load_acquire(impl->live().magic);  // partner: the last store of ShmSink::open; the header is whole after it
-  impl->checked = snapshot(*impl->mapping);
-  if (const char* fault = first_fault(impl->checked, impl->mapping->bytes())) {
-    return refuse(impl->checked.magic == 0 ? Refusal::kNotReady : Refusal::kBadLayout,
-                  "shared memory '" + name + "' can't be read: " + fault);
-  }
-  end_text(impl->checked.camera_model);
-  end_text(impl->checked.camera_serial);
-  end_text(impl->checked.solver);
-  const std::size_t plane = std::size_t{2} * impl->checked.width * impl->checked.height;
-  const bolo_shm_header& h = impl->checked;
-  impl->layout = {h.raw_offset, h.deblurred_offset, plane, h.slot_stride};
-  if (h.motion_offset != 0) {
-    impl->layout.motion_offset = h.motion_offset;
-    impl->layout.motion_blocks = std::size_t{h.motion_across} * h.motion_down;
-  }
-  return impl;
-}
-
-// Sleeps until the wake word differs from what was seen, or ns have passed, and little longer than to the next frame:
-// any reader can move the others to a futex that nobody wakes (FUTEX_REQUEUE), and then only their own clock does. A
-// spurious wake-up only costs one more check.
-void ShmReader::Impl::sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept {
-  constexpr double kPeriods = 1.25;  // frames in time come before it
-  const double most_ns =
-      std::clamp(kPeriods * checked.frame_period_s * kNsPerSecond, kShortestSleepNs, kLongestSleepNs);
-  ns = std::min(ns, static_cast<std::int64_t>(most_ns));
-  if (!futex_works) {
-    std::this_thread::sleep_for(std::min<std::chrono::nanoseconds>(kPollPeriod, std::chrono::nanoseconds(ns)));
-    return;
-  }
-  const timespec timeout{ns / 1'000'000'000, ns % 1'000'000'000};
-  const long result = syscall(SYS_futex, &live().wake, FUTEX_WAIT, wake_seen, &timeout, nullptr, 0);
-  if (result == 0 || errno == EAGAIN || errno == EINTR || errno == ETIMEDOUT) return;
-  futex_works = false;  // refused by a sandbox: poll from now on
-}
 
 ShmReader::ShmReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ShmReader::ShmReader(ShmReader&&) noexcept = default;

@@ -247,9 +247,49 @@ struct ShmSink::Impl {
   std::int64_t next_check_ns = 0;
   pipeline::Notices notices;
 
-  Result<std::unique_ptr<Ring>> fill(OwnedObject object) const;
-  void check_name();
-  void take_fresh() noexcept;
+  // Makes an empty ring of the zeroed object, and lets readers in.
+  Result<std::unique_ptr<Ring>> fill(OwnedObject object) const {
+    describe(*reinterpret_cast<bolo_shm_header*>(object.data()), format, static_cast<int>(slot_count), layout);
+    describe(*reinterpret_cast<bolo_shm_settings*>(object.data() + kSettingsOffset), format);
+    auto& camera = *reinterpret_cast<bolo_shm_camera*>(object.data() + kCameraOffset);
+    camera.bytes = sizeof(camera);
+    put_text(camera.control_socket, options.control_socket);
+    RETURN_IF_ERROR(object.publish_to(options.mode, options.group));
+    auto made = std::make_unique<Ring>();
+    made->object = std::move(object);
+    bolo_shm_header& header = made->header();
+    made->waker.emplace(header.wake);
+    store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_RUNNING));
+    store_release(header.magic, static_cast<std::uint64_t>(BOLO_SHM_MAGIC));  // partner: ShmReader::open
+    return made;
+  }
+
+  void check_name() {
+    const std::lock_guard lock(name_check);
+    // partner: the store in take_fresh()
+    if (fresh.load(std::memory_order_acquire) != nullptr || ring == nullptr || monotonic_ns() < next_check_ns) return;
+    next_check_ns = monotonic_ns() + kNamePeriodNs;
+    // One that was cut off and has grown again since is as long as before, and empty.
+    if (ring->object.is_there() && load_relaxed(ring->header().magic) == BOLO_SHM_MAGIC) return;
+    const std::string what = "shared memory /bolo." + options.name + " was taken away or cut off";
+    auto object = ring->object.create_again();
+    auto made = object ? fill(std::move(*object)) : tl::unexpected<Error>(object.error());
+    if (made) {
+      fresh.store(made->release(), std::memory_order_release);  // partner: the load in take_fresh()
+      notices.forget_last();
+      notices.report(true, what + "; it is there again");
+    } else {
+      notices.report(true, what + ": " + made.error().message + "; it is tried again all the time");
+    }
+  }
+
+  void take_fresh() noexcept {
+    Ring* const made = fresh.load(std::memory_order_acquire);  // partner: the store in check_name()
+    if (made == nullptr) return;
+    ring.reset(made);
+    fresh.store(nullptr, std::memory_order_release);  // partner: the load in check_name()
+  }
+
   void store(const pipeline::PipelineStats& stats) const noexcept {
     store_stats(ring->header(), stats);
     if (stats.source == nullptr) return;
@@ -259,49 +299,6 @@ struct ShmSink::Impl {
     return ring->object.data() + kSlotsOffset + number % slot_count * layout.stride;
   }
 };
-
-// Makes an empty ring of the zeroed object, and lets readers in.
-Result<std::unique_ptr<ShmSink::Ring>> ShmSink::Impl::fill(OwnedObject object) const {
-  describe(*reinterpret_cast<bolo_shm_header*>(object.data()), format, static_cast<int>(slot_count), layout);
-  describe(*reinterpret_cast<bolo_shm_settings*>(object.data() + kSettingsOffset), format);
-  auto& camera = *reinterpret_cast<bolo_shm_camera*>(object.data() + kCameraOffset);
-  camera.bytes = sizeof(camera);
-  put_text(camera.control_socket, options.control_socket);
-  RETURN_IF_ERROR(object.publish_to(options.mode, options.group));
-  auto made = std::make_unique<Ring>();
-  made->object = std::move(object);
-  bolo_shm_header& header = made->header();
-  made->waker.emplace(header.wake);
-  store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_RUNNING));
-  store_release(header.magic, static_cast<std::uint64_t>(BOLO_SHM_MAGIC));  // partner: ShmReader::open
-  return made;
-}
-
-void ShmSink::Impl::check_name() {
-  const std::lock_guard lock(name_check);
-  // partner: the store in take_fresh()
-  if (fresh.load(std::memory_order_acquire) != nullptr || ring == nullptr || monotonic_ns() < next_check_ns) return;
-  next_check_ns = monotonic_ns() + kNamePeriodNs;
-  // One that was cut off and has grown again since is as long as before, and empty.
-  if (ring->object.is_there() && load_relaxed(ring->header().magic) == BOLO_SHM_MAGIC) return;
-  const std::string what = "shared memory /bolo." + options.name + " was taken away or cut off";
-  auto object = ring->object.create_again();
-  auto made = object ? fill(std::move(*object)) : tl::unexpected<Error>(object.error());
-  if (made) {
-    fresh.store(made->release(), std::memory_order_release);  // partner: the load in take_fresh()
-    notices.forget_last();
-    notices.report(true, what + "; it is there again");
-  } else {
-    notices.report(true, what + ": " + made.error().message + "; it is tried again all the time");
-  }
-}
-
-void ShmSink::Impl::take_fresh() noexcept {
-  Ring* const made = fresh.load(std::memory_order_acquire);  // partner: the store in check_name()
-  if (made == nullptr) return;
-  ring.reset(made);
-  fresh.store(nullptr, std::memory_order_release);  // partner: the load in check_name()
-}
 
 std::uint64_t bytes_needed(const ShmOptions& options, const deblur::Settings& settings, Geometry frame) {
   const int slots = choose_slots(options.slots, settings).value_or(settings.window + settings.lookahead);

@@ -124,12 +124,68 @@ struct V4l2Sink::Impl {
   Impl& operator=(const Impl&) = delete;
 
   // --- the sink's thread ---
-  void run();
-  void serve(const Frame& frame);
-  bool ready(std::int64_t now_ns);
-  void note_written(std::int64_t now_ns);
-  void close_device(int code, std::int64_t now_ns);
-  void apply_agc();
+  void run() {
+    // Nothing depends on it being granted: the name is for ps.
+    (void)rt::apply_to_this_thread({.name = "bolo-v4l2"});
+    while (!stop.load(std::memory_order_relaxed)) {
+      if (sem_wait(&wake) != 0) continue;  // a signal
+      if (const Frame* frame = newest->take(); frame != nullptr) attempt([&] { serve(*frame); });
+    }
+    port->close();
+  }
+
+  void serve(const Frame& frame) {
+    const std::int64_t now_ns = monotonic_ns();
+    apply_agc();
+    if (!ready(now_ns)) return stats.dropped.add();
+    const double dt_s =
+        static_cast<double>(frame.publish_ns - std::exchange(before_ns, frame.publish_ns)) / kNsPerSecond;
+    const int code = port->write(images->make(frame.plane, dt_s, !frame.of_shutter));
+    if (code == 0) return note_written(now_ns);
+    stats.dropped.add();
+    if (code != EAGAIN) close_device(code, now_ns);
+  }
+
+  // Opens a device that was lost, when it is time to try again.
+  bool ready(std::int64_t now_ns) {
+    if (open) return true;
+    if (now_ns < next_attempt_ns) return false;
+    open = port->open(format).has_value();
+    next_attempt_ns = now_ns + pause_ns;
+    pause_ns = std::min(2 * pause_ns, kLongestPauseNs);
+    return open;
+  }
+
+  // A device is back when it takes a frame: one that can only be opened would be lost and back at every attempt.
+  void note_written(std::int64_t now_ns) {
+    stats.written.add();
+    if (!lost) return;
+    lost = false;
+    stats.open.set(true);
+    notices.report(false, port->path() + " is back after " + seconds_text(now_ns - lost_ns),
+                   pipeline::event::kVideoBack);
+  }
+
+  void close_device(int code, std::int64_t now_ns) {
+    port->close();
+    open = false;
+    if (lost) return;
+    lost = true;
+    lost_ns = now_ns;
+    pause_ns = kFirstPauseNs;
+    next_attempt_ns = now_ns + pause_ns;
+    stats.open.set(false);
+    stats.failures.add();
+    notices.report(true,
+                   port->path() + " takes no more frames (" + std::strerror(code) + "); opening it again until it does",
+                   pipeline::event::kVideoLost);
+  }
+
+  void apply_agc() {
+    const std::lock_guard lock(mutex);
+    if (new_agc) images->set_options(*new_agc);
+    new_agc.reset();
+  }
 
   const V4l2Options options;
   const std::unique_ptr<VideoPort> port;  // the thread's while it runs
@@ -152,67 +208,6 @@ struct V4l2Sink::Impl {
   std::mutex mutex;  // guards what follows; never taken by the pipeline
   std::optional<AgcOptions> new_agc;
 };
-
-void V4l2Sink::Impl::run() {
-  // Nothing depends on it being granted: the name is for ps.
-  (void)rt::apply_to_this_thread({.name = "bolo-v4l2"});
-  while (!stop.load(std::memory_order_relaxed)) {
-    if (sem_wait(&wake) != 0) continue;  // a signal
-    if (const Frame* frame = newest->take(); frame != nullptr) attempt([&] { serve(*frame); });
-  }
-  port->close();
-}
-
-void V4l2Sink::Impl::serve(const Frame& frame) {
-  const std::int64_t now_ns = monotonic_ns();
-  apply_agc();
-  if (!ready(now_ns)) return stats.dropped.add();
-  const double dt_s = static_cast<double>(frame.publish_ns - std::exchange(before_ns, frame.publish_ns)) / kNsPerSecond;
-  const int code = port->write(images->make(frame.plane, dt_s, !frame.of_shutter));
-  if (code == 0) return note_written(now_ns);
-  stats.dropped.add();
-  if (code != EAGAIN) close_device(code, now_ns);
-}
-
-// Opens a device that was lost, when it is time to try again.
-bool V4l2Sink::Impl::ready(std::int64_t now_ns) {
-  if (open) return true;
-  if (now_ns < next_attempt_ns) return false;
-  open = port->open(format).has_value();
-  next_attempt_ns = now_ns + pause_ns;
-  pause_ns = std::min(2 * pause_ns, kLongestPauseNs);
-  return open;
-}
-
-// A device is back when it takes a frame: one that can only be opened would be lost and back at every attempt.
-void V4l2Sink::Impl::note_written(std::int64_t now_ns) {
-  stats.written.add();
-  if (!lost) return;
-  lost = false;
-  stats.open.set(true);
-  notices.report(false, port->path() + " is back after " + seconds_text(now_ns - lost_ns), pipeline::event::kVideoBack);
-}
-
-void V4l2Sink::Impl::close_device(int code, std::int64_t now_ns) {
-  port->close();
-  open = false;
-  if (lost) return;
-  lost = true;
-  lost_ns = now_ns;
-  pause_ns = kFirstPauseNs;
-  next_attempt_ns = now_ns + pause_ns;
-  stats.open.set(false);
-  stats.failures.add();
-  notices.report(true,
-                 port->path() + " takes no more frames (" + std::strerror(code) + "); opening it again until it does",
-                 pipeline::event::kVideoLost);
-}
-
-void V4l2Sink::Impl::apply_agc() {
-  const std::lock_guard lock(mutex);
-  if (new_agc) images->set_options(*new_agc);
-  new_agc.reset();
-}
 
 V4l2Sink::V4l2Sink(V4l2Options options) {
   auto port = std::make_unique<LoopbackPort>(options.device);

@@ -103,19 +103,168 @@ struct CaptureWriter::Impl {
   double last_t_s = -std::numeric_limits<double>::infinity();
   std::uint64_t last_id = 0;
 
-  Status create();
-  Status create_items();
-  Status check_order(double t_s, std::uint64_t id) const;
-  Status make_room(std::uint64_t bytes);
-  Status write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks);
-  Status write_attribute(const Attribute& attribute);
+  Status create() {
+    folder = HeldFolder(final_name);
+    part = folder.place_of(part_name);
+    if (Status good = check_output({final_name, options.replace}); !good) return good;
+    const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
+    const Replace replace = is_without_frames(part) ? Replace::kExisting : options.replace;
+    ASSIGN_OR_RETURN(auto created, at(part_name.string(), CrashSafeFile::create(part, survives, replace)));
+    driven = std::make_shared<DrivenFile>();
+    driven->file = std::move(created);
+    // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages found no room.
+    if (Status good = driven->file->reserve(frame_bytes()); !good)
+      return at(part_name.string(), std::move(good.error()));
+    ASSIGN_OR_RETURN(file, at(part_name.string(), create_hdf5(part, driven)));
+    return create_items();
+  }
+
+  Status create_items() {
+    const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
+    if (!root || !write_identity(root.get(), info)) return broken("the root attributes cannot be written");
+    const Geometry g = info.format.geometry;
+    const h5::Dims frame{1, static_cast<hsize_t>(g.height), static_cast<hsize_t>(g.width)};
+    if (info.format.type == PixelType::kUint16) frames.type = H5T_NATIVE_UINT16;
+    bool good = true;
+    const auto create_planes = [&](Planes& planes, const char* path, const h5::Dims& shape) {
+      planes.dataset = h5::create_growing(file.get(), path, planes.type, shape, options.deflate_level);
+      good = good && planes.dataset;
+    };
+    create_planes(frames, "/frames", frame);
+    t = h5::create_growing(file.get(), "/t", H5T_NATIVE_DOUBLE, {kSeriesChunk});
+    frame_id = h5::create_growing(file.get(), "/frame_id", H5T_NATIVE_UINT64, {kSeriesChunk});
+    if (options.truth) create_planes(truth, "/truth/frames", frame);
+    if (options.motion) {
+      const Geometry blocks = motion_blocks(g);
+      no_motion.resize(blocks.pixels());
+      create_planes(motion, "/motion",
+                    {1, static_cast<hsize_t>(blocks.height), static_cast<hsize_t>(blocks.width), kMotionValues});
+    }
+    if (options.times) {
+      t_host = h5::create_growing(file.get(), "/t_host", H5T_NATIVE_DOUBLE, {kSeriesChunk});
+      t_utc = h5::create_growing(file.get(), "/t_utc", H5T_NATIVE_DOUBLE, {kSeriesChunk});
+      good = good && t_host && t_utc;
+    }
+    if (!good || !t || !frame_id) return broken("the datasets cannot be created");
+    return commit();
+  }
+
+  Status check_order(double t_s, std::uint64_t id) const {
+    if (!std::isfinite(t_s) || t_s <= last_t_s) {
+      return bad_input(final_name.string() + ": the time of frame " + std::to_string(written) + " (" + h5::text(t_s) +
+                       ") is not above the one before (" + h5::text(last_t_s) + ")");
+    }
+    if (written > 0 && id <= last_id) {
+      return bad_input(final_name.string() + ": the number of frame " + std::to_string(written) + " (" +
+                       std::to_string(id) + ") is not above the one before (" + std::to_string(last_id) + ")");
+    }
+    return {};
+  }
+
+  // Everything that the next commit writes must fit, so that the commit cannot fail for want of room. A file that was
+  // cut off would grow again, with a hole in it.
+  Status make_room(std::uint64_t bytes) {
+    RETURN_IF_ERROR(check_file());
+    hsize_t size = 0;
+    if (H5Fget_filesize(file.get(), &size) < 0) return broken("its size is not known");
+    return at(part_name.string(), driven->file->reserve(size + bytes));
+  }
+
+  Status write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks) {
+    if (blocks == nullptr) blocks = no_motion.data();
+    bool good = true;
+    for (const auto& [planes, data] :
+         {std::pair<const Planes*, const void*>{&frames, plane}, {&truth, truth_plane}, {&motion, blocks}}) {
+      if (good && planes->dataset) good = h5::write_rows(planes->dataset.get(), planes->type, written, 1, data);
+    }
+    if (good) return {};
+    const auto error = broken("frame " + std::to_string(written) + " cannot be written");
+    for (const Planes* planes : {&frames, &truth, &motion}) {
+      if (planes->dataset) cut_rows(planes->dataset.get(), written);
+    }
+    return error;
+  }
+
+  Status write_attribute(const Attribute& attribute) {
+    const h5::Quiet quiet;
+    if (!file) return closed();
+    const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
+    const auto write = [&](const auto& value) { return h5::write_attribute(root.get(), attribute.name, value); };
+    if (std::visit(write, attribute.value)) return {};
+    return broken("root attribute '" + attribute.name + "' cannot be written");
+  }
+
   bool is_ours() const { return folder.is_folder_of(final_name) && driven->file->is_ours(); }
-  Status check_file() const;
-  Status commit();
-  Status store();
-  bool state_uncertainty();
-  Status close_file();
-  void discard();
+
+  // Checked before each frame and commit, not only at the end: all later frames would be lost, too.
+  Status check_file() const {
+    if (is_ours()) return {};
+    return failed(part_name.string() + ": was removed, renamed or cut off by another program");
+  }
+
+  Status commit() {
+    RETURN_IF_ERROR(check_file());
+    return store();
+  }
+
+  Status store() {
+    const hsize_t begin = written - pending_t.size();
+    const hsize_t count = pending_t.size();
+    if (count > 0) {
+      if (!h5::write_rows(t.get(), H5T_NATIVE_DOUBLE, begin, count, pending_t.data()))
+        return broken("/t cannot be written");
+      if (!h5::write_rows(frame_id.get(), H5T_NATIVE_UINT64, begin, count, pending_id.data())) {
+        return broken("/frame_id cannot be written");
+      }
+      for (const auto& [dataset, values] : {std::pair{&t_host, &pending_host}, {&t_utc, &pending_utc}}) {
+        if (!*dataset) continue;
+        if (!h5::write_rows(dataset->get(), H5T_NATIVE_DOUBLE, begin, count, values->data())) {
+          return broken("/t_host and /t_utc cannot be written");
+        }
+        values->clear();
+      }
+      pending_t.clear();
+      pending_id.clear();
+    }
+    if (!pending_events.empty()) {
+      if (!append_events(file.get(), pending_events)) return broken("/events cannot be written");
+      pending_events.clear();
+    }
+    if (!state_uncertainty()) return broken("root attribute 'utc_uncertainty_s' cannot be written");
+    if (H5Fflush(file.get(), H5F_SCOPE_LOCAL) < 0) return broken("cannot be committed");
+    return {};
+  }
+
+  bool state_uncertainty() {
+    if (uncertainty_s <= stated_uncertainty_s) return true;
+    const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
+    const char* const name = "utc_uncertainty_s";
+    const bool gone = stated_uncertainty_s == 0.0 || H5Adelete(root.get(), name) >= 0;
+    stated_uncertainty_s = uncertainty_s;
+    return gone && h5::write_attribute(root.get(), name, uncertainty_s);
+  }
+
+  // On failure the file is given up, as its last commit left it.
+  Status close_file() {
+    driven->ending = true;
+    for (h5::Handle* dataset : {&frames.dataset, &truth.dataset, &motion.dataset, &t, &frame_id, &t_host, &t_utc})
+      dataset->close();
+    const bool closed = file.close();
+    const int error = driven->error;
+    if (closed && error == 0) return {};
+    driven.reset();
+    if (error == 0) return broken("cannot be closed");
+    return failed(part_name.string() + ": cannot be closed: " + std::strerror(error));
+  }
+
+  void discard() {
+    const bool ours = !driven || is_ours();
+    if (driven) static_cast<void>(close_file());
+    if (!ours) return;
+    std::error_code ignored;
+    std::filesystem::remove(part, ignored);
+    remove_records(part);
+  }
 
   std::uint64_t frame_bytes() const {
     const std::size_t truth_bytes = options.truth ? plane_bytes(info.format.geometry, PixelType::kFloat32) : 0;
@@ -126,166 +275,6 @@ struct CaptureWriter::Impl {
   }
   tl::unexpected<Error> closed() const { return failed(final_name.string() + ": the capture is closed already"); }
 };
-
-Status CaptureWriter::Impl::create() {
-  folder = HeldFolder(final_name);
-  part = folder.place_of(part_name);
-  if (Status good = check_output({final_name, options.replace}); !good) return good;
-  const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
-  const Replace replace = is_without_frames(part) ? Replace::kExisting : options.replace;
-  ASSIGN_OR_RETURN(auto created, at(part_name.string(), CrashSafeFile::create(part, survives, replace)));
-  driven = std::make_shared<DrivenFile>();
-  driven->file = std::move(created);
-  // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages found no room.
-  if (Status good = driven->file->reserve(frame_bytes()); !good) return at(part_name.string(), std::move(good.error()));
-  ASSIGN_OR_RETURN(file, at(part_name.string(), create_hdf5(part, driven)));
-  return create_items();
-}
-
-Status CaptureWriter::Impl::create_items() {
-  const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
-  if (!root || !write_identity(root.get(), info)) return broken("the root attributes cannot be written");
-  const Geometry g = info.format.geometry;
-  const h5::Dims frame{1, static_cast<hsize_t>(g.height), static_cast<hsize_t>(g.width)};
-  if (info.format.type == PixelType::kUint16) frames.type = H5T_NATIVE_UINT16;
-  bool good = true;
-  const auto create_planes = [&](Planes& planes, const char* path, const h5::Dims& shape) {
-    planes.dataset = h5::create_growing(file.get(), path, planes.type, shape, options.deflate_level);
-    good = good && planes.dataset;
-  };
-  create_planes(frames, "/frames", frame);
-  t = h5::create_growing(file.get(), "/t", H5T_NATIVE_DOUBLE, {kSeriesChunk});
-  frame_id = h5::create_growing(file.get(), "/frame_id", H5T_NATIVE_UINT64, {kSeriesChunk});
-  if (options.truth) create_planes(truth, "/truth/frames", frame);
-  if (options.motion) {
-    const Geometry blocks = motion_blocks(g);
-    no_motion.resize(blocks.pixels());
-    create_planes(motion, "/motion",
-                  {1, static_cast<hsize_t>(blocks.height), static_cast<hsize_t>(blocks.width), kMotionValues});
-  }
-  if (options.times) {
-    t_host = h5::create_growing(file.get(), "/t_host", H5T_NATIVE_DOUBLE, {kSeriesChunk});
-    t_utc = h5::create_growing(file.get(), "/t_utc", H5T_NATIVE_DOUBLE, {kSeriesChunk});
-    good = good && t_host && t_utc;
-  }
-  if (!good || !t || !frame_id) return broken("the datasets cannot be created");
-  return commit();
-}
-
-Status CaptureWriter::Impl::check_order(double t_s, std::uint64_t id) const {
-  if (!std::isfinite(t_s) || t_s <= last_t_s) {
-    return bad_input(final_name.string() + ": the time of frame " + std::to_string(written) + " (" + h5::text(t_s) +
-                     ") is not above the one before (" + h5::text(last_t_s) + ")");
-  }
-  if (written > 0 && id <= last_id) {
-    return bad_input(final_name.string() + ": the number of frame " + std::to_string(written) + " (" +
-                     std::to_string(id) + ") is not above the one before (" + std::to_string(last_id) + ")");
-  }
-  return {};
-}
-
-// Everything that the next commit writes must fit, so that the commit cannot fail for want of room. A file that was cut
-// off would grow again, with a hole in it.
-Status CaptureWriter::Impl::make_room(std::uint64_t bytes) {
-  RETURN_IF_ERROR(check_file());
-  hsize_t size = 0;
-  if (H5Fget_filesize(file.get(), &size) < 0) return broken("its size is not known");
-  return at(part_name.string(), driven->file->reserve(size + bytes));
-}
-
-Status CaptureWriter::Impl::write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks) {
-  if (blocks == nullptr) blocks = no_motion.data();
-  bool good = true;
-  for (const auto& [planes, data] :
-       {std::pair<const Planes*, const void*>{&frames, plane}, {&truth, truth_plane}, {&motion, blocks}}) {
-    if (good && planes->dataset) good = h5::write_rows(planes->dataset.get(), planes->type, written, 1, data);
-  }
-  if (good) return {};
-  const auto error = broken("frame " + std::to_string(written) + " cannot be written");
-  for (const Planes* planes : {&frames, &truth, &motion}) {
-    if (planes->dataset) cut_rows(planes->dataset.get(), written);
-  }
-  return error;
-}
-
-Status CaptureWriter::Impl::write_attribute(const Attribute& attribute) {
-  const h5::Quiet quiet;
-  if (!file) return closed();
-  const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
-  const auto write = [&](const auto& value) { return h5::write_attribute(root.get(), attribute.name, value); };
-  if (std::visit(write, attribute.value)) return {};
-  return broken("root attribute '" + attribute.name + "' cannot be written");
-}
-
-// Checked before each frame and commit, not only at the end: all later frames would be lost, too.
-Status CaptureWriter::Impl::check_file() const {
-  if (is_ours()) return {};
-  return failed(part_name.string() + ": was removed, renamed or cut off by another program");
-}
-
-Status CaptureWriter::Impl::commit() {
-  RETURN_IF_ERROR(check_file());
-  return store();
-}
-
-Status CaptureWriter::Impl::store() {
-  const hsize_t begin = written - pending_t.size();
-  const hsize_t count = pending_t.size();
-  if (count > 0) {
-    if (!h5::write_rows(t.get(), H5T_NATIVE_DOUBLE, begin, count, pending_t.data()))
-      return broken("/t cannot be written");
-    if (!h5::write_rows(frame_id.get(), H5T_NATIVE_UINT64, begin, count, pending_id.data())) {
-      return broken("/frame_id cannot be written");
-    }
-    for (const auto& [dataset, values] : {std::pair{&t_host, &pending_host}, {&t_utc, &pending_utc}}) {
-      if (!*dataset) continue;
-      if (!h5::write_rows(dataset->get(), H5T_NATIVE_DOUBLE, begin, count, values->data())) {
-        return broken("/t_host and /t_utc cannot be written");
-      }
-      values->clear();
-    }
-    pending_t.clear();
-    pending_id.clear();
-  }
-  if (!pending_events.empty()) {
-    if (!append_events(file.get(), pending_events)) return broken("/events cannot be written");
-    pending_events.clear();
-  }
-  if (!state_uncertainty()) return broken("root attribute 'utc_uncertainty_s' cannot be written");
-  if (H5Fflush(file.get(), H5F_SCOPE_LOCAL) < 0) return broken("cannot be committed");
-  return {};
-}
-
-bool CaptureWriter::Impl::state_uncertainty() {
-  if (uncertainty_s <= stated_uncertainty_s) return true;
-  const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
-  const char* const name = "utc_uncertainty_s";
-  const bool gone = stated_uncertainty_s == 0.0 || H5Adelete(root.get(), name) >= 0;
-  stated_uncertainty_s = uncertainty_s;
-  return gone && h5::write_attribute(root.get(), name, uncertainty_s);
-}
-
-// On failure the file is given up, as its last commit left it.
-Status CaptureWriter::Impl::close_file() {
-  driven->ending = true;
-  for (h5::Handle* dataset : {&frames.dataset, &truth.dataset, &motion.dataset, &t, &frame_id, &t_host, &t_utc})
-    dataset->close();
-  const bool closed = file.close();
-  const int error = driven->error;
-  if (closed && error == 0) return {};
-  driven.reset();
-  if (error == 0) return broken("cannot be closed");
-  return failed(part_name.string() + ": cannot be closed: " + std::strerror(error));
-}
-
-void CaptureWriter::Impl::discard() {
-  const bool ours = !driven || is_ours();
-  if (driven) static_cast<void>(close_file());
-  if (!ours) return;
-  std::error_code ignored;
-  std::filesystem::remove(part, ignored);
-  remove_records(part);
-}
 
 CaptureWriter::CaptureWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 CaptureWriter::CaptureWriter(CaptureWriter&&) noexcept = default;

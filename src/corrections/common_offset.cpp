@@ -37,17 +37,75 @@ class CommonOffset final : public Correction {
   }
 
   void begin(std::uint64_t periods) noexcept override { first_ = periods == 0; }
-  void measure(const float* plane) noexcept override;
+
+  // Steps are distinguished from motion by its spread in the frame before, which motion does not change at once.
+  void measure(const float* plane) noexcept override {
+    for (std::size_t i = 0; i < lattice_.size(); ++i) now_[i] = plane[lattice_[i]];
+    double difference = first_ ? 0.0 : centre();
+    std::swap(now_, sample_);
+    if (first_) {
+      jumped_ = flicker_ = trend_ = 0.0;
+      spread_ = sigma_;
+      usual_ = kFirstUsual * sigma_;
+      offset_ = 0.0F;
+      return;
+    }
+    const double step = std::abs(difference - trend_);
+    const bool still = share_within(kClip * sigma_, difference) > kStill;
+    if (jumps_taken_ && step > std::max(kJump * sigma_, kUnusual * usual_) &&
+        share_within(kClip * spread_, difference) > kJumpShare) {
+      jumped_ += difference - trend_;
+      difference = trend_;
+    } else {
+      usual_ += kTrendTaken * (step - usual_);
+    }
+    // Flicker cannot be measured while nearly all of the picture moves.
+    if (flicker_taken_) flicker_ = kFlickerKept * flicker_ + (still ? difference - trend_ : 0.0);
+    trend_ += kTrendTaken * (difference - trend_);
+    for (float& d : difference_) d = static_cast<float>(std::abs(static_cast<double>(d) - difference));
+    constexpr double kSigmaOfMedian = 1.4826;
+    spread_ = std::max(sigma_, kSigmaOfMedian * median());
+    offset_ = static_cast<float>(jumped_ + flicker_);
+  }
+
   void apply(float* plane, PixelRange pixels) noexcept override {
     if (offset_ == 0.0F) return;
     const float offset = offset_;
     for (std::size_t i = pixels.begin; i < pixels.end; ++i) plane[i] -= offset;
   }
 
+  // The common difference between this frame and the one before: from their median on, means of what is within reach.
  private:
-  double centre() noexcept;
-  double share_within(double reach, double centre) const noexcept;
-  double median() noexcept;
+  double centre() noexcept {
+    for (std::size_t i = 0; i < lattice_.size(); ++i) difference_[i] = now_[i] - sample_[i];
+    double centre = median();
+    constexpr int kRounds = 4;
+    for (int round = 0; round < kRounds; ++round) {
+      double sum = 0.0;
+      double count = 0.0;
+      for (const float d : difference_) {
+        const double away = static_cast<double>(d) - centre;
+        if (std::abs(away) > kClip * sigma_) continue;
+        sum += away;
+        count += 1.0;
+      }
+      if (count < 1.0) break;
+      centre += sum / count;
+    }
+    return centre;
+  }
+
+  double share_within(double reach, double centre) const noexcept {
+    const auto near = [&](float d) { return std::abs(static_cast<double>(d) - centre) < reach; };
+    return static_cast<double>(std::ranges::count_if(difference_, near)) / static_cast<double>(difference_.size());
+  }
+
+  // Of difference_, which it puts in another order.
+  double median() noexcept {
+    const auto middle = difference_.begin() + static_cast<std::ptrdiff_t>(difference_.size() / 2);
+    std::nth_element(difference_.begin(), middle, difference_.end());
+    return static_cast<double>(*middle);
+  }
 
   const bool flicker_taken_;
   const bool jumps_taken_;
@@ -64,68 +122,6 @@ class CommonOffset final : public Correction {
   double trend_ = 0.0;    // of the differences: motion
   float offset_ = 0.0F;
 };
-
-double CommonOffset::share_within(double reach, double centre) const noexcept {
-  const auto near = [&](float d) { return std::abs(static_cast<double>(d) - centre) < reach; };
-  return static_cast<double>(std::ranges::count_if(difference_, near)) / static_cast<double>(difference_.size());
-}
-
-// Of difference_, which it puts in another order.
-double CommonOffset::median() noexcept {
-  const auto middle = difference_.begin() + static_cast<std::ptrdiff_t>(difference_.size() / 2);
-  std::nth_element(difference_.begin(), middle, difference_.end());
-  return static_cast<double>(*middle);
-}
-
-// The common difference between this frame and the one before: from their median on, means of what is within reach.
-double CommonOffset::centre() noexcept {
-  for (std::size_t i = 0; i < lattice_.size(); ++i) difference_[i] = now_[i] - sample_[i];
-  double centre = median();
-  constexpr int kRounds = 4;
-  for (int round = 0; round < kRounds; ++round) {
-    double sum = 0.0;
-    double count = 0.0;
-    for (const float d : difference_) {
-      const double away = static_cast<double>(d) - centre;
-      if (std::abs(away) > kClip * sigma_) continue;
-      sum += away;
-      count += 1.0;
-    }
-    if (count < 1.0) break;
-    centre += sum / count;
-  }
-  return centre;
-}
-
-// Steps are distinguished from motion by its spread in the frame before, which motion does not change at once.
-void CommonOffset::measure(const float* plane) noexcept {
-  for (std::size_t i = 0; i < lattice_.size(); ++i) now_[i] = plane[lattice_[i]];
-  double difference = first_ ? 0.0 : centre();
-  std::swap(now_, sample_);
-  if (first_) {
-    jumped_ = flicker_ = trend_ = 0.0;
-    spread_ = sigma_;
-    usual_ = kFirstUsual * sigma_;
-    offset_ = 0.0F;
-    return;
-  }
-  const double step = std::abs(difference - trend_);
-  const bool still = share_within(kClip * sigma_, difference) > kStill;
-  if (jumps_taken_ && step > std::max(kJump * sigma_, kUnusual * usual_) &&
-      share_within(kClip * spread_, difference) > kJumpShare) {
-    jumped_ += difference - trend_;
-    difference = trend_;
-  } else {
-    usual_ += kTrendTaken * (step - usual_);
-  }
-  // Flicker cannot be measured while nearly all of the picture moves.
-  if (flicker_taken_) flicker_ = kFlickerKept * flicker_ + (still ? difference - trend_ : 0.0);
-  trend_ += kTrendTaken * (difference - trend_);
-  for (float& d : difference_) d = static_cast<float>(std::abs(static_cast<double>(d) - difference));
-  constexpr double kSigmaOfMedian = 1.4826;
-  spread_ = std::max(sigma_, kSigmaOfMedian * median());
-  offset_ = static_cast<float>(jumped_ + flicker_);
-}
 
 }  // namespace
 

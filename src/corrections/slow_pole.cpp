@@ -28,7 +28,27 @@ class SlowPole final : public Correction {
     const std::uint64_t gap = first_ ? 1 : periods;
     if (gap != gap_) set_gap(gap);
   }
-  void apply(float* plane, PixelRange pixels) noexcept override;
+
+  void apply(float* plane, PixelRange pixels) noexcept override {
+    const auto share = static_cast<float>(share_);
+    const Pole pole = pole_;
+    float* const fast = fast_.data();
+    float* const slow = slow_.data();
+    if (first_) {
+      std::copy(plane + pixels.begin, plane + pixels.end, fast + pixels.begin);
+      std::copy(plane + pixels.begin, plane + pixels.end, slow + pixels.begin);
+    }
+    for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
+      // About the value itself, so that single precision loses nothing: u is input less value.
+      const float value = plane[i];
+      const float f = fast[i] - value;
+      const float s = slow[i] - value;
+      const float u = -pole.per_input * ((1.0F - share) * pole.p * f + share * pole.q * s);
+      fast[i] = value + pole.p * f + (1.0F - pole.p) * u;
+      slow[i] = value + pole.q * s + (1.0F - pole.q) * u;
+      plane[i] = fast[i];
+    }
+  }
 
  private:
   struct Pole {
@@ -57,27 +77,6 @@ class SlowPole final : public Correction {
   bool first_ = true;
   Pole pole_;
 };
-
-void SlowPole::apply(float* plane, PixelRange pixels) noexcept {
-  const auto share = static_cast<float>(share_);
-  const Pole pole = pole_;
-  float* const fast = fast_.data();
-  float* const slow = slow_.data();
-  if (first_) {
-    std::copy(plane + pixels.begin, plane + pixels.end, fast + pixels.begin);
-    std::copy(plane + pixels.begin, plane + pixels.end, slow + pixels.begin);
-  }
-  for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
-    // About the value itself, so that single precision loses nothing: u is input less value.
-    const float value = plane[i];
-    const float f = fast[i] - value;
-    const float s = slow[i] - value;
-    const float u = -pole.per_input * ((1.0F - share) * pole.p * f + share * pole.q * s);
-    fast[i] = value + pole.p * f + (1.0F - pole.p) * u;
-    slow[i] = value + pole.q * s + (1.0F - pole.q) * u;
-    plane[i] = fast[i];
-  }
-}
 
 }  // namespace
 

@@ -10,7 +10,7 @@
 //   alpha, beta  of a subtree: the sum of its steps is alpha + beta y for a common force y on all its leaves
 //
 // A multiplier for each side of a bound, and slacks that are kept beside t, cost twice the work and more steps.
-#include "src/deblur/interior_kernel.hpp"
+#include "src/deblur/interior_plan.hpp"
 
 #include "src/core/simd_targets.hpp"
 

@@ -22,8 +22,10 @@
 #pragma once
 
 #include <array>
+#include <string_view>
 
 #include "src/deblur/dual_plan.hpp"
+#include "src/deblur/kernels.hpp"
 
 namespace bolo::deblur {
 
@@ -57,5 +59,15 @@ InteriorPlan make_interior_plan(const Settings& settings, const Grid& grid);
 
 // No allocation. Thread: pipeline.
 void prepare(InteriorPlan& plan, const Grid& grid, const Pattern& pattern) noexcept;
+
+// The pixel loop, built once for every instruction set.
+struct InteriorKernel {
+  std::string_view isa;
+  // As Kernels'. Thread: worker.
+  void (*solve)(const InteriorPlan& plan, const PixelRun& run) noexcept;
+};
+
+// Of the instruction set that best_kernels() uses. Thread: setup.
+const InteriorKernel& best_interior_kernel();
 
 }  // namespace bolo::deblur

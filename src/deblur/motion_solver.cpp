@@ -6,7 +6,6 @@
 
 #include "src/core/clock.hpp"
 #include "src/deblur/method.hpp"
-#include "src/deblur/plane_solver.hpp"
 
 namespace bolo::deblur {
 namespace {

@@ -3,7 +3,6 @@
 #include <atomic>
 #include <cerrno>
 #include <chrono>
-#include <cmath>
 #include <cstring>
 #include <ctime>
 #include <exception>
@@ -193,213 +192,199 @@ struct Daemon::Impl {
   bool control_missed = false;                // and logged
   std::future<Result<DaemonConfig>> reading;  // the file once more
 
-  Status compose();
-  Result<std::unique_ptr<ControlServer>> make_control();
-  Status listen();
-  void keep_listening();
-  void serve_metrics();
-  std::string answer(std::string_view request) const;
-  void watch(OnHangup on_hangup);
-  void follow_period();
-  bool take_signal(OnHangup on_hangup);
-  void reload();
-  Result<DaemonConfig> read_again();
-  void apply(const DaemonConfig& read);
-  void lock_memory() const;
-};
-
-Status Daemon::Impl::compose() {
-  ASSIGN_OR_RETURN(ComposedSource source, make_source(config));
-  for (const std::string& warning : source.warnings) log->warn(warning);
-  camera = source.camera;
-  replay = source.replay;
-  sinks = make_sinks(config);
-  ASSIGN_OR_RETURN(gyro, make_gyro(config));
-  std::vector<pipeline::FrameSink*> lent;
-  for (const auto& sink : sinks) {
-    if (sink != nullptr) lent.push_back(sink.get());
-  }
-  if (Status status = deblur::choose_isa(config.isa); !status) return status;
-  pipeline::PipelineOptions options = config.pipeline;
-  options.deblur.gyro = gyro.get();
-  options.must_keep_up = !waits_for_frames(config);
-  options.degrade = options.degrade && options.must_keep_up;
-  options.warn = [log = log](const std::string& what) { log->warn(what); };
-  ASSIGN_OR_RETURN(pipeline, pipeline::Pipeline::create(std::move(source.source), lent, options));
-  if (camera != nullptr) {
-    for (const std::string& warning : camera->warnings()) log->warn(warning);
-  }
-  const std::string& serial = pipeline->source().camera_serial;
-  if (!config.profile.serial.empty() && !serial.empty() && serial != config.profile.serial) {
-    log->warn("the profile is of camera {}, but this is camera {}", config.profile.serial, serial);
-  }
-  return {};
-}
-
-Result<std::unique_ptr<ControlServer>> Daemon::Impl::make_control() {
-  return ControlServer::start(config.control.socket, config.control.mode,
-                              [this](std::string_view request) { return answer(request); });
-}
-
-// A place that was not asked for may fail: frames matter more than commands.
-Status Daemon::Impl::listen() {
-  if (config.control.socket.empty()) return {};
-  auto made = make_control();
-  if (made) {
-    control = std::move(*made);
+  Status compose() {
+    ASSIGN_OR_RETURN(ComposedSource source, make_source(config));
+    for (const std::string& warning : source.warnings) log->warn(warning);
+    camera = source.camera;
+    replay = source.replay;
+    sinks = make_sinks(config);
+    ASSIGN_OR_RETURN(gyro, make_gyro(config));
+    std::vector<pipeline::FrameSink*> lent;
+    for (const auto& sink : sinks) {
+      if (sink != nullptr) lent.push_back(sink.get());
+    }
+    if (Status status = deblur::choose_isa(config.isa); !status) return status;
+    pipeline::PipelineOptions options = config.pipeline;
+    options.deblur.gyro = gyro.get();
+    options.must_keep_up = !waits_for_frames(config);
+    options.degrade = options.degrade && options.must_keep_up;
+    options.warn = [log = log](const std::string& what) { log->warn(what); };
+    ASSIGN_OR_RETURN(pipeline, pipeline::Pipeline::create(std::move(source.source), lent, options));
+    if (camera != nullptr) {
+      for (const std::string& warning : camera->warnings()) log->warn(warning);
+    }
+    const std::string& serial = pipeline->source().camera_serial;
+    if (!config.profile.serial.empty() && !serial.empty() && serial != config.profile.serial) {
+      log->warn("the profile is of camera {}, but this is camera {}", config.profile.serial, serial);
+    }
     return {};
   }
-  if (config.control.socket != default_control_socket(config.name)) return tl::unexpected<Error>(made.error());
-  log->warn(made.error().message);  // the default place: not asked for
-  return {};
-}
 
-// Cleaners of temporary files remove sockets, too, and with them every command.
-void Daemon::Impl::keep_listening() {
-  if (control == nullptr || monotonic_ns() < next_control_check_ns) return;
-  next_control_check_ns = monotonic_ns() + kRetryNs;
-  if (control->is_there()) return;
-  auto made = make_control();
-  if (made) {
-    control = std::move(*made);
-    control_missed = false;
-    log->warn("control socket {} was taken away; it is there again", config.control.socket);
-  } else if (!std::exchange(control_missed, true)) {
-    log->warn("{}; it is tried again all the time", made.error().message);
+  Result<std::unique_ptr<ControlServer>> make_control() {
+    return ControlServer::start(config.control.socket, config.control.mode,
+                                [this](std::string_view request) { return answer(request); });
   }
-}
 
-// A taken port is tried again: frames matter more than metrics.
-void Daemon::Impl::serve_metrics() {
-  if (!config.metrics.enabled || metrics != nullptr || monotonic_ns() < next_metrics_try_ns) return;
-  const bool first = std::exchange(next_metrics_try_ns, monotonic_ns() + kRetryNs) == 0;
-  auto made = metrics_server(config.metrics, [this] {
-    return collect_metrics({config.name, *pipeline, supervisor->flows()});
-  });
-  if (made) {
-    metrics = std::move(*made);
-    if (!first) log->info("metrics are served at {}", config.metrics.listen);
-  } else if (first) {
-    log->warn("{}; it is tried again all the time", made.error().message);
+  // A place that was not asked for may fail: frames matter more than commands.
+  Status listen() {
+    if (config.control.socket.empty()) return {};
+    auto made = make_control();
+    if (made) {
+      control = std::move(*made);
+      return {};
+    }
+    if (config.control.socket != default_control_socket(config.name)) return tl::unexpected<Error>(made.error());
+    log->warn(made.error().message);  // the default place: not asked for
+    return {};
   }
-}
 
-// On the control server's thread.
-std::string Daemon::Impl::answer(std::string_view request) const {
-  // May contain text of the camera, which need be no UTF-8.
-  const auto refused = [](const std::string& why) {
+  // Cleaners of temporary files remove sockets, too, and with them every command.
+  void keep_listening() {
+    if (control == nullptr || monotonic_ns() < next_control_check_ns) return;
+    next_control_check_ns = monotonic_ns() + kRetryNs;
+    if (control->is_there()) return;
+    auto made = make_control();
+    if (made) {
+      control = std::move(*made);
+      control_missed = false;
+      log->warn("control socket {} was taken away; it is there again", config.control.socket);
+    } else if (!std::exchange(control_missed, true)) {
+      log->warn("{}; it is tried again all the time", made.error().message);
+    }
+  }
+
+  // A taken port is tried again: frames matter more than metrics.
+  void serve_metrics() {
+    if (!config.metrics.enabled || metrics != nullptr || monotonic_ns() < next_metrics_try_ns) return;
+    const bool first = std::exchange(next_metrics_try_ns, monotonic_ns() + kRetryNs) == 0;
+    auto made = metrics_server(config.metrics, [this] {
+      return collect_metrics({config.name, *pipeline, supervisor->flows()});
+    });
+    if (made) {
+      metrics = std::move(*made);
+      if (!first) log->info("metrics are served at {}", config.metrics.listen);
+    } else if (first) {
+      log->warn("{}; it is tried again all the time", made.error().message);
+    }
+  }
+
+  // On the control server's thread.
+  std::string answer(std::string_view request) const {
+    // May contain text of the camera, which need be no UTF-8.
+    const auto refused = [](const std::string& why) {
+      shm::JsonMembers json;
+      json.add("ok", false);
+      json.add("error", printable(why));
+      return json.text();
+    };
+    if (request == "state") return state_json(config, *pipeline);
+    if (request != "nuc") return refused("unknown request; there are: nuc, state");
+    if (const Status done = pipeline->trigger_nuc(); !done) return refused(done.error().message);
+    const pipeline::SourceStatus* status = pipeline->stats().source;
     shm::JsonMembers json;
-    json.add("ok", false);
-    json.add("error", printable(why));
+    json.add("ok", true);
+    json.add("nucs", status != nullptr ? status->corrections.value() : 0);
     return json.text();
-  };
-  if (request == "state") return state_json(config, *pipeline);
-  if (request != "nuc") return refused("unknown request; there are: nuc, state");
-  if (const Status done = pipeline->trigger_nuc(); !done) return refused(done.error().message);
-  const pipeline::SourceStatus* status = pipeline->stats().source;
-  shm::JsonMembers json;
-  json.add("ok", true);
-  json.add("nucs", status != nullptr ? status->corrections.value() : 0);
-  return json.text();
-}
-
-// True when it asks for the end.
-bool Daemon::Impl::take_signal(OnHangup on_hangup) {
-  const sigset_t signals = our_signals();
-  const int signal = sigtimedwait(&signals, nullptr, &kPollPeriod);
-  if (signal < 0) return false;
-  if (signal == SIGHUP && on_hangup == OnHangup::kReload) reload();
-  if (signal == SIGHUP && (on_hangup == OnHangup::kReload || ignored(SIGHUP))) return false;
-  log->info("{}: stopping", name_of(signal));
-  return true;
-}
-
-// Locks the memory in use before frames flow, and with no limit also pages that are touched later: a limit could make
-// later allocations fail.
-void Daemon::Impl::lock_memory() const {
-  if (!config.lock_memory) return;
-  const bool unlimited = memory_limit() == RLIM_INFINITY || geteuid() == 0;
-  if (mlockall(MCL_CURRENT | MCL_ONFAULT | (unlimited ? MCL_FUTURE : 0)) == 0) return;
-  log->warn(
-      "memory is not locked ({}): raise LimitMEMLOCK (ulimit -l, now {} KiB), or set pipeline.lock_memory = false",
-      std::strerror(errno), memory_limit() >> 10);
-}
-
-void Daemon::Impl::watch(OnHangup on_hangup) {
-  Ros2Process ros2(config.ros2, config.name);
-  while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
-    if (take_signal(on_hangup)) break;
-    supervisor->poll();
-    ros2.poll([this](const std::string& what) { log->warn(what); });
-    follow_period();
-    serve_metrics();
-    keep_listening();
   }
-  service::notify_stopping();
-}
 
-// Frames are solved with the period that the camera's own clock shows, once it is known to be another one.
-void Daemon::Impl::follow_period() {
-  const pipeline::SourceStatus* source = pipeline->stats().source;
-  const double fresh_s = pipeline->stats().fresh_period_s.value();
-  const double measured_s = fresh_s > 0.0 ? fresh_s : source != nullptr ? source->measured_period_s.value() : 0.0;
-  const double before_s = period_change.update(measured_s, pipeline->settings().period_s, monotonic_ns());
-  if (before_s == 0.0) return;
-  const Status taken = pipeline->set_period(measured_s);
-  const bool repeats = fresh_s > 0.0 && pipeline->stats().repeats.value() > 0;
-  const std::string_view advice = camera == nullptr || repeats ? "" : "; set source.true_rate_hz, or find out why";
-  log->warn("by the camera's clock {:.5g} {}frames come a second, not {:.5g}, and they are solved {}{}",
-            1.0 / measured_s, repeats ? "new " : "", 1.0 / before_s,
-            taken ? "so from now on" : "as before: " + taken.error().message, taken ? advice : "");
-}
+  void watch(OnHangup on_hangup) {
+    Ros2Process ros2(config.ros2, config.name);
+    while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
+      if (take_signal(on_hangup)) break;
+      supervisor->poll();
+      ros2.poll([this](const std::string& what) { log->warn(what); });
+      follow_period();
+      serve_metrics();
+      keep_listening();
+    }
+    service::notify_stopping();
+  }
 
-// A file that is wrong changes nothing.
-void Daemon::Impl::reload() {
-  service::notify_reloading();
-  const Result<DaemonConfig> read = tried([this] { return read_again(); });
-  if (read) {
-    apply(*read);
-  } else {
-    const std::string text = "reload: " + read.error().message + "; all stays as it was";
-    log_notice(*log, spdlog::level::err, {true, text, event::kReload});
+  // Frames are solved with the period that the camera's own clock shows, once it is known to be another one.
+  void follow_period() {
+    const pipeline::SourceStatus* source = pipeline->stats().source;
+    const double fresh_s = pipeline->stats().fresh_period_s.value();
+    const double measured_s = fresh_s > 0.0 ? fresh_s : source != nullptr ? source->measured_period_s.value() : 0.0;
+    const double before_s = period_change.update(measured_s, pipeline->settings().period_s, monotonic_ns());
+    if (before_s == 0.0) return;
+    const Status taken = pipeline->set_period(measured_s);
+    const bool repeats = fresh_s > 0.0 && pipeline->stats().repeats.value() > 0;
+    const std::string_view advice = camera == nullptr || repeats ? "" : "; set source.true_rate_hz, or find out why";
+    log->warn("by the camera's clock {:.5g} {}frames come a second, not {:.5g}, and they are solved {}{}",
+              1.0 / measured_s, repeats ? "new " : "", 1.0 / before_s,
+              taken ? "so from now on" : "as before: " + taken.error().message, taken ? advice : "");
   }
-  service::notify_ready(read ? "read its file again" : "could not read its file again");
-}
 
-// On a thread of its own, which a disk that hangs keeps; a file that still comes after that is not taken.
-Result<DaemonConfig> Daemon::Impl::read_again() {
-  if (config.file.empty()) return bad_input("there is no file that could have changed");
-  const auto comes_within = [this](std::chrono::seconds wait) {
-    return reading.wait_for(wait) == std::future_status::ready;
-  };
-  if (!reading.valid() || comes_within(std::chrono::seconds(0))) {
-    std::packaged_task<Result<DaemonConfig>()> task(
-        [file = config.file] { return tried([&] { return read_config(file); }); });
-    reading = task.get_future();
-    std::thread(std::move(task)).detach();
+  // True when it asks for the end.
+  bool take_signal(OnHangup on_hangup) {
+    const sigset_t signals = our_signals();
+    const int signal = sigtimedwait(&signals, nullptr, &kPollPeriod);
+    if (signal < 0) return false;
+    if (signal == SIGHUP && on_hangup == OnHangup::kReload) reload();
+    if (signal == SIGHUP && (on_hangup == OnHangup::kReload || ignored(SIGHUP))) return false;
+    log->info("{}: stopping", name_of(signal));
+    return true;
   }
-  if (!comes_within(kReadPatience)) {
-    return bad_input(fmt::format("{}: cannot be read within {} s", config.file.string(), kReadPatience.count()));
-  }
-  return reading.get();
-}
 
-void Daemon::Impl::apply(const DaemonConfig& read) {
-  const ConfigChange change = compare(config, read);
-  log->set_level(read.log.level);
-  if (camera != nullptr) camera->set_nuc(read.camera.nuc);
-  for (std::size_t i = 0; i < read.sinks.size(); ++i) {
-    if (sinks[i] != nullptr) sinks[i]->reload(*read.sinks[i]);
+  // A file that is wrong changes nothing.
+  void reload() {
+    service::notify_reloading();
+    const Result<DaemonConfig> read = tried([this] { return read_again(); });
+    if (read) {
+      apply(*read);
+    } else {
+      const std::string text = "reload: " + read.error().message + "; all stays as it was";
+      log_notice(*log, spdlog::level::err, {true, text, event::kReload});
+    }
+    service::notify_ready(read ? "read its file again" : "could not read its file again");
   }
-  for (const std::string& key : change.live) config.texts[key] = read.texts.at(key);
-  if (!change.restart.empty()) {
-    const std::string text = fmt::format("reload: needs a restart: {}", fmt::join(change.restart, ", "));
-    log_notice(*log, spdlog::level::warn, {true, text, event::kReload});
+
+  // On a thread of its own, which a disk that hangs keeps; a file that still comes after that is not taken.
+  Result<DaemonConfig> read_again() {
+    if (config.file.empty()) return bad_input("there is no file that could have changed");
+    const auto comes_within = [this](std::chrono::seconds wait) {
+      return reading.wait_for(wait) == std::future_status::ready;
+    };
+    if (!reading.valid() || comes_within(std::chrono::seconds(0))) {
+      std::packaged_task<Result<DaemonConfig>()> task(
+          [file = config.file] { return tried([&] { return read_config(file); }); });
+      reading = task.get_future();
+      std::thread(std::move(task)).detach();
+    }
+    if (!comes_within(kReadPatience)) {
+      return bad_input(fmt::format("{}: cannot be read within {} s", config.file.string(), kReadPatience.count()));
+    }
+    return reading.get();
   }
-  const std::string taken =
-      change.live.empty() ? "nothing to take up" : fmt::format("took up {}", fmt::join(change.live, ", "));
-  log_notice(*log, spdlog::level::info, {false, "reload: " + taken, event::kReload});
-}
+
+  void apply(const DaemonConfig& read) {
+    const ConfigChange change = compare(config, read);
+    log->set_level(read.log.level);
+    if (camera != nullptr) camera->set_nuc(read.camera.nuc);
+    for (std::size_t i = 0; i < read.sinks.size(); ++i) {
+      if (sinks[i] != nullptr) sinks[i]->reload(*read.sinks[i]);
+    }
+    for (const std::string& key : change.live) config.texts[key] = read.texts.at(key);
+    if (!change.restart.empty()) {
+      const std::string text = fmt::format("reload: needs a restart: {}", fmt::join(change.restart, ", "));
+      log_notice(*log, spdlog::level::warn, {true, text, event::kReload});
+    }
+    const std::string taken =
+        change.live.empty() ? "nothing to take up" : fmt::format("took up {}", fmt::join(change.live, ", "));
+    log_notice(*log, spdlog::level::info, {false, "reload: " + taken, event::kReload});
+  }
+
+  // Locks the memory in use before frames flow, and with no limit also pages that are touched later: a limit could make
+  // later allocations fail.
+  void lock_memory() const {
+    if (!config.lock_memory) return;
+    const bool unlimited = memory_limit() == RLIM_INFINITY || geteuid() == 0;
+    if (mlockall(MCL_CURRENT | MCL_ONFAULT | (unlimited ? MCL_FUTURE : 0)) == 0) return;
+    log->warn(
+        "memory is not locked ({}): raise LimitMEMLOCK (ulimit -l, now {} KiB), or set pipeline.lock_memory = false",
+        std::strerror(errno), memory_limit() >> 10);
+  }
+};
 
 Daemon::Daemon(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Daemon::~Daemon() = default;

@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
-#include <climits>
 #include <condition_variable>
 #include <cstdint>
 #include <cstdlib>

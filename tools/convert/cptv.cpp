@@ -52,9 +52,67 @@ class CptvFile {
   CptvFile& operator=(const CptvFile&) = delete;
 
   // Once, at the file's begin.
-  Result<Header> read_header();
+  Result<Header> read_header() {
+    if (file_ == nullptr) return wrong("it cannot be opened");
+    std::array<char, 7> begin{};  // "CPTV", the version, 'H', fields
+    if (read(begin.data(), begin.size()) != begin.size() || std::memcmp(begin.data(), "CPTV", 4) != 0) {
+      return wrong("it is no CPTV file");
+    }
+    if (begin[4] != 2) return wrong(fmt::format("it is CPTV version {}; 2 is read", static_cast<int>(begin[4])));
+    if (begin[5] != 'H') return wrong("it has no header");
+    Header header;
+    int compression = -1;
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    for (int left = static_cast<std::uint8_t>(begin[6]); left > 0; --left) {
+      ASSIGN_OR_RETURN(const auto field, read_field());
+      if (field.code == 'X') width = field.as<std::uint32_t>();
+      if (field.code == 'Y') height = field.as<std::uint32_t>();
+      if (field.code == 'C') compression = field.as<std::uint8_t>();
+      if (field.code == 'T') header.recorded_us = field.as<std::int64_t>();
+      if (field.code == 'Z') header.rate_hz = field.as<std::uint8_t>();
+      if (field.code == 'D') header.device = field.text();
+      if (field.code == 'E') header.model = field.text();
+      if (field.code == 'N') {
+        header.serial = field.bytes == sizeof(std::uint32_t) ? std::to_string(field.as<std::uint32_t>()) : field.text();
+      }
+    }
+    if (width == 0 || width > kMostCptvSide || height == 0 || height > kMostCptvSide ||
+        std::size_t{width} * height > kMostPixelsOfAFrame) {
+      return wrong(fmt::format("its frames are {}x{}", width, height));
+    }
+    if (compression != 1) return wrong(fmt::format("its frames are compressed by scheme {}; 1 is read", compression));
+    header.geometry = {static_cast<int>(width), static_cast<int>(height)};
+    return header;
+  }
+
   // Up to the frame's data. Nothing at the file's end.
-  Result<std::optional<FrameHead>> read_frame_head(Geometry geometry);
+  Result<std::optional<FrameHead>> read_frame_head(Geometry geometry) {
+    std::array<std::uint8_t, 2> begin{};  // 'F', fields
+    const std::size_t got = read(begin.data(), begin.size());
+    int error = Z_OK;
+    gzerror(file_, &error);
+    if (got == 0 && error == Z_OK) return std::optional<FrameHead>{};
+    if (got != begin.size()) return cut_off();
+    if (begin[0] != 'F') return wrong("something other than a frame stands where one should begin");
+    FrameHead frame;
+    for (int left = begin[1]; left > 0; --left) {
+      ASSIGN_OR_RETURN(const auto field, read_field());
+      if (field.code == 't') frame.time_ms = field.as<std::uint32_t>();
+      if (field.code == 'c') frame.ffc_ms = field.as<std::uint32_t>();
+      if (field.code == 'f') frame.bytes = field.as<std::uint32_t>();
+      if (field.code == 'w') frame.bits = field.as<std::uint8_t>();
+      if (field.code == 'g') frame.background = field.as<std::uint8_t>() != 0;
+    }
+    if (frame.bits < 1 || frame.bits > kMostBits) return wrong(fmt::format("a frame has {} bits a pixel", frame.bits));
+    const std::size_t least = 4 + ((geometry.pixels() - 1) * frame.bits + 7) / 8;
+    if (frame.bytes < least || frame.bytes > 4 + 4 * geometry.pixels() + 8) {
+      return wrong(fmt::format("a frame of {}x{} with {} bits a pixel has {} bytes", geometry.width, geometry.height,
+                               frame.bits, frame.bytes));
+    }
+    return std::optional(frame);
+  }
+
   Status read_data(std::vector<std::uint8_t>& data, std::size_t bytes) {
     data.resize(bytes);
     return read(data.data(), bytes) == bytes ? Status{} : cut_off();
@@ -98,66 +156,6 @@ class CptvFile {
   std::string name_;
   gzFile file_;
 };
-
-Result<Header> CptvFile::read_header() {
-  if (file_ == nullptr) return wrong("it cannot be opened");
-  std::array<char, 7> begin{};  // "CPTV", the version, 'H', fields
-  if (read(begin.data(), begin.size()) != begin.size() || std::memcmp(begin.data(), "CPTV", 4) != 0) {
-    return wrong("it is no CPTV file");
-  }
-  if (begin[4] != 2) return wrong(fmt::format("it is CPTV version {}; 2 is read", static_cast<int>(begin[4])));
-  if (begin[5] != 'H') return wrong("it has no header");
-  Header header;
-  int compression = -1;
-  std::uint32_t width = 0;
-  std::uint32_t height = 0;
-  for (int left = static_cast<std::uint8_t>(begin[6]); left > 0; --left) {
-    ASSIGN_OR_RETURN(const auto field, read_field());
-    if (field.code == 'X') width = field.as<std::uint32_t>();
-    if (field.code == 'Y') height = field.as<std::uint32_t>();
-    if (field.code == 'C') compression = field.as<std::uint8_t>();
-    if (field.code == 'T') header.recorded_us = field.as<std::int64_t>();
-    if (field.code == 'Z') header.rate_hz = field.as<std::uint8_t>();
-    if (field.code == 'D') header.device = field.text();
-    if (field.code == 'E') header.model = field.text();
-    if (field.code == 'N') {
-      header.serial = field.bytes == sizeof(std::uint32_t) ? std::to_string(field.as<std::uint32_t>()) : field.text();
-    }
-  }
-  if (width == 0 || width > kMostCptvSide || height == 0 || height > kMostCptvSide ||
-      std::size_t{width} * height > kMostPixelsOfAFrame) {
-    return wrong(fmt::format("its frames are {}x{}", width, height));
-  }
-  if (compression != 1) return wrong(fmt::format("its frames are compressed by scheme {}; 1 is read", compression));
-  header.geometry = {static_cast<int>(width), static_cast<int>(height)};
-  return header;
-}
-
-Result<std::optional<FrameHead>> CptvFile::read_frame_head(Geometry geometry) {
-  std::array<std::uint8_t, 2> begin{};  // 'F', fields
-  const std::size_t got = read(begin.data(), begin.size());
-  int error = Z_OK;
-  gzerror(file_, &error);
-  if (got == 0 && error == Z_OK) return std::optional<FrameHead>{};
-  if (got != begin.size()) return cut_off();
-  if (begin[0] != 'F') return wrong("something other than a frame stands where one should begin");
-  FrameHead frame;
-  for (int left = begin[1]; left > 0; --left) {
-    ASSIGN_OR_RETURN(const auto field, read_field());
-    if (field.code == 't') frame.time_ms = field.as<std::uint32_t>();
-    if (field.code == 'c') frame.ffc_ms = field.as<std::uint32_t>();
-    if (field.code == 'f') frame.bytes = field.as<std::uint32_t>();
-    if (field.code == 'w') frame.bits = field.as<std::uint8_t>();
-    if (field.code == 'g') frame.background = field.as<std::uint8_t>() != 0;
-  }
-  if (frame.bits < 1 || frame.bits > kMostBits) return wrong(fmt::format("a frame has {} bits a pixel", frame.bits));
-  const std::size_t least = 4 + ((geometry.pixels() - 1) * frame.bits + 7) / 8;
-  if (frame.bytes < least || frame.bytes > 4 + 4 * geometry.pixels() + 8) {
-    return wrong(fmt::format("a frame of {}x{} with {} bits a pixel has {} bytes", geometry.width, geometry.height,
-                             frame.bits, frame.bytes));
-  }
-  return std::optional(frame);
-}
 
 // Adds to `plane` what the frame differs by. False: a value leaves 16 bits.
 bool add_difference(const std::vector<std::uint8_t>& data, unsigned bits, Geometry geometry,

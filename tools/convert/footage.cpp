@@ -142,14 +142,9 @@ class PictureFootage final : public Footage {
   }
 
   Result<Picture> read_unnamed(const Place& place) {
-    switch (kind_of(place.file)) {
-      case Kind::kPng:
-        return read_png_picture(place.file);
-      case Kind::kTiff:
-        return read_page(place);
-      default:
-        break;
-    }
+    const Kind kind = kind_of(place.file);
+    if (kind == Kind::kPng) return read_png_picture(place.file);
+    if (kind == Kind::kTiff) return read_page(place);
     ASSIGN_OR_RETURN(const FlirStill still, read_flir_still(place.file));
     info_.camera_model = still.camera_model;
     info_.camera_serial = still.camera_serial;

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <set>
@@ -307,17 +308,8 @@ Check clock(const Facts& facts) {
 }  // namespace
 
 std::string_view word(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kGood:
-      return "good";
-    case Verdict::kAdvice:
-      return "advice";
-    case Verdict::kProblem:
-      return "problem";
-    case Verdict::kUnknown:
-      break;
-  }
-  return "unknown";
+  constexpr std::array<std::string_view, 4> kWords{"good", "advice", "problem", "unknown"};
+  return kWords[static_cast<std::size_t>(verdict)];
 }
 
 // Comma-separated: ..., name, stratum, time, offset of the system's clock (s), ...

@@ -29,28 +29,84 @@ class StreamDeblur {
  public:
   // `format`: uint16. Errors: settings that cannot be (kBadInput).
   static Result<std::unique_ptr<StreamDeblur>> create(const deblur::Settings& settings, const StreamFormat& format,
-                                                      int workers);
+                                                      int workers) {
+    RETURN_IF_ERROR(deblur::validate(settings));
+    try {
+      ASSIGN_OR_RETURN(auto solver, deblur::Solver::create(settings, format, PixelType::kUint16));
+      return std::unique_ptr<StreamDeblur>(new StreamDeblur(settings, format, workers, std::move(solver)));
+    } catch (const std::exception& e) {  // for want of memory or threads
+      return failed("frames of " + std::to_string(format.geometry.width) + "x" +
+                    std::to_string(format.geometry.height) + " cannot be deblurred: " + describe_exception(e));
+    }
+  }
 
   // The next frame's plane, row-major without padding.
   std::uint16_t* borrow() noexcept { return plane_of(free_.back()); }
   // The frame that was filled in, taken at `time_ns`; a jump in time is frames lost. `restart`: it does not go on from
   // those before.
-  void push(std::int64_t time_ns, bool restart) noexcept;
+  void push(std::int64_t time_ns, bool restart) noexcept {
+    FrameMeta meta{.camera_ns = time_ns, .receive_ns = time_ns};
+    // Nobody counts these frames but the clock.
+    const double periods = static_cast<double>(time_ns - last_.camera_ns) / (period_s_ * kNsPerSecond);
+    const double most = 2.0 * static_cast<double>(window_.slots());  // more of a jump empties the window anyway
+    const double step = std::clamp(std::round(periods), 1.0, most);
+    if (any_) meta.frame_id = last_.frame_id + static_cast<std::uint64_t>(step);
+    const std::uint32_t slot = free_.back();
+    free_.pop_back();
+    window_.push({meta, plane_of(slot), slot}, restart || !any_);
+    collected_ = false;
+    last_ = meta;
+    any_ = true;
+  }
+
   // No more frames: those that wait for their look-ahead become ready without it.
-  void finish() noexcept;
+  void finish() noexcept {
+    window_.finish();
+    collected_ = any_ = false;
+  }
 
   struct Ready {
     std::int64_t time_ns = 0;  // as it was pushed
     bool full = false;         // a whole window: it is sharp; else the frame as it came
   };
   // The next frame, oldest first, into `out`, of format.geometry.pixels() values.
-  bool next(Ready& ready, std::uint16_t* out) noexcept;
+  bool next(Ready& ready, std::uint16_t* out) noexcept {
+    deblur::Window::Ready frame;
+    if (!window_.next(frame)) {
+      if (!std::exchange(collected_, true)) {
+        free_.insert(free_.end(), window_.released().begin(), window_.released().end());
+      }
+      return false;
+    }
+    ready = {frame.frame.meta.camera_ns, frame.full};
+    if (frame.full) {
+      solve(frame.view, out);
+    } else {
+      std::memcpy(out, frame.frame.plane, plane_bytes(format_.geometry, PixelType::kUint16));
+    }
+    return true;
+  }
 
  private:
   StreamDeblur(const deblur::Settings& settings, const StreamFormat& format, int workers,
-               std::unique_ptr<deblur::Solver> solver);
+               std::unique_ptr<deblur::Solver> solver)
+      : format_(format),
+        period_s_(settings.period_s),
+        window_(settings),
+        solver_(std::move(solver)),
+        team_(workers, {.name = "bolo-deblur"}),
+        planes_(static_cast<std::size_t>(window_.slots()) * format.geometry.pixels()) {
+    for (int slot = 0; slot < window_.slots(); ++slot) free_.push_back(static_cast<std::uint32_t>(slot));
+  }
+
   std::uint16_t* plane_of(std::uint32_t slot) noexcept { return planes_.data() + slot * format_.geometry.pixels(); }
-  void solve(const deblur::WindowView& view, std::uint16_t* out) noexcept;
+
+  void solve(const deblur::WindowView& view, std::uint16_t* out) noexcept {
+    solver_->prepare(view, team_);
+    for_parts(team_, format_.geometry.height, [&](int begin, int end) {
+      solver_->solve(view, {0, begin, format_.geometry.width, end - begin}, out);
+    });
+  }
 
   StreamFormat format_;
   double period_s_;
@@ -63,73 +119,6 @@ class StreamDeblur {
   bool any_ = false;
   bool collected_ = true;  // the planes that left the window are free again
 };
-
-Result<std::unique_ptr<StreamDeblur>> StreamDeblur::create(const deblur::Settings& settings, const StreamFormat& format,
-                                                           int workers) {
-  RETURN_IF_ERROR(deblur::validate(settings));
-  try {
-    ASSIGN_OR_RETURN(auto solver, deblur::Solver::create(settings, format, PixelType::kUint16));
-    return std::unique_ptr<StreamDeblur>(new StreamDeblur(settings, format, workers, std::move(solver)));
-  } catch (const std::exception& e) {  // for want of memory or threads
-    return failed("frames of " + std::to_string(format.geometry.width) + "x" + std::to_string(format.geometry.height) +
-                  " cannot be deblurred: " + describe_exception(e));
-  }
-}
-
-StreamDeblur::StreamDeblur(const deblur::Settings& settings, const StreamFormat& format, int workers,
-                           std::unique_ptr<deblur::Solver> solver)
-    : format_(format),
-      period_s_(settings.period_s),
-      window_(settings),
-      solver_(std::move(solver)),
-      team_(workers, {.name = "bolo-deblur"}),
-      planes_(static_cast<std::size_t>(window_.slots()) * format.geometry.pixels()) {
-  for (int slot = 0; slot < window_.slots(); ++slot) free_.push_back(static_cast<std::uint32_t>(slot));
-}
-
-void StreamDeblur::push(std::int64_t time_ns, bool restart) noexcept {
-  FrameMeta meta{.camera_ns = time_ns, .receive_ns = time_ns};
-  // Nobody counts these frames but the clock.
-  const double periods = static_cast<double>(time_ns - last_.camera_ns) / (period_s_ * kNsPerSecond);
-  const double most = 2.0 * static_cast<double>(window_.slots());  // more of a jump empties the window anyway
-  const double step = std::clamp(std::round(periods), 1.0, most);
-  if (any_) meta.frame_id = last_.frame_id + static_cast<std::uint64_t>(step);
-  const std::uint32_t slot = free_.back();
-  free_.pop_back();
-  window_.push({meta, plane_of(slot), slot}, restart || !any_);
-  collected_ = false;
-  last_ = meta;
-  any_ = true;
-}
-
-void StreamDeblur::finish() noexcept {
-  window_.finish();
-  collected_ = any_ = false;
-}
-
-bool StreamDeblur::next(Ready& ready, std::uint16_t* out) noexcept {
-  deblur::Window::Ready frame;
-  if (!window_.next(frame)) {
-    if (!std::exchange(collected_, true)) {
-      free_.insert(free_.end(), window_.released().begin(), window_.released().end());
-    }
-    return false;
-  }
-  ready = {frame.frame.meta.camera_ns, frame.full};
-  if (frame.full) {
-    solve(frame.view, out);
-  } else {
-    std::memcpy(out, frame.frame.plane, plane_bytes(format_.geometry, PixelType::kUint16));
-  }
-  return true;
-}
-
-void StreamDeblur::solve(const deblur::WindowView& view, std::uint16_t* out) noexcept {
-  solver_->prepare(view, team_);
-  for_parts(team_, format_.geometry.height, [&](int begin, int end) {
-    solver_->solve(view, {0, begin, format_.geometry.width, end - begin}, out);
-  });
-}
 
 constexpr int kMostWorkers = 64;
 

@@ -1,5 +1,4 @@
 // Houses, trees, lamps, signs.
-#include <array>
 #include <cmath>
 
 #include "src/sim/street/painter.hpp"
