@@ -314,9 +314,12 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   for (const auto* warnings : {&session.warnings, &events.warnings, &noise.findings.warnings, &fit.findings.warnings}) {
     append(report.warnings, *warnings);
   }
+  const bool kelvin = session.recordings.front().kelvin;
   for (const Effect& effect : catalogue()) {
-    if (!effect.testable_in(session) && !field.tells(effect) && allowed(options, effect.name)) {
-      report.not_identifiable.push_back({effect.name, effect.needs});
+    const bool told = effect.testable_in(session) || field.tells(effect);
+    const bool compared = kelvin || (effect.name != "noise_level" && effect.name != "coarse_quantisation");
+    if (!(told && compared) && allowed(options, effect.name)) {
+      report.not_identifiable.push_back({effect.name, told ? "values in kelvin, as the profile's" : effect.needs});
     }
   }
   // A small reflection is confounded with level errors of the bench.
@@ -325,7 +328,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
                            [](const Chosen& c) { return c.choice.effect->name == "emissivity"; })) {
     report.not_identifiable.push_back({"emissivity", "black bodies whose temperatures are known better than these"});
   }
-  report.kelvin = session.recordings.front().kelvin;
+  report.kelvin = kelvin;
   fill_noise(noise, report);
   join_gaps(fit.done || field.judged, report);
   judge(std::move(all), report);
