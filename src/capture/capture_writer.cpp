@@ -221,10 +221,11 @@ struct CaptureWriter::Impl {
         if (!h5::write_rows(dataset->get(), H5T_NATIVE_DOUBLE, begin, count, values->data())) {
           return broken("/t_host and /t_utc cannot be written");
         }
-        values->clear();
       }
       pending_t.clear();
       pending_id.clear();
+      pending_host.clear();  // all together: each has a value for every pending frame
+      pending_utc.clear();
     }
     if (!pending_events.empty()) {
       if (!append_events(file.get(), pending_events)) return broken("/events cannot be written");
