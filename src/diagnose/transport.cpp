@@ -31,8 +31,11 @@ std::optional<std::array<double, 2>> parabola_about(const Recording& recording, 
     normal += powers * powers.transpose();
     right += powers * (values[a] - values[k]);
   }
-  if (normal(0, 0) < 5.0) return std::nullopt;
-  const Eigen::Vector3d fitted = normal.ldlt().solve(right);
+  if (normal(0, 0) < 4.0) return std::nullopt;
+  // Beside a freeze a line: of jittered times a parabola would go astray.
+  const Index powers = normal(0, 0) < static_cast<double>(to - from + 1) ? 2 : 3;
+  const MatrixXd part = normal.topLeftCorner(powers, powers);
+  const VectorXd fitted = part.ldlt().solve(right.head(powers));
   return std::array{values[k] + fitted[0], fitted[1]};
 }
 
