@@ -122,6 +122,9 @@ double level_error(const std::vector<Nuisance>& all, const State& state);
 // a black body is off by at a set point, it is in every capture.
 double level_evidence(const std::vector<Nuisance>& all, const State& state);
 
+// How many levels are off independently of one another: set points where a black body is off alike in all captures.
+double independent_levels(const std::vector<Nuisance>& all, const State& state);
+
 // Root mean square of the set points' errors over the accuracy that the bench states; 1 is usual.
 double level_excess(const std::vector<Nuisance>& all, const State& state);
 

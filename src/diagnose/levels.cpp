@@ -81,6 +81,13 @@ double level_evidence(const std::vector<Nuisance>& all, const State& state) {
   return evidence;
 }
 
+double independent_levels(const std::vector<Nuisance>& all, const State& state) {
+  const double spread = level_spread(all, state);
+  const std::vector<SetPoint> points = set_points(all, state);
+  const double own = spread > 0.0 ? own_spread(points, spread) / spread : 1.0;
+  return sum_of(points, [own](const SetPoint& p) { return 1.0 + (p.count - 1.0) * own * own; });
+}
+
 double level_excess(const std::vector<Nuisance>& all, const State& state) {
   constexpr double kResolved_k = 0.05;  // what the camera's own offsets make of a level
   const std::vector<SetPoint> points = set_points(all, state);

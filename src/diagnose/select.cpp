@@ -163,7 +163,13 @@ struct Selector {
   // data and suffices alone only when large.
   Gain gain(const FitResult& before, const FitResult& after) const {
     Gain g = gain_between(before.score, after.score);
-    const double evidence = level_evidence(levels, after.state) - level_evidence(levels, before.state);
+    double evidence = level_evidence(levels, after.state) - level_evidence(levels, before.state);
+    // Its two parameters fit any two levels; only the others tell that it is the target, not the black bodies.
+    const auto as_levels = [](const Choice& c) { return c.effect->as_levels; };
+    if (evidence > 0.0 && std::ranges::any_of(after.choices, as_levels) &&
+        std::ranges::none_of(before.choices, as_levels)) {
+      evidence *= std::max(0.0, 1.0 - 2.0 / independent_levels(levels, before.state));
+    }
     g.total += evidence;
     // Levels that still scatter are of an imperfect bench: more evidence is required.
     const double needed = levels_are_off(after.state) ? kLeastEvidenceScattered : kLeastEvidence;

@@ -186,6 +186,26 @@ void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::Camer
   }
 }
 
+// How many steps of the values never come although those on either side often do. `step_k`: of the values.
+std::size_t missing_codes(const Session& session, double step_k) {
+  constexpr std::size_t kOften = 200;
+  std::vector<std::size_t> seen(1U << 16U, 0);
+  const double middle = session.recordings.front().values(0, 0);
+  for (const Recording& r : session.recordings) {
+    for (Index k = 0; k < r.values.rows(); k += 3) {
+      for (Index p = 0; p < r.values.cols(); p += 3) {
+        const long code = std::lround((r.values(k, p) - middle) / step_k) + (1L << 15U);
+        if (session.is_good(p) && code >= 0 && code < std::ssize(seen)) ++seen[static_cast<std::size_t>(code)];
+      }
+    }
+  }
+  std::size_t missing = 0;
+  for (std::size_t c = 1; c + 1 < seen.size(); ++c) {
+    missing += seen[c] == 0 && std::min(seen[c - 1], seen[c + 1]) > kOften ? 1U : 0U;
+  }
+  return missing;
+}
+
 // Signs of effects outside the catalogue.
 void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
   if (n.line_p < kClearLine) {
@@ -316,6 +336,10 @@ Noise judge_noise(const Events& events, const Options& options) {
   name_spectrum_and_tails(noise, events.coarse, options.profile, noise.findings);
   for (Finding& one : noise.findings.effects) one.effect.of_noise = true;
   name_rest(noise.statistics, events.coarse, noise.findings);
+  // Noise of less than a step leaves codes out by itself.
+  if (events.step_k > 0.0 && noise.floor_k > events.step_k && missing_codes(events.session, events.step_k) > 0) {
+    noise.findings.remainders.push_back({"readout", "single values never come, unlike those on either side", kClear});
+  }
   return noise;
 }
 

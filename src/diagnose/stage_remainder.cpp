@@ -9,6 +9,7 @@ namespace {
 
 constexpr double kMostOfOne = 16.0;        // clip of one squared value in its frame's sum, squared floors
 constexpr double kLeastAmplitude = 0.008;  // rms of a component along a basis, in floors: error of the forward models
+constexpr double kUsualThinning = 2.0;     // all pixels to those of the fit, where the limits were set
 constexpr double kScatterWeight = 2.2;     // of a z from the groups' scatter, against one from the noise
 constexpr double kTauStep = 0.03;          // of tau, for the derivative
 constexpr double kMeanOfSquare = 0.33;     // of a row's place, -1..1: contrasts the middle with the ends
@@ -89,6 +90,7 @@ Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit)
 struct Probe {
   std::string stage;
   std::string where;
+  bool fitted = false;            // parameters of the fit act along its basis: their error shows, too
   std::vector<double> product{};  // of each group
   double information = 0.0;       // sum of the squared basis
   double values = 0.0;            // number of values
@@ -113,15 +115,15 @@ constexpr std::size_t kProbes = 9;
 using Probes = std::array<Probe, kProbes>;
 
 Probes all_probes() {
-  return {{{"pixel", "the residual follows dT/dt: the pixels' answer in time is not as modelled"},
-           {"pixel", "the residual follows dT/dt where it falls, not where it rises"},
+  return {{{"pixel", "the residual follows dT/dt: the pixels' answer in time is not as modelled", true},
+           {"pixel", "the residual follows dT/dt where it falls, not where it rises", true},
            {"readout", "rows are late by different times: grows with the row"},
            {"readout", "rows are late by different times: the two halves differ"},
            {"readout", "rows are late by different times: the middle differs from the ends"},
-           {"readout", "the contrast is not as modelled"},
+           {"readout", "the contrast is not as modelled", true},
            {"readout", "the contrast changes in the course of a capture"},
-           {"radiometry", "the residual is curved in temperature"},
-           {"readout", "the residual is one-sided at the coldest values"}}};
+           {"radiometry", "the residual is curved in temperature", true},
+           {"readout", "the residual is one-sided at the coldest values", true}}};
 }
 
 // Sums at each position over both halves of the cells.
@@ -342,7 +344,13 @@ std::vector<Remainder> test_remainder(const Events& events, const Noise& noise, 
   std::vector<Remainder> found;
   Probes probes = all_probes();
   for (const std::size_t i : modelled(fit.session)) test_recording(data, fit.state, allowance, i, probes, found);
-  for (const Probe& probe : probes) found.push_back({probe.stage, probe.where, probe.z() / allowance.slow_noise});
+  // The fit saw half of the cells of some of the pixels, all of which are tested here.
+  const double thinning = static_cast<double>(data.all_pixels.size()) / static_cast<double>(data.fit_pixels.size());
+  const double widening = std::sqrt((1.0 + 2.0 * std::max(thinning, kUsualThinning)) / (1.0 + 2.0 * kUsualThinning));
+  for (const Probe& probe : probes) {
+    const double z = probe.z() / allowance.slow_noise;
+    found.push_back({probe.stage, probe.where, probe.fitted ? z / widening : z});
+  }
   std::ranges::sort(found, std::greater{}, &Remainder::z);
   test_map(fit.session, fit.state.camera.offset, "offsets", found);
   test_map(fit.session, fit.state.camera.gain, "gains", found);

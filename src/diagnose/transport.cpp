@@ -17,6 +17,28 @@ std::pair<long, long> around(long k, long half, long frames) {
   return {from, std::min(frames - 1, from + 2 * half)};
 }
 
+// Value and slope by time at frame k of a parabola through the used frames about it; at the ends of a recording a line
+// would tell of another moment's speed, where that changes. Nothing if too few are used.
+std::optional<std::array<double, 2>> parabola_about(const Recording& recording, const StimulusState& s,
+                                                    const std::vector<double>& values, std::size_t k, long half) {
+  const auto [from, to] = around(static_cast<long>(k), half, static_cast<long>(values.size()));
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (auto a = static_cast<std::size_t>(from); a <= static_cast<std::size_t>(to); ++a) {
+    if (recording.used[a] == 0) continue;
+    const double t = recording.t[a] + s.late_s[a] - recording.t[k];
+    const Eigen::Vector3d powers(1.0, t, t * t);
+    normal += powers * powers.transpose();
+    right += powers * (values[a] - values[k]);
+  }
+  if (normal(0, 0) < 4.0) return std::nullopt;
+  // Beside a freeze a line: of jittered times a parabola would go astray.
+  const Index powers = normal(0, 0) < static_cast<double>(to - from + 1) ? 2 : 3;
+  const MatrixXd part = normal.topLeftCorner(powers, powers);
+  const VectorXd fitted = part.ldlt().solve(right.head(powers));
+  return std::array{values[k] + fitted[0], fitted[1]};
+}
+
 void count_periods(int periods, Transport& t) {
   if (periods > 0) t.lost += periods;
   if (periods < 0) t.inserted -= periods;
@@ -224,23 +246,15 @@ struct ChopperClock {
 
 void smooth_speeds(const Session& session, State& state) {
   const bool jittered = std::ranges::any_of(state.stimuli, &StimulusState::times_free);
-  const long half = jittered ? 40 : 12;
+  // Of steady times 60 ms on either side: a target's speed changes within some tenths of a second.
+  const long half = jittered ? 40 : std::clamp(std::lround(0.06 / session.period_s), 5L, 12L);
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     const Recording& recording = session.recordings[i];
     if (recording.kind != Kind::kMovingBars) continue;
     StimulusState& s = state.stimuli[i];
-    const auto frames = static_cast<long>(recording.frames());
-    for (long k = 0; k < frames; ++k) {
-      // The slope of a straight line through the used neighbours.
-      const auto [from, to] = around(k, half, frames);
-      Line line;
-      for (long a = from; a <= to; ++a) {
-        const auto frame = static_cast<std::size_t>(a);
-        if (recording.used[frame] == 0) continue;
-        const double t = recording.t[frame] + s.late_s[frame] - recording.t[static_cast<std::size_t>(k)];
-        line.add(t, s.shift_px[frame]);
-      }
-      if (line.count() >= 4.0 && line.width() > 0.0) s.speed_px_s[static_cast<std::size_t>(k)] = line.slope();
+    const std::vector<double> seen = s.shift_px;
+    for (std::size_t k = 0; k < seen.size(); ++k) {
+      if (const auto near = parabola_about(recording, s, seen, k, half)) s.speed_px_s[k] = (*near)[1];
     }
   }
 }
@@ -282,13 +296,10 @@ State without_transport(const Session& session, const State& state) {
       const double speed = s.mean_speed();
       std::vector<double> offset(s.shift_px.size());
       for (std::size_t k = 0; k < offset.size(); ++k) offset[k] = s.shift_px[k] - speed * s.late_s[k];
+      std::ranges::fill(s.late_s, 0.0);
       constexpr long kHalf = 10;
-      for (long k = 0; k < static_cast<long>(offset.size()); ++k) {
-        // A straight line through the neighbours, its value in the middle.
-        const auto [from, to] = around(k, kHalf, static_cast<long>(offset.size()));
-        Line line;
-        for (long a = from; a <= to; ++a) line.add(static_cast<double>(a - k), offset[static_cast<std::size_t>(a)]);
-        s.shift_px[static_cast<std::size_t>(k)] = line.at(0.0);
+      for (std::size_t k = 0; k < offset.size(); ++k) {
+        if (const auto near = parabola_about(session.recordings[i], s, offset, k, kHalf)) s.shift_px[k] = (*near)[0];
       }
     }
     std::ranges::fill(s.late_s, 0.0);

@@ -239,6 +239,22 @@ TEST(MeasureNoise, FramesScatterAlikeInAllStillFields) {
   EXPECT_GT(differs(0.0, 0.2), kRemainderLimit);
 }
 
+TEST(JudgeNoise, CodesThatNeverComeAreLeftOver) {
+  const auto left_over = [](bool converter_skips) {
+    Draws draws(3);
+    Events events;
+    events.step_k = 0.01;
+    events.session = testing::session_of({testing::shutter(kFrames, [&](int, int, int) {
+      const auto code = std::lround(draws.normal() / 0.01);
+      return 0.01 * static_cast<double>(converter_skips && code % 8 == 0 ? code - 1 : code);
+    })});
+    return std::ranges::count_if(judge_noise(events, {}).findings.remainders,
+                                 [](const Remainder& r) { return r.where.starts_with("single values never come"); });
+  };
+  EXPECT_EQ(left_over(false), 0);
+  EXPECT_EQ(left_over(true), 1);
+}
+
 TEST(MeasureNoise, ASlowChangeIsDrift) {
   Draws draws(11);
   const NoiseStatistics n = measured([&](int k, int, int) { return draws.normal() + 0.02 * k / kFrames; });

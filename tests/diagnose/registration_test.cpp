@@ -59,6 +59,17 @@ TEST(RegisterStimuli, FindsThePhaseOfMovingBars) {
   }
 }
 
+// A straight line through a recording's last frames would tell the speed in their middle.
+TEST(RegisterStimuli, FollowsASpeedThatChangesUpToTheEnds) {
+  const sim::StimulusError error{.uneven = 0.03, .uneven_phase = 0.4};
+  const Session session = testing::session_of({record(noisy_camera(), slanted_bars(-320.0), 120, error)});
+  const State state = registered(session).state;
+  for (const std::size_t k : {0U, 60U, 119U}) {
+    const double truth = 1.0 + 0.03 * std::sin(2.0 * std::numbers::pi * (session.recordings[0].t[k] + 0.4));
+    EXPECT_NEAR(state.stimuli[0].speed_px_s[k] / -320.0, truth, 0.005) << "frame " << k;
+  }
+}
+
 TEST(RegisterStimuli, FindsThePhaseOfAStillTarget) {
   const Session session = testing::session_of({record(noisy_camera(), slanted_bars(0.0), 60, {.phase = 0.81})});
   const Registered r = registered(session);
@@ -210,7 +221,9 @@ TEST(Nuisances, LevelsOfOneSetPointThatAgreeCountOnce) {
     return none - level_evidence(all, state);
   };
   const double each = evidence(false);
+  EXPECT_GT(independent_levels(all, state), 8.0);
   const double common = evidence(true);
+  EXPECT_NEAR(independent_levels(all, state), 2.0, 0.01);
   EXPECT_LT(common, 0.4 * each);
   EXPECT_GT(common, 0.1 * each);
 }
