@@ -163,7 +163,8 @@ void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction,
     Vec gradient = error;
     Vec structure = error;
     Vec across = error;
-    const std::ptrdiff_t beside = 2 * step_across(e, stride);
+    Vec fine = error;
+    const std::ptrdiff_t next = step_across(e, stride);
     for (int x = 0; x < kBlock; x += kLanes) {
       const float* first = mean.at(x0 + x, y0);
       Sampler before(first, stride, ahead);
@@ -175,15 +176,18 @@ void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction,
         const Vec off = hn::Sub(load(now.at(x0 + x, y0 + r)), here);
         const Vec g = hn::Sub(before.next(), after.next());
         const Vec s = hn::Sub(other.next(), here);
-        const Vec b = hn::Sub(load(m + beside), here);
+        const Vec b = hn::Sub(load(m + 2 * next), here);
+        const Vec f = hn::Sub(load(m + next), here);
         error = hn::MulAdd(off, off, error);
         gradient = hn::MulAdd(g, g, gradient);
         structure = hn::MulAdd(s, s, structure);
         across = hn::MulAdd(b, b, across);
+        fine = hn::MulAdd(f, f, fine);
       }
     }
     constexpr float kMean = 1.0F / (kBlock * kBlock);
-    out[c] = {kMean * sum(error), 0.25F * kMean * sum(gradient), kMean * sum(structure), kMean * sum(across)};
+    out[c] = {kMean * sum(error), 0.25F * kMean * sum(gradient), kMean * sum(structure), kMean * sum(across),
+              kMean * sum(fine)};
   }
 }
 

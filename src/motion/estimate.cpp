@@ -157,6 +157,24 @@ void Estimator::align_past(const Kernels& kernels, const EstimateInputs& in, Cre
   });
 }
 
+// How blurred the scene is, 0 to 1 (PathWeights::blur).
+float Estimator::blur(const Kernels& kernels, const EstimateInputs& in) const noexcept {
+  const double noise = in.noise * in.noise;
+  double of_mean = 0.0;
+  for (std::size_t j = 0; j < kNear; ++j) {
+    const Vec2 middle = past_[j][fit_.size() / 2];
+    of_mean += noise_of_cubic(middle.x) * noise_of_cubic(middle.y) * noise / (kNear * kNear);
+  }
+  double fine = 0.0;
+  double across = 0.0;
+  for (const FitSums& fit : fit_) {
+    fine += 0.5 * fit.fine;
+    across += 0.5 * fit.across;
+  }
+  const auto blocks = static_cast<double>(fit_.size());
+  return path_weights_.blur(kernels, in.path, fine / blocks - of_mean, across / blocks - of_mean, noise);
+}
+
 void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.fit(*in.now, mean_, direction_.row(row), lag_.row(row), row, fit_.row(row));
@@ -168,11 +186,13 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
       raw_[3].at(c, row) = fit.across;
     }
   });
+  const float blurred = blur(kernels, in);
   const auto noise = static_cast<float>(in.noise * in.noise);
   const auto age = static_cast<float>(inertia_.tau) / kMeanAge;
   const float of_mean = noise / kNear;
   const Vec2 v = in.path.velocity.at(0.0, 0.0);
-  const float path_lag = path_weights_.lag_factor() / table_->lag_factor(std::hypot(v.x, v.y));
+  path_weights_.correlate(kernels, in.path, blurred, crew);
+  const float path_lag = path_weights_.lag_factor() / table_->lag_factor(std::hypot(v.x, v.y), blurred);
   const bool far = std::ranges::find(in.past, nullptr) == in.past.end();
   for_rows(crew, weights_.down(), [&](int row) {
     gauss_of_9(raw_[0], row, smooth_[0]);
@@ -185,7 +205,8 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
       const float speed = speed_.at(c, row);
       const float structure = lag * std::max(0.5F * smooth_[2].at(c, row) - of_mean, 0.0F);
       const float across = std::max(0.5F * smooth_[3].at(c, row) - of_mean, 0.0F);
-      const float by_path = bent > 0.0F ? bent * path_weights_.change() * structure * table_->lag_factor(speed) : 0.0F;
+      const float by_path =
+          bent > 0.0F ? bent * path_weights_.change() * structure * table_->lag_factor(speed, blurred) : 0.0F;
       const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean + by_path), 0.0F);
       const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
       const float from_fit = unexplained / gradient / (kMeanAge * kMeanAge);
@@ -193,7 +214,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
           std::sqrt(kOfMisfit * from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
       unexplained_.at(c, row) = unexplained * age * age / noise;
       contrast_across_.at(c, row) = across / noise;
-      place_.at(c, row) = table_->place_of(speed, structure / noise, sigma / std::max(speed, kSlowest));
+      place_.at(c, row) = table_->place_of(speed, structure / noise, sigma / std::max(speed, kSlowest), blurred);
       far_gain_.at(c, row) = table_->far_gain(place_.at(c, row), unexplained_.at(c, row));
       far_share_.at(c, row) = 0.0F;
     }
@@ -336,7 +357,9 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
     const float error = std::max(table_->near_error(place_[i], &path_weights_, bent_[i]), 0.0F);
     const float left = std::max(smooth_[0][i] - of_innovation, 0.0F);
     step_[i] = leaves_[i] != 0 ? 0.0F : left / (left + of_innovation + kOfError * error * noise + 1e-30F);
-    const auto smoother = static_cast<float>(smooth_of(static_cast<double>(speed_[i])) - kSmooth);
+    const auto sharp = static_cast<float>(smooth_of(static_cast<double>(speed_[i])));
+    const float smoother =
+        sharp + place_[i].blurred * (static_cast<float>(kBlurred) - sharp) - static_cast<float>(kSmooth);
     const float mine = (1.0F + kOfSmoother * smoother) * error + unexplained_[i];
     const Evidence evidence{
         .mine = mine,
@@ -370,7 +393,7 @@ void Estimator::protect_resting_blocks(const EstimateInputs& in, int row) noexce
 }
 
 void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept {
-  path_weights_.follow(kernels, in.path, crew);
+  path_weights_.follow(in.path);
   std::array<Affine, kPast> ways;
   Affine way;
   for (std::size_t j = 0; j < ways.size(); ++j) {

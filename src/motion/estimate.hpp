@@ -55,6 +55,7 @@ class Estimator {
   void extend_row(int row, PaddedPlane& plane) const noexcept;
   int past_of(const EstimateInputs& in, std::size_t begin, std::size_t end, int row, PastRows& rows) const noexcept;
   void align_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  float blur(const Kernels& kernels, const EstimateInputs& in) const noexcept;
   void choose_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   Columns next_columns(int row, int begin) const noexcept;
   float noise_of_difference() const noexcept;

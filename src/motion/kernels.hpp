@@ -52,6 +52,7 @@ struct FitSums {
   float gradient = 0.0F;   // of M along the motion, squared
   float structure = 0.0F;  // (M(p + lag e) - M(p))^2
   float across = 0.0F;     // the same 2 px along the axis that is more across the motion
+  float fine = 0.0F;       // 1 px along it
 };
 
 inline constexpr float kUnseen = 1e30F;

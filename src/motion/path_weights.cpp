@@ -18,7 +18,15 @@ constexpr std::array kStretches = {Stretch{5.0, 4, 6}, Stretch{9.0, 2, 3}, Stret
 constexpr double kFastPath = 5.0;     // px a frame
 constexpr double kStraight = 0.03;    // of the speed, that no span differs by
 constexpr double kUnseenBend = 0.02;  // px a frame
-constexpr double kFlat = 1e-4;        // of the variance: less is rounding error of floats
+// Where a scene of points is sampled between its points, along or across rows, it looks this much blurred, and so it
+// does to trails that are not quite across the axis. Of lenses of 0, 0.5, 0.7 and 1 px before street stills.
+constexpr double kOfSlant = 0.85;  // of the way from sharp to blurred, at most
+constexpr double kSlant = 0.25;    // px a frame along the axis
+constexpr double kMadeUp = 0.6;    // of it, made up for where the scene is blurred
+constexpr double kDoubt = 1.5;     // noise variances of a sharp scene's contrast, added to what is seen
+constexpr double kSeen = 10.0;     // px a frame: up to here the blur is told from that of the trail
+constexpr double kNeverSeen = 16.0;
+constexpr double kFlat = 1e-4;  // of the variance: less is rounding error of floats
 
 enum Part : std::size_t { kNow, kMean, kOneBefore, kTwoBefore, kAfter };
 constexpr std::array kFirstRow = {0, FilterWeights::kMean, FilterWeights::kBefore, FilterWeights::kBefore + 1,
@@ -48,7 +56,8 @@ PathWeights::PathWeights(const Inertia& inertia, int ahead)
   }
 }
 
-void PathWeights::set_trails(const Path& path, double sigma, Trails& trails) const noexcept {
+void PathWeights::set_trails(const Path& path, int level, Trails& trails) const noexcept {
+  const double sigma = WeightTable::uncertainty_of(static_cast<std::size_t>(level)) * speed_;
   // Of the frame `back` periods ago, moved by `by`, with a share.
   const auto add = [&](SceneTrail& to, int back, Vec2 by, double share) {
     double begin = -ahead_;
@@ -73,6 +82,7 @@ void PathWeights::set_trails(const Path& path, double sigma, Trails& trails) con
     }
     for (int i = first; i < to.count; ++i) to.share[i] *= static_cast<float>(share / total);
   };
+  trails.fill({});  // kernels read whole vectors: shares beyond the last are 0
   add(trails[kNow], 0, {}, 1.0);
   for (int back = 1; back <= kNear; ++back) add(trails[kMean], back, way(path, back), 1.0 / kNear);
   add(trails[kOneBefore], 1, {}, 1.0);
@@ -89,18 +99,17 @@ void PathWeights::fill(const Kernels& kernels, const Trails& trails, Covariances
   const auto rows_of = [](std::size_t trail) {
     return has_taps(trail) ? Rows{kFirstRow[trail], kTaps, kReach} : Rows{kFirstRow[trail], 1, 0};
   };
-  const auto smooth = static_cast<float>(smooth_of(speed_));
   SceneTrail here;
   here.share[here.count++] = 1.0F;
   double common[2 * kTaps];
   const std::size_t end = ahead_ > 0 ? kAfter + 1 : kAfter;
   for (std::size_t i = 0; i < end; ++i) {
     const Rows a = rows_of(i);
-    kernels.correlate(here, trails[i], step_ * -1.0F, -a.centre, a.count, smooth, &out.truth(a.first));
+    kernels.correlate(here, trails[i], step_ * -1.0F, -a.centre, a.count, smooth_, &out.truth(a.first));
     for (std::size_t j = i; j < end; ++j) {
       const Rows b = rows_of(j);
       const int back = i == j ? 0 : b.count - 1;  // the first of the distances is that from a's first to b's last
-      kernels.correlate(trails[i], trails[j], step_, b.centre - a.centre - back, a.count + back, smooth, common);
+      kernels.correlate(trails[i], trails[j], step_, b.centre - a.centre - back, a.count + back, smooth_, common);
       for (int k = 0; k < a.count; ++k) {
         for (int l = 0; l < b.count; ++l) {
           const double value = common[i == j ? std::abs(k - l) : k - l + back];
@@ -147,7 +156,7 @@ void PathWeights::set_noise(const Path& path) noexcept {
   }
 }
 
-void PathWeights::follow(const Kernels& kernels, const Path& path, Crew& crew) noexcept {
+void PathWeights::follow(const Path& path) noexcept {
   made_.fill(false);
   const Vec2 v = middle(path.velocity);
   speed_ = std::hypot(v.x, v.y);
@@ -157,25 +166,62 @@ void PathWeights::follow(const Kernels& kernels, const Path& path, Crew& crew) n
     bend = std::max<double>(bend, std::hypot(off.x, off.y));
   }
   bent_ = bend > kStraight * speed_ + kUnseenBend && speed_ < static_cast<double>(kFastest);
+  if (bent_) step_ = speed_ < kStill ? Vec2{1.0F, 0.0F} : v * static_cast<float>(1.0 / speed_);
+  set_trails(path, 0, trails_);
+}
+
+// Of a scene that is smooth over so many px: half the mean square difference of the past's mean over 1 px along an
+// axis, over that over 2 px.
+double PathWeights::fineness(const Kernels& kernels, Vec2 axis, double smooth) const noexcept {
+  double common[3];
+  kernels.correlate(trails_[kMean], trails_[kMean], axis, 0, 3, static_cast<float>(smooth), common);
+  return (common[0] - common[1]) / std::max(common[0] - common[2], kFlat * common[0]);
+}
+
+float PathWeights::blur(const Kernels& kernels, const Path& path, double fine, double across,
+                        double noise) const noexcept {
+  const Vec2 v = middle(path.velocity);
+  const bool columns = std::abs(v.x) >= std::abs(v.y);
+  const Vec2 axis = columns ? Vec2{0.0F, 1.0F} : Vec2{1.0F, 0.0F};
+  double slant = 0.0;
+  for (std::size_t j = 0; j < kNear; ++j) {
+    const Vec2 span = middle(path.spans[j]);
+    slant = std::max<double>(slant, std::abs(columns ? span.y : span.x));
+  }
+  const double sharp = fineness(kernels, axis, kSmooth);
+  const double blurred = fineness(kernels, axis, kBlurred);
+  const double seen = (fine + kDoubt * noise * sharp) / (across + kDoubt * noise);
+  const double by_slant = kOfSlant * (1.0 - std::exp(-slant / kSlant));
+  const double beyond = ((sharp - seen) / (sharp - blurred) - by_slant) / (1.0 - kMadeUp * by_slant);
+  const double trusted = std::clamp((kNeverSeen - speed_) / (kNeverSeen - kSeen), 0.0, 1.0);
+  const auto share = static_cast<float>(trusted * std::clamp(beyond, 0.0, 1.0));
+  return std::isfinite(share) ? share : 0.0F;
+}
+
+void PathWeights::correlate(const Kernels& kernels, const Path& path, float blurred, Crew& crew) noexcept {
   if (!bent_) return;
-  step_ = speed_ < kStill ? Vec2{1.0F, 0.0F} : v * static_cast<float>(1.0 / speed_);
+  const auto sharp = static_cast<float>(smooth_of(speed_));
+  smooth_ = sharp + blurred * (static_cast<float>(kBlurred) - sharp);
   for_rows(crew, kLevels, [&](int level) {
+    Covariances& out = covariances_[static_cast<std::size_t>(level)];
+    if (level == 0) return fill(kernels, trails_, out);
     Trails trails;
-    set_trails(path, WeightTable::uncertainty_of(static_cast<std::size_t>(level)) * speed_, trails);
-    fill(kernels, trails, covariances_[static_cast<std::size_t>(level)]);
-    if (level == 0) set_contrast(kernels, trails[kNow]);
+    set_trails(path, level, trails);
+    fill(kernels, trails, out);
   });
+  set_contrast(kernels);
   set_noise(path);
 }
 
 // Derives from contrasts the scene's variance and the past's mean's difference from the frame, for the least
 // uncertainty that has weights.
-void PathWeights::set_contrast(const Kernels& kernels, const SceneTrail& now) noexcept {
+void PathWeights::set_contrast(const Kernels& kernels) noexcept {
+  const SceneTrail& now = trails_[kNow];
   const Matrix& scene = covariances_[0].scene;
   const double variance = scene(kReach, kReach);
   const auto contrast = [&](float apart) {
     double common = 0.0;
-    kernels.correlate(now, now, step_ * apart, 1, 1, static_cast<float>(smooth_of(speed_)), &common);
+    kernels.correlate(now, now, step_ * apart, 1, 1, smooth_, &common);
     return std::max(variance - common, kFlat * variance);
   };
   unit_ = contrast(2.0F);

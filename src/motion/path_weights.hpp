@@ -23,8 +23,15 @@ class PathWeights {
   // `ahead`: 1 when the frame after the estimated one is known too. Thread: setup.
   PathWeights(const Inertia& inertia, int ahead);
 
-  // Covariances of the frames' values along the path. No allocation. Thread: pipeline.
-  void follow(const Kernels& kernels, const Path& path, Crew& crew) noexcept;
+  // The path from now on. No allocation. Thread: pipeline.
+  void follow(const Path& path) noexcept;
+  // How blurred the scene is, 0 (smooth_of) to 1 (kBlurred): by half the mean square differences of the past's mean
+  // over 1 px (`fine`) and 2 px (`across`) along the axis that is more across the path, less its noise; `noise`:
+  // variance of a frame's. No allocation. Thread: pipeline.
+  float blur(const Kernels& kernels, const Path& path, double fine, double across, double noise) const noexcept;
+  // Covariances of the frames' values along a path that is bent, of a scene that is so blurred. No allocation. Thread:
+  // pipeline.
+  void correlate(const Kernels& kernels, const Path& path, float blurred, Crew& crew) noexcept;
 
   // False when the last path is as good as straight: then there are no weights. Thread: pipeline.
   bool bent() const noexcept { return bent_; }
@@ -52,20 +59,23 @@ class PathWeights {
   };
   using Trails = std::array<SceneTrail, 5>;  // of the newest frame, the past's mean, the two before, the one after
 
-  void set_trails(const Path& path, double sigma, Trails& trails) const noexcept;
+  void set_trails(const Path& path, int level, Trails& trails) const noexcept;
+  double fineness(const Kernels& kernels, Vec2 axis, double smooth) const noexcept;
   void set_noise(const Path& path) noexcept;
   void fill(const Kernels& kernels, const Trails& trails, Covariances& out) const noexcept;
-  void set_contrast(const Kernels& kernels, const SceneTrail& now) noexcept;
+  void set_contrast(const Kernels& kernels) noexcept;
 
   Inertia inertia_;
   int ahead_;
   int rows_;
   bool bent_ = false;
-  double speed_ = 0.0;  // px a frame
-  double unit_ = 1.0;   // half the mean square difference over two pixels along the path, of a scene of variance 1
+  double speed_ = 0.0;   // px a frame
+  float smooth_ = 0.0F;  // px
+  double unit_ = 1.0;    // half the mean square difference over two pixels along the path, of a scene of variance 1
   float lag_factor_ = 1.0F;
   float change_ = 0.0F;
   Vec2 step_{1.0F, 0.0F};
+  Trails trails_;                                 // for the least uncertainty
   std::array<Covariances, kLevels> covariances_;  // by uncertainty
   Matrix noise_;
   std::array<FilterWeights, WeightTable::kKinds> weights_;

@@ -41,16 +41,30 @@ constexpr std::array kAlong = {Node{-2.8569700138728, 0.0112574113277}, Node{-1.
                                Node{2.8569700138728, 0.0112574113277}};
 constexpr std::array kAcross = {Node{0.0, 2.0 / 3.0}, Node{1.7320508075689, 1.0 / 3.0}};
 
-// The scene is smooth over so many px. In slow motion less of what is finer than the optics pass is to be told from
-// noise: of 0.6, 1.0 and 1.5 px, 1.0 left least of the error below half a pixel a frame, and 0.6 from one on (street
-// stills, as they are and behind a Gaussian of 0.5 px).
-constexpr double kSmoother = 1.0;
-constexpr double kSlow = 0.6;  // px a frame: up to here kSmoother
-constexpr double kFast = 1.2;  // from here on kSmooth
-double scene(double r, double smooth) {
+// Autocovariance of a scene of variance 1.
+double covariance_of(double r, double smooth) {
   const double distance = std::sqrt(r * r + smooth * smooth) - smooth;
   return 0.5 * std::exp(-distance / 5.0) + 0.5 * std::exp(-distance / 30.0);
 }
+
+// Half the mean square difference, of a scene of variance 1 that moves at (x, y) px a frame, of two of the camera's
+// values that lie `beside` px apart along y: mean over 2 kNodes equally likely differences of their ages.
+double structure_of(double tau_periods, double x, double y, double beside, double smooth) noexcept {
+  double sum = 0.0;
+  for (int i = 0; i < kNodes; ++i) {
+    const double t = -std::log(1.0 - (i + 0.5) / kNodes) * tau_periods;
+    for (const double s : {t, -t}) {
+      sum += covariance_of(std::hypot(x * s, y * s), smooth) - covariance_of(std::hypot(x * s, beside + y * s), smooth);
+    }
+  }
+  return sum / (2 * kNodes);
+}
+
+// Of 0.6, 1.0 and 1.5 px, 1.0 left least of the error below half a pixel a frame, and 0.6 from one on (street stills,
+// as they are and behind a Gaussian of 0.5 px).
+constexpr double kSmoother = 1.0;
+constexpr double kSlow = 0.6;  // px a frame: up to here kSmoother
+constexpr double kFast = 1.2;  // from here on kSmooth
 
 // A value that enters weights: of the frame `back` periods ago, `at` pixels along the motion.
 struct Raw {
@@ -129,10 +143,10 @@ struct Inertia {
 // Covariances of a scene of variance 1 that moves at `speed`, uncertain by `sigma` in both directions.
 class Covariances {
  public:
-  Covariances(double tau, double speed, double sigma)
+  Covariances(double tau, double speed, double sigma, double smooth)
       : speed_(speed),
         sigma_(sigma),
-        smooth_(static_cast<float>(smooth_of(speed))),
+        smooth_(static_cast<float>(smooth)),
         inertia_(tau, speed + 2.0 * sigma),
         kernels_(best_kernels()) {}
 
@@ -194,22 +208,32 @@ double WeightTable::contrast_of(std::size_t kind) noexcept {
 
 double WeightTable::uncertainty_of(std::size_t kind) noexcept { return kUncertain[kind % kUncertainties]; }
 
-WeightTable::WeightTable(double tau_periods, int ahead)
-    : tau_(tau_periods), ahead_(ahead), far_less_(kCells), per_pixel_(kCells) {
-  for (std::vector<FilterWeights>& cells : cells_) cells.resize(kCells);
+WeightTable::WeightTable(double tau_periods, int ahead) : tau_(tau_periods), ahead_(ahead) {
   constexpr std::array kFirstSpeeds = {0.02, 0.05, 0.1};
   for (std::size_t i = 0; i < kSpeeds; ++i) {
     const double decades = -0.8 + 2.4 * (static_cast<double>(i) - 3.0) / 18.0;
     speed_[i] = i < kFirstSpeeds.size() ? kFirstSpeeds[i] : std::pow(10.0, decades);
     log_speed_[i] = static_cast<float>(std::log(speed_[i]));
-    const double lag = lag_of(static_cast<float>(speed_[i]));
-    lag_factor_[i] = static_cast<float>(structure(speed_[i], 2.0) / structure(speed_[i], lag));
-    across_factor_[i] = static_cast<float>((1.0 - scene(2.0, smooth_of(speed_[i]))) / structure_across(speed_[i]));
   }
-  fill_across();
-  share_out(kSpeeds * kUncertainties, std::min(std::thread::hardware_concurrency(), kMostThreads), [&](std::size_t i) {
-    fill(kSpeeds - 1 - i / kUncertainties, i % kUncertainties);  // the fast ones take longest
+  std::ranges::transform(speed_, scenes_[0].smooth.begin(), smooth_of);
+  scenes_[1].smooth.fill(kBlurred);
+  std::ranges::for_each(scenes_, [this](Scene& scene) { begin(scene); });
+  constexpr std::size_t kOfScene = kSpeeds * kUncertainties;
+  share_out(scenes_.size() * kOfScene, std::min(std::thread::hardware_concurrency(), kMostThreads), [&](std::size_t i) {
+    fill(scenes_[i % scenes_.size()], kSpeeds - 1 - i / scenes_.size() / kUncertainties,
+         i / scenes_.size() % kUncertainties);  // the fast ones take longest
   });
+}
+
+void WeightTable::begin(Scene& scene) const {
+  for (std::size_t i = 0; i < kSpeeds; ++i) {
+    const double smooth = scene.smooth[i];
+    const auto along = [&](double lag) { return structure_of(tau_, 0.0, speed_[i], lag, smooth); };
+    scene.lag_factor[i] = static_cast<float>(along(2.0) / along(lag_of(static_cast<float>(speed_[i]))));
+    const double across = structure_of(tau_, speed_[i], 0.0, 2.0, smooth);
+    scene.across_factor[i] = static_cast<float>((1.0 - covariance_of(2.0, smooth)) / across);
+  }
+  fill_across(scene);
 }
 
 std::shared_ptr<const WeightTable> WeightTable::of(double tau_periods, int ahead) {
@@ -221,54 +245,33 @@ std::shared_ptr<const WeightTable> WeightTable::of(double tau_periods, int ahead
   return table;
 }
 
-// Half the mean square difference of y over `lag` pixels, for a scene of variance 1: 96 equally likely differences of
-// two values' ages.
-double WeightTable::structure(double speed, double lag) const {
-  const double smooth = smooth_of(speed);
-  double sum = 0.0;
-  for (int i = 0; i < kNodes; ++i) {
-    const double t = -std::log(1.0 - (i + 0.5) / kNodes) * tau_;
-    for (const double s : {t, -t}) sum += scene(speed * s, smooth) - scene(lag + speed * s, smooth);
-  }
-  return sum / (2 * kNodes);
-}
-
-// The same over 2 pixels across the motion.
-double WeightTable::structure_across(double speed) const {
-  const double smooth = smooth_of(speed);
-  double sum = 0.0;
-  for (int i = 0; i < kNodes; ++i) {
-    const double way = -std::log(1.0 - (i + 0.5) / kNodes) * tau_ * speed;
-    sum += scene(way, smooth) - scene(std::hypot(2.0, way), smooth);
-  }
-  return sum / kNodes;
-}
-
 // Linear minimum-mean-square weights of unit sum for the scene's autocovariance in white noise.
-void WeightTable::fill_across() noexcept {
+void WeightTable::fill_across(Scene& scene) noexcept {
   constexpr int kSide = AcrossWeights::kReach;
   constexpr int kSize = 2 * kSide + 1;
   using Matrix = Eigen::Matrix<double, kSize, kSize>;
   using Vector = Eigen::Matrix<double, kSize, 1>;
+  const double smooth = scene.smooth.back();
   for (int i = 0; i < kRatios; ++i) {
-    const double variance = kSmallestRatio * std::pow(10.0, kRatioDecades * i) / (1.0 - scene(2.0, kSmooth));
+    const double variance = kSmallestRatio * std::pow(10.0, kRatioDecades * i) / (1.0 - covariance_of(2.0, smooth));
     Matrix values;
     for (int a = 0; a < kSize; ++a) {
-      for (int b = 0; b < kSize; ++b) values(a, b) = variance * scene(a - b, kSmooth);
+      for (int b = 0; b < kSize; ++b) values(a, b) = variance * covariance_of(a - b, smooth);
     }
     const Eigen::LDLT<Matrix> factors(values + Matrix::Identity());
     const Vector a = factors.solve(values.col(kSide));
     const Vector b = factors.solve(Vector::Ones());
     const Vector w = a + (1.0 - a.sum()) / b.sum() * b;
-    for (int k = 0; k < kSide; ++k) across_[static_cast<std::size_t>(i)].w[k] = static_cast<float>(w(kSide + 1 + k));
+    for (int k = 0; k < kSide; ++k)
+      scene.across[static_cast<std::size_t>(i)].w[k] = static_cast<float>(w(kSide + 1 + k));
   }
 }
 
-void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
+void WeightTable::fill(Scene& scene, std::size_t speed, std::size_t uncertainty) const {
   const double v = speed_[speed];
   const Taps taps = taps_at(v, ahead_);
   const auto n = static_cast<Eigen::Index>(taps.raw.size());
-  Covariances covariances(tau_, v, kUncertain[uncertainty] * v);
+  Covariances covariances(tau_, v, kUncertain[uncertainty] * v, scene.smooth[speed]);
   Eigen::MatrixXd y(n, n);
   Eigen::MatrixXd noise(n, n);
   Eigen::VectorXd truth(n);
@@ -281,9 +284,9 @@ void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
       noise(i, j) = noise(j, i) = shared_noise(a.back == b.back, std::abs(a.at - b.at));
     }
   }
-  const double unit = structure(v, 2.0);
-  fill_per_pixel(speed, uncertainty, covariances, unit);
-  for (std::size_t far = 0; far < cells_.size(); ++far) {
+  const double unit = structure_of(tau_, 0.0, v, 2.0, scene.smooth[speed]);
+  fill_per_pixel(scene, speed, uncertainty, covariances, unit);
+  for (std::size_t far = 0; far < scene.cells.size(); ++far) {
     const Eigen::SparseMatrix<double>& rows = taps.rows[far];
     const Eigen::MatrixXd scene_part = rows * y * rows.transpose();
     const Eigen::MatrixXd noise_part = rows * noise * rows.transpose();
@@ -291,18 +294,18 @@ void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
     const Eigen::VectorXd sums = rows * Eigen::VectorXd::Ones(n);
     for (std::size_t c = 0; c < kContrasts; ++c) {
       const double variance = contrast_of(c * kUncertainties) / unit;
-      best_weights(scene_part, noise_part, truth_part, sums, variance, cells_[far][cell(speed, c, uncertainty)]);
+      const std::size_t i = cell(speed, c, uncertainty);
+      FilterWeights& found = scene.cells[far][i];
+      best_weights(scene_part, noise_part, truth_part, sums, variance, found);
+      scene.far_less[i] = 1.0F - found.w[FilterWeights::kError] / scene.cells[0][i].w[FilterWeights::kError];
     }
-  }
-  for (std::size_t c = 0; c < kContrasts; ++c) {
-    const std::size_t i = cell(speed, c, uncertainty);
-    far_less_[i] = 1.0F - cells_[1][i].w[FilterWeights::kError] / cells_[0][i].w[FilterWeights::kError];
   }
 }
 
 // Error beyond noise of an estimate from a pixel's own newest values.
 template <typename Covariances>
-void WeightTable::fill_per_pixel(std::size_t speed, std::size_t uncertainty, Covariances& covariances, double unit) {
+void WeightTable::fill_per_pixel(Scene& scene, std::size_t speed, std::size_t uncertainty, Covariances& covariances,
+                                 double unit) const {
   const int n = 3 + ahead_;
   Eigen::MatrixXd y(n, n);
   Eigen::MatrixXd noise(n, n);
@@ -318,14 +321,27 @@ void WeightTable::fill_per_pixel(std::size_t speed, std::size_t uncertainty, Cov
   for (std::size_t c = 0; c < kContrasts; ++c) {
     FilterWeights own;
     best_weights(y, noise, truth, sums, contrast_of(c * kUncertainties) / unit, own);
-    per_pixel_[cell(speed, c, uncertainty)] = own.w[FilterWeights::kError] - own.w[FilterWeights::kNoise];
+    scene.per_pixel[cell(speed, c, uncertainty)] = own.w[FilterWeights::kError] - own.w[FilterWeights::kNoise];
   }
 }
 
+// Between the values of both scenes.
+template <typename Of>
+float WeightTable::of_scenes(float blurred, const Of& of) const noexcept {
+  return (1.0F - blurred) * of(scenes_[0]) + blurred * of(scenes_[1]);
+}
+
+template <typename Of>
+float WeightTable::of_cells(const Place& place, const Of& of) const noexcept {
+  return of_scenes(place.blurred, [&](const Scene& scene) {
+    float sum = 0.0F;
+    for (std::size_t k = 0; k < place.cell.size(); ++k) sum += place.share[k] * of(scene, place.cell[k]);
+    return sum;
+  });
+}
+
 float WeightTable::per_pixel_error(const Place& place) const noexcept {
-  float error = 0.0F;
-  for (std::size_t k = 0; k < place.cell.size(); ++k) error += place.share[k] * per_pixel_[place.cell[k]];
-  return error;
+  return of_cells(place, [](const Scene& scene, std::size_t cell) { return scene.per_pixel[cell]; });
 }
 
 float WeightTable::lag_of(float speed) noexcept { return std::clamp(2.0F + 0.8F * (speed - 1.0F), 2.0F, 24.0F); }
@@ -339,11 +355,15 @@ float WeightTable::index_of(float speed) const noexcept {
   return index_in(log_speed_.data(), kSpeeds, std::log(std::max(speed, 1e-6F)));
 }
 
-float WeightTable::lag_factor(float speed) const noexcept { return between(lag_factor_, index_of(speed)); }
+float WeightTable::lag_factor(float speed, float blurred) const noexcept {
+  const float at = index_of(speed);
+  return of_scenes(blurred, [at](const Scene& scene) { return between(scene.lag_factor, at); });
+}
 
 void WeightTable::find_across(const FilterWeights& along, const Place& place, Vec2 e, float structure,
                               AcrossWeights& out) const noexcept {
-  const float factor = between(across_factor_, place.speed);
+  const float factor =
+      of_scenes(place.blurred, [&](const Scene& scene) { return between(scene.across_factor, place.speed); });
   const float noise = along.w[FilterWeights::kNoise] * (1.0F - kSlanted * 2.0F * std::abs(e.x * e.y));
   const float ratio = std::max(structure, kLeastAcross) * factor / std::max(noise, 1e-9F);
   const float decades = std::log10(ratio / static_cast<float>(kSmallestRatio));
@@ -351,11 +371,14 @@ void WeightTable::find_across(const FilterWeights& along, const Place& place, Ve
   const auto ib = static_cast<std::size_t>(b);
   const float fb = b - static_cast<float>(ib);
   for (int i = 0; i < AcrossWeights::kReach; ++i) {
-    out.w[i] = across_[ib].w[i] + fb * (across_[ib + 1].w[i] - across_[ib].w[i]);
+    out.w[i] = of_scenes(place.blurred, [&](const Scene& scene) {
+      return scene.across[ib].w[i] + fb * (scene.across[ib + 1].w[i] - scene.across[ib].w[i]);
+    });
   }
 }
 
-WeightTable::Place WeightTable::place_of(float speed, float structure, float uncertainty) const noexcept {
+WeightTable::Place WeightTable::place_of(float speed, float structure, float uncertainty,
+                                         float blurred) const noexcept {
   static const std::array<float, kUncertainties> kLogUncertain = [] {
     std::array<float, kUncertainties> logs{};
     for (std::size_t i = 0; i < kUncertainties; ++i) logs[i] = static_cast<float>(std::log(kUncertain[i]));
@@ -364,7 +387,7 @@ WeightTable::Place WeightTable::place_of(float speed, float structure, float unc
   const float a = index_of(speed);
   const auto at = static_cast<std::size_t>(a);
   const float fa = a - static_cast<float>(at);
-  const float contrast = structure * between(lag_factor_, a);
+  const float contrast = structure * lag_factor(speed, blurred);
   const float decades = std::log10(std::max(contrast, 1e-6F)) - static_cast<float>(std::log10(kSmallestContrast));
   const float b = std::clamp(decades, 0.0F, kContrasts - 1.0F - kLargestIndex);
   const int ib = static_cast<int>(b);
@@ -374,6 +397,7 @@ WeightTable::Place WeightTable::place_of(float speed, float structure, float unc
   const float fc = c - static_cast<float>(ic);
   Place place;
   place.speed = a;
+  place.blurred = blurred;
   for (std::size_t k = 0; k < place.cell.size(); ++k) {
     const std::size_t da = k & 1U;
     const std::size_t db = (k >> 1U) & 1U;
@@ -386,27 +410,24 @@ WeightTable::Place WeightTable::place_of(float speed, float structure, float unc
 }
 
 float WeightTable::near_error(const Place& place, const PathWeights* path, float bent) const noexcept {
-  float error = 0.0F;
-  for (std::size_t k = 0; k < place.cell.size(); ++k) {
-    const float straight = cells_[0][place.cell[k]].w[FilterWeights::kError];
-    const FilterWeights* of_path = path != nullptr && bent > 0.0F ? path->at(place.cell[k] % kKinds) : nullptr;
+  return of_cells(place, [&](const Scene& scene, std::size_t cell) {
+    const float straight = scene.cells[0][cell].w[FilterWeights::kError];
+    const FilterWeights* of_path = path != nullptr && bent > 0.0F ? path->at(cell % kKinds) : nullptr;
     const float along = of_path != nullptr ? of_path->w[FilterWeights::kError] : straight;
-    error += place.share[k] * (straight + bent * (along - straight));
-  }
-  return error;
+    return straight + bent * (along - straight);
+  });
 }
 
 float WeightTable::far_gain(const Place& place, float beside) const noexcept {
-  float less = 0.0F;
-  for (std::size_t k = 0; k < place.cell.size(); ++k) less += place.share[k] * far_less_[place.cell[k]];
+  const float less = of_cells(place, [](const Scene& scene, std::size_t cell) { return scene.far_less[cell]; });
   const float error = std::max(near_error(place), 0.0F);
   return std::clamp((less * error / (error + beside + 1e-30F) - kLeastLess) / kWorthwhile, 0.0F, 1.0F);
 }
 
 void WeightTable::find(const Kernels& kernels, const Place& place, float far, FilterWeights& out,
                        const PathWeights* path, float bent) const noexcept {
-  std::array<const FilterWeights*, 24> corners;
-  std::array<float, 24> shares;
+  std::array<const FilterWeights*, 40> corners;
+  std::array<float, 40> shares;
   std::size_t count = 0;
   const auto add = [&](const FilterWeights& w, float share) {
     if (share == 0.0F) return;
@@ -417,8 +438,11 @@ void WeightTable::find(const Kernels& kernels, const Place& place, float far, Fi
     const FilterWeights* of_path = path != nullptr && bent > 0.0F ? path->at(place.cell[k] % kKinds) : nullptr;
     const float along = of_path != nullptr ? bent : 0.0F;
     if (of_path != nullptr) add(*of_path, (1.0F - far) * along * place.share[k]);
-    add(cells_[0][place.cell[k]], (1.0F - far) * (1.0F - along) * place.share[k]);
-    add(cells_[1][place.cell[k]], far * place.share[k]);
+    for (std::size_t i = 0; i < scenes_.size(); ++i) {
+      const float share = (i == 0 ? 1.0F - place.blurred : place.blurred) * place.share[k];
+      add(scenes_[i].cells[0][place.cell[k]], (1.0F - far) * (1.0F - along) * share);
+      add(scenes_[i].cells[1][place.cell[k]], far * share);
+    }
   }
   kernels.mix(corners.data(), shares.data(), count, out);
 }

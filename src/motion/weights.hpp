@@ -2,7 +2,8 @@
 // speed and contrast and the uncertainty of the motion.
 //
 // They are linear minimum-mean-square weights with unit sum. The model, in pixels and frame periods: the scene has the
-// autocovariance c(R) = var (exp(-R / 5) + exp(-R / 30)) / 2, R = sqrt(r^2 + s^2) - s, s = 0.6 (1.0 in slow motion).
+// autocovariance c(R) = var (exp(-R / 5) + exp(-R / 30)) / 2, R = sqrt(r^2 + s^2) - s, s = 0.6 (1.0 in slow motion) for
+// a sharp scene and 2 for a blurred one; weights for the scene at hand are between theirs.
 // Pixel p of frame k shows
 //   y_k(p) = mean over a of x_k(p + v a), a ~ exp(-a T / tau),
 // plus white noise of variance 1 and a fixed pattern of 1/2. The velocity is uncertain along and across: covariances
@@ -25,9 +26,11 @@ inline constexpr float kStill = 1e-3F;
 
 class PathWeights;
 
-// Over how many px the scene is taken to be smooth, at a speed in px a frame: kSmooth but for slow motion. Thread: any.
+// Over how many px a sharp scene is taken to be smooth, at a speed in px a frame: kSmooth but for slow motion, where
+// less of what is finer than the optics pass is to be told from noise. Thread: any.
 inline constexpr double kSmooth = 0.6;
 double smooth_of(double speed) noexcept;
+inline constexpr double kBlurred = 2.0;  // of a scene behind optics that blur
 
 // Covariance of noise and fixed pattern, noise variances, of two values that are interpolated from pixels so far apart.
 // Thread: any.
@@ -53,11 +56,13 @@ class WeightTable {
   struct Place {
     std::array<std::uint16_t, 8> cell{};
     std::array<float, 8> share{};
-    float speed = 0.0F;  // cells of slower ones before it
+    float speed = 0.0F;    // cells of slower ones before it
+    float blurred = 0.0F;  // share of the blurred scene's weights
   };
   // For a speed (px a frame), half the mean square difference of the near past's mean over lag_of(speed), less its
-  // noise, in units of the noise's variance, and the speed's standard deviation over the speed. Thread: any.
-  Place place_of(float speed, float structure, float uncertainty) const noexcept;
+  // noise, in units of the noise's variance, the speed's standard deviation over the speed, and the share of a
+  // blurred scene's weights. Thread: any.
+  Place place_of(float speed, float structure, float uncertainty, float blurred) const noexcept;
   // Weight of the far past, 0 to 1: more frames average out more noise, but blur the scene. `beside`: mean square error
   // that no weights take out, noise variances. Thread: any.
   float far_gain(const Place& place, float beside) const noexcept;
@@ -76,7 +81,7 @@ class WeightTable {
                    AcrossWeights& out) const noexcept;
 
   // Of the contrast at lag_of(a speed) to that at two pixels. Thread: any.
-  float lag_factor(float speed) const noexcept;
+  float lag_factor(float speed, float blurred) const noexcept;
 
   // Over how many pixels the contrast is measured: along a long trail neighbours are alike. Thread: any.
   static float lag_of(float speed) noexcept;
@@ -84,17 +89,32 @@ class WeightTable {
  private:
   static constexpr std::size_t kSpeeds = 22;
   static constexpr std::size_t kCells = kSpeeds * kKinds;
-
   static constexpr int kRatios = 41;
 
+  struct Scene {
+    std::array<double, kSpeeds> smooth{};        // px
+    std::array<float, kSpeeds> lag_factor{};     // of the contrast at lag_of(speed) to that at two pixels
+    std::array<float, kSpeeds> across_factor{};  // of its contrast over 2 px to that of y across the motion
+    // With the near past's mean, and the whole past's.
+    std::array<std::vector<FilterWeights>, 2> cells{std::vector<FilterWeights>(kCells),
+                                                    std::vector<FilterWeights>(kCells)};
+    std::vector<float> far_less = std::vector<float>(kCells);  // part of the error squared that the far past takes off
+    std::vector<float> per_pixel = std::vector<float>(kCells);
+    std::array<AcrossWeights, kRatios> across;  // by contrast over 2 px in units of the noise's variance
+  };
+
   static float between(const std::array<float, kSpeeds>& values, float at) noexcept;
+  template <typename Of>
+  float of_scenes(float blurred, const Of& of) const noexcept;
+  template <typename Of>
+  float of_cells(const Place& place, const Of& of) const noexcept;
   float index_of(float speed) const noexcept;
-  double structure(double speed, double lag) const;
-  double structure_across(double speed) const;
-  void fill(std::size_t speed, std::size_t uncertainty);
+  void begin(Scene& scene) const;
+  void fill(Scene& scene, std::size_t speed, std::size_t uncertainty) const;
   template <typename Covariances>
-  void fill_per_pixel(std::size_t speed, std::size_t uncertainty, Covariances& covariances, double unit);
-  void fill_across() noexcept;
+  void fill_per_pixel(Scene& scene, std::size_t speed, std::size_t uncertainty, Covariances& covariances,
+                      double unit) const;
+  static void fill_across(Scene& scene) noexcept;
   static constexpr std::size_t cell(std::size_t speed, std::size_t contrast, std::size_t uncertainty) noexcept {
     return speed * kKinds + contrast * kUncertainties + uncertainty;
   }
@@ -103,12 +123,7 @@ class WeightTable {
   int ahead_;
   std::array<double, kSpeeds> speed_{};
   std::array<float, kSpeeds> log_speed_{};
-  std::array<float, kSpeeds> lag_factor_{};          // of the contrast at lag_of(speed) to that at two pixels
-  std::array<float, kSpeeds> across_factor_{};       // of the scene's contrast over 2 px to that of y across the motion
-  std::array<std::vector<FilterWeights>, 2> cells_;  // with the near past's mean, and the whole past's
-  std::vector<float> far_less_;                      // part of the mean square error that the far past takes off
-  std::vector<float> per_pixel_;
-  std::array<AcrossWeights, kRatios> across_;  // by contrast over 2 px in units of the noise's variance
+  std::array<Scene, 2> scenes_;  // sharp, blurred
 };
 
 }  // namespace bolo::motion

@@ -235,7 +235,7 @@ TEST_P(MotionKernels, Fit) {
     for (int c = 0; c < d_.across(); ++c) {
       const reference::Point u = unit_.at(c, r);
       const double l = lag.at(c, r);
-      std::array<double, 4> want{};
+      std::array<double, 5> want{};
       for (int i = 0; i < kBlock * kBlock; ++i) {
         const int x = c * kBlock + i % kBlock;
         const int y = r * kBlock + i / kBlock;
@@ -247,11 +247,13 @@ TEST_P(MotionKernels, Fit) {
         want[1] += g * g / 64;
         want[2] += s * s / 64;
         want[3] += std::pow(reference::across(b_, x, y, u, 2) - m, 2) / 64;
+        want[4] += std::pow(reference::across(b_, x, y, u, 1) - m, 2) / 64;
       }
       ASSERT_NEAR(sums.at(c, r).error, want[0], 1e-4);
       ASSERT_NEAR(sums.at(c, r).gradient, want[1], 1e-4);
       ASSERT_NEAR(sums.at(c, r).structure, want[2], 1e-4);
       ASSERT_NEAR(sums.at(c, r).across, want[3], 1e-4);
+      ASSERT_NEAR(sums.at(c, r).fine, want[4], 1e-4);
     }
   }
 }
