@@ -100,10 +100,10 @@ using Plane = Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajo
 // FrameStatistics::likeness of a frame's changes. Flicker, jumps and stripes are common to whole frames, rows or
 // columns, whose means are taken out; a few outliers do not decide.
 double likeness_of(Plane changes) {
-  constexpr float kClip = 2.5F;  // standard deviations
+  constexpr float kFarChange = 2.5F;  // standard deviations
   changes.colwise() -= changes.rowwise().mean().eval();
   changes.rowwise() -= changes.colwise().mean().eval();
-  const float most = kClip * std::sqrt(changes.square().mean());
+  const float most = kFarChange * std::sqrt(changes.square().mean());
   changes = changes.cwiseMax(-most).cwiseMin(most).eval();
   const float power = changes.square().mean();
   if (power <= 0.0F) return 0.0;
