@@ -95,6 +95,25 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
   return recording;
 }
 
+using Plane = Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// FrameStatistics::likeness of a frame's changes. Flicker, jumps and stripes are common to whole frames, rows or
+// columns, whose means are taken out; a few outliers do not decide.
+double likeness_of(Plane changes) {
+  constexpr float kFarChange = 2.5F;  // standard deviations
+  changes.colwise() -= changes.rowwise().mean().eval();
+  changes.rowwise() -= changes.colwise().mean().eval();
+  const float most = kFarChange * std::sqrt(changes.square().mean());
+  changes = changes.cwiseMax(-most).cwiseMin(most).eval();
+  const float power = changes.square().mean();
+  if (power <= 0.0F) return 0.0;
+  const Index down = changes.rows() - 1;
+  const Index across = changes.cols() - 1;
+  const float beside = (changes.leftCols(across) * changes.rightCols(across)).mean();
+  const float below = (changes.topRows(down) * changes.bottomRows(down)).mean();
+  return static_cast<double>((beside + below) / 2.0F / power);
+}
+
 std::vector<float> to_vector(const ArrayXd& values) {
   const ArrayXf single = values.cast<float>();
   return {single.begin(), single.end()};
@@ -261,13 +280,18 @@ void FrameStatisticsSum::compare(std::span<const float> frame) {
   result_.change.back() = change;
   result_.scatter.back() = std::sqrt(std::max(0.0, square - off * off)) / kTrimmedSigma;
   result_.agreement.back() = static_cast<double>(agreeing) / static_cast<double>(n);
+  const auto plane_of = [this](const float* values) {
+    return Eigen::Map<const Plane>(values, result_.height, result_.width);
+  };
+  result_.likeness.back() = likeness_of(plane_of(frame.data()) - plane_of(last_.data()));
 }
 
 void FrameStatisticsSum::add(std::span<const float> frame) {
   const Eigen::Map<const ArrayXf> values(frame.data(), static_cast<Index>(frame.size()));
   const bool first = result_.repeated.empty();
   const bool repeated = !first && (values == last_).all();
-  for (std::vector<double>* list : {&result_.change, &result_.scatter, &result_.agreement}) list->push_back(0.0);
+  for (std::vector<double>* list : {&result_.change, &result_.scatter, &result_.agreement, &result_.likeness})
+    list->push_back(0.0);
   result_.repeated.push_back(repeated ? 1 : 0);
   if (repeated) return;
   if (!first) compare(frame);

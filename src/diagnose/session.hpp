@@ -57,6 +57,7 @@ struct FrameStatistics {
   std::vector<double> change;     // K: mean of the middle half of the pixels' changes
   std::vector<double> scatter;    // K: of the pixels' changes about it, the outer fifth left out (Gaussian: sigma)
   std::vector<double> agreement;  // share of the pixels that changed in the direction of `change`
+  std::vector<double> likeness;   // correlation of the pixels' changes with their neighbours', less what lines share
   std::vector<char> repeated;     // 1: identical
   // Of each pixel, row-major. Repeated frames do not count.
   std::vector<float> mean;   // K

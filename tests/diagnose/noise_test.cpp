@@ -284,4 +284,28 @@ TEST(IsStill, ToldFromMotion) {
   EXPECT_FALSE(is_still(session, session.recordings[1]));
 }
 
+// A scene that moves by several pixels a frame is white in time, as noise is. A camera may add to it what whole frames,
+// rows and columns share, and share a little of a pixel's noise with its neighbours.
+TEST(IsStill, ToldFromFastMotionByWhatNeighboursShare) {
+  Draws draws(14);
+  const std::vector<double> common = draws.normals(60 * (1 + kHeight + kWidth), 2.0);
+  double left = 0.0;
+  Session session = testing::session_of(
+      {testing::shutter(60,
+                        [&](int k, int r, int c) {
+                          return 0.1 * draws.normal() + 2.0 * std::sin(0.3 * c + 2.4 * k) * std::cos(0.4 * r + 1.7 * k);
+                        }),
+       testing::shutter(60, [&](int k, int r, int c) {
+         const auto at = static_cast<std::size_t>(k * (1 + kHeight + kWidth));
+         const auto row = static_cast<std::size_t>(1 + r);
+         const auto column = static_cast<std::size_t>(1 + kHeight + c);
+         const double fresh = draws.normal();
+         const double shown = fresh + 0.4 * left;
+         left = fresh;
+         return shown + common[at] + common[at + row] + common[at + column];
+       })});
+  EXPECT_FALSE(is_still(session, session.recordings[0]));
+  EXPECT_TRUE(is_still(session, session.recordings[1]));
+}
+
 }  // namespace bolo::diagnose::noise_test
