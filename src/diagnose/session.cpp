@@ -106,9 +106,9 @@ double likeness_of(Plane changes) {
   const float most = kFarChange * std::sqrt(changes.square().mean());
   changes = changes.cwiseMax(-most).cwiseMin(most).eval();
   const float power = changes.square().mean();
-  if (power <= 0.0F) return 0.0;
   const Index down = changes.rows() - 1;
   const Index across = changes.cols() - 1;
+  if (!(power > 0.0F) || down == 0 || across == 0) return 0.0;
   const float beside = (changes.leftCols(across) * changes.rightCols(across)).mean();
   const float below = (changes.topRows(down) * changes.bottomRows(down)).mean();
   return static_cast<double>((beside + below) / 2.0F / power);
