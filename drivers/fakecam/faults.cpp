@@ -73,7 +73,8 @@ PacketFaults::PacketFaults(FaultTallies& tallies, std::int64_t period_ns, std::i
     const auto seed = static_cast<std::uint64_t>(tallies.script()[rule.place].value("seed"));
     rule.key = splitmix::key(splitmix::key(seed, rule.place), resends ? 1 : 0);
   }
-  std::ranges::stable_partition(rules_, [](const FaultRule& rule) { return rule.kind != FaultKind::kLoss; });
+  std::stable_partition(rules_.begin(), rules_.end(),
+                        [](const FaultRule& rule) { return rule.kind != FaultKind::kLoss; });
 }
 
 std::span<const PlannedPacket> PacketFaults::plan(const WireFrame& frame, std::uint32_t first, std::uint32_t end) {
