@@ -14,6 +14,7 @@ constexpr double kNoiseSteps = 1.5;       // between values: larger ranges are n
 constexpr double kNoisySigma = 5.0;       // of the pixels' median
 
 // Two levels of a pixel: set by effect-free shutters of 160 to 240 frames.
+constexpr double kUsualFrames = 160.0;    // in fewer, chance makes larger steps
 constexpr double kStepOverTypical = 2.2;  // times that of a typical pixel, due to noise
 constexpr double kStepOverWithin = 3.2;   // times the scatter about the two
 constexpr double kLeastShare = 0.02;      // of the frames at the rarer level
@@ -123,13 +124,15 @@ void judge_still(const Session& session, const Recording& r, double hop_k, BadPi
   if (steady.front().size() < kLeastSteady) return;
   const auto levels = mapped(steady, [](const auto& series) { return two_levels(smooth(series)); });
   const std::vector<double> rough = mapped(steady, roughness);
-  const double typical_step = median(mapped(levels, &TwoLevels::step));
+  // Of white noise: of a million pixels, 95 would exceed kStepOverTypical in 60 frames, 290 in 40, none this.
+  const double by_chance = std::pow(std::max(kUsualFrames / static_cast<double>(steady.front().size()), 1.0), 0.25);
+  const double least_step = kStepOverTypical * by_chance * median(mapped(levels, &TwoLevels::step));
   const double usual_rough = median(rough);
   for (const int pixel : session.good_pixels()) {
     const auto p = static_cast<std::size_t>(pixel);
     const TwoLevels& t = levels[p];
-    if (t.step > hop_k && t.step > kStepOverTypical * typical_step && t.step > kStepOverWithin * t.within &&
-        t.share > kLeastShare && t.jumps > 0 && t.jumps < static_cast<int>(steady[p].size()) / kFramesAJump &&
+    if (t.step > hop_k && t.step > least_step && t.step > kStepOverWithin * t.within && t.share > kLeastShare &&
+        t.jumps > 0 && t.jumps < static_cast<int>(steady[p].size()) / kFramesAJump &&
         rough[p] < kSlower * usual_rough) {
       bad.jumping.push_back(pixel);
       steps.push_back(t.step);

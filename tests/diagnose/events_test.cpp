@@ -196,6 +196,18 @@ TEST_F(Events, PixelsThatJumpBetweenTwoLevelsAreFound) {
   EXPECT_TRUE(bad.stuck.empty());
 }
 
+// In short flat fields, too.
+TEST_F(Events, NoiseAloneDoesNotJump) {
+  std::vector<Recording> all;
+  for (int i = 0; i < 120; ++i) {
+    all.push_back(testing::shutter(i % 2 == 0 ? 40 : 60, [this](int, int, int) { return noise(); }));
+  }
+  Session session = testing::session_of(std::move(all));
+  BadPixels bad = find_dead_pixels(session);
+  find_jumping_pixels(session, bad);
+  EXPECT_TRUE(bad.jumping.empty());
+}
+
 // Slow drift takes pixels over the border between two multiples: one hop and back is no telegraph signal.
 TEST_F(Events, PixelsThatHopBetweenTwoCoarseValuesDoNotJump) {
   const auto rounded = [this](int k, int, int c) {
