@@ -47,7 +47,7 @@ class WeightTable {
   static double uncertainty_of(std::size_t kind) noexcept;
 
   // `tau_periods`: tau / T. `ahead`: 1 when the frame after the estimated one is known too. Made once a process
-  // for the same arguments, and kept (400 kB). Thread: setup.
+  // for the same arguments, and kept (800 kB). Thread: setup.
   static std::shared_ptr<const WeightTable> of(double tau_periods, int ahead);
 
   WeightTable(double tau_periods, int ahead);
