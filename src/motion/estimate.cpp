@@ -357,9 +357,8 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
     const float error = std::max(table_->near_error(place_[i], &path_weights_, bent_[i]), 0.0F);
     const float left = std::max(smooth_[0][i] - of_innovation, 0.0F);
     step_[i] = leaves_[i] != 0 ? 0.0F : left / (left + of_innovation + kOfError * error * noise + 1e-30F);
-    const auto sharp = static_cast<float>(smooth_of(static_cast<double>(speed_[i])));
-    const float smoother =
-        sharp + place_[i].blurred * (static_cast<float>(kBlurred) - sharp) - static_cast<float>(kSmooth);
+    const double smooth = smooth_of(static_cast<double>(speed_[i]), static_cast<double>(place_[i].blurred));
+    const auto smoother = static_cast<float>(smooth - kSmooth);
     const float mine = (1.0F + kOfSmoother * smoother) * error + unexplained_[i];
     const Evidence evidence{
         .mine = mine,

@@ -200,8 +200,7 @@ float PathWeights::blur(const Kernels& kernels, const Path& path, double fine, d
 
 void PathWeights::correlate(const Kernels& kernels, const Path& path, float blurred, Crew& crew) noexcept {
   if (!bent_) return;
-  const auto sharp = static_cast<float>(smooth_of(speed_));
-  smooth_ = sharp + blurred * (static_cast<float>(kBlurred) - sharp);
+  smooth_ = static_cast<float>(smooth_of(speed_, static_cast<double>(blurred)));
   for_rows(crew, kLevels, [&](int level) {
     Covariances& out = covariances_[static_cast<std::size_t>(level)];
     if (level == 0) return fill(kernels, trails_, out);

@@ -25,7 +25,7 @@ class PathWeights {
 
   // The path from now on. No allocation. Thread: pipeline.
   void follow(const Path& path) noexcept;
-  // How blurred the scene is, 0 (smooth_of) to 1 (kBlurred): by half the mean square differences of the past's mean
+  // How blurred the scene is, 0 to 1 (smooth_of): by half the mean square differences of the past's mean
   // over 1 px (`fine`) and 2 px (`across`) along the axis that is more across the path, less its noise; `noise`:
   // variance of a frame's. No allocation. Thread: pipeline.
   float blur(const Kernels& kernels, const Path& path, double fine, double across, double noise) const noexcept;

@@ -193,8 +193,9 @@ float index_in(const float* grid, int size, float value) {
 
 }  // namespace
 
-double smooth_of(double speed) noexcept {
-  return kSmooth + (kSmoother - kSmooth) * std::clamp((kFast - speed) / (kFast - kSlow), 0.0, 1.0);
+double smooth_of(double speed, double blurred) noexcept {
+  const double sharp = kSmooth + (kSmoother - kSmooth) * std::clamp((kFast - speed) / (kFast - kSlow), 0.0, 1.0);
+  return sharp + blurred * (kBlurred - sharp);
 }
 
 double shared_noise(bool same_frame, double apart) noexcept {
@@ -215,9 +216,7 @@ WeightTable::WeightTable(double tau_periods, int ahead) : tau_(tau_periods), ahe
     speed_[i] = i < kFirstSpeeds.size() ? kFirstSpeeds[i] : std::pow(10.0, decades);
     log_speed_[i] = static_cast<float>(std::log(speed_[i]));
   }
-  std::ranges::transform(speed_, scenes_[0].smooth.begin(), smooth_of);
-  scenes_[1].smooth.fill(kBlurred);
-  std::ranges::for_each(scenes_, [this](Scene& scene) { begin(scene); });
+  for (const std::size_t blurred : {0U, 1U}) begin(scenes_[blurred], static_cast<double>(blurred));
   constexpr std::size_t kOfScene = kSpeeds * kUncertainties;
   share_out(scenes_.size() * kOfScene, std::min(std::thread::hardware_concurrency(), kMostThreads), [&](std::size_t i) {
     fill(scenes_[i % scenes_.size()], kSpeeds - 1 - i / scenes_.size() / kUncertainties,
@@ -225,9 +224,9 @@ WeightTable::WeightTable(double tau_periods, int ahead) : tau_(tau_periods), ahe
   });
 }
 
-void WeightTable::begin(Scene& scene) const {
+void WeightTable::begin(Scene& scene, double blurred) const {
   for (std::size_t i = 0; i < kSpeeds; ++i) {
-    const double smooth = scene.smooth[i];
+    const double smooth = scene.smooth[i] = smooth_of(speed_[i], blurred);
     const auto along = [&](double lag) { return structure_of(tau_, 0.0, speed_[i], lag, smooth); };
     scene.lag_factor[i] = static_cast<float>(along(2.0) / along(lag_of(static_cast<float>(speed_[i]))));
     const double across = structure_of(tau_, speed_[i], 0.0, 2.0, smooth);

@@ -26,11 +26,11 @@ inline constexpr float kStill = 1e-3F;
 
 class PathWeights;
 
-// Over how many px a sharp scene is taken to be smooth, at a speed in px a frame: kSmooth but for slow motion, where
-// less of what is finer than the optics pass is to be told from noise. Thread: any.
+// Over how many px a scene is taken to be smooth at a speed in px a frame, by how blurred it is: 0: kSmooth but for
+// slow motion, where less of what is finer than the optics pass is to be told from noise; 1: kBlurred. Thread: any.
 inline constexpr double kSmooth = 0.6;
-double smooth_of(double speed) noexcept;
-inline constexpr double kBlurred = 2.0;  // of a scene behind optics that blur
+inline constexpr double kBlurred = 2.0;
+double smooth_of(double speed, double blurred) noexcept;
 
 // Covariance of noise and fixed pattern, noise variances, of two values that are interpolated from pixels so far apart.
 // Thread: any.
@@ -109,7 +109,7 @@ class WeightTable {
   template <typename Of>
   float of_cells(const Place& place, const Of& of) const noexcept;
   float index_of(float speed) const noexcept;
-  void begin(Scene& scene) const;
+  void begin(Scene& scene, double blurred) const;
   void fill(Scene& scene, std::size_t speed, std::size_t uncertainty) const;
   template <typename Covariances>
   void fill_per_pixel(Scene& scene, std::size_t speed, std::size_t uncertainty, Covariances& covariances,
