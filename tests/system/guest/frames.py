@@ -89,7 +89,9 @@ class Recorder:
 
     def _run(self) -> None:
         number = self._ring.published()
-        while not self._stop.wait(0.05):
+        stopped = False
+        while not stopped:
+            stopped = self._stop.wait(0.05)  # true: once more, for what came since the last look
             while number < self._ring.published():
                 frame = self._ring.frame(number)
                 number += 1
