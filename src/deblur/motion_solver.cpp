@@ -47,8 +47,10 @@ MotionSolver::MotionSolver(const StreamTask& task)
       defects_(followed()),
       covered_(defects_.most() * (kFrames + 1)) {
   const Geometry g = task.input.geometry;
-  for (int ahead = 0; usable() && ahead <= task.settings.lookahead; ++ahead)
-    estimators_.emplace_back(g, inertia_, ahead);
+  if (usable()) {
+    motion::WeightTable::of(inertia_.tau, task.settings.lookahead);  // all tables at once
+    for (int ahead = 0; ahead <= task.settings.lookahead; ++ahead) estimators_.emplace_back(g, inertia_, ahead);
+  }
   for (Frame& f : frames_) f.values = motion::PaddedPlane(followed());
   for (int i = 0; i < 3; ++i)
     innovations_.push_back({false, motion::PaddedPlane(followed()), motion::Pyramid(followed())});

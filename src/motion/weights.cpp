@@ -4,9 +4,7 @@
 #include <cmath>
 #include <map>
 #include <mutex>
-#include <numeric>
 #include <thread>
-#include <utility>
 
 #include <Eigen/Dense>
 #include <Eigen/SparseCore>
@@ -14,6 +12,7 @@
 #include "src/core/threads.hpp"
 #include "src/motion/best_weights.hpp"
 #include "src/motion/path_weights.hpp"
+#include "src/motion/scene_covariances.hpp"
 
 namespace bolo::motion {
 namespace {
@@ -22,7 +21,6 @@ constexpr double kFixedPattern = 0.5;       // noises
 constexpr double kSmallestContrast = 1e-4;  // noise variances; a decade a step
 constexpr unsigned kMostThreads = 4;
 constexpr std::array kUncertain = {0.004, 0.02, 0.07, 0.25, 1.0};  // of the speed
-constexpr int kNodes = 48;                                         // of ages
 constexpr double kSmallestRatio = 1e-3;                            // of contrast across to noise
 constexpr double kRatioDecades = 0.15;                             // a step
 constexpr float kLeastLess = 0.01F;     // of the mean square error: least gain for which the far past is used
@@ -31,46 +29,11 @@ constexpr float kLeastAcross = 0.007F;  // noise variances
 constexpr float kSlanted = 0.4F;        // of the noise, by which values between pixels have less on the diagonal
 constexpr float kLargestIndex = 1e-4F;  // below the last, so that there is one above
 
-// Gauss-Hermite nodes of the standard normal: 5 along the motion, 3 across, of which two are equivalent.
-struct Node {
-  double at;
-  double weight;
-};
-constexpr std::array kAlong = {Node{-2.8569700138728, 0.0112574113277}, Node{-1.3556261799742, 0.2220759220056},
-                               Node{0.0, 0.5333333333333}, Node{1.3556261799742, 0.2220759220056},
-                               Node{2.8569700138728, 0.0112574113277}};
-constexpr std::array kAcross = {Node{0.0, 2.0 / 3.0}, Node{1.7320508075689, 1.0 / 3.0}};
-
-// Autocovariance of a scene of variance 1.
-double covariance_of(double r, double smooth) {
-  const double distance = std::sqrt(r * r + smooth * smooth) - smooth;
-  return 0.5 * std::exp(-distance / 5.0) + 0.5 * std::exp(-distance / 30.0);
-}
-
-// Half the mean square difference, of a scene of variance 1 that moves at (x, y) px a frame, of two of the camera's
-// values that lie `beside` px apart along y: mean over 2 kNodes equally likely differences of their ages.
-double structure_of(double tau_periods, double x, double y, double beside, double smooth) noexcept {
-  double sum = 0.0;
-  for (int i = 0; i < kNodes; ++i) {
-    const double t = -std::log(1.0 - (i + 0.5) / kNodes) * tau_periods;
-    for (const double s : {t, -t}) {
-      sum += covariance_of(std::hypot(x * s, y * s), smooth) - covariance_of(std::hypot(x * s, beside + y * s), smooth);
-    }
-  }
-  return sum / (2 * kNodes);
-}
-
 // Of 0.6, 1.0 and 1.5 px, 1.0 left least of the error below half a pixel a frame, and 0.6 from one on (street stills,
 // as they are and behind a Gaussian of 0.5 px).
 constexpr double kSmoother = 1.0;
 constexpr double kSlow = 0.6;  // px a frame: up to here kSmoother
 constexpr double kFast = 1.2;  // from here on kSmooth
-
-// A value that enters weights: of the frame `back` periods ago, `at` pixels along the motion.
-struct Raw {
-  int back = 0;
-  double at = 0.0;
-};
 
 // Weighted sums of raw values that get one weight together.
 struct Taps {
@@ -105,85 +68,6 @@ Taps taps_at(double speed, int ahead) {
   return taps;
 }
 
-// Shares of times, one step apart.
-struct Times {
-  double first = 0.0;  // periods
-  double step = 0.0;
-  std::vector<float> share;
-};
-
-// Thermal inertia in steps of time, the same for both covariances.
-struct Inertia {
-  Times age;  // of y's inputs
-  Times lag;  // between those of two values
-
-  Inertia(double tau, double fastest) {
-    const double longest = std::min(tau / 22.0, 0.4 / std::max(fastest, 1e-3));
-    const double step = 1.0 / std::ceil(1.0 / longest);
-    const int n = static_cast<int>(9.0 * tau / step);
-    const double e = std::exp(-step / tau);
-    const double first = (1.0 - e) / (1.0 - std::pow(e, n));
-    age = {0.5 * step, step, {}};
-    for (int a = 0; a < n; ++a) age.share.push_back(static_cast<float>(first * std::pow(e, a)));
-    std::vector<double> weights;
-    for (int s = 0; s < n; ++s) {
-      const double weight = first * first * std::pow(e, s) * (1.0 - std::pow(e, 2 * (n - s))) / (1.0 - e * e);
-      if (weight <= 1e-7) break;
-      weights.push_back(weight);
-    }
-    const double total = 2.0 * std::accumulate(weights.begin(), weights.end(), 0.0) - weights.front();
-    const int most = static_cast<int>(weights.size()) - 1;
-    lag = {-most * step, step, {}};
-    for (int s = -most; s <= most; ++s) {
-      lag.share.push_back(static_cast<float>(weights[static_cast<std::size_t>(std::abs(s))] / total));
-    }
-  }
-};
-
-// Covariances of a scene of variance 1 that moves at `speed`, uncertain by `sigma` in both directions.
-class Covariances {
- public:
-  Covariances(double tau, double speed, double sigma, double smooth)
-      : speed_(speed),
-        sigma_(sigma),
-        smooth_(static_cast<float>(smooth)),
-        inertia_(tau, speed + 2.0 * sigma),
-        kernels_(best_kernels()) {}
-
-  double of(const Raw& a, const Raw& b) {
-    Raw apart{a.back - b.back, a.at - b.at};
-    if (apart.back < 0 || (apart.back == 0 && apart.at < 0.0)) apart = {-apart.back, -apart.at};
-    const auto key = std::pair(apart.back, std::llround(apart.at * 4096.0));
-    const auto known = known_.find(key);
-    if (known != known_.end()) return known->second;
-    return known_[key] = mean(apart, inertia_.lag);
-  }
-  double with_truth(const Raw& a) const { return mean(a, inertia_.age); }
-
- private:
-  double mean(const Raw& apart, const Times& times) const {
-    const double begin = apart.back + times.first;
-    double sum = 0.0;
-    for (const Node& node : kAlong) {
-      const double along = speed_ + node.at * sigma_;
-      for (const Node& beside : kAcross) {
-        const double across = beside.at * sigma_;
-        sum += node.weight * beside.weight *
-               kernels_.covariance(times.share.data(), times.share.size(), apart.at + along * begin, along * times.step,
-                                   across * begin, across * times.step, smooth_);
-      }
-    }
-    return sum;
-  }
-
-  double speed_;
-  double sigma_;
-  float smooth_;
-  Inertia inertia_;
-  const Kernels& kernels_;
-  std::map<std::pair<int, long long>, double> known_;
-};
-
 float index_in(const float* grid, int size, float value) {
   int i = 0;
   while (i + 2 < size && value >= grid[i + 1]) ++i;
@@ -217,11 +101,6 @@ WeightTable::WeightTable(double tau_periods, int ahead) : tau_(tau_periods), ahe
     log_speed_[i] = static_cast<float>(std::log(speed_[i]));
   }
   for (const std::size_t blurred : {0U, 1U}) begin(scenes_[blurred], static_cast<double>(blurred));
-  constexpr std::size_t kOfScene = kSpeeds * kUncertainties;
-  share_out(scenes_.size() * kOfScene, std::min(std::thread::hardware_concurrency(), kMostThreads), [&](std::size_t i) {
-    fill(scenes_[i % scenes_.size()], kSpeeds - 1 - i / scenes_.size() / kUncertainties,
-         i / scenes_.size() % kUncertainties);  // the fast ones take longest
-  });
 }
 
 void WeightTable::begin(Scene& scene, double blurred) const {
@@ -237,11 +116,25 @@ void WeightTable::begin(Scene& scene, double blurred) const {
 
 std::shared_ptr<const WeightTable> WeightTable::of(double tau_periods, int ahead) {
   static std::mutex alone;
-  static std::map<std::pair<double, int>, std::shared_ptr<const WeightTable>> made;
+  static std::map<double, std::vector<std::shared_ptr<const WeightTable>>> made;
   const std::lock_guard lock(alone);
-  std::shared_ptr<const WeightTable>& table = made[{tau_periods, ahead}];
-  if (table == nullptr) table = std::make_shared<const WeightTable>(tau_periods, ahead);
-  return table;
+  std::vector<std::shared_ptr<const WeightTable>>& tables = made[tau_periods];
+  if (static_cast<int>(tables.size()) <= ahead) {
+    std::vector<std::shared_ptr<WeightTable>> all;
+    for (int a = 0; a <= ahead; ++a) all.emplace_back(new WeightTable(tau_periods, a));
+    fill(all);
+    tables.insert(tables.end(), all.begin() + static_cast<std::ptrdiff_t>(tables.size()), all.end());
+  }
+  return tables[static_cast<std::size_t>(ahead)];
+}
+
+void WeightTable::fill(std::span<const std::shared_ptr<WeightTable>> tables) {
+  constexpr std::size_t kScenes = std::tuple_size_v<decltype(scenes_)>;
+  share_out(kScenes * kSpeeds * kUncertainties, std::min(std::thread::hardware_concurrency(), kMostThreads),
+            [&](std::size_t i) {
+              fill(tables, i % kScenes, kSpeeds - 1 - i / kScenes / kUncertainties,
+                   i / kScenes % kUncertainties);  // the fast ones take longest
+            });
 }
 
 // Linear minimum-mean-square weights of unit sum for the scene's autocovariance in white noise.
@@ -266,11 +159,15 @@ void WeightTable::fill_across(Scene& scene) noexcept {
   }
 }
 
-void WeightTable::fill(Scene& scene, std::size_t speed, std::size_t uncertainty) const {
-  const double v = speed_[speed];
-  const Taps taps = taps_at(v, ahead_);
+// Covariances take nearly all of the time: those of the values with look-ahead are those without it, and some more.
+void WeightTable::fill(std::span<const std::shared_ptr<WeightTable>> tables, std::size_t which, std::size_t speed,
+                       std::size_t uncertainty) {
+  const WeightTable& most = *tables.back();
+  const double v = most.speed_[speed];
+  const double smooth = most.scenes_[which].smooth[speed];
+  const Taps taps = taps_at(v, most.ahead_);
   const auto n = static_cast<Eigen::Index>(taps.raw.size());
-  Covariances covariances(tau_, v, kUncertain[uncertainty] * v, scene.smooth[speed]);
+  SceneCovariances covariances(most.tau_, v, kUncertain[uncertainty] * v, smooth);
   Eigen::MatrixXd y(n, n);
   Eigen::MatrixXd noise(n, n);
   Eigen::VectorXd truth(n);
@@ -283,36 +180,45 @@ void WeightTable::fill(Scene& scene, std::size_t speed, std::size_t uncertainty)
       noise(i, j) = noise(j, i) = shared_noise(a.back == b.back, std::abs(a.at - b.at));
     }
   }
-  const double unit = structure_of(tau_, 0.0, v, 2.0, scene.smooth[speed]);
-  fill_per_pixel(scene, speed, uncertainty, covariances, unit);
-  for (std::size_t far = 0; far < scene.cells.size(); ++far) {
+  const double unit = structure_of(most.tau_, 0.0, v, 2.0, smooth);
+  for (std::size_t far = 0; far < taps.rows.size(); ++far) {
     const Eigen::SparseMatrix<double>& rows = taps.rows[far];
     const Eigen::MatrixXd scene_part = rows * y * rows.transpose();
     const Eigen::MatrixXd noise_part = rows * noise * rows.transpose();
     const Eigen::VectorXd truth_part = rows * truth;
     const Eigen::VectorXd sums = rows * Eigen::VectorXd::Ones(n);
-    for (std::size_t c = 0; c < kContrasts; ++c) {
-      const double variance = contrast_of(c * kUncertainties) / unit;
-      const std::size_t i = cell(speed, c, uncertainty);
-      FilterWeights& found = scene.cells[far][i];
-      best_weights(scene_part, noise_part, truth_part, sums, variance, found);
-      scene.far_less[i] = 1.0F - found.w[FilterWeights::kError] / scene.cells[0][i].w[FilterWeights::kError];
+    for (const std::shared_ptr<WeightTable>& table : tables) {
+      Scene& scene = table->scenes_[which];
+      const Eigen::Index m = FilterWeights::kAhead + table->ahead_ * kTaps;
+      const Eigen::MatrixXd scene_of = scene_part.topLeftCorner(m, m);
+      const Eigen::MatrixXd noise_of = noise_part.topLeftCorner(m, m);
+      const Eigen::VectorXd truth_of = truth_part.head(m);
+      const Eigen::VectorXd sums_of = sums.head(m);
+      for (std::size_t c = 0; c < kContrasts; ++c) {
+        const double variance = contrast_of(c * kUncertainties) / unit;
+        const std::size_t i = cell(speed, c, uncertainty);
+        FilterWeights& found = scene.cells[far][i];
+        best_weights(scene_of, noise_of, truth_of, sums_of, variance, found);
+        scene.far_less[i] = 1.0F - found.w[FilterWeights::kError] / scene.cells[0][i].w[FilterWeights::kError];
+      }
     }
+  }
+  for (const std::shared_ptr<WeightTable>& table : tables) {
+    fill_per_pixel(table->scenes_[which], speed, uncertainty, table->ahead_, covariances, unit);
   }
 }
 
 // Error beyond noise of an estimate from a pixel's own newest values.
-template <typename Covariances>
-void WeightTable::fill_per_pixel(Scene& scene, std::size_t speed, std::size_t uncertainty, Covariances& covariances,
-                                 double unit) const {
-  const int n = 3 + ahead_;
+void WeightTable::fill_per_pixel(Scene& scene, std::size_t speed, std::size_t uncertainty, int ahead,
+                                 SceneCovariances& covariances, double unit) {
+  const int n = 3 + ahead;
   Eigen::MatrixXd y(n, n);
   Eigen::MatrixXd noise(n, n);
   Eigen::VectorXd truth(n);
   for (int i = 0; i < n; ++i) {
-    truth(i) = covariances.with_truth({i - ahead_, 0.0});
+    truth(i) = covariances.with_truth({i - ahead, 0.0});
     for (int j = 0; j < n; ++j) {
-      y(i, j) = covariances.of({i - ahead_, 0.0}, {j - ahead_, 0.0});
+      y(i, j) = covariances.of({i - ahead, 0.0}, {j - ahead, 0.0});
       noise(i, j) = shared_noise(i == j, 0.0);
     }
   }

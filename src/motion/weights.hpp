@@ -15,6 +15,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "src/motion/kernels.hpp"
@@ -25,6 +26,7 @@ namespace bolo::motion {
 inline constexpr float kStill = 1e-3F;
 
 class PathWeights;
+class SceneCovariances;
 
 // Over how many px a scene is taken to be smooth at a speed in px a frame, by how blurred it is: 0: kSmooth but for
 // slow motion, where less of what is finer than the optics pass is to be told from noise; 1: kBlurred. Thread: any.
@@ -47,10 +49,9 @@ class WeightTable {
   static double uncertainty_of(std::size_t kind) noexcept;
 
   // `tau_periods`: tau / T. `ahead`: 1 when the frame after the estimated one is known too. Made once a process
-  // for the same arguments, and kept (800 kB). Thread: setup.
+  // for the same arguments, and kept (1.6 MB); what is made with look-ahead is made without it at the same time, which
+  // costs little more. Thread: setup.
   static std::shared_ptr<const WeightTable> of(double tau_periods, int ahead);
-
-  WeightTable(double tau_periods, int ahead);
 
   // The cells around a place in the table, and their shares in what is there.
   struct Place {
@@ -109,11 +110,14 @@ class WeightTable {
   template <typename Of>
   float of_cells(const Place& place, const Of& of) const noexcept;
   float index_of(float speed) const noexcept;
+  WeightTable(double tau_periods, int ahead);  // without its cells
   void begin(Scene& scene, double blurred) const;
-  void fill(Scene& scene, std::size_t speed, std::size_t uncertainty) const;
-  template <typename Covariances>
-  void fill_per_pixel(Scene& scene, std::size_t speed, std::size_t uncertainty, Covariances& covariances,
-                      double unit) const;
+  // Cells of tables of one tau without look-ahead and, where there are two, with it.
+  static void fill(std::span<const std::shared_ptr<WeightTable>> tables);
+  static void fill(std::span<const std::shared_ptr<WeightTable>> tables, std::size_t which, std::size_t speed,
+                   std::size_t uncertainty);
+  static void fill_per_pixel(Scene& scene, std::size_t speed, std::size_t uncertainty, int ahead,
+                             SceneCovariances& covariances, double unit);
   static void fill_across(Scene& scene) noexcept;
   static constexpr std::size_t cell(std::size_t speed, std::size_t contrast, std::size_t uncertainty) noexcept {
     return speed * kKinds + contrast * kUncertainties + uncertainty;

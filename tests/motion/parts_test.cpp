@@ -213,15 +213,15 @@ TEST(Path, ScatterIsNoStop) {
 
 TEST(Weights, SumToOneAndPromiseLessErrorWithLookahead) {
   for (const double tau : {2.2, 0.33}) {  // 200 and 30 Hz at 11 ms
-    const WeightTable live(tau, 0);
-    const WeightTable late(tau, 1);
+    const auto live = WeightTable::of(tau, 0);
+    const auto late = WeightTable::of(tau, 1);
     for (const float speed : {0.01F, 0.5F, 3.0F, 12.0F, 39.0F}) {
       for (const float contrast : {1e-3F, 1.0F, 1e3F, 1e5F}) {
         FilterWeights a;
         FilterWeights b;
         const float blurred = contrast < 10.0F ? 0.0F : 0.5F;
-        live.find(best_kernels(), live.place_of(speed, contrast, 0.05F, blurred), 0.0F, a);
-        late.find(best_kernels(), late.place_of(speed, contrast, 0.05F, blurred), 0.0F, b);
+        live->find(best_kernels(), live->place_of(speed, contrast, 0.05F, blurred), 0.0F, a);
+        late->find(best_kernels(), late->place_of(speed, contrast, 0.05F, blurred), 0.0F, b);
         double sum = 0.0;
         double sum_late = 0.0;
         for (int i = 0; i < FilterWeights::kError; ++i) sum += a.w[i];
