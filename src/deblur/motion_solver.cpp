@@ -43,6 +43,7 @@ MotionSolver::MotionSolver(const StreamTask& task)
       global_(followed()),
       gyro_(task.input.geometry, task.input.row_step, task.settings.gyro_setup, task.settings.period_s, inertia_),
       local_(followed()),
+      after_cut_(followed(), kFrames),
       block_motions_(task.input.geometry),
       defects_(followed()),
       covered_(defects_.most() * (kFrames + 1)) {
@@ -376,6 +377,7 @@ void MotionSolver::estimate_along_motion(const motion::Path& path, bool ahead, c
         past.there && (!past.lost || j == 0) && target + j < of_scene ? &past.values : nullptr;
   }
   in.ahead = ahead ? &frame(0).values : nullptr;
+  without_old_scene(newest, in, crew);
   in.path = path;
   in.bridged = displacement(target).bridged;
   in.deviation = &deviation;
@@ -384,6 +386,25 @@ void MotionSolver::estimate_along_motion(const motion::Path& path, bool ahead, c
   in.other = per_pixel_.data();
   in.other_error = per_pixel_error_.data();
   estimators_[ahead ? 1 : 0].find(kernels_, in, crew, estimate_.data());
+}
+
+// Takes what frames soon after a cut still show of the scene before out of the estimate's.
+void MotionSolver::without_old_scene(int newest, motion::EstimateInputs& in, Crew& crew) noexcept {
+  const int length = scene_length(newest);
+  const int base = newest + length + 1;
+  if (base >= kFrames || length >= motion::kHistory) return;
+  const Frame& before = frame(base);
+  const Frame& first = frame(base - 1);
+  if (!before.there || !first.there || before.lost || first.lost) return;
+  after_cut_.find(kernels_, inertia_, before.values, first.values, displacement(base - 2).motion, crew);
+  const int target = task_.settings.lookahead;
+  std::size_t made = 0;
+  const auto without = [&](const motion::PaddedPlane*& plane, int at) {
+    if (plane != nullptr && at < base) plane = &after_cut_.without_old(inertia_, *plane, base - at, made++, crew);
+  };
+  without(in.now, target);
+  if (in.ahead != nullptr) without(in.ahead, 0);
+  for (int j = 0; j < motion::kPast; ++j) without(in.past[static_cast<std::size_t>(j)], target + 1 + j);
 }
 
 void MotionSolver::solve(const WindowView& /*window*/, const Region& part, void* out) const noexcept {

@@ -8,6 +8,7 @@
 
 #include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/solver.hpp"
+#include "src/motion/after_cut.hpp"
 #include "src/motion/block_motion.hpp"
 #include "src/motion/defects.hpp"
 #include "src/motion/estimate.hpp"
@@ -77,6 +78,7 @@ class MotionSolver final : public Solver {
   bool use_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::GyroMotions& by_gyro) noexcept;
   void estimate_along_motion(const motion::Path& path, bool ahead, const motion::VectorField& deviation,
                              Crew& crew) noexcept;
+  void without_old_scene(int newest, motion::EstimateInputs& in, Crew& crew) noexcept;
   void without_defects(bool fill) noexcept;
   void use_rest(int rests, const motion::VectorField& deviation) noexcept;
   void write(std::size_t pixel, std::size_t count, std::size_t to, void* out) const noexcept;
@@ -101,6 +103,7 @@ class MotionSolver final : public Solver {
   std::array<Frame, kFrames> frames_;
   std::vector<Innovation> innovations_;
   std::array<Displacement, motion::kHistory + 1> displacements_;
+  motion::AfterCut after_cut_;
   motion::VectorField field_;
   motion::BlockMotions block_motions_;
   motion::Defects defects_;

@@ -1,0 +1,39 @@
+// After a cut, pixels cool down from the scene before: frame k shows rho^n of it, n frames after the last of the old
+// ones. Here frames are made as if the new scene had always been there.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "src/core/crew.hpp"
+#include "src/motion/innovation.hpp"
+#include "src/motion/path.hpp"
+
+namespace bolo::motion {
+
+class AfterCut {
+ public:
+  // Room for so many frames. Thread: setup.
+  AfterCut(Geometry geometry, int frames);
+
+  // `base`: the last frame before the first whose innovation is of the new scene; `first`: that one; `d`: displacement
+  // of the new scene a frame. All extended. No allocation. Thread: pipeline.
+  void find(const Kernels& kernels, const Inertia& inertia, const PaddedPlane& base, const PaddedPlane& first,
+            const Affine& d, Crew& crew) noexcept;
+
+  // The frame `n` periods after `base`, as place `i`. Valid until the next one in its place. Thread: pipeline.
+  const PaddedPlane& without_old(const Inertia& inertia, const PaddedPlane& frame, int n, std::size_t i,
+                                 Crew& crew) noexcept;
+
+ private:
+  static constexpr int kAges = 4;
+
+  PaddedPlane innovation_;
+  PaddedPlane less_;    // what the base would be, less what it is
+  PaddedPlane smooth_;  // the same without its noise
+  std::array<VectorField, kAges> back_;
+  std::vector<PaddedPlane> made_;
+};
+
+}  // namespace bolo::motion
