@@ -108,10 +108,19 @@ struct FieldWriter {
   bool good = true;
 };
 
-Status all_finite(const char* name, std::span<const double> values) {
-  const auto bad = std::find_if(values.begin(), values.end(), [](double v) { return !std::isfinite(v); });
+// What a bench shows, and more: beyond, squares and ratios of these numbers overflow in who reckons with them.
+constexpr double kMostKelvin = 1e4;
+constexpr double kLeastAccuracy_k = 1e-6;
+constexpr double kFarthest_px = 1e9;  // also a second, and a row
+constexpr double kLeastPeriod_px = 1e-3;
+
+bool is_within(double value, double most) { return std::abs(value) <= most; }
+
+Status all_within(const char* name, std::span<const double> values, double most) {
+  const auto bad = std::find_if(values.begin(), values.end(), [most](double v) { return !is_within(v, most); });
   if (bad == values.end()) return {};
-  return bad_input(kGroup + "/" + name + ": value " + std::to_string(bad - values.begin()) + " is not finite");
+  return bad_input(kGroup + "/" + name + ": value " + std::to_string(bad - values.begin()) + " (" + text(*bad) +
+                   ") is not a finite number up to " + text(most));
 }
 
 Status same_length(const char* name, std::size_t length, const char* other, std::size_t other_length) {
@@ -121,8 +130,9 @@ Status same_length(const char* name, std::size_t length, const char* other, std:
 }
 
 Status absolute_temperature(const char* name, double kelvin) {
-  if (kelvin > 0.0 && std::isfinite(kelvin)) return {};
-  return bad_input(kGroup + " attribute '" + name + "' is " + text(kelvin) + "; expected kelvin above 0");
+  if (kelvin > 0.0 && kelvin <= kMostKelvin) return {};
+  return bad_input(kGroup + " attribute '" + name + "' is " + text(kelvin) + "; expected kelvin above 0, at most " +
+                   text(kMostKelvin));
 }
 
 // The first status that is an error, if any.
@@ -133,7 +143,11 @@ Status first_error(Statuses... statuses) {
   return out;
 }
 
-Status accuracy(double kelvin) { return absolute_temperature("level_accuracy_k", kelvin); }
+Status accuracy(double kelvin) {
+  if (kelvin >= kLeastAccuracy_k && kelvin <= kMostKelvin) return {};
+  return bad_input(kGroup + " attribute 'level_accuracy_k' is " + text(kelvin) + "; expected " +
+                   text(kLeastAccuracy_k) + " to " + text(kMostKelvin) + " K");
+}
 
 Status check(const NoStimulus&) { return {}; }
 
@@ -143,8 +157,9 @@ Status check(const Uniform& u) {
 
 Status check(const Chopper& c) {
   Status good =
-      first_error(absolute_temperature("cold_k", c.cold_k), all_finite("on_s", c.on_s), all_finite("off_s", c.off_s),
-                  all_finite("level_k", c.level_k), same_length("off_s", c.off_s.size(), "on_s", c.on_s.size()),
+      first_error(absolute_temperature("cold_k", c.cold_k), all_within("on_s", c.on_s, kLastTime_s),
+                  all_within("off_s", c.off_s, kLastTime_s), all_within("level_k", c.level_k, kMostKelvin),
+                  same_length("off_s", c.off_s.size(), "on_s", c.on_s.size()),
                   same_length("level_k", c.level_k.size(), "on_s", c.on_s.size()), accuracy(c.level_accuracy_k));
   for (std::size_t i = 0; good && i < c.on_s.size(); ++i) {
     if (c.off_s[i] <= c.on_s[i]) {
@@ -159,15 +174,17 @@ Status check(const BarTarget& b) {
   Status good = first_error(absolute_temperature("cold_k", b.cold_k), absolute_temperature("hot_k", b.hot_k),
                             accuracy(b.level_accuracy_k));
   if (!good) return good;
-  if (!(b.period_px > 0.0) || !std::isfinite(b.period_px)) {
-    return bad_input(kGroup + " attribute 'period_px' is " + text(b.period_px) + "; expected pixels above 0");
+  if (!(b.period_px >= kLeastPeriod_px && b.period_px <= kFarthest_px)) {
+    return bad_input(kGroup + " attribute 'period_px' is " + text(b.period_px) + "; expected " + text(kLeastPeriod_px) +
+                     " to " + text(kFarthest_px) + " pixels");
   }
   if (!(b.bar_width_px > 0.0 && b.bar_width_px <= b.period_px)) {
     return bad_input(kGroup + " attribute 'bar_width_px' is " + text(b.bar_width_px) +
                      "; expected pixels above 0, at most period_px (" + text(b.period_px) + ")");
   }
-  if (!std::isfinite(b.slant_px_per_row) || !std::isfinite(b.velocity_px_s)) {
-    return bad_input(kGroup + " attributes 'slant_px_per_row' and 'velocity_px_s' must be finite");
+  if (!is_within(b.slant_px_per_row, kFarthest_px) || !is_within(b.velocity_px_s, kFarthest_px)) {
+    return bad_input(kGroup + " attributes 'slant_px_per_row' and 'velocity_px_s' must be finite, up to " +
+                     text(kFarthest_px));
   }
   return {};
 }
@@ -178,14 +195,16 @@ Status check(const SceneStimulus& s) {
     return bad_input(kGroup + "/image_k has " + std::to_string(s.image_k.size()) + " values; expected " +
                      std::to_string(s.image_height) + " rows of " + std::to_string(s.image_width));
   }
-  const auto bad = std::find_if(s.image_k.begin(), s.image_k.end(), [](float v) { return !std::isfinite(v); });
+  const auto bad = std::find_if(s.image_k.begin(), s.image_k.end(), [](float v) { return !is_within(v, kMostKelvin); });
   if (bad != s.image_k.end()) {
-    return bad_input(kGroup + "/image_k: value " + std::to_string(bad - s.image_k.begin()) + " is not finite");
+    return bad_input(kGroup + "/image_k: value " + std::to_string(bad - s.image_k.begin()) + " is not finite, up to " +
+                     text(kMostKelvin));
   }
   if (s.t_s.empty()) return bad_input(kGroup + "/t_s is empty; expected the times of the trajectory");
-  Status good = first_error(all_finite("t_s", s.t_s), all_finite("x_px", s.x_px), all_finite("y_px", s.y_px),
-                            same_length("x_px", s.x_px.size(), "t_s", s.t_s.size()),
-                            same_length("y_px", s.y_px.size(), "t_s", s.t_s.size()));
+  Status good =
+      first_error(all_within("t_s", s.t_s, kLastTime_s), all_within("x_px", s.x_px, kFarthest_px),
+                  all_within("y_px", s.y_px, kFarthest_px), same_length("x_px", s.x_px.size(), "t_s", s.t_s.size()),
+                  same_length("y_px", s.y_px.size(), "t_s", s.t_s.size()));
   if (!good) return good;
   const auto fall = std::adjacent_find(s.t_s.begin(), s.t_s.end(), [](double a, double b) { return !(b > a); });
   if (fall != s.t_s.end()) {

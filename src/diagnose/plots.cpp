@@ -360,7 +360,8 @@ void fill_plots(const Fit& fit, double floor_k, Report& report) {
   const Session& raw = fit.raw;
   const Session& session = fit.session;
   const std::vector<int> pixels = session.grid.all();
-  Index pixel = session.grid.pixels() / 2 + static_cast<Index>(session.grid.columns.size()) / 2;
+  const auto columns = static_cast<Index>(session.grid.columns.size());
+  Index pixel = static_cast<Index>(session.grid.rows.size() / 2) * columns + columns / 2;  // the middle one
   if (!session.is_good(pixel)) pixel = std::ranges::find(session.good, 1) - session.good.begin();
   std::vector<MissedCell> missed;
   double widest = 0.0;

@@ -252,6 +252,9 @@ const std::vector<Corruption>& corruptions() {
       {"uniform_no_field", of_kind("uniform"), {"/stimulus attribute 'temperature_k' is missing"}},
       {"chopper_no_cold", both(chopper, without_field("cold_k")), {"'cold_k' is missing"}},
       {"chopper_celsius", both(chopper, with_field("cold_k", -5)), {"'cold_k' is -5", "kelvin"}},
+      {"chopper_hot", both(chopper, with_doubles("/stimulus/level_k", {300, 1e300})), {"level_k: value 1", "1e+300"}},
+      {"chopper_late", both(chopper, with_doubles("/stimulus/off_s", {0.2, 1e300})), {"off_s: value 1", "1e+300"}},
+      {"chopper_sure", both(chopper, with_field("level_accuracy_k", 1e-300)), {"'level_accuracy_k' is 1e-300"}},
       {"chopper_no_on", both(chopper, without_item("/stimulus/on_s")), {"/stimulus/on_s is missing"}},
       {"chopper_no_off", both(chopper, without_item("/stimulus/off_s")), {"/stimulus/off_s is missing"}},
       {"chopper_no_level", both(chopper, without_item("/stimulus/level_k")), {"/stimulus/level_k is missing"}},
@@ -264,6 +267,9 @@ const std::vector<Corruption>& corruptions() {
       {"bars_no_width", both(bars, without_field("bar_width_px")), {"'bar_width_px' is missing"}},
       {"bars_no_slant", both(bars, without_field("slant_px_per_row")), {"'slant_px_per_row' is missing"}},
       {"bars_no_velocity", both(bars, without_field("velocity_px_s")), {"'velocity_px_s' is missing"}},
+      {"bars_hot", both(bars, with_field("hot_k", 1e300)), {"'hot_k' is 1e+300", "kelvin"}},
+      {"bars_fine", both(bars, with_field("period_px", 1e-300)), {"'period_px' is 1e-300", "pixels"}},
+      {"bars_fast", both(bars, with_field("velocity_px_s", -1e300)), {"'velocity_px_s'", "finite"}},
       {"bars_period_0", both(bars, with_field("period_px", 0)), {"'period_px' is 0"}},
       {"bars_wide", both(bars, with_field("bar_width_px", 21)), {"'bar_width_px' is 21", "period_px (20)"}},
       {"scene_no_image", both(scene, without_item("/stimulus/image_k")), {"/stimulus/image_k is missing"}},
@@ -272,6 +278,7 @@ const std::vector<Corruption>& corruptions() {
       {"scene_no_x", both(scene, without_item("/stimulus/x_px")), {"/stimulus/x_px is missing"}},
       {"scene_no_y", both(scene, without_item("/stimulus/y_px")), {"/stimulus/y_px is missing"}},
       {"scene_short_y", both(scene, with_doubles("/stimulus/y_px", {1})), {"y_px has 1", "t_s has 2"}},
+      {"scene_far", both(scene, with_doubles("/stimulus/x_px", {0, 1e300})), {"x_px: value 1", "1e+300"}},
       {"scene_still_time", both(scene, with_doubles("/stimulus/t_s", {1, 1})), {"t_s: value 1", "rise"}},
   };
   return kAll;

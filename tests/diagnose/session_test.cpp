@@ -150,4 +150,27 @@ TEST_F(SessionFiles, ALevelThatIsOff) {
   EXPECT_NEAR(report.stimulus.at("flat.h5").at("level_error_k"), 0.8, 0.02);
 }
 
+// Not one beyond its last: the first column is 1 K colder.
+TEST(DrawnPixel, OfAFrameOfOneRowIsItsMiddleOne) {
+  const Scratch scratch;
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(30000.0, 3.0);
+  const auto fill = [&](int, std::vector<std::uint16_t>& counts) {
+    for (std::uint16_t& count : counts) count = static_cast<std::uint16_t>(noise(random));
+    counts[0] = static_cast<std::uint16_t>(counts[0] - 100);
+  };
+  const capture::Uniform flat{300.0};
+  const Report report = diagnosed({testing::write_capture<std::uint16_t>(scratch / "row.h5", {16, 1}, 40, fill, flat)});
+  ASSERT_EQ(report.captures.size(), 1U);
+  int drawn = 0;
+  for (const plot::Plot& plot : report.captures.front().plots) {
+    for (const plot::Series& series : plot.series) {
+      if (series.label != "camera") continue;
+      ++drawn;
+      for (const double kelvin : series.y) EXPECT_NEAR(kelvin, 300.0, 0.3);
+    }
+  }
+  EXPECT_EQ(drawn, 1);
+}
+
 }  // namespace bolo::diagnose::session_test

@@ -45,7 +45,7 @@ class Mcap(unittest.TestCase):
         return os.path.join(cls.folder, name)
 
     @classmethod
-    def capture(cls, name, frames, attributes, events=(), first=0, utc=False):
+    def capture(cls, name, frames, attributes, events=(), first=0, utc=False, stopped=False):
         with h5py.File(cls.path(name), "w") as f:
             n = len(frames)
             f.create_dataset("frames", data=frames, chunks=(1, *frames.shape[1:]))
@@ -57,6 +57,8 @@ class Mcap(unittest.TestCase):
             if utc:
                 f["t_utc"] = 1_790_000_000.123456 + f["t"][:] * 1.00001  # the camera's clock drifts
                 f["t_host"] = 77.7 + f["t"][:]
+            if stopped:
+                f["t_utc"][:] = f["t_utc"][0]
             if events:
                 kind = np.dtype([("t", "f8"), ("kind", h5py.string_dtype())])
                 f.create_dataset("events", data=np.array(list(events), dtype=kind))
@@ -122,6 +124,20 @@ class Mcap(unittest.TestCase):
             self.assert_images("b.mcap", "/thermal/image_" + ("deblurred" if name == "sharp.h5" else "raw"), name)
             self.convert("b.mcap", "b.h5")
             self.assert_same_capture(name, "b.h5")
+
+    def test_captures_of_hosts_whose_clock_was_wrong_survive_it(self):
+        ramp = np.arange(20 * 6 * 10, dtype=np.uint16).reshape(20, 6, 10)
+        for name, at in (("old.h5", "1969-12-30T23:59:59.000Z"), ("late.h5", "9999-12-31T23:59:59.000Z"),
+                         ("stopped.h5", "2001-01-01T00:00:00Z")):
+            stopped = name == "stopped.h5"
+            self.capture(name, ramp, {"unit": "count", "scale": 1.0, "offset": 0.0, "recorded_at": at}, utc=stopped,
+                         stopped=stopped)
+            self.convert(name, "w.mcap")
+            times = self.assert_images("w.mcap", "/thermal/image_raw", name)
+            if not stopped:
+                self.assertEqual(len(set(times)), len(times), "a player would show them all at once")
+            self.convert("w.mcap", "w.h5")
+            self.assert_same_capture(name, "w.h5")
 
     def test_stamps_begin_when_the_recording_did(self):
         self.convert("linear.h5", "l.mcap")

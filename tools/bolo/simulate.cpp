@@ -337,8 +337,7 @@ Status simulate(const Options& given) {
   }();
   RETURN_IF_ERROR(written);
   if (const auto done = simulator->frames_done(); done < frames) {
-    return failed("interrupted; " + std::to_string(done) + " frames are kept in " + file.path.string() +
-                  ".part, which bolo recover finishes");
+    return tl::unexpected(interrupted_after(done, file.path));
   }
   print_result(given, file.path, *simulator);
   return {};

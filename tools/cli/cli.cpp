@@ -170,6 +170,12 @@ void catch_interrupts() {
   if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // nohup wants it to go on
 }
 
+Error interrupted_after(std::uint64_t frames, const std::filesystem::path& capture) {
+  return {ErrorKind::kFailed,
+          fmt::format("interrupted; {} kept in {}.part, which bolo recover finishes",
+                      frames == 1 ? "1 frame is" : fmt::format("{} frames are", frames), capture.string())};
+}
+
 Progress::Progress(std::string what, std::uint64_t total, double log_every_s)
     : what_(std::move(what)),
       total_(total),

@@ -61,6 +61,9 @@ int exit_code_of(const std::string& verb, const Result<int>& done);
 const std::atomic<bool>& interrupted();
 void catch_interrupts();
 
+// The error of work that was interrupted after `frames` of this capture, which its ".part" keeps. Thread: any.
+Error interrupted_after(std::uint64_t frames, const std::filesystem::path& capture);
+
 // Parses, does `work(given)`, a Status or a Result of the exit code, and reports errors. Returns the exit code.
 // `interruptible`: the work polls interrupted(), and ends in good order. Thread: setup.
 template <typename Work>

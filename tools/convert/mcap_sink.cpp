@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "src/capture/contents.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
 #include "tools/convert/footage.hpp"
@@ -21,14 +22,16 @@ const std::string* text_of(const std::vector<capture::Attribute>& attributes, co
   return nullptr;
 }
 
-// "2026-11-23T12:34:56.789Z", as a recording has it; nothing where it is something else.
+// "2026-11-23T12:34:56.789Z", as a recording has it; nothing where it is something else, or no time that a stamp can
+// have (a clock that was never set, or wrongly).
 std::optional<double> utc_s(const std::string& text) {
   std::tm date{};
   const char* rest = strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &date);
   if (rest == nullptr) return std::nullopt;
   double fraction = 0.0;
   if (*rest == '.') std::from_chars(rest, text.c_str() + text.size(), fraction);
-  return static_cast<double>(timegm(&date)) + fraction;
+  const double since_1970_s = static_cast<double>(timegm(&date)) + fraction;
+  return since_1970_s > 0.0 && since_1970_s <= capture::kLastTime_s ? std::optional(since_1970_s) : std::nullopt;
 }
 
 mcap::Texts described(const std::string& topic, const capture::CaptureInfo& info, const Extras& extras) {
@@ -67,8 +70,8 @@ class McapSink final : public FootageSink {
     const auto number = static_cast<std::uint32_t>(frame.id);
     Status good = writer_.write(part.channel, number, ns,
                                 ros::image(header, part.format.geometry, part.format.type, frame.data()));
-    if (!good || ns == last_ns_) return good;  // the raw and the sharp plane of one frame
-    last_ns_ = ns;
+    if (!good || frame.t_s == last_t_s_) return good;  // the raw and the sharp plane of one frame
+    last_t_s_ = frame.t_s;
     good = writer_.write(infos_, number, ns, ros::camera_info(header, part.format.geometry));
     return good ? writer_.write(frames_, number, ns, ros::frame(header, identity_of(frame))) : good;
   }
@@ -149,7 +152,8 @@ class McapSink final : public FootageSink {
   }
 
   std::uint64_t stamp_ns(double t_s) const {
-    const std::int64_t ns = *base_ns_ + to_ns(t_s - base_t_s_);
+    const double latest_s = capture::kLastTime_s - static_cast<double>(*base_ns_) / kNsPerSecond;
+    const std::int64_t ns = *base_ns_ + to_ns(std::clamp(t_s - base_t_s_, -capture::kLastTime_s, latest_s));
     return static_cast<std::uint64_t>(std::max(ns, std::int64_t{0}));
   }
 
@@ -179,7 +183,7 @@ class McapSink final : public FootageSink {
   bool has_utc_ = false;
   std::optional<std::int64_t> base_ns_;  // the stamp of what was taken at base_t_s_
   double base_t_s_ = 0.0;
-  std::optional<std::uint64_t> last_ns_;
+  std::optional<double> last_t_s_;
 };
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "src/core/text.hpp"
 #include "src/core/threads.hpp"
 #include "src/pipeline/pipeline.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/deblur/made_from.hpp"
 
 namespace bolo::tools {
@@ -70,9 +71,7 @@ Error interruption(DeblurSink& sink, const pipeline::Pipeline& pipeline, const D
     return {ErrorKind::kFailed, "interrupted before any frame was solved; " + output.string() + " was not written"};
   }
   if (const Status kept = sink.keep_part(pipeline.isa(), files_behind(request)); !kept) return kept.error();
-  const std::string part = output.string() + ".part";
-  return {ErrorKind::kFailed, "interrupted; " + std::to_string(sink.frames_out()) + " frames are kept in " + part +
-                                  ", which bolo recover finishes"};
+  return interrupted_after(sink.frames_out(), output);
 }
 
 }  // namespace
