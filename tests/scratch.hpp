@@ -22,9 +22,20 @@ class Scratch {
 
   const std::filesystem::path& path() const { return folder_; }
   std::filesystem::path operator/(const std::string& name) const { return folder_ / name; }
+  // A file of this name and content.
+  std::filesystem::path text(const std::string& name, const std::string& content) const {
+    std::ofstream(*this / name, std::ios::binary) << content;
+    return *this / name;
+  }
 
  private:
   std::filesystem::path folder_;
+};
+
+// A test with such a folder.
+class ScratchTest : public ::testing::Test {
+ protected:
+  const Scratch scratch_;
 };
 
 }  // namespace bolo

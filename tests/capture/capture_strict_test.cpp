@@ -6,6 +6,8 @@
 
 namespace bolo::capture::capture_strict_test {
 
+using CaptureStrictFile = ScratchTest;
+
 using namespace bolo::capture::testing;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -307,37 +309,32 @@ void expect_no_capture(const std::filesystem::path& file, const std::string& wor
   EXPECT_TRUE(!reader && reader.error().message.starts_with(file.string() + ": "));
 }
 
-TEST(CaptureStrictFile, WhatIsNoCaptureIsToldApart) {
-  const Scratch scratch;
-  expect_no_capture(scratch / "absent.h5", "No such file");
-  expect_no_capture(scratch / "", "not a regular file");
-  std::ofstream(scratch / "empty.h5").close();
-  expect_no_capture(scratch / "empty.h5", "is empty");
-  std::ofstream(scratch / "text.h5") << "hello, this is no HDF5 file";
-  expect_no_capture(scratch / "text.h5", "not an HDF5 file");
-  std::ofstream(scratch / "old.mat") << "MATLAB 5.0 MAT-file, Platform: GLNXA64" << std::string(200, ' ');
-  expect_no_capture(scratch / "old.mat", "-v7.3");
+TEST_F(CaptureStrictFile, WhatIsNoCaptureIsToldApart) {
+  expect_no_capture(scratch_ / "absent.h5", "No such file");
+  expect_no_capture(scratch_ / "", "not a regular file");
+  std::ofstream(scratch_ / "empty.h5").close();
+  expect_no_capture(scratch_ / "empty.h5", "is empty");
+  expect_no_capture(scratch_.text("text.h5", "hello, this is no HDF5 file"), "not an HDF5 file");
+  const std::string old = "MATLAB 5.0 MAT-file, Platform: GLNXA64" + std::string(200, ' ');
+  expect_no_capture(scratch_.text("old.mat", old), "-v7.3");
 }
 
 // Nor does what reads as much as it can of a damaged file look elsewhere.
-TEST(CaptureStrictFile, ValuesOfOtherFilesAreNotReadOfADamagedOneEither) {
-  const Scratch scratch;
-  const auto file = valid_file(scratch);
+TEST_F(CaptureStrictFile, ValuesOfOtherFilesAreNotReadOfADamagedOneEither) {
+  const auto file = valid_file(scratch_);
   edit(file, frames_of_themselves);
   expect_refused(CaptureReader::salvage(file), {"in other files"});
 }
 
-TEST(CaptureStrictFile, TruncatedFileIsCutOff) {
-  const Scratch scratch;
-  const auto file = valid_file(scratch);
+TEST_F(CaptureStrictFile, TruncatedFileIsCutOff) {
+  const auto file = valid_file(scratch_);
   std::filesystem::resize_file(file, std::filesystem::file_size(file) - 100);
   expect_no_capture(file, "cut off");
 }
 
 // As by a recorder that begins it again: its frames are not zeros.
-TEST(CaptureStrictFile, OneThatIsCutWhileItIsReadIsAnError) {
-  const Scratch scratch;
-  const auto file = valid_file(scratch);
+TEST_F(CaptureStrictFile, OneThatIsCutWhileItIsReadIsAnError) {
+  const auto file = valid_file(scratch_);
   const auto reader = must(CaptureReader::open(file));
   std::filesystem::resize_file(file, 1000);
   std::vector<std::uint16_t> plane(21);

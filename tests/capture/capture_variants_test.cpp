@@ -6,6 +6,10 @@
 
 namespace bolo::capture::capture_variants_test {
 
+using CaptureVariantsOther = ScratchTest;
+using StillImage = ScratchTest;
+using MatlabCapture = ScratchTest;
+
 using namespace bolo::capture::testing;
 
 // A file from nothing but HDF5 calls; `change` may replace items.
@@ -81,9 +85,8 @@ TEST(CaptureVariants, Open) {
   }
 }
 
-TEST(CaptureVariantsOther, CountsNeedNoScale) {
-  const Scratch scratch;
-  const auto reader = must(CaptureReader::open(foreign_file(scratch, [](hid_t f) {
+TEST_F(CaptureVariantsOther, CountsNeedNoScale) {
+  const auto reader = must(CaptureReader::open(foreign_file(scratch_, [](hid_t f) {
     set_string(f, "/", "unit", "count");
     drop_attribute(f, "/", "scale");
     drop_attribute(f, "/", "offset");
@@ -91,15 +94,13 @@ TEST(CaptureVariantsOther, CountsNeedNoScale) {
   EXPECT_EQ(reader->info().format.scale.unit, Unit::kCount);
 }
 
-TEST(CaptureVariantsOther, ASerialNumberMayBeANumber) {
-  const Scratch scratch;
-  const auto reader = must(CaptureReader::open(foreign_file(scratch, with("camera_serial", 63201234, H5T_STD_I64LE))));
+TEST_F(CaptureVariantsOther, ASerialNumberMayBeANumber) {
+  const auto reader = must(CaptureReader::open(foreign_file(scratch_, with("camera_serial", 63201234, H5T_STD_I64LE))));
   EXPECT_EQ(reader->info().camera_serial, "63201234");
 }
 
-TEST(CaptureVariantsOther, OneOfTheHostsTimesAloneIsLeftOut) {
-  const Scratch scratch;
-  const auto reader = must(CaptureReader::open(foreign_file(scratch, [](hid_t f) {
+TEST_F(CaptureVariantsOther, OneOfTheHostsTimesAloneIsLeftOut) {
+  const auto reader = must(CaptureReader::open(foreign_file(scratch_, [](hid_t f) {
     set_doubles(f, "/t_utc", {1, 2, 3});
   })));
   EXPECT_FALSE(reader->info().has_times);
@@ -107,7 +108,7 @@ TEST(CaptureVariantsOther, OneOfTheHostsTimesAloneIsLeftOut) {
   EXPECT_EQ(reader->warnings()[0], "/t_utc is left out: /t_host is missing beside it");
 }
 
-TEST(CaptureVariantsOther, EventsOfVariableLengthStrings) {
+TEST_F(CaptureVariantsOther, EventsOfVariableLengthStrings) {
   struct Row {
     double t;
     const char* kind;
@@ -140,18 +141,16 @@ TEST(CaptureWarnings, PeriodsThatTheTimesContradictAndMilliseconds) {
   }
 }
 
-TEST(StillImage, ReadsAnyWidth) {
-  const Scratch scratch;
+TEST_F(StillImage, ReadsAnyWidth) {
   const auto still = must(read_still(
-      foreign_file(scratch, with_dataset("/image_k", H5T_IEEE_F64BE, {2, 3}, {290, 291, 292, 293, 294, 295.5}))));
+      foreign_file(scratch_, with_dataset("/image_k", H5T_IEEE_F64BE, {2, 3}, {290, 291, 292, 293, 294, 295.5}))));
   EXPECT_EQ(still->width, 3);
   EXPECT_EQ(still->height, 2);
   EXPECT_EQ(still->kelvin, (std::vector<float>{290.0F, 291.0F, 292.0F, 293.0F, 294.0F, 295.5F}));
 }
 
-TEST(StillImage, RefusesWhatIsNoStill) {
-  const Scratch scratch;
-  const auto file = foreign_file(scratch, [](hid_t) {});
+TEST_F(StillImage, RefusesWhatIsNoStill) {
+  const auto file = foreign_file(scratch_, [](hid_t) {});
   expect_refused(read_still(file), {"/image_k is missing"});
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   edit(file, with_dataset("/image_k", H5T_IEEE_F32LE, {2, 3}, {290, 291, 292, kInfinity, 294, 295.5}));
@@ -218,20 +217,18 @@ void expect_content(const std::filesystem::path& file) {
   }
 }
 
-TEST(MatlabCapture, DoubleBecomesFloatAndUint16Stays) {
-  const Scratch scratch;
-  expect_content<float>(matlab_file(scratch, "double.mat", kDoubles));
-  expect_content<float>(matlab_file(scratch, "single.mat", {H5T_IEEE_F32LE, {1, kFrames}, {2, 4, 4}}));
-  expect_content<std::uint16_t>(matlab_file(scratch, "uint16.mat", {H5T_STD_U16LE, {kFrames, 1}, {}}));
-  expect_content<float>(matlab_file(scratch, "another_name.h5", {H5T_IEEE_F64LE, {kFrames}, {1, 7, 6}}));
+TEST_F(MatlabCapture, DoubleBecomesFloatAndUint16Stays) {
+  expect_content<float>(matlab_file(scratch_, "double.mat", kDoubles));
+  expect_content<float>(matlab_file(scratch_, "single.mat", {H5T_IEEE_F32LE, {1, kFrames}, {2, 4, 4}}));
+  expect_content<std::uint16_t>(matlab_file(scratch_, "uint16.mat", {H5T_STD_U16LE, {kFrames, 1}, {}}));
+  expect_content<float>(matlab_file(scratch_, "another_name.h5", {H5T_IEEE_F64LE, {kFrames}, {1, 7, 6}}));
 }
 
-TEST(MatlabCapture, FramesInTheWrongOrderAndFallingTimesAreRefused) {
-  const Scratch scratch;
-  const auto file = matlab_file(scratch, "a.mat", kDoubles);
+TEST_F(MatlabCapture, FramesInTheWrongOrderAndFallingTimesAreRefused) {
+  const auto file = matlab_file(scratch_, "a.mat", kDoubles);
   edit(file, with_dataset("/frames", H5T_NATIVE_DOUBLE, {kFrames, kHeight, kWidth}, matlab_order()));
   expect_refused(CaptureReader::open(file), {"t has 6 values but frames"});
-  const auto falling = matlab_file(scratch, "b.mat", kDoubles);
+  const auto falling = matlab_file(scratch_, "b.mat", kDoubles);
   edit(falling, with_doubles("/t", {0, 0.005, 0.01, 0.009, 0.03, 0.04}));
   expect_refused(CaptureReader::open(falling), {"value 3"});
 }

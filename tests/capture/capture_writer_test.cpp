@@ -32,6 +32,10 @@ extern "C" int fstat(int descriptor, struct stat* out) {
 
 namespace bolo::capture::capture_writer_test {
 
+using CaptureWriterNames = ScratchTest;
+using CaptureWriterRefuses = ScratchTest;
+using CaptureWriterName = ScratchTest;
+
 using namespace bolo::capture::testing;
 
 constexpr double kPeriod = 0.005;
@@ -64,7 +68,7 @@ TEST(CaptureWriterStimulus, WhatReadersRefuseIsNotWritten) {
   EXPECT_TRUE(writer->write_stimulus(Uniform{300.0})) << "the refused one must leave nothing behind";
 }
 
-TEST(CaptureWriterNames, OfAFileThatIsRefusedWhenItIsLookedAtNothingIsLeft) {
+TEST_F(CaptureWriterNames, OfAFileThatIsRefusedWhenItIsLookedAtNothingIsLeft) {
   bool refused = true;
   for (int looks = 0; refused; ++looks) {
     const Scratch scratch;
@@ -102,9 +106,8 @@ TEST(CaptureWriterExtras, EventsAndAttributesComeBack) {
   EXPECT_EQ(std::get<std::string>(attributes->at(1).value), "exact");
 }
 
-TEST(CaptureWriterRefuses, DisorderLeavesTheCaptureGood) {
-  const Scratch scratch;
-  auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+TEST_F(CaptureWriterRefuses, DisorderLeavesTheCaptureGood) {
+  auto writer = CaptureWriter::create(scratch_ / "a.h5", small_info());
   const std::vector<std::uint16_t> plane(21);
   ASSERT_TRUE(writer->append(1.0, 7, plane.data()));
   EXPECT_FALSE(writer->append(1.0, 8, plane.data()));
@@ -117,42 +120,39 @@ TEST(CaptureWriterRefuses, DisorderLeavesTheCaptureGood) {
   ASSERT_TRUE(writer->close());
   EXPECT_FALSE(writer->append(3.0, 9, plane.data())) << "closed";
   EXPECT_FALSE(writer->close());
-  const auto reader = must(CaptureReader::open(scratch / "a.h5"));
+  const auto reader = must(CaptureReader::open(scratch_ / "a.h5"));
   EXPECT_EQ(reader->t(), (std::vector<double>{1.0, 2.0}));
 }
 
-TEST(CaptureWriterRefuses, WhatReadersWouldRefuse) {
-  const Scratch scratch;
+TEST_F(CaptureWriterRefuses, WhatReadersWouldRefuse) {
   const auto refused = [&](auto change, const std::string& word) {
     CaptureInfo info = small_info();
     change(info.format);
-    expect_refused(CaptureWriter::create(scratch / "a.h5", info), {word});
-    EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5.part"));
+    expect_refused(CaptureWriter::create(scratch_ / "a.h5", info), {word});
+    EXPECT_FALSE(std::filesystem::exists(scratch_ / "a.h5.part"));
   };
   refused([](StreamFormat& f) { f.frame_period_s = 0; }, "frame_period_s");
   refused([](StreamFormat& f) { f.scale.scale = 0; }, "scale");
   refused([](StreamFormat& f) { f.row_step = 0; }, "row_step");
   refused([](StreamFormat& f) { f.geometry.width = 0; }, "0x3");
-  expect_refused(CaptureWriter::create(scratch / "no/such/folder.h5", small_info()), {"No such file"});
+  expect_refused(CaptureWriter::create(scratch_ / "no/such/folder.h5", small_info()), {"No such file"});
 }
 
-TEST(CaptureWriterName, WithoutCloseThePartIsWhole) {
-  const Scratch scratch;
+TEST_F(CaptureWriterName, WithoutCloseThePartIsWhole) {
   {
-    auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+    auto writer = CaptureWriter::create(scratch_ / "a.h5", small_info());
     for (std::size_t i = 0; i < 5; ++i) ASSERT_TRUE(append(*writer, i));
   }
-  EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
-  const auto reader = must(CaptureReader::open(scratch / "a.h5.part"));
+  EXPECT_FALSE(std::filesystem::exists(scratch_ / "a.h5"));
+  const auto reader = must(CaptureReader::open(scratch_ / "a.h5.part"));
   expect_frames(*reader, 5);
 }
 
-TEST(CaptureWriterName, EqualInputGivesEqualFilesAndNothingElse) {
-  const Scratch scratch;
-  for (const char* name : {"a.h5", "b.h5"}) write_small(scratch / name, 5, {.deflate_level = 3});
-  const std::string command = "cmp " + (scratch / "a.h5").string() + " " + (scratch / "b.h5").string();
+TEST_F(CaptureWriterName, EqualInputGivesEqualFilesAndNothingElse) {
+  for (const char* name : {"a.h5", "b.h5"}) write_small(scratch_ / name, 5, {.deflate_level = 3});
+  const std::string command = "cmp " + (scratch_ / "a.h5").string() + " " + (scratch_ / "b.h5").string();
   EXPECT_EQ(std::system(command.c_str()), 0);
-  EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5.part"));
+  EXPECT_FALSE(std::filesystem::exists(scratch_ / "a.h5.part"));
 }
 
 // Another program reads the same values.
@@ -269,46 +269,43 @@ void leave_unfinished(const std::filesystem::path& file) {
 }
 
 // The records of its commits lie beside the file, not beside a link to it.
-TEST(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
-  const Scratch scratch;
-  ASSERT_NO_FATAL_FAILURE(leave_unfinished(scratch / "a.h5"));
-  std::filesystem::create_directory(scratch / "elsewhere");
-  const auto link = scratch / "elsewhere" / "b.h5.part";
-  std::filesystem::create_symlink(scratch / "a.h5.part", link);
+TEST_F(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
+  ASSERT_NO_FATAL_FAILURE(leave_unfinished(scratch_ / "a.h5"));
+  std::filesystem::create_directory(scratch_ / "elsewhere");
+  const auto link = scratch_ / "elsewhere" / "b.h5.part";
+  std::filesystem::create_symlink(scratch_ / "a.h5.part", link);
   {
     const auto reader = must(CaptureReader::open(link));
     EXPECT_EQ(reader->info().frames, 20U);
   }
-  expect_refused(recover_in_place(link, scratch / "elsewhere" / "b.h5"), {"is a link"});
-  EXPECT_TRUE(recover_in_place(scratch / "a.h5.part", scratch / "a.h5"));
+  expect_refused(recover_in_place(link, scratch_ / "elsewhere" / "b.h5"), {"is a link"});
+  EXPECT_TRUE(recover_in_place(scratch_ / "a.h5.part", scratch_ / "a.h5"));
 }
 
 // To finish it in place writes to the file and its journal: what they stand for beside that would be lost.
-TEST(CaptureWriterName, ARecordingIsNotFinishedThroughOtherNames) {
-  const Scratch scratch;
-  const auto part = scratch / "a.h5.part";
-  const auto user = scratch / "user";
+TEST_F(CaptureWriterName, ARecordingIsNotFinishedThroughOtherNames) {
+  const auto part = scratch_ / "a.h5.part";
+  const auto user = scratch_ / "user";
   for (const char* ending : {"", ".journal", ".live"}) {
     for (const bool hard : {false, true}) {
       SCOPED_TRACE(std::string(ending) + (hard ? " hard" : " soft"));
       std::filesystem::remove(user);
       for (const char* old : {"", ".journal", ".live"}) std::filesystem::remove(part.string() + old);
-      ASSERT_NO_FATAL_FAILURE(leave_unfinished(scratch / "a.h5"));
+      ASSERT_NO_FATAL_FAILURE(leave_unfinished(scratch_ / "a.h5"));
       const std::filesystem::path name = part.string() + ending;
       std::filesystem::rename(name, user);
       hard ? std::filesystem::create_hard_link(user, name) : std::filesystem::create_symlink(user, name);
       const std::string before = *must(read_input(user));
-      expect_refused(recover_in_place(part, scratch / "a.h5"), {"is a link"});
+      expect_refused(recover_in_place(part, scratch_ / "a.h5"), {"is a link"});
       EXPECT_EQ(*must(read_input(user)), before);
-      EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
+      EXPECT_FALSE(std::filesystem::exists(scratch_ / "a.h5"));
     }
   }
 }
 
-TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {
-  const Scratch scratch;
-  const auto file = scratch / "a.h5";
-  const auto part = scratch / "a.h5.part";
+TEST_F(CaptureWriterNames, NothingThatExistsIsReplaced) {
+  const auto file = scratch_ / "a.h5";
+  const auto part = scratch_ / "a.h5.part";
   for (const auto& there : {file, part}) {
     std::ofstream(there) << "there";
     expect_error(CaptureWriter::create(file, small_info()), {"--overwrite it"});
@@ -324,7 +321,7 @@ TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {
 }
 
 // For want of descriptors: the next try would find an unfinished recording.
-TEST(CaptureWriterNames, WhatCannotBeBegunLeavesNothing) {
+TEST_F(CaptureWriterNames, WhatCannotBeBegunLeavesNothing) {
   const Scratch first;  // a sanitizer looks at each class once, which needs descriptors, too
   ASSERT_TRUE(CaptureWriter::create(first / "a.h5", small_info(), {.survives_power_cut = true}));
   rlimit before{};
@@ -345,7 +342,7 @@ TEST(CaptureWriterNames, WhatCannotBeBegunLeavesNothing) {
 }
 
 // Whoever may write to the folder can put a link in the place of the part or of its records.
-TEST(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
+TEST_F(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
   const WriterOptions options{.survives_power_cut = true, .replace = Replace::kExisting};
   for (const std::string name : {"a.h5.part", "a.h5.part.journal", "a.h5.part.live"}) {
     for (const bool symbolic : {true, false}) {
@@ -364,16 +361,15 @@ TEST(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
 
 // A name that somebody takes while a capture is written: both stay.
 // Who may write to the folder's parent puts a link to another's folder in its place when all has been looked at.
-TEST(CaptureWriterNames, WhatAFolderThatBecomesALinkStandsForStays) {
-  const Scratch scratch;
-  const std::filesystem::path folder = scratch / "folder";
-  const std::filesystem::path theirs = scratch / "theirs";
+TEST_F(CaptureWriterNames, WhatAFolderThatBecomesALinkStandsForStays) {
+  const std::filesystem::path folder = scratch_ / "folder";
+  const std::filesystem::path theirs = scratch_ / "theirs";
   std::filesystem::create_directories(folder);
   std::filesystem::create_directories(theirs);
   std::ofstream(theirs / "a.h5.part") << "theirs";
   append_and_die(folder / "a.h5", 1, {});  // without frames: begun again without being asked
   g_after_look_at_live = [&] {
-    std::filesystem::rename(folder, scratch / "moved");
+    std::filesystem::rename(folder, scratch_ / "moved");
     std::filesystem::create_symlink(theirs, folder);
   };
   EXPECT_FALSE(CaptureWriter::create(folder / "a.h5", small_info()));
@@ -381,18 +377,17 @@ TEST(CaptureWriterNames, WhatAFolderThatBecomesALinkStandsForStays) {
   EXPECT_EQ(read_input(theirs / "a.h5.part").value_or(""), "theirs");
 }
 
-TEST(CaptureWriterNames, ANameThatIsTakenMeanwhileStays) {
-  const Scratch scratch;
-  auto writer = must(CaptureWriter::create(scratch / "a.h5", small_info()));
+TEST_F(CaptureWriterNames, ANameThatIsTakenMeanwhileStays) {
+  auto writer = must(CaptureWriter::create(scratch_ / "a.h5", small_info()));
   ASSERT_TRUE(append(*writer, 0));
-  std::ofstream(scratch / "a.h5") << "theirs";
+  std::ofstream(scratch_ / "a.h5") << "theirs";
   EXPECT_FALSE(writer->close());
-  EXPECT_EQ(std::filesystem::file_size(scratch / "a.h5"), 6U);
-  EXPECT_TRUE(CaptureReader::open(scratch / "a.h5.part"));
+  EXPECT_EQ(std::filesystem::file_size(scratch_ / "a.h5"), 6U);
+  EXPECT_TRUE(CaptureReader::open(scratch_ / "a.h5.part"));
 }
 
 // Interference by other programs is reported at the next frame, and their files are left alone.
-TEST(CaptureWriterNames, AFileThatIsTakenFromTheWriterIsSaid) {
+TEST_F(CaptureWriterNames, AFileThatIsTakenFromTheWriterIsSaid) {
   using Harm = void (*)(const std::filesystem::path&);
   const Harm remove = [](const auto& part) { std::filesystem::remove(part); };
   const Harm swap = [](const auto& part) {
@@ -421,10 +416,9 @@ TEST(CaptureWriterNames, AFileThatIsTakenFromTheWriterIsSaid) {
   }
 }
 
-TEST(CaptureWriterNames, WithoutAFrameNothingStays) {
-  const Scratch scratch;
-  { ASSERT_TRUE(CaptureWriter::create(scratch / "a.h5", small_info())); }
-  EXPECT_TRUE(std::filesystem::is_empty(scratch.path()));
+TEST_F(CaptureWriterNames, WithoutAFrameNothingStays) {
+  { ASSERT_TRUE(CaptureWriter::create(scratch_ / "a.h5", small_info())); }
+  EXPECT_TRUE(std::filesystem::is_empty(scratch_.path()));
 }
 
 }  // namespace bolo::capture::capture_writer_test

@@ -18,15 +18,14 @@ model::PixelMaps some_maps() {
   return maps;
 }
 
-class PixelMapsFile : public ::testing::Test {
+class PixelMapsFile : public ScratchTest {
  protected:
-  const Scratch folder_;
-  const std::filesystem::path file_ = folder_ / "maps.h5";
+  const std::filesystem::path file_ = scratch_ / "maps.h5";
 };
 
 TEST_F(PixelMapsFile, IsReadAsWritten) {
   ASSERT_TRUE(write_pixel_maps(file_, some_maps()));
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "maps.h5.part"));
+  EXPECT_FALSE(std::filesystem::exists(scratch_ / "maps.h5.part"));
   const auto maps = must(read_pixel_maps(file_));
   EXPECT_EQ(maps->geometry, (Geometry{3, 2}));
   EXPECT_EQ(maps->tau_s, some_maps().tau_s);
@@ -50,8 +49,7 @@ TEST_F(PixelMapsFile, MapsMayBeLeftOutAndStoredInOtherTypes) {
 
 TEST_F(PixelMapsFile, BelongsToTheProfileThatNamesIt) {
   ASSERT_TRUE(write_pixel_maps(file_, some_maps()));
-  std::ofstream(folder_ / "p.toml") << "row_delay_s = 3.0e-5\nmaps = \"maps.h5\"\n";
-  const auto profile = must(model::read_profile(folder_ / "p.toml"));
+  const auto profile = must(model::read_profile(scratch_.text("p.toml", "row_delay_s = 3.0e-5\nmaps = \"maps.h5\"\n")));
   const auto maps = must(read_profile_maps(*profile));
   EXPECT_EQ(maps->row_delay_s, 3.0e-5);
   EXPECT_EQ(maps->gain, some_maps().gain);
@@ -101,14 +99,13 @@ TEST_F(PixelMapsFile, DamageIsRefusedByFileDatasetAndPlace) {
 }
 
 TEST_F(PixelMapsFile, NoFileAndNoMapsAreToldApart) {
-  EXPECT_NE(read_pixel_maps(folder_ / "none.h5").error().message.find("none.h5"), std::string::npos);
-  std::ofstream(folder_ / "text.h5") << "not HDF5\n";
-  EXPECT_NE(read_pixel_maps(folder_ / "text.h5").error().message.find("text.h5"), std::string::npos);
+  EXPECT_NE(read_pixel_maps(scratch_ / "none.h5").error().message.find("none.h5"), std::string::npos);
+  EXPECT_NE(read_pixel_maps(scratch_.text("text.h5", "not HDF5\n")).error().message.find("text.h5"), std::string::npos);
   model::PixelMaps wrong = some_maps();
   wrong.gain.pop_back();
   EXPECT_FALSE(write_pixel_maps(file_, wrong));
   EXPECT_FALSE(std::filesystem::exists(file_));
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "maps.h5.part"));
+  EXPECT_FALSE(std::filesystem::exists(scratch_ / "maps.h5.part"));
 }
 
 }  // namespace bolo::capture::pixel_maps_test

@@ -8,18 +8,11 @@ import sys
 import tempfile
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "tools"))
-from programs import wait_for  # noqa: E402
+from programs import run, wait_for  # noqa: E402
 
 TOTAL, FRAMES = 8, 60
 # Slow enough that a run can be met in its middle.
 SOLVER = ["--solver", "exact"]
-
-
-def run(*command, **options):
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120, **options)
-    if done.returncode != 0:
-        raise AssertionError(f"{' '.join(map(str, command))}: exit code {done.returncode}: {done.stderr.strip()[-2000:]}")
-    return done.stdout
 
 
 def set_up(*command):

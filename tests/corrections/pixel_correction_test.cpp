@@ -8,9 +8,7 @@ namespace bolo::corrections::pixel_correction_test {
 
 using deblur::Method;
 using deblur::Settings;
-using deblur::testing::Input;
-using deblur::testing::InputSource;
-using deblur::testing::kelvin;
+using namespace deblur::testing;
 
 constexpr Geometry kFrame{37, 23};
 

@@ -5,8 +5,7 @@
 
 namespace bolo::deblur::method_test {
 
-using testing::Input;
-using testing::InputSource;
+using namespace testing;
 
 constexpr std::size_t kPixels = 45;
 

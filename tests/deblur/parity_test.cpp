@@ -6,9 +6,7 @@
 
 namespace bolo::deblur::parity_test {
 
-using testing::Input;
-using testing::InputSource;
-using testing::kInputs;
+using namespace testing;
 
 constexpr double kRms = 5e-3;
 constexpr double kLargest = 50e-3;

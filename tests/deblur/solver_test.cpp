@@ -14,9 +14,7 @@
 
 namespace bolo::deblur::solver_test {
 
-using testing::Input;
-using testing::InputSource;
-using testing::kInputs;
+using namespace testing;
 
 // --- The kernels' plain twins: one pixel, double precision, full matrices.
 

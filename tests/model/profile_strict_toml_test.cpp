@@ -1,11 +1,9 @@
 // Values that a table of keys accepts and refuses, and its messages.
-#include <unistd.h>
-
 #include "src/core/input_file.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/model/strict_toml.hpp"
 #include "tests/refusal.hpp"
-#include "tests/test.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::model::profile_strict_toml_test {
 
@@ -46,24 +44,20 @@ struct Things {
   }
 };
 
-class StrictToml : public testing::Test {
+class StrictToml : public ScratchTest {
  protected:
-  StrictToml() : file_(testing::TempDir() + "strict-" + std::to_string(getpid()) + ".toml") {}
-  ~StrictToml() override { std::remove(file_.c_str()); }
-
   // The error of reading `text`, without the file's name; "" when it is right.
   std::string complaint(const std::string& text) {
-    std::ofstream(file_, std::ios::binary) << text;
+    const std::string file = scratch_.text("a.toml", text);
     KeyTable keys = things_.keys();
-    const Status status = keys.read(file_);
+    const Status status = keys.read(file);
     if (status) return "";
     EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
     EXPECT_EQ(status.error().message.find('\n'), std::string::npos) << "one line";
-    EXPECT_TRUE(status.error().message.starts_with(file_ + ":")) << status.error().message;
-    return status.error().message.substr(file_.size() + 1);
+    EXPECT_TRUE(status.error().message.starts_with(file + ":")) << status.error().message;
+    return status.error().message.substr(file.size() + 1);
   }
 
-  std::string file_;
   Things things_;
 };
 
@@ -79,7 +73,7 @@ TEST_F(StrictToml, EveryKindOfValueIsRead) {
   EXPECT_EQ(things_.mode, 0600U);
   EXPECT_TRUE(things_.cpus.empty());
   EXPECT_FALSE(things_.ripe);
-  EXPECT_EQ(things_.file, std::filesystem::path(file_).parent_path() / "sub/y.h5");
+  EXPECT_EQ(things_.file, scratch_ / "sub/y.h5");
   EXPECT_EQ(things_.fruit, Fruit::kApple);
   EXPECT_EQ(things_.second, Fruit::kPear);
   for (const std::string stays : {"/a/b.h5", ""}) {
@@ -198,12 +192,8 @@ TEST_F(StrictToml, TheDocumentReadsBackAsTheDefaults) {
 
 const std::string kShipped = std::string(BOLO_SOURCE_DIR) + "/config/a655sc.toml";
 
-Result<CameraProfile> read_text(const std::string& text) {
-  const std::string file = testing::TempDir() + "profile-" + std::to_string(getpid()) + ".toml";
-  std::ofstream(file) << text;
-  auto profile = read_profile(file);
-  std::remove(file.c_str());
-  return profile;
+Result<CameraProfile> read_text(const std::string& text, const Scratch& scratch = {}) {
+  return read_profile(scratch.text("profile.toml", text));
 }
 
 TEST(Profile, MistakesAreNamed) {
@@ -224,9 +214,10 @@ TEST(Profile, WhatIsUndoneReadsBackAsItWasWritten) {
   CameraProfile profile;
   profile.maps = "maps of one camera.h5";
   profile.undo = {FrameFilter::kBox, 0.75, 0.02, 0.21, 0.04, 0.003, true, 0.96, 288.5, 311.25, 0.012, true, true};
-  const auto read = must(read_text(document_profile(profile)));
+  const Scratch scratch;
+  const auto read = must(read_text(document_profile(profile), scratch));
   EXPECT_EQ(read->undo, profile.undo);
-  EXPECT_EQ(read->maps, std::filesystem::path(testing::TempDir()) / "maps of one camera.h5");
+  EXPECT_EQ(read->maps, scratch / "maps of one camera.h5");
 }
 
 TEST(Profile, SaysWhereValuesComeFromAndWhatChanged) {

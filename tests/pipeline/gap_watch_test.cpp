@@ -8,9 +8,7 @@ namespace bolo::pipeline::gap_watch_test {
 
 using deblur::GapFigures;
 using deblur::GapMeter;
-using motion::testing::pan;
-using motion::testing::Scene;
-using motion::testing::Texture;
+using namespace motion::testing;
 
 constexpr Geometry kFrame{128, 80};
 constexpr double kScale = 0.01;

@@ -5,11 +5,7 @@
 
 namespace bolo::pipeline::overload_test {
 
-using test::MemorySink;
-using test::play;
-using test::run_of;
-using test::Script;
-using test::solved;
+using namespace test;
 
 constexpr int kWindow = 17;
 constexpr std::uint32_t kQualityFlags =

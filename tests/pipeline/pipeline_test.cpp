@@ -5,7 +5,6 @@
 #include "src/pipeline/source.hpp"
 #include "tests/pipeline/fakes.hpp"
 #include "tests/refusal.hpp"
-#include "tests/test.hpp"
 
 namespace bolo::pipeline::pipeline_test {
 

@@ -1,7 +1,6 @@
 #include "src/pipeline/quality_level.hpp"
 #include "src/pipeline/solver_ladder.hpp"
 #include "tests/motion/stream.hpp"
-#include "tests/test.hpp"
 
 namespace bolo::pipeline::quality_level_test {
 

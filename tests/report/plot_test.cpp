@@ -11,9 +11,7 @@
 
 namespace bolo::plot::plot_test {
 
-using test::elements_of;
-using test::overlaps;
-using test::text_boxes;
+using namespace test;
 
 Plot latency() {
   Plot plot{

@@ -7,14 +7,6 @@
 
 namespace bolo::sim::testing {
 
-class Scratch : public bolo::Scratch {
- public:
-  std::filesystem::path text(const std::string& name, const std::string& content) const {
-    std::ofstream(*this / name, std::ios::binary) << content;
-    return *this / name;
-  }
-};
-
 // A camera without noise or quantisation, so that the physics can be compared exactly.
 inline CameraSettings ideal_camera(Geometry geometry) {
   CameraSettings camera;

@@ -48,13 +48,8 @@ def run(image: pathlib.Path, payload: pathlib.Path, deadline: float) -> bool:
     booted = payload / "booted"
     booted.unlink(missing_ok=True)
     with open(payload / "console.log", "a", encoding="utf-8") as log, subprocess.Popen(
-        command(image, payload, shell=False),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-    ) as machine:
+            command(image, payload, shell=False), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, errors="replace") as machine:
         console = threading.Thread(target=show, args=(machine.stdout, log))
         console.start()
         boot_deadline = time.monotonic() + BOOT_LIMIT_S

@@ -19,10 +19,8 @@ def main() -> int:
     if not table.exists():
         sys.exit("no step ran")
     with open(table, encoding="utf-8") as file:
-        steps = [
-            {"step": name, "passed": result == "passed", "seconds": float(seconds), "seen": seen}
-            for name, result, seconds, seen in csv.reader(file, delimiter="\t", quoting=csv.QUOTE_NONE)
-        ]
+        steps = [{"step": name, "passed": result == "passed", "seconds": float(seconds), "seen": seen}
+                 for name, result, seconds, seen in csv.reader(file, delimiter="\t", quoting=csv.QUOTE_NONE)]
     for step in steps:
         print(f"{step['step']:24} {'passed' if step['passed'] else 'FAILED'} {step['seconds']:6.1f} s  {step['seen']}")
     passed = sum(step["passed"] for step in steps)

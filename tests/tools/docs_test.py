@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 
-from programs import own_address
+from programs import own_address, run, wait_for
 
 SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 PAGES = sys.argv[3:] or ["README.md", "docs/guide.md", "docs/diagnosis.md"]
@@ -34,13 +34,10 @@ ENDLESS = {"bolo view ": lambda said, folder: "http://" in said, "bolo stat ": l
 
 def environment(folder):
     """The caller's, and what quickstart tells users to add to it."""
-    def printed(script):
-        return subprocess.run(["bash", "-c", script], check=True, capture_output=True, text=True).stdout
-
     told = re.search(r"printf 'export PATH=.*\\\n.*", (SOURCE / "tools/quickstart").read_text())[0]
-    lines = printed(f"root={SOURCE}\n{told}").replace(f"{SOURCE}/build/release", str(BUILD))
+    lines = run("bash", "-c", f"root={SOURCE}\n{told}").replace(f"{SOURCE}/build/release", str(BUILD))
     assert lines.count("export ") == 2, lines
-    told = printed(f"{lines}env -0")
+    told = run("bash", "-c", f"{lines}env -0")
     found = dict(entry.split("=", 1) for entry in told.split("\0") if entry)
     editor = folder / "editor"
     address = own_address()
@@ -131,10 +128,7 @@ class Reader:
 
 
 def wait_for_stream():
-    deadline = time.monotonic() + PATIENCE_S
-    while not os.path.exists(f"/dev/shm/bolo.{stream()}"):
-        assert time.monotonic() < deadline, "the daemon does not publish"
-        time.sleep(0.1)
+    wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{stream()}"), "the daemon's first frame", PATIENCE_S)
     time.sleep(1)
 
 
@@ -145,8 +139,8 @@ def is_commands(text):
 def follow(page, folder, environ):
     reader = Reader(folder, environ)
     (folder / "archive").mkdir()
-    subprocess.run(["bolo", "simulate", "-o", "archive/a.h5", "--width", "64", "--height", "24", "--frames", "40"], check=True,
-                   cwd=folder, env=environ, stdout=subprocess.DEVNULL)
+    small = ("--width", 64, "--height", 24, "--frames", 40)
+    run("bolo", "simulate", "-o", "archive/a.h5", *small, cwd=folder, env=environ)
     try:
         for language, text in blocks(page):
             if language == "python":
@@ -165,8 +159,7 @@ def main():
     with tempfile.TemporaryDirectory() as top:
         top = pathlib.Path(top)
         environ, address = environment(top)
-        subprocess.run(["bolo", "simulate", "-o", "street.h5", "--no-truth", "--frames", "200"], check=True, cwd=top, env=environ,
-                       stdout=subprocess.DEVNULL)
+        run("bolo", "simulate", "-o", "street.h5", "--no-truth", "--frames", 200, cwd=top, env=environ)
         camera = subprocess.Popen(["bolo", "fakecam", "street.h5", "--loop", "--interface", address], cwd=top, env=environ,
                                   stdout=subprocess.DEVNULL)
         try:

@@ -171,13 +171,12 @@ TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {
 }
 
 // A host made of files.
-class Host : public testing::Test {
+class Host : public ScratchTest {
  protected:
   void write(const std::string& name, const std::string& text) const {
     std::filesystem::create_directories((root_ / name).parent_path());
     std::ofstream(root_ / name) << text << "\n";
   }
-  const Scratch scratch_;
   const std::filesystem::path root_ = scratch_.path();
 };
 

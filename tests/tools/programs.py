@@ -40,6 +40,13 @@ def wait_for(find, what, hang_guard_s=120.0):
     return found
 
 
+def run(*command, **how):
+    """What it printed; it has to succeed."""
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300, **how)
+    assert done.returncode == 0, f"{command} ended with {done.returncode}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
+    return done.stdout
+
+
 class Programs:
     """A camera, a daemon and what else a test starts, in `folder`. `keys`: of the daemon, beginning in [source]."""
 
@@ -54,8 +61,8 @@ class Programs:
 
     def simulate(self, *options):
         capture = self.folder / f"{self.name}.h5"
-        subprocess.run([self.bolo, "simulate", "-o", capture, "--no-truth", f"--width={self.size[0]}",
-                        f"--height={self.size[1]}", *options], check=True, stdout=subprocess.DEVNULL)
+        width, height = self.size
+        run(self.bolo, "simulate", "-o", capture, "--no-truth", "--width", width, "--height", height, *options)
         return capture
 
     def start(self, what, *command, **how):

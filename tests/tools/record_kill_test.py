@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 
-from programs import needed, wait_for
+from programs import needed, run, wait_for
 
 h5py, np = needed("h5py", "numpy")
 WIDTH, HEIGHT, RATE = (int(v) for v in os.environ.get("BOLO_KILL_FORMAT", "64,24,200").split(","))
@@ -31,12 +31,6 @@ def newest(name):
             return 0, 0
         f.seek(slots_offset + (published - 1) % slot_count * slot_stride + 8)
         return int.from_bytes(f.read(8), "little"), sum(struct.unpack_from("<16Q", header, 384))
-
-
-def run_bolo(*arguments):
-    done = subprocess.run(arguments, capture_output=True, text=True)
-    assert done.returncode == 0, (arguments, done.returncode, done.stderr)
-    return json.loads(done.stdout)
 
 
 def expect_last_applied(part, told):
@@ -76,11 +70,11 @@ def kill_one(bolo, name, folder, capture, dice, disk):
     newest_id, lost_before = newest(name)
     recorder.send_signal(signal.SIGKILL)
     recorder.wait()
-    told = run_bolo(bolo, "info", part, "--json")
+    told = json.loads(run(bolo, "info", part, "--json"))
     assert told["frames"] > 0 and not told["warnings"], told
     if not disk:
         expect_last_applied(part, told)
-    saved = run_bolo(bolo, "recover", part, "--json")["frames"]
+    saved = json.loads(run(bolo, "recover", part, "--json"))["frames"]
     assert saved == told["frames"], ("recovered another number of frames", saved, told["frames"])
     last_id = expect_whole(out, told, lost_before, capture)
     for name_ in os.listdir(folder):
@@ -105,8 +99,8 @@ def main(bolo, slow_sync, kills):
             "ASAN_OPTIONS": "verify_asan_link_order=0"}
     with tempfile.TemporaryDirectory() as folder:
         capture = os.path.join(folder, "in.h5")
-        subprocess.run([bolo, "simulate", "-o", capture, "--no-truth", f"--width={WIDTH}", f"--height={HEIGHT}",
-                        f"--rate={RATE}", "--frames=50"], check=True, stdout=subprocess.DEVNULL)
+        size = ("--width", WIDTH, "--height", HEIGHT, "--rate", RATE, "--frames", 50)
+        run(bolo, "simulate", "-o", capture, "--no-truth", *size)
         daemon = subprocess.Popen([bolo, "replay", capture, "--name", name, "--loop"], stderr=subprocess.DEVNULL)
         try:
             wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{name}") and newest(name)[0] > 0, "the daemon")

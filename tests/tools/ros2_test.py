@@ -20,7 +20,7 @@ import time
 import unittest
 import zlib
 
-from programs import needed, wait_for
+from programs import needed, run, wait_for
 
 h5py, np = needed("h5py", "numpy")
 BOLO, BOLOD, SUBSCRIBER = sys.argv[1:4]
@@ -43,8 +43,7 @@ class Ros2(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory()))
         cls.capture = cls.folder / "drive.h5"
-        subprocess.run([BOLO, "simulate", "-o", cls.capture, "--no-truth", "--frames", str(FRAMES)],
-                       check=True, capture_output=True)
+        run(BOLO, "simulate", "-o", cls.capture, "--no-truth", "--frames", FRAMES)
 
     def setUp(self):
         self.name = f"-ros2-{os.getpid()}"  # a name that is no option

@@ -64,7 +64,7 @@ constexpr int kSlowWrite_ms = 30;  // a frame comes every 2 ms
 constexpr std::uint64_t kFramesWhileSlow = 300;
 constexpr std::size_t kBufferFrames = 40;
 
-class SlowDisk : public ::testing::Test {
+class SlowDisk : public ScratchTest {
  protected:
   void TearDown() override { g_delay_ms = 0; }
 
@@ -99,7 +99,6 @@ class SlowDisk : public ::testing::Test {
     });
   }
 
-  const Scratch scratch_;
   const std::string file_ = scratch_ / "a.h5";
   const std::string name_ = shm::unique_name("slow-disk");
   shm::Writer writer_{name_, {160, 120}};

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 
-from programs import Programs, wait_for
+from programs import Programs, run, wait_for
 
 if shutil.which("tmux") is None:
     print("skipped: tmux is not installed")
@@ -88,8 +88,7 @@ def main(bolo):
             wait_for(lambda: columns(terminal) >= 2, "bars without colour")
             assert "\x1b[3" not in "".join(terminal.lines("-e"))
             for output in ([], ["--json"]):
-                plain = subprocess.run([bolo, "stat", name, "--interval", "0.1", "--once", *output], check=True,
-                                       capture_output=True, text=True).stdout
+                plain = run(bolo, "stat", name, "--interval", "0.1", "--once", *output)
                 assert "\x1b" not in plain and not any(block in plain for block in BLOCKS)
         finally:
             terminal.close()

@@ -15,8 +15,7 @@
 namespace bolo::view::view_server_test {
 
 namespace test = tools::test;
-using test::receive_all;
-using test::send_text;
+using namespace test;
 
 constexpr const char* kToken = "0123456789abcdef-_XY";
 

@@ -209,8 +209,7 @@ TEST_F(FakeCameraStream, KelvinCaptureGoesOutIn10mKWithTheCamerasSerial) {
 
 // --- The fake camera's control channel over real sockets.
 
-using test::Packet;
-using test::RawClient;
+using namespace test;
 
 Result<std::unique_ptr<FakeCamera>> start(const FakeCameraOptions& options, std::size_t frames = 4) {
   return FakeCamera::start(options, test::provider_of(test::synthetic({16, 8}, frames)));

@@ -3,8 +3,7 @@
 
 namespace bolo::genicam::gvsp::gvsp_assembler_test {
 
-using test::Datagram;
-using test::datagram;
+using namespace test;
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kPeriodNs = 5 * kMs;

@@ -1,7 +1,6 @@
 #include "drivers/replay/replay_source.hpp"
 #include "src/core/clock.hpp"
 #include "tests/scratch.hpp"
-#include "tests/test.hpp"
 
 namespace bolo::replay::replay_source_test {
 
@@ -17,7 +16,7 @@ std::vector<std::uint64_t> fifty_ids() {
 // Value of pixel i of the frame with this id.
 std::uint16_t value(std::uint64_t id, std::size_t i) { return static_cast<std::uint16_t>(100 * id + i); }
 
-class ReplaySourceTest : public testing::Test {
+class ReplaySourceTest : public ScratchTest {
  protected:
   std::shared_ptr<const capture::CaptureReader> write(const std::vector<std::uint64_t>& ids,
                                                       const std::vector<capture::Event>& events = {},
@@ -39,8 +38,6 @@ class ReplaySourceTest : public testing::Test {
     return std::make_shared<const capture::CaptureReader>(std::move(*reader));
   }
   std::filesystem::path file() const { return scratch_ / "in.h5"; }
-
-  const Scratch scratch_;
 };
 
 struct Taken {

@@ -10,16 +10,12 @@ import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "tools"))
+from programs import run  # noqa: E402
+
 CMAKE, BUILD, BOLO, EXAMPLES = sys.argv[1:5]
 COMPONENTS = ("libbolo-client", "libbolo-client-dev", "python3-bolo")
 STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
-
-
-def run(*words, **options):
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=300, **options)
-    if done.returncode != 0:
-        raise AssertionError(f"{words[0]} ended with {done.returncode}: {done.stdout}{done.stderr}")
-    return done.stdout
 
 
 class Installed(unittest.TestCase):

@@ -220,14 +220,13 @@ TEST_F(ClientTest, AnEndIsToldUntilAnotherWriterComes) {
   EXPECT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_ENDED);
   EXPECT_EQ(bolo_client_next(client.get(), 5, &frame_), BOLO_CLIENT_ENDED);
   expect_parts(bolo_client_error(client.get()), {"its writer has ended"});
-  std::thread later([&] {
+  std::jthread later([&] {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     write_anew({33, 7});
     publish(1);
   });
   EXPECT_EQ(bolo_client_next(client.get(), 60'000, &frame_), BOLO_CLIENT_RESTARTED);
   EXPECT_EQ(bolo_client_next(client.get(), 60'000, &frame_), BOLO_CLIENT_OK);
-  later.join();
 }
 
 TEST_F(ClientTest, AHoldKeepsOldFramesReadableAcrossARestart) {
@@ -261,13 +260,12 @@ TEST_F(ClientTest, ManyHandlesReadAtTheSameTime) {
     }
     --reading;
   };
-  std::vector<std::thread> threads;
+  std::vector<std::jthread> threads;
   for (int i = 0; i < 4; ++i) threads.emplace_back(read);
   while (reading > 0) {
     publish(1);
     std::this_thread::sleep_for(std::chrono::microseconds(200));
   }
-  for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(torn, 0);
 }
 

@@ -19,7 +19,7 @@ import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "tools"))
-from programs import needed  # noqa: E402
+from programs import needed, run  # noqa: E402
 
 [np] = needed("numpy")
 BOLO, MODULE_FOLDER, LIBRARY = sys.argv[1:4]
@@ -52,8 +52,7 @@ class WithDaemon(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = cls.enterClassContext(tempfile.TemporaryDirectory())
         cls.capture = os.path.join(cls.folder, "in.h5")
-        subprocess.run([BOLO, "simulate", "-o", cls.capture, "--width", "64", "--height", "24", "--frames", "200"],
-                       check=True, capture_output=True)
+        run(BOLO, "simulate", "-o", cls.capture, "--width", 64, "--height", 24, "--frames", 200)
 
     def setUp(self):
         self.name = f"test-python-{os.getpid()}-{self._testMethodName[:40]}"
@@ -118,8 +117,8 @@ class WithDaemon(unittest.TestCase):
         with open(config, "w", encoding="utf-8") as f:
             f.write('name = "any"\n[deblur]\nsolver = "motion"\n')
         capture = os.path.join(self.folder, "street.h5")
-        subprocess.run([BOLO, "simulate", "-o", capture, "--width", "160", "--height", "48", "--frames", "400",
-                        "--speed", "300", "--no-truth"], check=True, capture_output=True)
+        size = ("--width", 160, "--height", 48, "--frames", 400, "--speed", 300)
+        run(BOLO, "simulate", "-o", capture, "--no-truth", *size)
         self.start(capture, "--config", config)
         with self.open() as camera:
             while True:

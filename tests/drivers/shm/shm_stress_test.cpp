@@ -106,7 +106,7 @@ TEST(Waker, WakesAllOfAFewAndOfMany) {
   for (const int readers : {1, 4, 5, 20}) {
     std::uint32_t word = 0;
     Waker waker(word);
-    std::vector<std::thread> threads;
+    std::vector<std::jthread> threads;
     std::atomic<std::uint32_t> arrivals{0};
     for (int i = 0; i < readers; ++i) {
       threads.emplace_back([&] {
@@ -121,7 +121,6 @@ TEST(Waker, WakesAllOfAFewAndOfMany) {
       store_release(word, round + 1);
       waker.wake();
     }
-    for (std::thread& thread : threads) thread.join();
     EXPECT_EQ(arrivals, kRounds * static_cast<std::uint32_t>(readers));
   }
 }
@@ -129,11 +128,10 @@ TEST(Waker, WakesAllOfAFewAndOfMany) {
 TEST(Waker, ItsEndWakesWhoStillWaits) {
   std::uint32_t word = 0;
   auto waker = std::make_unique<Waker>(word);
-  std::vector<std::thread> threads;
+  std::vector<std::jthread> threads;
   for (int i = 0; i < 8; ++i) threads.emplace_back([&] { wait_for_change(word, 0); });
   store_release(word, std::uint32_t{1});
   waker = nullptr;
-  for (std::thread& thread : threads) thread.join();
 }
 
 }  // namespace bolo::shm::shm_stress_test

@@ -190,12 +190,11 @@ TEST(ShmReader, TimesOutWithoutAFrameAndWakesWithOne) {
   ReadFrame frame;
   EXPECT_EQ(stream.reader->read(0, frame, 0), Outcome::kTimeout);
   EXPECT_EQ(stream.reader->read(0, frame, 5), Outcome::kTimeout);
-  std::thread later([&] {
+  std::jthread later([&] {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     stream.writer.publish();
   });
   EXPECT_EQ(stream.reader->read(0, frame, 60'000), Outcome::kFrame);
-  later.join();
   EXPECT_TRUE(intact(frame, 0));
 }
 

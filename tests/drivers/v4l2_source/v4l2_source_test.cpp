@@ -9,9 +9,7 @@ namespace bolo::v4l2_source::v4l2_source_test {
 
 using namespace std::chrono_literals;
 using pipeline::SourceState;
-using test::FakeCamera;
-using test::FakeVideo;
-using test::Sent;
+using namespace test;
 
 constexpr const char* kPath = "/dev/video4";
 constexpr std::int64_t kPeriodNs = 16'666'667;

@@ -26,15 +26,8 @@ def check(condition: object, what: str) -> None:
 def run(*command: str, expect: int | None = 0, timeout: float = 60.0) -> str:
     """Runs a program and returns its output and errors; ends the step unless it exits as expected (None: anyhow)."""
     print("$ " + " ".join(command), flush=True)
-    done = subprocess.run(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        timeout=timeout,
-        check=False,
-    )
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+                          timeout=timeout, check=False)
     if done.stdout:
         print(done.stdout.rstrip(), flush=True)
     check(expect is None or done.returncode == expect, f"{command[0]} ended with {done.returncode}, not {expect}")

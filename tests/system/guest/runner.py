@@ -25,15 +25,8 @@ def run_step(step: pathlib.Path, payload: pathlib.Path) -> tuple[str, float, str
     """Its result, how long it took in s, and what it saw."""
     since = time.time()
     try:
-        done = subprocess.run(
-            ["/usr/bin/python3", str(step)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            timeout=STEP_LIMIT_S,
-            check=False,
-        )
+        done = subprocess.run(["/usr/bin/python3", str(step)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              text=True, errors="replace", timeout=STEP_LIMIT_S, check=False)
         output, result = done.stdout, "passed" if done.returncode == 0 else "FAILED"
     except subprocess.TimeoutExpired as expired:
         output = (expired.stdout or b"").decode(errors="replace") + f"\nnot done within {STEP_LIMIT_S} s"

@@ -21,9 +21,7 @@ def readers(frames: int) -> dict[str, list[str]]:
     """Each writes this many frames' pixels into /tmp/NAME.raw."""
     count = str(frames)
     return {
-        "v4l2-ctl": [
-            *("v4l2-ctl", "-d", DEVICE, "--stream-mmap", f"--stream-count={count}", "--stream-to=/tmp/v4l2-ctl.raw"),
-        ],
+        "v4l2-ctl": ["v4l2-ctl", "-d", DEVICE, "--stream-mmap", f"--stream-count={count}", "--stream-to=/tmp/v4l2-ctl.raw"],
         "ffmpeg": [
             *("ffmpeg", "-nostdin", "-hide_banner", "-loglevel", "warning", "-y"),
             *("-f", "v4l2", "-input_format", "gray16le", "-i", DEVICE, "-frames:v", count, "-fps_mode", "passthrough"),

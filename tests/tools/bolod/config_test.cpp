@@ -14,7 +14,7 @@ namespace bolo::daemon::config_test {
 
 const std::string kShipped = std::string(BOLO_SOURCE_DIR) + "/config/bolod.toml";
 
-class Config : public testing::Test {
+class Config : public ScratchTest {
  protected:
   void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
 
@@ -35,7 +35,6 @@ class Config : public testing::Test {
   // The configuration of a text that is right.
   DaemonConfig good(const std::string& text) const { return *must(read(text)); }
 
-  const Scratch scratch_;
   const std::filesystem::path folder_ = scratch_.path();
 };
 

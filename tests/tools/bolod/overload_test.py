@@ -18,7 +18,7 @@ import threading
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
-from programs import needed  # noqa: E402
+from programs import needed, run  # noqa: E402
 
 needed("numpy")  # of the module
 BOLO, MODULE_FOLDER, LIBRARY = sys.argv[1:4]
@@ -59,8 +59,7 @@ def follow(name, seen, stop):
 
 
 def stat(name):
-    done = subprocess.run([BOLO, "stat", name, "--once", "--json", "--interval", "0.1"], capture_output=True, check=True)
-    return json.loads(done.stdout)
+    return json.loads(run(BOLO, "stat", name, "--once", "--json", "--interval", "0.1"))
 
 
 def judge(rows):
@@ -95,7 +94,7 @@ def main():
     seen, stop = collections.Counter(), threading.Event()
     with tempfile.TemporaryDirectory() as folder:
         capture = os.path.join(folder, "in.h5")
-        subprocess.run([BOLO, "simulate", "-o", capture, "--frames", "60"], check=True, capture_output=True)
+        run(BOLO, "simulate", "-o", capture, "--frames", 60)
         os.environ["RUNTIME_DIRECTORY"] = folder  # for the daemon's control socket
         config = os.path.join(folder, "overload.toml")
         with open(config, "w") as f:

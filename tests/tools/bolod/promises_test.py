@@ -23,14 +23,13 @@ import pathlib
 import signal
 import socket
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
 import urllib.request
 
 sys.path += [str(pathlib.Path(__file__).parents[1]), str(pathlib.Path(__file__).parents[2] / "system" / "guest")]
-from programs import Programs, free_port, needed, wait_for  # noqa: E402
+from programs import Programs, free_port, needed, run, wait_for  # noqa: E402
 
 needed("numpy")  # of the modules
 from frames import open_ring  # noqa: E402
@@ -164,8 +163,7 @@ def use(programs, port, second):
     """Requests of other programs to a daemon in its life, besides frames."""
     urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=HANG_GUARD_S).read()
     if second % 2 == 0:
-        subprocess.run([BOLO, "stat", programs.name, "--once", "--json", "--interval", "0.1"], check=True,
-                       stdout=subprocess.DEVNULL)
+        run(BOLO, "stat", programs.name, "--once", "--json", "--interval", "0.1")
     if second % 5 == 0:
         programs.running["daemon"].send_signal(signal.SIGHUP)
 

@@ -25,15 +25,11 @@ extern "C" int bind(int descriptor, const sockaddr* address, socklen_t bytes) no
 
 namespace bolo::daemon::request_server_test {
 
-using tools::test::bound_at;
-using tools::test::connect_to;
-using tools::test::patient_socket;
-using tools::test::receive_all;
-using tools::test::send_text;
+using namespace tools::test;
 
 constexpr int kForEver_ms = 600'000;  // longer than any test
 
-class RequestServerTest : public testing::Test {
+class RequestServerTest : public ScratchTest {
  protected:
   // Answers "LINE\n" with "LINE LINE\n".
   void serve(const RequestServer::Limits& limits) {
@@ -56,7 +52,6 @@ class RequestServerTest : public testing::Test {
     return receive_all(fd);
   }
 
-  const Scratch scratch_;
   const std::string path_ = (scratch_.path() / "s").string();
   std::optional<RequestServer> server_;
 };

@@ -32,7 +32,7 @@ INSTANTIATE_TEST_SUITE_P(Of, Faults, testing::ValuesIn(scenarios()), [](const au
 });
 
 TEST(SeveralCameras, FailEachInItsOwnWay) {
-  std::vector<std::thread> threads;
+  std::vector<std::jthread> threads;
   for (const Scenario& one : scenarios()) {
     if (one.name != "loss" && one.name != "stall" && one.name != "time jump") continue;
     threads.emplace_back([&one] {
@@ -41,7 +41,6 @@ TEST(SeveralCameras, FailEachInItsOwnWay) {
     });
   }
   EXPECT_EQ(threads.size(), 3U);
-  for (std::thread& thread : threads) thread.join();
 }
 
 // --- The judgement itself: that it sees what is wrong.
