@@ -20,6 +20,8 @@ constexpr std::size_t kFewestOfPattern = 48;
 // recordings stay below both.
 constexpr double kPatternIsSure = 6.0;
 constexpr double kLeastPattern = 0.4;  // slow pixel noise is temporarily a pattern
+// Beyond so many standard errors half of that counts: a sharp scene's own prediction errors pass for noise.
+constexpr double kPatternIsClear = 100.0;
 constexpr double kLeastColumn = 0.2;
 constexpr double kLeastGrowth = 1.0;  // over the recording, of the mean: from 0.5 to 1.5 times it
 constexpr double kLeastGain = 0.0015;
@@ -135,7 +137,7 @@ void add_named(Findings& out, const std::string& effect, double z, Estimates par
 
 void name_parts(const FieldParts& parts, Findings& out) {
   const auto clear = [&](const Measured& m, double least) {
-    return m.z > kPatternIsSure && m.value > least * parts.noise;
+    return m.z > kPatternIsSure && m.value > (m.z > kPatternIsClear ? 0.5 : 1.0) * least * parts.noise;
   };
   // A pattern that grows while the scene drifts resembles gains.
   const bool gain = parts.gain.z > std::max(kPatternIsSure, parts.growth.z) && parts.gain.value > kLeastGain &&

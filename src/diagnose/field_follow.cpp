@@ -70,11 +70,11 @@ std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by)
 
 // `frame`: of the recording, `step`: of the scene since the frame before.
 std::vector<std::size_t> find_lost(const std::vector<Index>& frame, const std::vector<Shift>& step) {
-  constexpr Index kAround = 2;         // steps on either side
-  constexpr double kLeastSpeed = 0.7;  // px a frame
-  constexpr double kUneven = 0.15;     // of a step: deviation of its neighbours from their mean
-  constexpr double kOff = 0.2;         // of a step: deviation of the long one from whole steps
-  constexpr double kMost = 4.0;        // steps at once
+  constexpr Index kAround = 2;          // steps on either side
+  constexpr double kLeastSpeed = 0.35;  // px a frame
+  constexpr double kUneven = 0.15;      // of a step: deviation of its neighbours from their mean
+  constexpr double kOff = 0.2;          // of a step: deviation of the long one from whole steps
+  constexpr double kMost = 4.0;         // steps at once
   std::vector<std::size_t> lost;
   for (Index k = kAround + 1; k + kAround < static_cast<Index>(frame.size()); ++k) {
     const auto at = [&](Index i) -> const Shift& { return step[static_cast<std::size_t>(k + i)]; };

@@ -160,92 +160,92 @@ double velocity_at(const MotionTrack& all, Index k, std::size_t axis) {
   return (8.0 * (p(1) - p(-1)) - (p(2) - p(-2))) / 12.0;
 }
 
-// Change of the velocity since the frame before, px a frame.
-double change_at(const MotionTrack& all, Index k, std::size_t axis) {
-  return velocity_at(all, k, axis) - velocity_at(all, k - 1, axis);
-}
-// True if change_at() is known of all frames k - around to k + around.
-bool change_known(const MotionTrack& all, Index k, Index around) { return all.whole(k - 3 - around, k + 2 + around); }
+// A change over this many frames. Each frame's own error is as large in its shear since the frame before as in that
+// since one long ago, while the velocity has changed by more; over still longer, true turns and slopes add up.
+constexpr Index kApart = 5;
 
 struct Shear {
   Index frame = 0;
-  double change = 0.0;
-  double told = 0.0;   // the same as the frames around tell it, where they do
-  double shear = 0.0;  // px a row
+  double change = 0.0;  // of the velocity, px a frame
+  double shear = 0.0;   // px a row
+  double turn = 0.0;    // px a column, of the other axis' displacement: a turned camera shears rows as well
 };
 
-// An error of the measured change makes a slope on it too small. So the slope is that of what the changes of frames
-// around tell of it (two-stage least squares), so far away that the tracking does not carry its error there.
-void tell_by_others(const MotionTrack& all, std::size_t axis, std::vector<Shear>& shears) {
-  constexpr Index kNear = 8;
-  constexpr Index kFar = 13;
-  const auto among =
-      places_where(shears.size(), [&](std::size_t i) { return change_known(all, shears[i].frame, kFar); });
-  if (among.size() < kFewestShears) return;
-  MatrixXd others(std::ssize(among), 2 * (kFar - kNear + 1));
-  VectorXd own(others.rows());
-  for (Index row = 0; row < others.rows(); ++row) {
-    const Shear& s = shears[among[static_cast<std::size_t>(row)]];
-    own[row] = s.change;
-    for (Index i = kNear; i <= kFar; ++i) {
-      others(row, 2 * (i - kNear)) = change_at(all, s.frame - i, axis);
-      others(row, 2 * (i - kNear) + 1) = change_at(all, s.frame + i, axis);
-    }
-  }
-  const VectorXd told = others * least_squares(others, own);
-  for (Index row = 0; row < others.rows(); ++row) shears[among[static_cast<std::size_t>(row)]].told = told[row];
+// Sums of an entry of the affine motions, up to each frame.
+std::vector<double> summed(const MotionTrack& all, std::size_t entry) {
+  std::vector<double> out = mapped(all.frames, [entry](const MotionTrack::Frame& f) { return f.affine[entry]; });
+  std::partial_sum(out.begin(), out.end(), out.begin());
+  return out;
 }
 
-std::vector<Shear> shears_of(const MotionTrack& all, std::size_t axis) {
+// Changes over `apart` frames.
+std::vector<Shear> shears_of(const MotionTrack& all, std::size_t axis, Index apart) {
+  const std::vector<double> shear = summed(all, 3 * axis + 2);
+  const std::vector<double> turn = summed(all, axis == 0 ? 4 : 1);
   std::vector<Shear> out;
-  for (Index k = 3; k + 2 < std::ssize(all.frames); ++k) {
-    if (!change_known(all, k, 0)) continue;
-    const double change = change_at(all, k, axis);
-    if (std::abs(change) <= kMostChange_px) out.push_back({k, change, change, all.at(k).affine[3 * axis + 2]});
+  for (Index k = apart + 3; k + 2 < std::ssize(all.frames); ++k) {
+    if (!all.whole(k - apart - 2, k + 2)) continue;
+    const auto now = static_cast<std::size_t>(k);
+    const auto then = static_cast<std::size_t>(k - apart);
+    const double change = velocity_at(all, k, axis) - velocity_at(all, k - apart, axis);
+    if (std::abs(change) > kMostChange_px * static_cast<double>(apart)) continue;
+    out.push_back({k, change, shear[now] - shear[then], turn[now] - turn[then]});
   }
   if (out.empty()) return out;
   const std::vector<double> seen = mapped(out, &Shear::shear);
   const double middle = median(seen);
   const double spread = usual_scatter(seen);
   std::erase_if(out, [&](const Shear& s) { return std::abs(s.shear - middle) > kOutlyingShear * spread; });
-  tell_by_others(all, axis, out);
   return out;
 }
 
-// Residual sum of squares of the shears for a row delay in periods.
-double left_of(const std::vector<Shear>& shears, double delay) {
-  return sum_of(shears, [delay](const Shear& s) { return std::pow(s.shear - delay * s.change, 2); });
+// Of shear: on the change of velocity, which is the row delay in periods, and on the turn, which is 1 if it is measured
+// without error. Without a block of time.
+Eigen::Vector2d slopes_of(const std::vector<Shear>& shears, Index frames, int left_out) {
+  Eigen::Matrix2d squares = Eigen::Matrix2d::Identity() * 1e-12;
+  Eigen::Vector2d products = Eigen::Vector2d::Zero();
+  for (const Shear& s : shears) {
+    if (s.frame * kBlocks / frames == left_out) continue;
+    const Eigen::Vector2d by(s.change, s.turn);
+    squares += by * by.transpose();
+    products += by * s.shear;
+  }
+  return squares.ldlt().solve(products);
+}
+
+// Residual sum of squares of the shears.
+double left_of(const std::vector<Shear>& shears, const Eigen::Vector2d& slopes) {
+  return sum_of(shears,
+                [&](const Shear& s) { return std::pow(s.shear - slopes[0] * s.change - slopes[1] * s.turn, 2); });
+}
+
+// Weighted mean of two estimates. Its error grows where they differ by more than chance.
+Estimate agreed(const Estimate& a, const Estimate& b) {
+  const double share = b.error() * b.error() / (a.error() * a.error() + b.error() * b.error());
+  const double apart = std::abs(a.value - b.value) / (1.96 * std::hypot(a.error(), b.error()));
+  return interval(share * a.value + (1.0 - share) * b.value, std::sqrt(share) * a.error() * std::max(1.0, apart));
 }
 
 // Of a stored row. `nominal_s`: the profile's.
 std::optional<FromMotion::Figure> find_row_delay(const MotionTrack& all, double period_s, double nominal_s) {
-  double weighted = 0.0;
-  double weights = 0.0;
+  const auto frames = std::ssize(all.frames);
+  std::array<Estimate, 2> told{};
   double before = 0.0;
-  double after = 0.0;
   for (const std::size_t axis : {std::size_t{0}, std::size_t{1}}) {
-    const std::vector<Shear> shears = shears_of(all, axis);
+    const std::vector<Shear> shears = shears_of(all, axis, kApart);
     if (shears.size() < kFewestShears) return std::nullopt;
-    const auto one = jackknifed([&](int left_out) -> std::optional<double> {
-      double products = 0.0;
-      double squares = 0.0;
-      for (const Shear& s : shears) {
-        if (s.frame * kBlocks / std::ssize(all.frames) == left_out) continue;
-        products += s.told * s.shear;
-        squares += s.told * s.change;
-      }
-      return squares > 0.0 ? std::optional(products / squares) : std::nullopt;
-    });
+    const auto one = jackknifed([&](int left_out) { return std::optional(slopes_of(shears, frames, left_out)[0]); });
     if (!one) return std::nullopt;
-    const double error = std::max(one->error() * period_s, 1e-12);
-    weighted += one->value * period_s / (error * error);
-    weights += 1.0 / (error * error);
-    before += left_of(shears, nominal_s / period_s) / left_of(shears, one->value);
-    after += 1.0;
+    told[axis] = interval(one->value * period_s, std::max(one->error() * period_s, 1e-12));
+    // What it explains of a frame's shear since the one before.
+    const std::vector<Shear> next = shears_of(all, axis, 1);
+    const double turn = slopes_of(next, frames, -1)[1];
+    before += left_of(next, {nominal_s / period_s, turn}) / left_of(next, {one->value, turn});
   }
-  const Estimate found = interval(weighted / weights, std::hypot(1.0 / std::sqrt(weights), kDelayError_s));
+  const Estimate mean = agreed(told[0], told[1]);
+  const Estimate found = interval(mean.value, std::hypot(mean.error(), kDelayError_s));
   if (found.high - found.low > 2.0 * kMostDelayError) return std::nullopt;
-  return FromMotion::Figure{found, {std::sqrt(before / after), 1.0}};
+  return FromMotion::Figure{found, {std::sqrt(before / 2.0), 1.0}};
 }
 
 }  // namespace

@@ -164,8 +164,8 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& tri
 // Tracks the scene with the estimator of the solver `motion` and estimates
 // - the time constant by predicting frames from others of a burst with a first-order pixel's equation (GapMeter): it is
 //   observable where the velocity changes, since even motion blurs all frames alike;
-// - the row delay by regression of shear on acceleration: rows that are read one after another are displaced by their
-//   delay times the change of velocity, as far as the frames around tell it: its own error would make the slope small.
+// - the row delay by regression of shear on velocity: rows that are read one after another are displaced by their delay
+//   times the velocity. Of both the changes over some frames count, in which the tracking's error is small.
 // Intervals are of a jackknife over blocks of time. Nothing if the period is too long for tracking (above tau), or too
 // few frames are consecutive. `recording`: of `session`. kBadInput, kFailed: its file cannot be read again.
 // Thread: setup.

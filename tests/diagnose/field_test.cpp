@@ -210,11 +210,14 @@ TEST_F(FieldRecording, NamesTheShutterAlone) {
 
 // The second loss is of two frames; each is reported by the frame after it.
 TEST_F(FieldRecording, NamesTheFramesBeforeWhichOthersWereLost) {
-  Shot shot = pan();
-  shot.lost = {60, 120, 121};
-  const Report report = diagnosed(shot);
-  EXPECT_EQ(told(report), "explained: frame_loss");
-  EXPECT_EQ(report.observations.front().lost_before, (std::vector<std::size_t>{60, 119}));
+  for (const double px_s : {240.0, 100.0}) {
+    Shot shot = pan();
+    shot.path = sim::steady_pan(px_s);
+    shot.lost = {60, 120, 121};
+    const Report report = diagnosed(shot);
+    EXPECT_EQ(told(report), "explained: frame_loss");
+    EXPECT_EQ(report.observations.front().lost_before, (std::vector<std::size_t>{60, 119})) << px_s;
+  }
 }
 
 // Also with too many frames for memory.

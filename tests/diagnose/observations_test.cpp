@@ -205,7 +205,7 @@ TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
   EXPECT_EQ(report.effects.size(), 2U);
 }
 
-// Of little acceleration much is measurement, of which a slope would be too small.
+// Of a frame's little acceleration and shear most is the measurement's error, which would make a slope too small.
 TEST_F(Observations, ASlowHandTellsTheRowDelay) {
   constexpr double kDelay_s = 28e-6;
   std::vector<sim::PathPoint> points;
