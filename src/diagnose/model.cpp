@@ -224,10 +224,6 @@ State nominal_state(const Session& session, const model::CameraProfile& profile)
   return state;
 }
 
-bool has_model(const Recording& recording) {
-  return recording.kelvin && recording.kind != Kind::kScene && recording.kind != Kind::kField;
-}
-
 bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
 
 std::vector<std::size_t> modelled(const Session& session) {

@@ -230,11 +230,9 @@ std::vector<double> levels_of(const capture::Chopper& chopper);
 // The nominal simulator and the stimuli as their files describe them.
 State nominal_state(const Session& session, const model::CameraProfile& profile);
 
-// Prediction of a recording at pixels of the grid: frames x pixels, K. Only with a forward model of the stimulus:
-// has_model(). Thread: any.
-bool has_model(const Recording& recording);
 std::vector<std::size_t> modelled(const Session& session);  // the recordings that have a model
 bool has_bench(const Session& session);                     // any has
+// Prediction of a recording that has_model() at pixels of the grid: frames x pixels, K. Thread: any.
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 
 // Tables for pixels of different time constants: three, interpolated by Lagrange's polynomial in ln tau.

@@ -26,7 +26,7 @@ Result<std::string> read_frames(FrameReader& reader, const Grid& grid, Recording
   const Geometry geometry = reader.format().geometry;
   std::vector<float> frame(geometry.pixels());
   recording.values.resize(static_cast<Index>(reader.capture().info().frames), grid.pixels());
-  FrameStatisticsSum statistics(geometry.width, geometry.height);
+  FrameStatisticsSum statistics(geometry.width, geometry.height, !has_model(recording));
   std::size_t clipped = 0;
   for (Index k = 0; k < recording.values.rows(); ++k) {
     ASSIGN_OR_RETURN(const auto at_limits, reader.read(static_cast<std::size_t>(k), 0, frame));
@@ -128,6 +128,10 @@ Kind kind_of(const capture::Stimulus& stimulus) {
     return bars->velocity_px_s == 0.0 ? Kind::kStillBars : Kind::kMovingBars;
   }
   return std::holds_alternative<capture::SceneStimulus>(stimulus) ? Kind::kScene : Kind::kField;
+}
+
+bool has_model(const Recording& recording) {
+  return recording.kelvin && recording.kind != Kind::kScene && recording.kind != Kind::kField;
 }
 
 Result<FrameReader> FrameReader::open(const std::filesystem::path& file, const model::PixelMaps& known) {
@@ -247,7 +251,7 @@ std::vector<double> FrameStatistics::of_new_frames(const std::vector<double>& va
   return all;
 }
 
-FrameStatisticsSum::FrameStatisticsSum(int width, int height) {
+FrameStatisticsSum::FrameStatisticsSum(int width, int height, bool likeness) : likeness_(likeness) {
   result_.width = width;
   result_.height = height;
   const auto pixels = static_cast<Index>(width) * height;
@@ -280,6 +284,7 @@ void FrameStatisticsSum::compare(std::span<const float> frame) {
   result_.change.back() = change;
   result_.scatter.back() = std::sqrt(std::max(0.0, square - off * off)) / kTrimmedSigma;
   result_.agreement.back() = static_cast<double>(agreeing) / static_cast<double>(n);
+  if (!likeness_) return;
   const auto plane_of = [this](const float* values) {
     return Eigen::Map<const Plane>(values, result_.height, result_.width);
   };

@@ -57,8 +57,9 @@ struct FrameStatistics {
   std::vector<double> change;     // K: mean of the middle half of the pixels' changes
   std::vector<double> scatter;    // K: of the pixels' changes about it, the outer fifth left out (Gaussian: sigma)
   std::vector<double> agreement;  // share of the pixels that changed in the direction of `change`
-  std::vector<double> likeness;   // correlation of the pixels' changes with their neighbours', less what lines share
-  std::vector<char> repeated;     // 1: identical
+  // Correlation of the pixels' changes with their neighbours', less what lines share. Zeros where it is not wanted.
+  std::vector<double> likeness;
+  std::vector<char> repeated;  // 1: identical
   // Of each pixel, row-major. Repeated frames do not count.
   std::vector<float> mean;   // K
   std::vector<float> range;  // K, largest less smallest value
@@ -79,7 +80,8 @@ using Mask = std::vector<std::uint8_t>;
 // Takes one recording's frames in order. Thread: any one at a time.
 class FrameStatisticsSum {
  public:
-  FrameStatisticsSum(int width, int height);
+  // `likeness`: wanted, which takes as long as all others.
+  FrameStatisticsSum(int width, int height, bool likeness);
   // `frame`: width x height values, K or counts, row-major.
   void add(std::span<const float> frame);
   FrameStatistics statistics() const;
@@ -87,6 +89,7 @@ class FrameStatisticsSum {
  private:
   void compare(std::span<const float> frame);
   FrameStatistics result_;
+  bool likeness_;
   std::size_t stride_ = 1;  // of the pixels sampled for sorting
   double count_ = 0.0;      // of frames that are no repeats
   float centre_ = 0.0F;     // the last frame's median
@@ -119,6 +122,9 @@ struct Recording {
     return places_where<Index>(used.size(), [this](std::size_t k) { return used[k] != 0; });
   }
 };
+
+// True if there is a forward model of its stimulus. Thread: any.
+bool has_model(const Recording& recording);
 
 struct Session {
   int width = 0;

@@ -76,7 +76,7 @@ inline Recording record(const sim::CameraSettings& camera, const capture::Stimul
 // Computes the statistics of its recordings, again after a change of values.
 inline void measure(Session& session) {
   for (Recording& r : session.recordings) {
-    FrameStatisticsSum sum(session.width, session.height);
+    FrameStatisticsSum sum(session.width, session.height, true);
     for (Eigen::Index k = 0; k < r.values.rows(); ++k) {
       sum.add({r.values.row(k).data(), static_cast<std::size_t>(r.values.cols())});
     }
@@ -151,8 +151,8 @@ inline std::filesystem::path write(const Recording& recording, const std::filesy
       counts[p] = static_cast<std::uint16_t>(std::clamp(count, 0.0, 65535.0));
     }
   };
-  return write_capture<std::uint16_t>(file, {kWidth, kHeight}, recording.frames(), fill, recording.stimulus, kPeriodS,
-                                      model);
+  return write_capture<std::uint16_t>(file, {kWidth, kHeight}, recording.frames(), fill, recording.stimulus,
+                                      recording.t[1] - recording.t[0], model);
 }
 
 inline bool go_on(const std::string&, double) { return true; }
