@@ -104,16 +104,6 @@ bool changes_slowly(const ArrayXd& frame) {
   return likelihood_of_walk(frame, 4) - likelihood_of_walk(frame, 1) > kGain;
 }
 
-// Correlation of neighbouring lines' offsets, frames x lines without their frame's mean, in standard errors.
-double alike_z(const ArrayXXd& lines) {
-  const Index beside = lines.cols() - 1;
-  const double square = lines.square().mean();
-  if (beside < 1 || square <= 0.0) return 0.0;
-  const double correlation = (lines.leftCols(beside) * lines.rightCols(beside)).mean() / square;
-  const double bias = 1.0 / static_cast<double>(lines.cols());  // by the mean
-  return (correlation + bias) * std::sqrt(static_cast<double>(lines.rows() * beside));
-}
-
 // Survival function of chi-square with an even or odd number of degrees, by Wilson and Hilferty.
 double chi2_survival(double x, double degrees) {
   if (degrees <= 0.0) return 1.0;
@@ -250,8 +240,6 @@ struct NoiseSums {
     frame_lag += (flicker.tail(frames - 1) * flicker.head(frames - 1)).sum();
     row.add(parts.row.square().sum() / unbiased, count * height);
     column.add(parts.column.square().sum() / unbiased, count * width);
-    n.alike_rows_z = std::max(n.alike_rows_z, alike_z(parts.row));
-    n.alike_columns_z = std::max(n.alike_columns_z, alike_z(parts.column));
     // Slow change: variance of the cubic against the residual flicker (with its correlation).
     const double own = std::max(1e-18, squares / (count - 4.0));
     const double bound = std::clamp(lag / squares, 0.0, kMostBound);

@@ -218,13 +218,10 @@ void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
     out.remainders.push_back(
         {"readout", "whole frames scatter more in one still field than in another", n.flicker_differs_z});
   }
-  // Correlated noise of neighbours, without flicker and stripes, which are each line's own.
-  for (const auto& [line, z, lines, alike_z] : {std::tuple{"row", n.neighbour_row_z, n.columns, n.alike_columns_z},
-                                                {"column", n.neighbour_column_z, n.rows, n.alike_rows_z}}) {
+  // Correlated noise of neighbours, without flicker and stripes.
+  for (const auto& [line, z] : {std::pair{"row", n.neighbour_row_z}, {"column", n.neighbour_column_z}}) {
     const std::string where = std::string("the noise of a pixel shows in its neighbour in the ") + line;
     if (std::abs(z) > kClear) out.remainders.push_back({"readout", where, std::abs(z)});
-    const std::string alike = std::string("stripes that are neighbours in a ") + line + " move together";
-    if (shows(lines) && alike_z > kClear) out.remainders.push_back({"readout", alike, alike_z});
   }
   if (n.spectrum_misfit > kClearMisfit && !coarse) {
     out.remainders.push_back({"noise", "the noise's spectrum has a shape that no effect gives it", n.spectrum_misfit});

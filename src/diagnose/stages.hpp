@@ -111,8 +111,6 @@ struct NoiseStatistics {
   double flicker_differs_z = 0.0;   // of whole frames' scatter between still fields
   double neighbour_row_z = 0.0;     // correlation with the pixel to the left
   double neighbour_column_z = 0.0;  // with the pixel above
-  double alike_rows_z = 0.0;        // of the offsets of neighbouring rows in a frame: stripes are each line's own
-  double alike_columns_z = 0.0;
   double line_hz = 0.0;
   double line_p = 1.0;  // of the strongest line in the frames' means or in the difference of their halves
   // Slow change of the offset, a cubic in each recording.

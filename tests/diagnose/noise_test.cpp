@@ -255,24 +255,6 @@ TEST(JudgeNoise, CodesThatNeverComeAreLeftOver) {
   EXPECT_EQ(left_over(true), 1);
 }
 
-// Stripes are each line's own; what moves a part of the frame moves neighbouring lines alike.
-TEST(JudgeNoise, LinesThatMoveTogetherAreLeftOver) {
-  const auto left_over = [](bool together) {
-    Draws draws(5);
-    const std::vector<double> offset = draws.normals(kFrames * kWidth, 0.01);
-    Events events;
-    events.session = testing::session_of({testing::shutter(kFrames, [&](int k, int, int c) {
-      return draws.normal() + (together ? (c < kWidth / 3 ? offset[at(k, kWidth, 0)] : 0.0) : offset[at(k, kWidth, c)]);
-    })});
-    const Findings found = judge_noise(events, {}).findings;
-    EXPECT_TRUE(std::ranges::any_of(found.effects, [](const Finding& f) { return f.effect.name == "stripes"; }));
-    return std::ranges::count_if(found.remainders,
-                                 [](const Remainder& r) { return r.where.starts_with("stripes that are neighbours"); });
-  };
-  EXPECT_EQ(left_over(false), 0);
-  EXPECT_EQ(left_over(true), 1);
-}
-
 TEST(MeasureNoise, ASlowChangeIsDrift) {
   Draws draws(11);
   const NoiseStatistics n = measured([&](int k, int, int) { return draws.normal() + 0.02 * k / kFrames; });
