@@ -331,10 +331,7 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   }
   const int target = task_.settings.lookahead;
   tells_motion_ = displacement(target).bridged == 0;
-  const auto cap = static_cast<float>(kLargestDifference / task_.kelvin_per_value());
-  const motion::VectorField& deviation =
-      local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,
-                  mmae_.noise(), cap * cap, crew);
+  const motion::VectorField& deviation = deviations(path.displacement, crew);
   if (path.rests > 0 && path.steady < kAbrupt) use_rest(path.rests, deviation);
   block_motions_.find(kernels_, inertia_,
                       {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
@@ -345,6 +342,23 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   estimate_along_motion(path, ahead, deviation, crew);
   if (!defects.empty()) without_defects(false);
   for (const std::uint32_t pixel : defects) estimate_[pixel] = per_pixel_[pixel];
+}
+
+// The blocks' deviations from the whole picture's displacement. A block that goes its own way is not where a made frame
+// has it: by its deviation for each frame made, and what the innovation then has too much.
+const motion::VectorField& MotionSolver::deviations(const motion::Affine& whole, Crew& crew) noexcept {
+  const int target = task_.settings.lookahead;
+  const Displacement& newest = displacement(target);
+  const auto cap = static_cast<float>(kLargestDifference / task_.kelvin_per_value());
+  const bool from_made = frame(target + 1).lost;
+  const double rho = inertia_.rho;
+  const double times = !from_made ? 1.0 : newest.bridged == 1 ? 2.0 + rho : 3.0 + rho * (2.0 + rho);
+  if (from_made) motion::spread(whole + newest.beyond, task_.input.geometry, 1, field_);
+  const motion::VectorField& found =
+      local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,
+                  mmae_.noise(), cap * cap, static_cast<float>(1.0 / times), crew);
+  if (from_made) motion::spread(whole, task_.input.geometry, 1, field_);
+  return found;
 }
 
 // Fills defects in the planes that the estimate is made of, or puts back what later displacements are to be found from:
@@ -381,6 +395,7 @@ void MotionSolver::estimate_along_motion(const motion::Path& path, bool ahead, c
   in.path = path;
   in.bridged = displacement(target).bridged;
   in.deviation = &deviation;
+  in.misfit = in.bridged > 0 ? &local_.misfit() : nullptr;
   in.row_delay = row_delay_;
   in.noise = mmae_.noise();
   in.other = per_pixel_.data();

@@ -76,6 +76,7 @@ class MotionSolver final : public Solver {
   bool has_gaps(int newest) noexcept;
   motion::Displacements history(int newest, const motion::GyroMotions& by_gyro, bool bridged = false) noexcept;
   bool use_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::GyroMotions& by_gyro) noexcept;
+  const motion::VectorField& deviations(const motion::Affine& whole, Crew& crew) noexcept;
   void estimate_along_motion(const motion::Path& path, bool ahead, const motion::VectorField& deviation,
                              Crew& crew) noexcept;
   void without_old_scene(int newest, motion::EstimateInputs& in, Crew& crew) noexcept;

@@ -24,6 +24,7 @@ struct EstimateInputs {
   Path path;
   int bridged = 0;                         // lost frames that its newest displacement was found across
   const VectorField* deviation = nullptr;  // of the blocks from the path, px a frame
+  const ScalarField* misfit = nullptr;     // of the blocks' displacements (local_motion.hpp); null: does not count
   double noise = 0.0;                      // standard deviation, in the values' unit
   // Delay of the middle of each row of blocks after the frame's time, periods; empty: none.
   std::span<const float> row_delay{};

@@ -226,7 +226,8 @@ void LocalMotion::choose(const Task& task) noexcept {
 }
 
 const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
-                                     const VectorField& global, double noise, float cap, Crew& crew) noexcept {
+                                     const VectorField& global, double noise, float cap, float share,
+                                     Crew& crew) noexcept {
   const double variance = inertia.noise() * noise * noise * kSmoothedNoise;
   const bool halved = a.levels() > 1;
   const Task task{kernels,
@@ -246,7 +247,11 @@ const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& iner
   const auto allowed = [&](std::size_t i) { return kNoiseLimit * task.noise + kUnmatched * energy_[i] + 1e-30F; };
   for (std::size_t i = 0; i < misfit_.size(); ++i) misfit_[i] = cost_small_[i] / allowed(i);
   const auto poor = std::count(poor_.begin(), poor_.end(), 1);
-  if (static_cast<double>(poor) < kFewPoor * static_cast<double>(poor_.size())) return small_;
+  const auto scaled = [&]() -> const VectorField& {
+    for (Vec2& d : small_) d = d * share;
+    return small_;
+  };
+  if (static_cast<double>(poor) < kFewPoor * static_cast<double>(poor_.size())) return scaled();
   search(task);
   choose(task);
   refine(task, large_, kLoose);
@@ -273,7 +278,7 @@ const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& iner
       misfit_[at] = cost_large_[at] / allowed(at);
     }
   }
-  return small_;
+  return scaled();
 }
 
 }  // namespace bolo::motion

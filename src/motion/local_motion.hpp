@@ -17,9 +17,10 @@ class LocalMotion {
   explicit LocalMotion(Geometry geometry);
 
   // The deviations of the blocks' displacements from `global`, from the two innovations alone. Blocks that follow the
-  // picture may deviate a little; where that fails, larger deviations are searched. No allocation. Thread: pipeline.
+  // picture may deviate a little; where that fails, larger deviations are searched. `share`: of the deviations found,
+  // the true ones. No allocation. Thread: pipeline.
   const VectorField& find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
-                          const VectorField& global, double noise, float cap, Crew& crew) noexcept;
+                          const VectorField& global, double noise, float cap, float share, Crew& crew) noexcept;
 
   // Mean square residual over 24 x 24 pixels of the found motion, over that of noise and 1.3 times the texture's
   // energy: well above 1 where the two innovations are unrelated. Of the last find(). Thread: pipeline.

@@ -55,7 +55,7 @@ struct Local {
   Local(const Pair& pair, double noise) {
     spread(global_of(pair, noise), kFrame, 1, field);
     Alone alone;
-    own = local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, noise, 1e3F, alone);
+    own = local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, noise, 1e3F, 1.0F, alone);
   }
   Vec2 at(int column, int row) const { return field.at(column, row) + own.at(column, row); }
 };
