@@ -48,7 +48,7 @@ struct Matcher {
   VectorField blocks(const motion::Pyramid& a, const motion::Pyramid& b) {
     motion::spread(whole(a, b), geometry, 1, field);
     const auto cap = static_cast<float>(kLargestDifference * noise);
-    const VectorField& deviation = local.find(kernels, inertia, a, b, field, noise, cap * cap, crew);
+    const VectorField& deviation = local.find(kernels, inertia, a, b, field, noise, cap * cap, 1.0F, crew);
     VectorField out = field;
     for (std::size_t i = 0; i < out.size(); ++i) out[i] = out[i] + deviation[i];
     return out;
