@@ -22,7 +22,7 @@ constexpr float kOfError = 0.3F;    // of the estimate's error, in the trust in 
 constexpr float kOfSmoother = 0.75F;            // a px, of the error: promised too low where the scene is not so smooth
 constexpr float kMayLeave = 1.0F;               // px of a trail, beyond the border
 constexpr float kNearlyRight = 0.05F;           // of the mean square error beside it
-constexpr float kUnmatched = 1.5F;              // of LocalMotion::misfit(): a frame that was made up is wrong there
+constexpr float kWrongMisfit = 1.5F;            // of LocalMotion::misfit(): a frame that was made up is wrong there
 constexpr float kAnotherWay = 1.0F;             // px a frame
 constexpr float kMeanAge = 0.5F * (kNear + 1);  // of the near past's frames, periods
 constexpr std::size_t kFar = kPast - kNear;     // frames
@@ -371,7 +371,7 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
         .seen = seen_before(static_cast<int>(i)),
         .bridged = in.bridged};
     share_[i] = static_cast<float>(in.path.steady) / (1.0F + std::exp(odds(inertia_, in.ahead != nullptr, evidence)));
-    if (in.misfit != nullptr) share_[i] *= std::clamp(2.0F * (kUnmatched - (*in.misfit)[i]), 0.0F, 1.0F);
+    if (in.misfit != nullptr) share_[i] *= std::clamp(2.0F * (kWrongMisfit - (*in.misfit)[i]), 0.0F, 1.0F);
     if (!std::isfinite(share_[i]) || !std::isfinite(step_[i])) share_[i] = step_[i] = 0.0F;
   }
 }
