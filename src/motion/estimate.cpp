@@ -367,6 +367,7 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
         .per_pixel = table_->per_pixel_error(place_[i]) * error / (mine + 1e-30F),
         .left = smooth_[0][i] / noise,
         .change = smooth_[1][i] / noise,
+        .own = raw_[3][i] / noise,
         .speed = std::min(speed_[i], std::hypot(trail_[i].x, trail_[i].y)),  // after a stop it rests
         .seen = seen_before(static_cast<int>(i)),
         .bridged = in.bridged};

@@ -45,7 +45,8 @@ float explained_by_motion(float left, float change, float of_left, float of_chan
 // lost frames: of 131 random scenes that lose one or two where they change.
 //
 // A per-pixel estimate ignores the scene that crossed the pixel between two frames and so underestimates its error in
-// fast motion: where motion explains the change, that bounds the error from below. It does so where noise could be all
+// fast motion: where motion explains the change, that bounds the error from below, unless the block itself does not
+// change: a wall beside a fast texture. Motion explains it where noise could be all
 // that is left, and, in fast motion, where that is little of what has changed: the sharper the scene, the more of it
 // interpolation and a trail that is not quite right leave.
 float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
@@ -60,7 +61,8 @@ float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const float by_share = fast * explained_by_motion(e.left, e.change, of_left, of_change);
   const float explained = std::max(std::clamp(1.0F + kMargin - e.left / of_left, 0.0F, 1.0F), by_share);
   const float unaware = std::clamp((e.speed - kAware) / (kUnaware - kAware), 0.0F, 1.0F);
-  const float shown = std::min(e.per_pixel, kOfChange * (1.0F + fast) * std::max(e.change - kMargin * of_change, 0.0F));
+  const float here = std::min(e.change - kMargin * of_change, std::max(e.own - of_change, 0.0F));
+  const float shown = std::min(e.per_pixel, kOfChange * (1.0F + fast) * std::max(here, 0.0F));
   const float other_error = std::max(e.other, explained * unaware * shown);
   const float other = std::log(other_error + kLeastError);
   const float slow = std::max(1.0F - e.speed / kNearRest, 0.0F);

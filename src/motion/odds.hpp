@@ -15,6 +15,7 @@ struct Evidence {
                     // the past
   float left;       // energy of the innovation's residual after the estimate
   float change;     // of innovation less frame
+  float own;        // the same without the blocks around it
   float speed;      // px a frame
   bool seen;        // before this frame
   int bridged = 0;  // lost frames that the motion was found across

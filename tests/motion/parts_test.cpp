@@ -350,15 +350,24 @@ TEST(Weights, SmoothAcrossWhatIsNoise) {
 // above the noise, and yet the motion explains nearly all that has changed. The per-pixel estimate promises less error
 // than the one along the motion, as it always does there, and has more.
 TEST(Odds, AMotionThatExplainsMostOfTheChangeIsBelieved) {
-  const Evidence well{
-      .mine = 10800, .other = 1900, .per_pixel = 34000, .left = 550, .change = 6900, .speed = 26, .seen = true};
+  const Evidence well{.mine = 10800,
+                      .other = 1900,
+                      .per_pixel = 34000,
+                      .left = 550,
+                      .change = 6900,
+                      .own = 6900,
+                      .speed = 26,
+                      .seen = true};
   Evidence badly = well;
   badly.left = 0.5F * well.change;
   Evidence slow = well;
   slow.speed = 0.4F;
+  Evidence beside = well;  // the blocks around it change
+  beside.own = 6.0F;
   const Inertia inertia(kTau);
   for (const bool ahead : {false, true}) {
     EXPECT_LT(odds(inertia, ahead, well), -0.5F) << ahead;
+    EXPECT_GT(odds(inertia, ahead, beside), odds(inertia, ahead, well) + 0.3F) << ahead;
     EXPECT_GT(odds(inertia, ahead, badly), 0.0F) << ahead;
     EXPECT_GT(odds(inertia, ahead, slow), 0.0F) << ahead;
     Evidence last = well;

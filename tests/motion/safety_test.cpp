@@ -171,6 +171,9 @@ TEST(MotionSafety, SquaresThatRepeat) {
   for (const std::uint32_t seed : {31U, 5098U, 5100U, 5233U}) expect_safe(seed);
 }
 
+// What moves fast beside a wall tells nothing of the wall.
+TEST(MotionSafety, AWallBesideATexture) { expect_safe(2119); }
+
 // What the frames after them are compared with was made up.
 TEST(MotionSafety, ScenesThatChangeWhileFramesAreLost) {
   for (const std::uint32_t seed : {11U, 18U, 59U, 74U, 202U}) expect_safe(seed, 0, 2);
