@@ -171,10 +171,13 @@ void add_rise(const std::vector<float>& last, const std::vector<float>& now, Geo
 }
 
 // True if a frame's change, less a jump, is at most its neighbours' or far less than the jump: after an untracked jerk
-// the picture is another.
-bool is_followed(const FrameStatistics& rise, std::size_t k, double jump) {
+// the picture is another. So is most of it where the scene moved far.
+bool is_followed(const Advance& advance, Geometry g, std::size_t k, double jump) {
   constexpr double kMost = 2.0;
   constexpr double kOfJump = 0.2;
+  constexpr double kFar = 0.25;  // of the frame's shorter side
+  if (advance.step[k].norm() > kFar * std::min(g.width, g.height)) return false;
+  const FrameStatistics& rise = advance.rise;
   const double beside =
       k + 1 < rise.frames() ? std::min(rise.scatter[k - 1], rise.scatter[k + 1]) : rise.scatter[k - 1];
   return rise.scatter[k] < std::max(kMost * std::max(beside, median(rise.scatter)), kOfJump * std::abs(jump));
@@ -300,7 +303,8 @@ Result<FieldMotion> follow_field(const Recording& recording, const model::PixelM
   }
   out.lost = find_lost(used.frame, advance.step);
   for (auto [k, size] : jumps_among(advance.rise, noise)) {
-    if (is_followed(advance.rise, k, size)) out.jumps.push_back({static_cast<std::size_t>(used.frame[k]), size});
+    if (is_followed(advance, used.geometry(), k, size))
+      out.jumps.push_back({static_cast<std::size_t>(used.frame[k]), size});
   }
   used.jumps = out.jumps;
   const auto [first, last] = longest_stretch(used.frame);

@@ -75,6 +75,16 @@ inline sim::Path restless(double from_s = -10.0) {
   return sim::Path(std::move(points));
 }
 
+// Up to 7000 px/s.
+inline sim::Path fast_hand() {
+  std::vector<sim::PathPoint> points;
+  for (double t = -0.6; t < 6.0; t += 0.001) {
+    points.push_back(
+        {t, 300.0 * std::sin(12.0 * t + 1.5) + 150.0 * std::sin(25.2 * t + 1.0), 75.0 * std::sin(19.2 * t + 1.5)});
+  }
+  return sim::Path(std::move(points));
+}
+
 // Up to 300 px/s.
 inline sim::Path slow_hand() {
   std::vector<sim::PathPoint> points;

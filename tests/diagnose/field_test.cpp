@@ -139,6 +139,11 @@ TEST_F(FieldRecording, NamesALargeJumpOfAMovingScene) {
   }
 }
 
+TEST_F(FieldRecording, AHandTooFastToFollowHasNoJumps) {
+  const Shot shot{.view = {96, 72}, .frames = 150, .path = bed::fast_hand(), .period_s = 1.0 / 30.0, .sky = true};
+  EXPECT_EQ(diagnosed(shot).observations.front().jumps.size(), 0U);
+}
+
 // At a jerk of the hand, all pixels of an uneven sky change alike, but over some frames, unlike an offset.
 TEST_F(FieldRecording, AJerkOverAnUnevenSkyIsNoJump) {
   for (const bool jumps : {false, true}) {
