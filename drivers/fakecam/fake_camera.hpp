@@ -34,8 +34,6 @@ class FakeCamera {
   static Result<std::unique_ptr<FakeCamera>> start(const FakeCameraOptions& options,
                                                    std::unique_ptr<FrameProvider> provider);
   ~FakeCamera();
-  FakeCamera(const FakeCamera&) = delete;
-  FakeCamera& operator=(const FakeCamera&) = delete;
 
   // Stops streaming and answering; the address is free when it returns. Idempotent. Thread: setup.
   void stop() noexcept;

@@ -84,8 +84,6 @@ class StreamSession {
   // Frames flow from now on. Provider and counters outlive the session. Thread: control.
   StreamSession(const StreamPlan& plan, FrameProvider& provider, Counters& counters, const StreamFaults& faults);
   ~StreamSession();
-  StreamSession(const StreamSession&) = delete;
-  StreamSession& operator=(const StreamSession&) = delete;
 
   // No frame goes out after it returns; what was sent can still be sent again. Idempotent. Thread: control.
   void stop() noexcept;

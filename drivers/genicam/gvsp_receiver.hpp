@@ -30,8 +30,6 @@ class Receiver final : private FrameOutput {
                                                 int socket_buffer_bytes);
   // Ends the thread, which takes no longer than one frame's work. Thread: setup.
   ~Receiver();
-  Receiver(const Receiver&) = delete;
-  Receiver& operator=(const Receiver&) = delete;
 
   // UDP port that the camera sends to.
   std::uint16_t port() const noexcept { return port_; }

@@ -129,9 +129,6 @@ class AravisStream {
     running_.store(nullptr, std::memory_order_release);  // partner: drain(); buffers are not turned round any more
   }
 
-  AravisStream(const AravisStream&) = delete;
-  AravisStream& operator=(const AravisStream&) = delete;
-
  private:
   AravisStream(int realtime_priority, std::function<void(const CameraFrame&)> take)
       : realtime_priority_(realtime_priority), take_(std::move(take)) {}

@@ -67,8 +67,6 @@ class Session {
 
   // Waits for the camera's answers: several seconds when it is dead.
   ~Session();
-  Session(const Session&) = delete;
-  Session& operator=(const Session&) = delete;
 
   const pipeline::SourceInfo& info() const { return negotiated_.info; }
   const Negotiated& negotiated() const { return negotiated_; }

@@ -38,8 +38,6 @@ class WithIsa {
  public:
   explicit WithIsa(std::string_view isa) : alone_(mutex()), before_(deblur::best_isa()) { deblur::force_isa(isa); }
   ~WithIsa() { deblur::force_isa(before_); }
-  WithIsa(const WithIsa&) = delete;
-  WithIsa& operator=(const WithIsa&) = delete;
 
  private:
   static std::mutex& mutex() {

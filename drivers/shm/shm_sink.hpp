@@ -23,8 +23,6 @@ class Waker {
   // `word` must outlive this. Thread: setup.
   explicit Waker(std::uint32_t& word);
   ~Waker();
-  Waker(const Waker&) = delete;
-  Waker& operator=(const Waker&) = delete;
 
   // Wakes all that wait on the word, some of them a little later. The word was changed before. Thread: pipeline.
   void wake() noexcept;

@@ -121,8 +121,6 @@ class Hotplug {
   static Result<std::unique_ptr<Hotplug>> start(DeviceFilter filter, Callback callback, Means means = Means::kEvents);
   // The callback is not called any more when it returns. Thread: setup.
   ~Hotplug();
-  Hotplug(const Hotplug&) = delete;
-  Hotplug& operator=(const Hotplug&) = delete;
 
  private:
   Hotplug(Context context, DeviceFilter filter, Callback callback, Means means);

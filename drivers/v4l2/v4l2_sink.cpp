@@ -120,8 +120,6 @@ struct V4l2Sink::Impl {
     sem_init(&wake, 0, 0);
   }
   ~Impl() { sem_destroy(&wake); }
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
 
   // --- the sink's thread ---
   void run() {

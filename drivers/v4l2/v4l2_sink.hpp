@@ -43,8 +43,6 @@ class V4l2Sink final : public pipeline::FrameSink {
   // The same through another port, which the sink comes to own.
   V4l2Sink(V4l2Options options, std::unique_ptr<VideoPort> port);
   ~V4l2Sink() override;
-  V4l2Sink(const V4l2Sink&) = delete;
-  V4l2Sink& operator=(const V4l2Sink&) = delete;
 
   // A device that is missing, or no v4l2loopback, is bad input, with the command that makes one.
   Status open(const pipeline::SinkFormat& format) override;

@@ -54,8 +54,6 @@ class CrashSafeFile {
                                                        Replace replace);
   // For reading, as the last commit left it. Thread: setup.
   static Result<std::unique_ptr<CrashSafeFile>> open(const std::filesystem::path& file);
-  CrashSafeFile(const CrashSafeFile&) = delete;
-  CrashSafeFile& operator=(const CrashSafeFile&) = delete;
   ~CrashSafeFile() = default;  // waits for the disk
 
   // The file may grow to `end` bytes, and somewhat beyond for HDF5's own structures: "disk full" is learnt before a

@@ -1,10 +1,8 @@
 #include "src/deblur/auto_lambda_solver.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <memory>
 #include <random>
 #include <utility>
 #include <vector>

@@ -69,7 +69,6 @@ HWY_INLINE Pair clip(Pair x, Pair limit) {
 HWY_INLINE Pair clip(Pair x, Vec low, Vec high) {
   return {hn::Min(hn::Max(x.a, low), high), hn::Min(hn::Max(x.b, low), high)};
 }
-HWY_INLINE Pair at_least(Pair x, float low) { return {hn::Max(x.a, all(low)), hn::Max(x.b, all(low))}; }
 
 HWY_INLINE Vec widen(const std::uint16_t* from) {
   const hn::Rebind<std::uint16_t, Float> half;

@@ -1,7 +1,6 @@
 #include "src/deblur/exact_plan.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "src/deblur/method.hpp"

@@ -1,6 +1,7 @@
 // The methods that run on the vector kernels: ADMM, the dual with what stands in for it, the interior point and
 // the inverse filter.
 #include <algorithm>
+#include <cmath>
 
 #include "src/deblur/interior_plan.hpp"
 #include "src/deblur/method.hpp"
@@ -98,18 +99,56 @@ class InteriorMethod final : public PixelMethod {
   explicit InteriorMethod(const StreamTask& task)
       : grid_(reduce(task.settings, task.lambda_half())),
         plan_(make_interior_plan(task.settings, grid_)),
-        kernel_(best_interior_kernel()) {}
+        kernels_(best_kernels()) {}
 
   void prepare(const Pattern& pattern) noexcept override { deblur::prepare(plan_, grid_, pattern); }
-  void run(const PixelRun& run) const noexcept override { kernel_.solve(plan_, run); }
+  void run(const PixelRun& run) const noexcept override { kernels_.interior(plan_, run); }
   int iterations() const noexcept override { return plan_.steps; }
-  std::string_view isa() const noexcept override { return kernel_.isa; }
+  std::string_view isa() const noexcept override { return kernels_.isa; }
 
  private:
   Grid grid_;
   InteriorPlan plan_;
-  const InteriorKernel& kernel_;
+  const Kernels& kernels_;
 };
+
+void add_tap(InversePlan& plan, int slot, double weight) noexcept {
+  if (slot == plan.target) return;
+  for (int i = 0; i < plan.taps; ++i) {
+    InversePlan::Tap& tap = plan.tap[static_cast<std::size_t>(i)];
+    if (tap.slot != slot) continue;
+    tap.weight += static_cast<float>(weight);
+    return;
+  }
+  plan.tap[static_cast<std::size_t>(plan.taps++)] = {slot, static_cast<float>(weight)};
+}
+
+// weight times the input of the interval from slot `interval` to the next: y_1 + (y_1 - y_0) / (a^-g - 1).
+void add_interval(InversePlan& plan, const Grid& grid, const Pattern& pattern, int interval, double weight) noexcept {
+  int begin = pattern.before(interval + 1);
+  int end = pattern.after(interval);
+  if (begin < 0) begin = end, end = pattern.after(begin);  // before the first sample: the first gap
+  if (end < 0) end = begin, begin = pattern.before(end);   // after the last sample: the last gap
+  if (begin < 0 || end < 0 || weight == 0.0) return;       // a lone sample
+  const double back = weight / std::expm1(grid.ratio * (end - begin));
+  add_tap(plan, begin, -back);
+  add_tap(plan, end, weight + back);
+}
+
+// The published value is linear between centres of frame intervals (grid.hpp), each at the input of the gap that
+// it lies in; intervals before the first sample or after the last take the nearest gap's. `delay`: of the row, in frame
+// periods.
+InversePlan make_inverse_plan(const Grid& grid, const Pattern& pattern, double delay = 0.0) noexcept {
+  const double last = pattern.slots - 2;
+  const double q = pattern.target - delay - 0.5;
+  const double whole = std::floor(q);
+  const auto interval = [&](double at) { return static_cast<int>(std::clamp(at, 0.0, last)); };
+  InversePlan plan;
+  plan.target = pattern.target;
+  add_interval(plan, grid, pattern, interval(whole), 1.0 - (q - whole));
+  add_interval(plan, grid, pattern, interval(whole + 1.0), q - whole);
+  return plan;
+}
 
 class InverseMethod final : public PixelMethod {
  public:

@@ -19,12 +19,7 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "src/deblur/block-inl.hpp"
-#include "src/deblur/isa.hpp"
-#include "src/motion/targets.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
@@ -382,7 +377,8 @@ HWY_INLINE Pair input_at(const InteriorPlan& plan, const Interior& m, int bin) {
   return load(m.size) * fma(within, load(m.leaf[frame].bound.c), x);
 }
 
-void solve(const InteriorPlan& plan, const PixelRun& run) noexcept {
+// In the table of kernels.cpp.
+void solve_interior(const InteriorPlan& plan, const PixelRun& run) noexcept {
   Interior m;
   for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
     begin(plan, run, at, count, m);
@@ -398,24 +394,5 @@ void solve(const InteriorPlan& plan, const PixelRun& run) noexcept {
   });
 }
 
-const InteriorKernel& interior_kernel() {
-  static const InteriorKernel table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET), solve};
-  return table;
-}
-
 }  // namespace bolo::deblur::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace bolo::deblur {
-
-HWY_EXPORT(interior_kernel);
-
-const InteriorKernel& best_interior_kernel() {
-  static const auto found = motion::tables_of_targets(
-      HWY_TARGETS, []() -> const InteriorKernel& { return HWY_DYNAMIC_DISPATCH(interior_kernel)(); });
-  return motion::table_for(found, best_isa());
-}
-
-}  // namespace bolo::deblur
-#endif

@@ -22,7 +22,6 @@
 #pragma once
 
 #include <array>
-#include <string_view>
 
 #include "src/deblur/dual_plan.hpp"
 #include "src/deblur/kernels.hpp"
@@ -59,15 +58,5 @@ InteriorPlan make_interior_plan(const Settings& settings, const Grid& grid);
 
 // No allocation. Thread: pipeline.
 void prepare(InteriorPlan& plan, const Grid& grid, const Pattern& pattern) noexcept;
-
-// The pixel loop, built once for every instruction set.
-struct InteriorKernel {
-  std::string_view isa;
-  // As Kernels'. Thread: worker.
-  void (*solve)(const InteriorPlan& plan, const PixelRun& run) noexcept;
-};
-
-// Of the instruction set that best_kernels() uses. Thread: setup.
-const InteriorKernel& best_interior_kernel();
 
 }  // namespace bolo::deblur

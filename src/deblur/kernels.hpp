@@ -1,17 +1,33 @@
 // The pixel loops, built once for every instruction set (Highway) and chosen at run time.
 #pragma once
 
+#include <array>
 #include <cstddef>
-#include <cstdint>
 #include <string_view>
 
 #include "src/core/frame.hpp"
 #include "src/deblur/admm_plan.hpp"
 #include "src/deblur/dual_plan.hpp"
-#include "src/deblur/inverse_plan.hpp"
 #include "src/deblur/isa.hpp"
 
 namespace bolo::deblur {
+
+struct InteriorPlan;
+
+// The first-order inverse filter on the samples next to the published time.
+//
+// Over a gap of g frames without samples the input is taken as constant: x = (y_1 - a^g y_0) / (1 - a^g). Written with
+// differences from the target's sample, so that no precision is lost at 300 K:
+//   estimate = y_t + sum over taps of weight (y_slot - y_t).
+struct InversePlan {
+  struct Tap {
+    int slot = 0;
+    float weight = 0.0F;
+  };
+  int target = 0;
+  int taps = 0;
+  std::array<Tap, 4> tap{};
+};
 
 // A run of pixels [begin, end) of a window's planes, and the destination of their estimates. Planes may stand at any
 // address; nothing outside the run is read or written.
@@ -39,6 +55,7 @@ struct Kernels {
   void (*dense)(const DensePlan& plan, const PixelRun& run) noexcept;
   void (*dual)(const DualPlan& plan, const PixelRun& run) noexcept;
   void (*inverse)(const InversePlan& plan, const PixelRun& run) noexcept;
+  void (*interior)(const InteriorPlan& plan, const PixelRun& run) noexcept;
 };
 
 // The best this processor has, or the one forced. Thread: setup.

@@ -13,8 +13,6 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
-#include <span>
 #include <vector>
 
 #include "src/deblur/grid.hpp"

@@ -1,7 +1,6 @@
 // Posterior probabilities of the motion models for each block of 8 x 8 pixels of a window.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "src/core/crew.hpp"

@@ -1,21 +1,12 @@
 #include "src/deblur/settings.hpp"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <sstream>
-#include <string>
-#include <utility>
 
 namespace bolo::deblur {
 namespace {
-
-constexpr std::array kNames = {
-    std::pair{Method::kAdmm, std::string_view("admm")},   std::pair{Method::kDual, std::string_view("dual")},
-    std::pair{Method::kExact, std::string_view("exact")}, std::pair{Method::kInverse, std::string_view("inverse")},
-    std::pair{Method::kMmae, std::string_view("mmae")},   std::pair{Method::kMotion, std::string_view("motion")},
-};
 
 constexpr double kLeastTau_s = 1e-6;   // far below any pixel's; period / tau stays a number
 constexpr double kLittleLeft = 0.05;   // of a frame in the next one
@@ -52,14 +43,14 @@ constexpr double kLargestAutomatic = 0.5;  // K
 }  // namespace
 
 std::string_view name(Method method) {
-  for (const auto& [value, text] : kNames) {
+  for (const auto& [text, value] : kMethodNames) {
     if (value == method) return text;
   }
   return "unknown";
 }
 
 Result<Method> method_from_name(std::string_view text) {
-  for (const auto& [value, known] : kNames) {
+  for (const auto& [known, value] : kMethodNames) {
     if (known == text) return value;
   }
   return bad_input("solver \"" + std::string(text) + "\" is unknown; use admm, dual, exact, inverse, mmae or motion");

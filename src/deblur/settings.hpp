@@ -1,13 +1,15 @@
 // Settings of the deblurring; the same for live and offline work.
 #pragma once
 
+#include <array>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "src/core/frame.hpp"
 #include "src/core/gyro.hpp"
 #include "src/core/result.hpp"
-#include "src/model/a655sc.hpp"
+#include "src/model/bolometer.hpp"
 
 namespace bolo::deblur {
 
@@ -21,6 +23,12 @@ enum class Method {
 };
 
 // Names as the command line and configuration spell them. Thread: any.
+inline constexpr std::array<std::pair<std::string_view, Method>, 6> kMethodNames{{{"admm", Method::kAdmm},
+                                                                                  {"dual", Method::kDual},
+                                                                                  {"exact", Method::kExact},
+                                                                                  {"inverse", Method::kInverse},
+                                                                                  {"mmae", Method::kMmae},
+                                                                                  {"motion", Method::kMotion}}};
 std::string_view name(Method method);
 Result<Method> method_from_name(std::string_view name);
 

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
-#include <cassert>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
@@ -11,10 +9,6 @@
 
 namespace bolo::model {
 namespace {
-
-constexpr double kHalf = 1.0 / std::numbers::sqrt2;
-
-Eigen::Index ssize(std::span<const double> values) { return static_cast<Eigen::Index>(values.size()); }
 
 // ||H e_i||_1 of the orthonormal Haar matrix of size `frames`, the same for every i: one coefficient a level.
 double unit_l1(int frames) {
@@ -69,33 +63,6 @@ const Line& tangent() noexcept {
 
 }  // namespace
 
-Eigen::MatrixXd response_matrix(std::span<const double> t, int bins, double tau_s) {
-  assert(t.size() >= 2 && bins >= 1 && tau_s > 0.0);
-  const double width = (t.back() - t.front()) / bins;
-  Eigen::MatrixXd v = Eigen::MatrixXd::Zero(ssize(t) - 1, bins);
-  for (Eigen::Index row = 0; row < v.rows(); ++row) {
-    const double sample = t[static_cast<std::size_t>(row) + 1];
-    for (Eigen::Index k = 0; k < bins; ++k) {
-      const double begin = t.front() + static_cast<double>(k) * width;
-      const double end = std::min(begin + width, sample);
-      if (end <= begin) break;
-      // exp(-(sample - end) / tau) - exp(-(sample - begin) / tau), without cancellation for short bins.
-      v(row, k) = -std::exp(-(sample - end) / tau_s) * std::expm1(-(end - begin) / tau_s);
-    }
-  }
-  return v;
-}
-
-Eigen::VectorXd constraints(std::span<const double> t, std::span<const double> y, double tau_s) {
-  assert(t.size() == y.size() && t.size() >= 2);
-  Eigen::VectorXd result(ssize(t) - 1);
-  for (Eigen::Index j = 0; j < result.size(); ++j) {
-    const auto sample = static_cast<std::size_t>(j) + 1;
-    result(j) = y[sample] - y[0] * std::exp(-(t[sample] - t[0]) / tau_s);
-  }
-  return result;
-}
-
 // A wavelet of width w at the end of a frame, scaled by 1 / sqrt(w), moves the next sample by
 // f(w) = (1 - exp(-w / 2 tau))^2 / sqrt(w). f rises and then falls in w, and
 // f(w / 2) / f(w) = sqrt(2) / (1 + exp(-w / 4 tau))^2, so the first level at which this is <= 1 has the largest f.
@@ -115,23 +82,6 @@ double fine_column_bound(int frames, double period_s, double tau_s) {
   const double edge = std::expm1(-period_s / (2.0 * parts * tau_s));
   const double response = -std::expm1(-period_s / tau_s);  // of a sample to its frame's input
   return std::sqrt(parts) * edge * edge / response * unit_l1(frames);
-}
-
-// One level after the other: the coarser wavelets twice as wide, then the finest ones.
-Eigen::MatrixXd haar_matrix(int bins) {
-  assert(std::has_single_bit(static_cast<unsigned>(bins)));
-  Eigen::MatrixXd h = Eigen::MatrixXd::Identity(1, 1);
-  while (h.rows() < bins) {
-    const Eigen::Index size = h.rows();
-    Eigen::MatrixXd next = Eigen::MatrixXd::Zero(2 * size, 2 * size);
-    for (Eigen::Index k = 0; k < size; ++k) {
-      next.block(0, 2 * k, size, 1) = next.block(0, 2 * k + 1, size, 1) = kHalf * h.col(k);
-      next(size + k, 2 * k) = kHalf;
-      next(size + k, 2 * k + 1) = -kHalf;
-    }
-    h = std::move(next);
-  }
-  return h;
 }
 
 double band_radiance(double kelvin) noexcept {

@@ -58,8 +58,6 @@ class GapWatch {
   // Thread: setup.
   GapWatch(const StreamFormat& format, double tau_s, double noise_k, double interval_s, PipelineStats& stats);
   ~GapWatch();
-  GapWatch(const GapWatch&) = delete;
-  GapWatch& operator=(const GapWatch&) = delete;
 
   // Copies the frame while a burst is being taken; a gap, a NUC or a restart of the window begins it anew. Thread:
   // pipeline.

@@ -61,8 +61,6 @@ class Pipeline {
   static Result<std::unique_ptr<Pipeline>> create(std::unique_ptr<FrameSource> source,
                                                   const std::vector<FrameSink*>& sinks, const PipelineOptions& options);
   ~Pipeline();
-  Pipeline(const Pipeline&) = delete;
-  Pipeline& operator=(const Pipeline&) = delete;
 
   // Runs until the source ends or stop_requested; then stops the source, publishes what had already come and closes the
   // sinks. After a stop request it ends within half a second, however long a frame takes: frames not solved by then are

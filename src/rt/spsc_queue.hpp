@@ -57,8 +57,6 @@ class SpscQueue {
     sem_init(&bell_, 0, 0);
   }
   ~SpscQueue() { sem_destroy(&bell_); }
-  SpscQueue(const SpscQueue&) = delete;
-  SpscQueue& operator=(const SpscQueue&) = delete;
 
   std::size_t capacity() const noexcept { return mask_ + 1; }
 

@@ -32,8 +32,6 @@ class WorkerTeam final : public Crew {
   // system (a thread, a priority, a CPU) are in status(); the team then works with what it got. Thread: setup.
   WorkerTeam(int workers, const ThreadOptions& options);
   ~WorkerTeam() override;
-  WorkerTeam(const WorkerTeam&) = delete;
-  WorkerTeam& operator=(const WorkerTeam&) = delete;
 
   int size() const noexcept { return static_cast<int>(threads_.size()) + 1; }
 

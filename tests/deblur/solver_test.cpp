@@ -7,10 +7,10 @@
 #include "src/deblur/grid.hpp"
 #include "src/deblur/kernels.hpp"
 #include "src/deblur/tuning.hpp"
-#include "src/model/bolometer.hpp"
 #include "tests/deblur/inputs.hpp"
 #include "tests/deblur/solve.hpp"
 #include "tests/refusal.hpp"
+#include "tools/lab/eval/paper_matrices.hpp"
 
 namespace bolo::deblur::solver_test {
 
@@ -101,7 +101,7 @@ void visit_order(int bins, std::array<Visit, kMaxDualBins>& order) {
 struct Matrices {
   Matrices(const Grid& grid, const Pattern& pattern, double rho)
       : in_place(in_place_haar(grid.bins)),
-        haar(model::haar_matrix(grid.bins)),
+        haar(tools::paper::haar_matrix(grid.bins)),
         response(solver_test::response(grid, pattern)) {
     const double a = std::exp(-grid.ratio);
     const MatrixXd identity = MatrixXd::Identity(grid.bins, grid.bins);

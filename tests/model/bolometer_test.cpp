@@ -1,7 +1,10 @@
 #include "src/model/bolometer.hpp"
 #include "tests/test.hpp"
+#include "tools/lab/eval/paper_matrices.hpp"
 
 namespace bolo::model::bolometer_test {
+
+using namespace tools::paper;
 
 constexpr double kTau = 0.011;
 

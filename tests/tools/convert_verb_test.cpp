@@ -308,6 +308,19 @@ std::string jpeg(const std::string& block) {
   return out + block + "\xFF\xD9";
 }
 
+// The formula of flir_still.hpp, as it stands there.
+double flir_raw(double kelvin, const FlirConstants& c) {
+  const auto radiation = [&c](double k) {
+    return c.planck_r1 / (c.planck_r2 * (std::exp(c.planck_b / k) - c.planck_f)) - c.planck_o;
+  };
+  const double w = c.window_transmission;
+  const double e = c.emissivity;
+  const double t = atmosphere_transmission(c);
+  return w * (e * t * radiation(kelvin) + (1.0 - e) * t * radiation(c.reflected_k) +
+              (1.0 - t) * radiation(c.atmosphere_k)) +
+         (1.0 - w) * radiation(c.window_k);
+}
+
 double scene_k(std::size_t pixel) { return 290.0 + 0.05 * static_cast<double>(pixel % kWidth); }
 
 // The raw image as a PNG, as one with its bytes swapped, and as mere values: cameras of each kind are about.

@@ -45,12 +45,6 @@ constexpr Names<genicam::IrFormat, 4> kIrFormats{{{"leave", genicam::IrFormat::k
                                                   {"radiometric", genicam::IrFormat::kRadiometric},
                                                   {"100mk", genicam::IrFormat::kTemperatureLinear100mK},
                                                   {"10mk", genicam::IrFormat::kTemperatureLinear10mK}}};
-constexpr Names<deblur::Method, 6> kMethods{{{"admm", deblur::Method::kAdmm},
-                                             {"dual", deblur::Method::kDual},
-                                             {"exact", deblur::Method::kExact},
-                                             {"inverse", deblur::Method::kInverse},
-                                             {"mmae", deblur::Method::kMmae},
-                                             {"motion", deblur::Method::kMotion}}};
 constexpr Names<spdlog::level::level_enum, 4> kLevels{{{"debug", spdlog::level::debug},
                                                        {"info", spdlog::level::info},
                                                        {"warning", spdlog::level::warn},
@@ -200,7 +194,7 @@ void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   deblur::Settings& s = c.pipeline.deblur;
   keys.section("deblur", "how frames are made sharp");
   keys.choice<deblur::Method>(
-      "solver", s.method, kMethods,
+      "solver", s.method, deblur::kMethodNames,
       "admm, dual: fixed iterations, for live work. exact: to convergence, slow. inverse: no prior, for little noise. "
       "mmae: many motion models, weighted. motion: along the scene's own motion, the sharpest; tells the motion beside "
       "each frame.");

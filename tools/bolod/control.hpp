@@ -34,8 +34,6 @@ class ControlServer {
   static Result<std::unique_ptr<ControlServer>> start(const std::string& path, unsigned mode, Answer answer);
   // Ends the thread, once it has answered, and removes the socket where it still is this one's.
   ~ControlServer();
-  ControlServer(const ControlServer&) = delete;
-  ControlServer& operator=(const ControlServer&) = delete;
 
   // The path still leads here: neither taken away nor replaced. Thread: any.
   bool is_there() const;

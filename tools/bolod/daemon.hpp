@@ -54,8 +54,6 @@ class Daemon {
   // input. Thread: setup.
   static Result<std::unique_ptr<Daemon>> create(const DaemonConfig& config, std::shared_ptr<spdlog::logger> log);
   ~Daemon();
-  Daemon(const Daemon&) = delete;
-  Daemon& operator=(const Daemon&) = delete;
 
   // Runs the pipeline on a thread of its own until SIGTERM, SIGINT or the source's end; meanwhile logs changes of
   // state, notifies the service manager (sd_notify) from the calling thread, and reacts to SIGHUP by `on_hangup`; kEnd

@@ -29,8 +29,6 @@ class RequestServer {
   RequestServer(UniqueFd listener, const Limits& limits, Answer answer);
   // Ends the thread, once it has answered.
   ~RequestServer();
-  RequestServer(const RequestServer&) = delete;
-  RequestServer& operator=(const RequestServer&) = delete;
 
  private:
   struct Impl;

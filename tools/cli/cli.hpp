@@ -106,8 +106,6 @@ class Progress {
  public:
   explicit Progress(std::string what, std::uint64_t total, double log_every_s = 0.0);  // total 0: not known
   ~Progress();                                                                         // ends the line
-  Progress(const Progress&) = delete;
-  Progress& operator=(const Progress&) = delete;
   void update(std::uint64_t done);
   // Restarts the rate: work up to here was none, or of another kind.
   void start_rate(std::uint64_t done);

@@ -131,11 +131,6 @@ double atmosphere_transmission(const FlirConstants& k) {
 
 double flir_kelvin(double raw, const FlirConstants& constants) { return kelvin_of(raw, path_of(constants), constants); }
 
-double flir_raw(double kelvin, const FlirConstants& constants) {
-  const Path path = path_of(constants);
-  return path.factor * radiation(kelvin, constants) + path.offset;
-}
-
 bool is_byte_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
   double as_is = 0.0;
   double other = 0.0;

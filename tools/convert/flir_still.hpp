@@ -35,7 +35,6 @@ struct FlirConstants {
 // (1 - w) R(window) with R(T) = R1 / (R2 (exp(B / T) - F)) - O, e the emissivity, w the window's and t the atmosphere's
 // transmission. Values that no temperature gives become NaN. Thread: any.
 double flir_kelvin(double raw, const FlirConstants& constants);
-double flir_raw(double kelvin, const FlirConstants& constants);  // its inverse
 // t = X exp(-sqrt(d) (alpha1 + beta1 sqrt(h))) + (1 - X) exp(-sqrt(d) (alpha2 + beta2 sqrt(h))), with the water
 // h = humidity exp(1.5587 + 0.06939 c - 2.7816e-4 c^2 + 6.8455e-7 c^3), c the air in degrees Celsius.
 double atmosphere_transmission(const FlirConstants& constants);

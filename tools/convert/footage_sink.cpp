@@ -116,8 +116,6 @@ class CaptureSink final : public FootageSink {
   ~CaptureSink() override {
     if (!finished_) writer_.discard();  // what it was to be made from is there
   }
-  CaptureSink(const CaptureSink&) = delete;
-  CaptureSink& operator=(const CaptureSink&) = delete;
   Status write(const Frame& frame) override {
     return writer_.append(frame.t_s, frame.id, frame.data(), nullptr, nullptr, frame.times ? &*frame.times : nullptr);
   }

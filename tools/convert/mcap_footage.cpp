@@ -200,21 +200,18 @@ class McapFootage final : public Footage {
 
 Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, const std::string& topic,
                                            const StatedFormat& stated) {
-  const auto named = [&](const Error& error) { return at(file.string(), error); };
-  Result<mcap::Reader> reader = mcap::Reader::open(file);
-  if (!reader) return named(reader.error());
+  ASSIGN_OR_RETURN(mcap::Reader reader, at(file.string(), mcap::Reader::open(file)));
   Found found;
-  found.most = std::min<std::uint64_t>(kMostFrames, reader->size() / kLeastBytesOfAMessage);
-  const Status walked = reader->walk([&](const mcap::Topic& on, const mcap::Message& message, std::string_view data) {
+  found.most = std::min<std::uint64_t>(kMostFrames, reader.size() / kLeastBytesOfAMessage);
+  const auto see = [&](const mcap::Topic& on, const mcap::Message& message, std::string_view data) {
     return found.see(on, message, data);
-  });
-  if (!walked) return named(walked.error());
-  const Result<std::string> chosen = chosen_topic(found, topic);
-  if (!chosen) return named(chosen.error());
-  Series& series = found.images[*chosen];
+  };
+  RETURN_IF_ERROR(at(file.string(), reader.walk(see)));
+  ASSIGN_OR_RETURN(const std::string chosen, at(file.string(), chosen_topic(found, topic)));
+  Series& series = found.images[chosen];
   number_pictures(found, series);
-  if (Status good = check_times(series); !good) return at(file.string() + ": " + *chosen, good.error());
-  auto footage = std::make_unique<McapFootage>(std::move(*reader), std::move(found), *chosen, stated);
+  RETURN_IF_ERROR(at(file.string() + ": " + chosen, check_times(series)));
+  auto footage = std::make_unique<McapFootage>(std::move(reader), std::move(found), chosen, stated);
   RETURN_IF_ERROR(at(file.string(), capture::check_format_values(footage->info().format)));
   return footage;
 }

@@ -338,11 +338,11 @@ Status Writer::write_summary() {
   }
   const std::uint64_t offsets_at = written_;
   constexpr std::uint64_t kFooterBytes = 20;
-  Status good = put(offsets.bytes());
-  if (good) good = put(Fields().number(static_cast<std::uint8_t>(Op::kFooter)).number(kFooterBytes).bytes());
-  if (good) good = put(Fields().number(start).number(offsets_at).bytes());
-  if (good) good = put(Fields().number(crc_).bytes());
-  return good ? put(kMagic) : good;
+  RETURN_IF_ERROR(put(offsets.bytes()));
+  RETURN_IF_ERROR(put(Fields().number(static_cast<std::uint8_t>(Op::kFooter)).number(kFooterBytes).bytes()));
+  RETURN_IF_ERROR(put(Fields().number(start).number(offsets_at).bytes()));
+  RETURN_IF_ERROR(put(Fields().number(crc_).bytes()));
+  return put(kMagic);
 }
 
 Status Writer::finish() {

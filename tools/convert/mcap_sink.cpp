@@ -119,18 +119,14 @@ class McapSink final : public FootageSink {
   }
 
   Status add_channels() {
-    Status status;
-    const auto add = [&](const std::string& topic, const char* type, std::uint16_t& channel) {
-      if (!status) return;
-      const auto added = writer_.add_channel({topic, type, ros::definition_of(type)});
-      if (added) channel = *added;
-      if (!added) status = tl::unexpected<Error>(added.error());
+    const auto add = [&](const std::string& topic, const char* type, std::uint16_t& channel) -> Status {
+      ASSIGN_OR_RETURN(channel, writer_.add_channel({topic, type, ros::definition_of(type)}));
+      return {};
     };
-    for (Part& part : parts_) add(part.topic, ros::kImage, part.channel);
-    add("/" + name_ + "/camera_info", ros::kCameraInfo, infos_);
-    add("/" + name_ + "/frame", ros::kFrame, frames_);
-    if (!events_.empty()) add("/diagnostics", ros::kDiagnostics, diagnostics_);
-    return status;
+    for (Part& part : parts_) RETURN_IF_ERROR(add(part.topic, ros::kImage, part.channel));
+    RETURN_IF_ERROR(add("/" + name_ + "/camera_info", ros::kCameraInfo, infos_));
+    RETURN_IF_ERROR(add("/" + name_ + "/frame", ros::kFrame, frames_));
+    return events_.empty() ? Status{} : add("/diagnostics", ros::kDiagnostics, diagnostics_);
   }
 
   static ros::Frame identity_of(const Frame& frame) {
@@ -163,9 +159,8 @@ class McapSink final : public FootageSink {
       if (!base_ns_) continue;
       const capture::Event& event = events_[next_event_];
       const std::uint64_t ns = stamp_ns(event.t_s);
-      Status good = writer_.write(diagnostics_, static_cast<std::uint32_t>(next_event_), ns,
-                                  ros::diagnostics({ns, name_}, name_, serial_, event));
-      if (!good) return good;
+      RETURN_IF_ERROR(writer_.write(diagnostics_, static_cast<std::uint32_t>(next_event_), ns,
+                                    ros::diagnostics({ns, name_}, name_, serial_, event)));
     }
     return {};
   }

@@ -72,8 +72,6 @@ class FileWriter {
   // a name. Thread: setup.
   static Result<std::unique_ptr<FileWriter>> start(FileWriterOptions options);
   ~FileWriter();
-  FileWriter(const FileWriter&) = delete;
-  FileWriter& operator=(const FileWriter&) = delete;
 
   // A free slot, or nullptr: the disk is behind by the whole buffer. put() hands it over. Thread: the taker.
   rt::FrameSlot* take() noexcept { return pool_.take(); }

@@ -76,8 +76,6 @@ class HttpServer {
                                                     const Limits& limits,
                                                     std::vector<std::pair<std::string, std::string>> headers);
   ~HttpServer();
-  HttpServer(const HttpServer&) = delete;
-  HttpServer& operator=(const HttpServer&) = delete;
 
   std::uint16_t port() const noexcept { return port_; }
 

@@ -54,8 +54,6 @@ class LiveStream {
   // on that thread after each new frame. Thread: setup.
   LiveStream(std::string name, std::function<void()> on_frame);
   ~LiveStream();
-  LiveStream(const LiveStream&) = delete;
-  LiveStream& operator=(const LiveStream&) = delete;
 
   const std::string& name() const noexcept { return name_; }
 

@@ -1,7 +1,5 @@
 #include "src/sim/street/painter.hpp"
 
-#include "src/sim/random.hpp"
-
 namespace bolo::sim::street {
 
 double texture(double x, double y, double size, std::uint64_t seed) noexcept {

@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 
 #include "src/deblur/solver.hpp"
-#include "src/model/a655sc.hpp"
+#include "src/model/bolometer.hpp"
 #include "src/report/plot.hpp"
 #include "src/sim/path.hpp"
 #include "tools/lab/common.hpp"

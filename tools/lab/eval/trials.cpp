@@ -5,10 +5,10 @@
 #include <random>
 
 #include "src/core/statistics.hpp"
-#include "src/model/bolometer.hpp"
 #include "src/sim/field.hpp"
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
+#include "tools/lab/eval/paper_matrices.hpp"
 #include "tools/lab/eval/trials.hpp"
 #include "tools/lab/verbs.hpp"
 
@@ -190,8 +190,8 @@ Problem problem_of(const PixelTrial& trial, const std::vector<double>& samples) 
   std::vector<double> centred = samples;
   for (double& v : centred) v -= p.mean;
   const std::vector<double> t = times_of(trial);
-  p.v = model::response_matrix(t, 1 << trial.levels, trial.tau_s);
-  p.y = model::constraints(t, centred, trial.tau_s);
+  p.v = paper::response_matrix(t, 1 << trial.levels, trial.tau_s);
+  p.y = paper::constraints(t, centred, trial.tau_s);
   return p;
 }
 
@@ -276,7 +276,7 @@ std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vect
   constexpr int kMostSweeps = 50000;
   constexpr double kAccuracy = 1e-9;
   const Problem p = problem_of(trial, samples);
-  const Eigen::MatrixXd inverse = model::haar_matrix(1 << trial.levels).transpose();
+  const Eigen::MatrixXd inverse = paper::haar_matrix(1 << trial.levels).transpose();
   const Eigen::MatrixXd z = p.v * inverse;
   const double lambda = trial.lambda / (2.0 * trial.kappa);  // of 1/2 ||.||^2 + lambda ||.||_1
   Eigen::VectorXd d = Eigen::VectorXd::Zero(z.cols());
