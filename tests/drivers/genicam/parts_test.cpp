@@ -57,13 +57,15 @@ TEST(FrameReceiverTest, KeepsAnyTimeStampToWhatDifferencesCanBeTakenOf) {
   CameraFrame frame{
       .end = FrameEnd::kWhole, .id = 0, .receive_ns = monotonic_ns(), .mono16 = true, .width = 2, .height = 1};
   frame.pixels = bytes;
-  for (const std::uint64_t stamp : {std::uint64_t{1'000'000'000}, std::uint64_t{1} << 63U, ~std::uint64_t{0}}) {
+  constexpr std::uint64_t kBelow = std::uint64_t{1} << 61U;
+  for (const std::uint64_t stamp :
+       {std::uint64_t{1'000'000'000}, kBelow + 3'000'000'000, 4 * kBelow, ~std::uint64_t{0}}) {
     ++frame.id;
     frame.camera_ns = static_cast<std::int64_t>(stamp);
     receiver.take(frame);
     const rt::FrameSlot* slot = inlet.next(0).slot;
     ASSERT_NE(slot, nullptr);
-    EXPECT_EQ(slot->meta.camera_ns, static_cast<std::int64_t>(stamp % (std::uint64_t{1} << 62U)));
+    EXPECT_EQ(slot->meta.camera_ns, static_cast<std::int64_t>(stamp % kBelow));
     EXPECT_EQ(slot->meta.host_ns, frame.receive_ns);
   }
 }
