@@ -25,7 +25,7 @@ struct CameraFrame {
   FrameEnd end = FrameEnd::kIncomplete;
   std::uint64_t id = kNoId;
   // The rest is of whole frames only.
-  std::int64_t camera_ns = 0;   // the camera's clock
+  std::int64_t camera_ns = 0;   // the camera's clock, any value
   std::int64_t receive_ns = 0;  // CLOCK_MONOTONIC, when the first packet was taken from the socket
   bool mono16 = false;          // an image of 16-bit grey values, not something else
   int width = 0;

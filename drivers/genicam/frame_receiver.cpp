@@ -125,7 +125,9 @@ void FrameReceiver::deliver(const CameraFrame& frame, std::int64_t now_ns) noexc
   note_arrival(now_ns);
   const pipeline::FrameIdTracker::Verdict verdict = arrivals_.ids.complete(frame.id, now_ns);
   if (!verdict.deliver) return;
-  const std::int64_t host_ns = arrivals_.map_time(verdict, frame.camera_ns, frame.receive_ns);
+  constexpr std::int64_t kBelow = std::int64_t{1} << 61U;  // beyond, readers of shared memory see it stand still
+  const std::int64_t camera_ns = frame.camera_ns & (kBelow - 1);
+  const std::int64_t host_ns = arrivals_.map_time(verdict, camera_ns, frame.receive_ns);
   const std::uint32_t flags = note_nuc(now_ns);
   rt::FrameSlot* slot = inlet_.borrow();
   if (slot == nullptr) return;  // counted by the inlet
@@ -137,7 +139,7 @@ void FrameReceiver::deliver(const CameraFrame& frame, std::int64_t now_ns) noexc
 
   slot->meta = {};
   slot->meta.frame_id = verdict.frame_id;
-  slot->meta.camera_ns = frame.camera_ns;
+  slot->meta.camera_ns = camera_ns;
   slot->meta.receive_ns = frame.receive_ns;
   slot->meta.flags = flags;
   slot->meta.host_ns = host_ns;

@@ -66,11 +66,12 @@ MotionSolver::MotionSolver(const StreamTask& task)
 }
 
 bool MotionSolver::usable() const noexcept {
-  return std::min(task_.input.geometry.width, task_.input.geometry.height) >= motion::kLeastSide;
+  const bool weighed = inertia_.tau >= motion::kShortestTau && inertia_.tau <= motion::kLongestTau;
+  return weighed && std::min(task_.input.geometry.width, task_.input.geometry.height) >= motion::kLeastSide;
 }
 
-// Size of the frames whose motion is estimated; a single block for frames too low for it, whose padding would be larger
-// than they are.
+// Size of the frames whose motion is estimated; a single block where none is: the padding of frames too low for it
+// would be larger than they are.
 Geometry MotionSolver::followed() const noexcept {
   return usable() ? task_.input.geometry : Geometry{motion::kBlock, motion::kBlock};
 }

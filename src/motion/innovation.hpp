@@ -19,6 +19,11 @@ namespace bolo::motion {
 // A frame narrower or lower than this, px, shows no motion.
 inline constexpr int kLeastSide = 24;
 
+// Time constants, periods, that weights are made for. A shorter one leaves less of a frame in the next than floats can
+// tell; tables for longer ones take minutes, and beyond 16,000 have no numbers any more.
+inline constexpr double kShortestTau = 0.025;
+inline constexpr double kLongestTau = 1000.0;
+
 // Thermal inertia at a frame rate.
 struct Inertia {
   double tau = 2.2;  // periods

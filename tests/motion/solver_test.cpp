@@ -258,6 +258,17 @@ TEST(MotionSolver, SmallFramesFallBackToMmae) {
   EXPECT_EQ(by(Method::kMotion), by(Method::kMmae));
 }
 
+// A frame every ten seconds, and a tau of 90,000 frames: the first made frames of NaN, the second ended the program.
+TEST(MotionSolver, InertiaWithoutWeightsFallsBackToMmae) {
+  Stream stream(pan(1.5, 0.3), 0.03, 24);
+  for (const auto& [tau_s, period_s] : {std::pair{0.011, 10.0}, std::pair{0.9, 1e-5}}) {
+    const auto by = [&](Method method) {
+      return stream.estimate({.method = method, .tau_s = tau_s, .period_s = period_s, .noise_k = 0.03}, 22);
+    };
+    EXPECT_LT(rmse(by(Method::kMotion), by(Method::kMmae)), 1e-3) << tau_s / period_s;
+  }
+}
+
 // Points of a capture are a row of pixels: the rims of planes that nothing looks at would take a hundred times its
 // memory.
 TEST(MotionSolver, ARowOfPixelsTakesLittleMemory) {

@@ -47,6 +47,29 @@ TEST(CopyRowsTest, LeavesOutPaddingAndRowsAfterTheImage) {
   EXPECT_TRUE(std::all_of(to.begin() + kWidth * 2, to.end(), [](std::uint16_t v) { return v == 0xAAAA; }));
 }
 
+// --- FrameReceiver.
+
+TEST(FrameReceiverTest, KeepsAnyTimeStampToWhatDifferencesCanBeTakenOf) {
+  pipeline::FrameInlet inlet({.geometry = {2, 1}}, 0, 8);
+  pipeline::SourceStatus status;
+  FrameReceiver receiver(inlet, {}, status);
+  const auto bytes = counting_bytes(4);
+  CameraFrame frame{
+      .end = FrameEnd::kWhole, .id = 0, .receive_ns = monotonic_ns(), .mono16 = true, .width = 2, .height = 1};
+  frame.pixels = bytes;
+  constexpr std::uint64_t kBelow = std::uint64_t{1} << 61U;
+  for (const std::uint64_t stamp :
+       {std::uint64_t{1'000'000'000}, kBelow + 3'000'000'000, 4 * kBelow, ~std::uint64_t{0}}) {
+    ++frame.id;
+    frame.camera_ns = static_cast<std::int64_t>(stamp);
+    receiver.take(frame);
+    const rt::FrameSlot* slot = inlet.next(0).slot;
+    ASSERT_NE(slot, nullptr);
+    EXPECT_EQ(slot->meta.camera_ns, static_cast<std::int64_t>(stamp % kBelow));
+    EXPECT_EQ(slot->meta.host_ns, frame.receive_ns);
+  }
+}
+
 // --- Radiance counts to kelvin.
 
 const Planck kPlanck{17000.0, 1428.0, 1.0, 4000.0, 60.0};
