@@ -14,6 +14,7 @@ constexpr int kFitPixels = 288;
 constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours differ from the model's
 constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, above which values are not used
 constexpr double kPriorFloor = 1e-12;
+constexpr double kLeastPull = 1e-6;    // of an unknown from its bound, in log-likelihood
 constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: minimum to estimate a frame's time
 
 // The bench's stated temperature accuracy.
@@ -361,7 +362,7 @@ VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const Vecto
   std::iota(free.begin(), free.end(), 0);
   std::vector<Index> held;
   VectorXd x = VectorXd::Zero(n);
-  for (int round = 0; round < 6; ++round) {
+  for (int round = 0; round < 12; ++round) {
     VectorXd b = right(free);
     std::ranges::sort(held);
     for (const Index j : held) b -= normal(free, j) * x[j];
@@ -373,7 +374,16 @@ VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const Vecto
       x[j] = std::clamp(wanted, low[j], high[j]);
       (x[j] == wanted ? still_free : held).push_back(j);
     }
-    if (still_free.size() == free.size()) break;
+    if (still_free.size() == free.size()) {
+      // Clamped beside another that was then clamped itself, one may want to return: its gradient points inwards.
+      const VectorXd pull = right - normal * x;
+      const auto back = std::ranges::find_if(held, [&](Index j) {
+        return pull[j] * pull[j] > kLeastPull * normal(j, j) && (pull[j] > 0.0 ? x[j] < high[j] : x[j] > low[j]);
+      });
+      if (back == held.end()) break;
+      still_free.push_back(*back);
+      held.erase(back);
+    }
     free = std::move(still_free);
   }
   return x;

@@ -87,7 +87,7 @@ struct Group {
 std::vector<Group> groups_of(const Session& session, const Series& residual, const std::vector<Series>& columns,
                              std::span<const int> pixels);
 
-// The solution within bounds: unknowns beyond one are clamped to it, and the others solved again.
+// The solution within bounds: unknowns beyond one are clamped to it while that is where the others want them.
 VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const VectorXd& low, const VectorXd& high);
 
 MatrixXd inverse(const MatrixXd& normal);
