@@ -42,8 +42,7 @@ std::optional<std::array<double, 2>> parabola_about(const Recording& recording, 
 // Mean speed between the consecutive frames about k, px/s, in which a lost frame counts little: a parabola through it
 // passes for a faster target where a camera is slow.
 double usual_speed(const Recording& r, const StimulusState& s, std::size_t k) {
-  constexpr long kHalf = 12;
-  const auto [from, to] = around(static_cast<long>(k), kHalf, static_cast<long>(r.used.size()));
+  const auto [from, to] = around(static_cast<long>(k), 12, static_cast<long>(r.used.size()));
   std::vector<double> speeds;
   for (auto a = static_cast<std::size_t>(from) + 1; a <= static_cast<std::size_t>(to); ++a) {
     if (r.used[a - 1] == 0 || r.used[a] == 0) continue;

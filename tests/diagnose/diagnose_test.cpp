@@ -68,6 +68,29 @@ TEST_F(Diagnosis, AllowsForPixelsThatDoNotFillTheirPlace) {
   EXPECT_NEAR(report.stimulus.at("still.h5").at("aperture_px"), 0.85, 0.03);
 }
 
+// Magnification that breathes by 3 %: shifts of what is not predicted well, and large gains of whatever is tried.
+TEST_F(Diagnosis, NamesNothingForPansThatNothingExplains) {
+  const auto record = [](const capture::Stimulus& stimulus) {
+    return testing::every(2, testing::record(testing::noisy_camera(), stimulus, 160));
+  };
+  std::vector<std::filesystem::path> files{testing::write(record(capture::Uniform{300.0}), scratch_ / "shutter.h5")};
+  for (const double velocity : {70.0, -320.0}) {
+    Recording r = record(testing::slanted_bars(velocity));
+    const Series sharp = r.values;
+    for (int k = 0; k < r.frames(); ++k) {
+      const double scale = 1.0 + 0.03 * std::sin(14.5 * r.t[static_cast<std::size_t>(k)]);
+      for (int p = 0; p < testing::kWidth * testing::kHeight; ++p) {
+        const double x = std::clamp(15.5 + (p % testing::kWidth - 15.5) * scale, 0.0, testing::kWidth - 1.001);
+        const int from = p - p % testing::kWidth + static_cast<int>(x);
+        const auto share = static_cast<float>(x - std::floor(x));
+        r.values(k, p) = (1.0F - share) * sharp(k, from) + share * sharp(k, from + 1);
+      }
+    }
+    files.push_back(testing::write(r, scratch_ / (velocity > 0.0 ? "slow.h5" : "fast.h5")));
+  }
+  EXPECT_EQ(told(diagnosed(files)), "unknown_effect:");
+}
+
 struct Case {
   std::string effect;
   std::string name;
