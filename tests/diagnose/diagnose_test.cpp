@@ -68,6 +68,23 @@ TEST_F(Diagnosis, AllowsForPixelsThatDoNotFillTheirPlace) {
   EXPECT_NEAR(report.stimulus.at("still.h5").at("aperture_px"), 0.85, 0.03);
 }
 
+// Telegraph noise may keep a pixel at one level for the whole of a short capture, and at the other in the next.
+TEST_F(Diagnosis, LeavesNothingOverOfPixelsThatRestBetweenJumps) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0.0, 0.03);
+  std::vector<std::filesystem::path> files;
+  for (const bool second : {false, true}) {
+    const Recording r = testing::shutter(200, [&](int k, int row, int column) {
+      const int pixel = (row * testing::kWidth + column) % 255;  // three of each kind
+      const bool high = pixel == 3 ? k / 30 % 2 != 0 : pixel == 35 && second;
+      return noise(random) + (high ? 0.2 : 0.0);
+    });
+    files.push_back(testing::write(r, scratch_ / (second ? "second.h5" : "first.h5")));
+  }
+  const Report report = diagnosed(files);
+  EXPECT_EQ(told(report), "explained: rts") << report.unexplained.where;
+}
+
 // Magnification that breathes by 3 %: shifts of what is not predicted well, and large gains of whatever is tried.
 TEST_F(Diagnosis, NamesNothingForPansThatNothingExplains) {
   const auto record = [](const capture::Stimulus& stimulus) {
