@@ -68,6 +68,35 @@ TEST_F(Diagnosis, AllowsForPixelsThatDoNotFillTheirPlace) {
   EXPECT_NEAR(report.stimulus.at("still.h5").at("aperture_px"), 0.85, 0.03);
 }
 
+// Of slow cameras a chopper's capture of a second has few frames, but as many edges.
+TEST_F(Diagnosis, OfASlowCameraSeesWhatAChopperShows) {
+  std::vector<std::filesystem::path> files;
+  sim::CameraSettings camera = testing::noisy_camera();
+  camera.effects.push_back(*sim::parse_effect("radiometric_nonlinearity"));
+  for (const capture::Stimulus& stimulus :
+       {capture::Stimulus(capture::Uniform{300.0}), {testing::odd_chopper()}, {testing::slanted_bars(70.0)}}) {
+    const Recording slow = testing::every(2, testing::record(camera, stimulus, 240));
+    files.push_back(testing::write(slow, scratch_ / (std::to_string(files.size()) + ".h5")));
+  }
+  const Report report = diagnosed(files);
+  EXPECT_EQ(told(report), "explained: radiometric_nonlinearity") << report.unexplained.where;
+}
+
+// Three cells of a short capture with few edges.
+TEST_F(Diagnosis, NamesWhatExplainsAllInFewCells) {
+  std::vector<std::filesystem::path> files;
+  sim::CameraSettings camera = testing::noisy_camera();
+  camera.effects.push_back(*sim::parse_effect("clock_skew:skew=0.0015"));
+  capture::Chopper chopper = testing::odd_chopper();
+  for (auto* of : {&chopper.on_s, &chopper.off_s, &chopper.level_k}) of->resize(4);
+  for (const capture::Stimulus& stimulus : {capture::Stimulus(capture::Uniform{300.0}), {chopper}}) {
+    const Recording slow = testing::every(3, testing::record(camera, stimulus, 156));
+    files.push_back(testing::write(slow, scratch_ / (std::to_string(files.size()) + ".h5")));
+  }
+  const Report report = diagnosed(files);
+  EXPECT_EQ(told(report), "explained: clock_skew") << report.unexplained.where;
+}
+
 // Telegraph noise may keep a pixel at one level for the whole of a short capture, and at the other in the next.
 TEST_F(Diagnosis, LeavesNothingOverOfPixelsThatRestBetweenJumps) {
   std::mt19937 random(7);
