@@ -14,6 +14,7 @@ constexpr int kFitPixels = 288;
 constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours differ from the model's
 constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, above which values are not used
 constexpr double kPriorFloor = 1e-12;
+constexpr double kLeastPull = 1e-6;    // of an unknown from its bound, in log-likelihood
 constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: minimum to estimate a frame's time
 
 // The bench's stated temperature accuracy.
@@ -215,10 +216,14 @@ State nominal_of(const Session& session, const State& state) {
   return nominal;
 }
 
+Index cell_frames(const Session& session) {
+  return std::clamp<Index>(std::lround(0.12 / session.period_s), 6, kCellFrames);
+}
+
 bool held_out(const Session& session, Index frame, int pixel) {
   const auto width = static_cast<int>(session.grid.columns.size());
   const int block = pixel / width / 4 + pixel % width / 4;
-  return ((static_cast<int>(frame) / kCellFrames + block) & 1) != 0;
+  return ((frame / cell_frames(session) + block) & 1) != 0;
 }
 
 double Score::gap(std::optional<std::size_t> recording) const {
@@ -288,13 +293,14 @@ Series FitData::residual(std::size_t recording, const State& state, std::span<co
 Score FitData::score(const State& state) const {
   std::vector<Score> parts(session.recordings.size());
   const bool limited = std::isfinite(state.camera.clip_k);
+  const Index cell = cell_frames(session);
   for_each_modelled(session, threads, [&](std::size_t i) {
     const Series r = residual(i, state, all_pixels);
-    parts[i].groups.resize(static_cast<std::size_t>((r.rows() + kCellFrames - 1) / kCellFrames), {0.0, 0.0, i});
+    parts[i].groups.resize(static_cast<std::size_t>((r.rows() + cell - 1) / cell), {0.0, 0.0, i});
     for_each_value(i, [&](Index k, Index j, bool held) {
       const double value = r(k, j);
       if (!held || (limited && value == 0.0)) return;
-      Score::Group& group = parts[i].groups[static_cast<std::size_t>(k / kCellFrames)];
+      Score::Group& group = parts[i].groups[static_cast<std::size_t>(k / cell)];
       group.sum += value * value;
       group.count += 1.0;
     });
@@ -347,8 +353,9 @@ std::vector<Group> groups_of(const Session& session, const Series& residual, con
                              std::span<const int> pixels) {
   std::vector<Group> groups;
   const auto size = static_cast<Index>(columns.size()) + 1;
-  for (Index from = 0; from < residual.rows(); from += kCellFrames) {
-    const Index to = std::min<Index>(residual.rows(), from + kCellFrames);
+  const Index cell = cell_frames(session);
+  for (Index from = 0; from < residual.rows(); from += cell) {
+    const Index to = std::min(residual.rows(), from + cell);
     Group& group = groups.emplace_back(Group{MatrixXd::Zero(size, size), MatrixXd::Zero(size, size)});
     add_group(session, residual, columns, pixels, from, to, group);
   }
@@ -361,7 +368,7 @@ VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const Vecto
   std::iota(free.begin(), free.end(), 0);
   std::vector<Index> held;
   VectorXd x = VectorXd::Zero(n);
-  for (int round = 0; round < 6; ++round) {
+  for (int round = 0; round < 12; ++round) {
     VectorXd b = right(free);
     std::ranges::sort(held);
     for (const Index j : held) b -= normal(free, j) * x[j];
@@ -373,7 +380,16 @@ VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const Vecto
       x[j] = std::clamp(wanted, low[j], high[j]);
       (x[j] == wanted ? still_free : held).push_back(j);
     }
-    if (still_free.size() == free.size()) break;
+    if (still_free.size() == free.size()) {
+      // Clamped beside another that was then clamped itself, one may want to return: its gradient points inwards.
+      const VectorXd pull = right - normal * x;
+      const auto back = std::ranges::find_if(held, [&](Index j) {
+        return pull[j] * pull[j] > kLeastPull * normal(j, j) && (pull[j] > 0.0 ? x[j] < high[j] : x[j] > low[j]);
+      });
+      if (back == held.end()) break;
+      still_free.push_back(*back);
+      held.erase(back);
+    }
     free = std::move(still_free);
   }
   return x;

@@ -12,7 +12,9 @@ namespace bolo::diagnose {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-inline constexpr int kCellFrames = 24;
+inline constexpr int kCellFrames = 24;  // at most
+// Frames of a cell: 0.12 s, as fewer cells of a slow camera's short capture could not agree on an effect. Thread: any.
+Index cell_frames(const Session& session);
 
 // Pixel: index within the grid.
 bool held_out(const Session& session, Index frame, int pixel);
@@ -83,11 +85,11 @@ struct Group {
   MatrixXd test;
 };
 
-// One group for each kCellFrames frames. An empty column is one without influence; `pixels` are those of the columns.
+// One group for each cell_frames(). An empty column is one without influence; `pixels` are those of the columns.
 std::vector<Group> groups_of(const Session& session, const Series& residual, const std::vector<Series>& columns,
                              std::span<const int> pixels);
 
-// The solution within bounds: unknowns beyond one are clamped to it, and the others solved again.
+// The solution within bounds: unknowns beyond one are clamped to it while that is where the others want them.
 VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const VectorXd& low, const VectorXd& high);
 
 MatrixXd inverse(const MatrixXd& normal);

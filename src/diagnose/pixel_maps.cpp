@@ -198,11 +198,12 @@ Score map_gain(const FitData& data, const State& state, const Score& before, Map
     }
     centre_and_shrink(map, data.all_pixels, noise2, kind);
     const auto group = std::ranges::find(after.groups, i, &Score::Group::recording);
+    const Index cell = cell_frames(data.session);
     data.for_each_value(i, [&](Index k, Index c, bool held) {
       if (!held) return;
       const double r = own[i].residual(k, c) * data.floor_k;
       const double change = map[data.all_pixels[static_cast<std::size_t>(c)]] * static_cast<double>(own[i].basis(k, c));
-      group[k / kCellFrames].sum += (change * change - 2.0 * change * r) / (data.floor_k * data.floor_k);
+      group[k / cell].sum += (change * change - 2.0 * change * r) / (data.floor_k * data.floor_k);
     });
   }
   return after;

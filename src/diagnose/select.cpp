@@ -10,6 +10,9 @@ constexpr int kRounds = 4;         // of Gauss-Newton
 constexpr double kSettled = 3e-4;  // share of the gap
 constexpr std::size_t kTried = 3;  // candidates with a full refit
 constexpr std::size_t kMostEffects = 8;
+constexpr double kLargeGain = 200.0;
+constexpr double kLeastZOfLarge = 1.6;
+constexpr double kNothingLeft = 1.05;   // gap
 constexpr double kLeastEvidence = 8.0;  // of the levels alone
 constexpr double kLeastEvidenceScattered = 10.0;
 constexpr double kLevelsOff = 4.0;        // times the scatter of consistent levels
@@ -35,8 +38,6 @@ bool worth_naming(const Session& session, const FitResult& fit, std::size_t choi
   return std::hypot(spread.pixel, spread.column) >= effect.least;
 }
 
-bool enough(const Gain& gain) { return gain.total > kLeastGain && gain.z > kLeastZ; }
-
 // The state without one of its effects: parameters as in `base`, map removed.
 State without_effect(const Session& session, const State& from, const State& base, const Effect& effect) {
   State state = from;
@@ -52,11 +53,21 @@ struct Selector {
   std::vector<Nuisance> levels = nuisances(data.session, nominal_state(data.session, {}));
   Selection selection{base, {}};
 
+  // kLeastZ is of cells of kCellFrames: shorter ones only look more consistent. Three suffice for a large gain after
+  // which nothing is left, as no single event gives: a short capture has few edges. Not for maps, to which a pixel that
+  // rests between two jumps says the same in every cell of a capture.
+  bool enough(const Gain& gain, const FitResult& with, const Effect& effect) const {
+    const bool is_all = gain.total > kLargeGain && with.score.gap() < kNothingLeft && effect.map == MapKind::kNone;
+    const double longer = kCellFrames / static_cast<double>(cell_frames(data.session));
+    return gain.total > kLeastGain && gain.z > (is_all ? kLeastZOfLarge : kLeastZ * std::sqrt(longer));
+  }
+
   // Adds the effect of the largest gain, fitted to convergence; false if none gains enough.
   bool add() {
     std::vector<Tried> tried = attempts();
-    if (tried.empty() || !enough(tried.front().gain)) return false;
+    if (tried.empty()) return false;
     Tried& best = tried.front();
+    if (!enough(best.gain, best.fit, *best.choice.effect)) return false;
     // Converged, since its residual is the base of the next effect.
     best.fit = settle(data, std::move(best.fit), kRounds, kSettled);
     FoundEffect found = found_in(best.fit, best.choice);
@@ -118,7 +129,8 @@ struct Selector {
       const State start = without_effect(data.session, selection.fit.state, base.state, *all[i].choice.effect);
       FitResult without = fit(data, start, rest, kRounds);
       const Gain paid = gain(without, selection.fit);
-      if ((enough(paid) && worth_naming(data.session, selection.fit, i)) || paid.total >= least_gain) continue;
+      const bool pays = enough(paid, selection.fit, *all[i].choice.effect);
+      if ((pays && worth_naming(data.session, selection.fit, i)) || paid.total >= least_gain) continue;
       least = i;
       least_gain = paid.total;
       without_least = std::move(without);

@@ -174,12 +174,19 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
     return allowed(options, effect.name) && (!effect.suspected_by || effect.suspected_by(noise.statistics));
   };
   out.selection = select_effects(data, out.base, may, progress);
-  judge_jitter(out.session, out.selection.fit.state, noise.floor_k, some, transport);
+  const auto judge_again = [&] {
+    double miss = 1.0;  // of the pans, in floors: shifts scatter with model errors as with noise
+    for (const std::size_t i : modelled(out.session)) {
+      if (out.session.recordings[i].kind == Kind::kMovingBars) miss = std::max(miss, out.selection.fit.score.gap(i));
+    }
+    judge_jitter(out.session, out.selection.fit.state, miss * noise.floor_k, some, transport);
+  };
+  judge_again();
   if (is_jittered(transport) != jittered) {
     jittered = !jittered;
     out.base = with_times(data, out.base, out.state, jittered);
     out.selection = select_effects(data, out.base, may, progress);
-    judge_jitter(out.session, out.selection.fit.state, noise.floor_k, some, transport);
+    judge_again();
     jittered = jittered && is_jittered(transport);
   }
   if (jittered) {

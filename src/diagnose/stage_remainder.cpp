@@ -33,6 +33,7 @@ constexpr double kPattern = 0.06;        // a fixed pattern: error of the forwar
 constexpr double kPatternOfTaus = 0.12;  // the same with a tau of each pixel
 constexpr double kPatternOfSteps = 0.7;  // the same with coarse quantisation
 constexpr double kSlowWidening = 2.5;    // of all tests, for noise correlated over a capture
+constexpr double kFarPixel = 2.0;        // standard deviations: one that jumps may rest for a whole short capture
 constexpr double kDecade = 2.3;          // ln 10: of 1/f noise, one decade below a capture's frequency acts as fixed
 constexpr double kSlowMargin = 1.5;
 
@@ -43,6 +44,7 @@ struct Allowance {
   bool times_free = false;      // of a chopper's frames: those at its edges may deviate
   double flicker = 0.0;         // of whole frames
   double rounding = 0.0;        // the same of a chopper's: equal pixels are rounded alike
+  double farthest = 1e9;        // of single pixels in a pattern, in standard deviations
   long settling = 0;            // first frames, until a frame filter of unknown start has settled
   std::vector<char> corrected;  // recordings with a removed jump: its error leaves a pattern
 };
@@ -78,6 +80,7 @@ Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit)
     a.rounding = common_rounding(events.step_k, left_k) / noise.floor_k;
   }
   a.flicker = n.flicker.value / noise.floor_k;
+  if (!events.bad.jumping.empty()) a.farthest = kFarPixel;
   if (n.filter != FrameFilter::kNone) {
     a.settling = std::lround(std::ceil(std::log(kStartLeft) / std::log1p(-std::min(n.alpha.value, 0.99))));
   }
@@ -134,7 +137,7 @@ struct Halves {
     count(at, is_second ? 1 : 0) += 1.0;
   }
   // Correlation of both halves' means, due to a fixed pattern, in standard errors; 0 if its rms is below `allowed`.
-  double z(double allowed) const {
+  double z(double allowed, double most = 1e9) const {
     const auto known = places_where<Index>(static_cast<std::size_t>(sum.rows()), [this](std::size_t i) {
       return count.row(static_cast<Index>(i)).minCoeff() >= 1.0;
     });
@@ -144,6 +147,10 @@ struct Halves {
     ArrayXd y = sum(known, 1) / count(known, 1);
     x -= x.mean();
     y -= y.mean();
+    for (ArrayXd* half : {&x, &y}) {
+      const double limit = most * usual_scatter({half->begin(), half->end()});
+      *half = half->min(limit).max(-limit);
+    }
     const double scale = std::sqrt(x.square().sum() * y.square().sum());
     if ((x * y).mean() <= allowed * allowed || scale <= 0.0) return 0.0;
     const double r = std::clamp((x * y).sum() / scale, -0.9999, 0.9999);
@@ -261,10 +268,11 @@ void test_patterns(const Examined& x, const Tallies& tallies, const Allowance& a
     out.add("readout", what, z, x.recording.kind == Kind::kStillBars);
   };
   if (!x.moving && !corrected) {
-    pattern("a fixed pattern of pixels is left", tallies.pixel.z(allowance.pattern));
-    pattern("a fixed pattern of columns is left", tallies.column.z(allowance.pattern / 2.0));
+    pattern("a fixed pattern of pixels is left", tallies.pixel.z(allowance.pattern, allowance.farthest));
+    pattern("a fixed pattern of columns is left", tallies.column.z(allowance.pattern / 2.0, allowance.farthest));
   }
-  if (!corrected) pattern("a fixed pattern of rows is left", tallies.row.z(allowance.pattern / 2.0));
+  if (!corrected)
+    pattern("a fixed pattern of rows is left", tallies.row.z(allowance.pattern / 2.0, allowance.farthest));
   if (x.moving) out.add("optics", "what is left moves with the target", tallies.phase.z(allowance.pattern), true, true);
 }
 

@@ -39,6 +39,20 @@ std::optional<std::array<double, 2>> parabola_about(const Recording& recording, 
   return std::array{values[k] + fitted[0], fitted[1]};
 }
 
+// Mean speed between the consecutive frames about k, px/s, in which a lost frame counts little: a parabola through it
+// passes for a faster target where a camera is slow.
+double usual_speed(const Recording& r, const StimulusState& s, std::size_t k) {
+  const auto [from, to] = around(static_cast<long>(k), 12, static_cast<long>(r.used.size()));
+  std::vector<double> speeds;
+  for (auto a = static_cast<std::size_t>(from) + 1; a <= static_cast<std::size_t>(to); ++a) {
+    if (r.used[a - 1] == 0 || r.used[a] == 0) continue;
+    speeds.push_back((s.shift_px[a] - s.shift_px[a - 1]) / (r.t[a] - r.t[a - 1]));
+  }
+  const double middle = median(speeds);
+  const double share = sum_of(speeds, [middle](double speed) { return std::clamp(speed / middle, 0.5, 1.5); });
+  return middle * share / static_cast<double>(speeds.size());
+}
+
 void count_periods(int periods, Transport& t) {
   if (periods > 0) t.lost += periods;
   if (periods < 0) t.inserted -= periods;
@@ -57,7 +71,7 @@ void count_steps(const Session& session, std::size_t index, State& state, Transp
     double went = 0.0;
     if (!seen.empty()) {
       // Jitter makes the speed of few frames uncertain, by a whole period where a freeze lies between.
-      const double speed = k > seen.back() + 1 ? s.mean_speed() : s.speed_px_s[k];
+      const double speed = k > seen.back() + 1 ? s.mean_speed() : usual_speed(r, s, k);
       went = (s.shift_px[k] - s.shift_px[seen.back()]) / speed - (r.t[k] - r.t[seen.back()]);
     }
     ahead_s.push_back(seen.empty() ? 0.0 : ahead_s.back() + went);

@@ -73,6 +73,16 @@ inline Recording record(const sim::CameraSettings& camera, const capture::Stimul
   return r;
 }
 
+// Every nth frame: of a camera of a lower rate.
+inline Recording every(int n, const Recording& fast) {
+  Recording slow = blank(fast.stimulus, fast.frames() / n);
+  for (int k = 0; k < slow.frames(); ++k) {
+    slow.values.row(k) = fast.values.row(n * k);
+    slow.t[static_cast<std::size_t>(k)] = fast.t[static_cast<std::size_t>(n * k)];
+  }
+  return slow;
+}
+
 // Computes the statistics of its recordings, again after a change of values.
 inline void measure(Session& session) {
   for (Recording& r : session.recordings) {

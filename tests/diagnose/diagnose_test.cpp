@@ -68,6 +68,75 @@ TEST_F(Diagnosis, AllowsForPixelsThatDoNotFillTheirPlace) {
   EXPECT_NEAR(report.stimulus.at("still.h5").at("aperture_px"), 0.85, 0.03);
 }
 
+// Of slow cameras a chopper's capture of a second has few frames, but as many edges.
+TEST_F(Diagnosis, OfASlowCameraSeesWhatAChopperShows) {
+  std::vector<std::filesystem::path> files;
+  sim::CameraSettings camera = testing::noisy_camera();
+  camera.effects.push_back(*sim::parse_effect("radiometric_nonlinearity"));
+  for (const capture::Stimulus& stimulus :
+       {capture::Stimulus(capture::Uniform{300.0}), {testing::odd_chopper()}, {testing::slanted_bars(70.0)}}) {
+    const Recording slow = testing::every(2, testing::record(camera, stimulus, 240));
+    files.push_back(testing::write(slow, scratch_ / (std::to_string(files.size()) + ".h5")));
+  }
+  const Report report = diagnosed(files);
+  EXPECT_EQ(told(report), "explained: radiometric_nonlinearity") << report.unexplained.where;
+}
+
+// Three cells of a short capture with few edges.
+TEST_F(Diagnosis, NamesWhatExplainsAllInFewCells) {
+  std::vector<std::filesystem::path> files;
+  sim::CameraSettings camera = testing::noisy_camera();
+  camera.effects.push_back(*sim::parse_effect("clock_skew:skew=0.0015"));
+  capture::Chopper chopper = testing::odd_chopper();
+  for (auto* of : {&chopper.on_s, &chopper.off_s, &chopper.level_k}) of->resize(4);
+  for (const capture::Stimulus& stimulus : {capture::Stimulus(capture::Uniform{300.0}), {chopper}}) {
+    const Recording slow = testing::every(3, testing::record(camera, stimulus, 156));
+    files.push_back(testing::write(slow, scratch_ / (std::to_string(files.size()) + ".h5")));
+  }
+  const Report report = diagnosed(files);
+  EXPECT_EQ(told(report), "explained: clock_skew") << report.unexplained.where;
+}
+
+// Telegraph noise may keep a pixel at one level for the whole of a short capture, and at the other in the next.
+TEST_F(Diagnosis, LeavesNothingOverOfPixelsThatRestBetweenJumps) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0.0, 0.03);
+  std::vector<std::filesystem::path> files;
+  for (const bool second : {false, true}) {
+    const Recording r = testing::shutter(200, [&](int k, int row, int column) {
+      const int pixel = (row * testing::kWidth + column) % 255;  // three of each kind
+      const bool high = pixel == 3 ? k / 30 % 2 != 0 : pixel == 35 && second;
+      return noise(random) + (high ? 0.2 : 0.0);
+    });
+    files.push_back(testing::write(r, scratch_ / (second ? "second.h5" : "first.h5")));
+  }
+  const Report report = diagnosed(files);
+  EXPECT_EQ(told(report), "explained: rts") << report.unexplained.where;
+}
+
+// Magnification that breathes by 3 %: shifts of what is not predicted well, and large gains of whatever is tried.
+TEST_F(Diagnosis, NamesNothingForPansThatNothingExplains) {
+  const auto record = [](const capture::Stimulus& stimulus) {
+    return testing::every(2, testing::record(testing::noisy_camera(), stimulus, 160));
+  };
+  std::vector<std::filesystem::path> files{testing::write(record(capture::Uniform{300.0}), scratch_ / "shutter.h5")};
+  for (const double velocity : {70.0, -320.0}) {
+    Recording r = record(testing::slanted_bars(velocity));
+    const Series sharp = r.values;
+    for (int k = 0; k < r.frames(); ++k) {
+      const double scale = 1.0 + 0.03 * std::sin(14.5 * r.t[static_cast<std::size_t>(k)]);
+      for (int p = 0; p < testing::kWidth * testing::kHeight; ++p) {
+        const double x = std::clamp(15.5 + (p % testing::kWidth - 15.5) * scale, 0.0, testing::kWidth - 1.001);
+        const int from = p - p % testing::kWidth + static_cast<int>(x);
+        const auto share = static_cast<float>(x - std::floor(x));
+        r.values(k, p) = (1.0F - share) * sharp(k, from) + share * sharp(k, from + 1);
+      }
+    }
+    files.push_back(testing::write(r, scratch_ / (velocity > 0.0 ? "slow.h5" : "fast.h5")));
+  }
+  EXPECT_EQ(told(diagnosed(files)), "unknown_effect:");
+}
+
 struct Case {
   std::string effect;
   std::string name;

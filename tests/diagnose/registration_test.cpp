@@ -122,6 +122,16 @@ TEST(JudgeTransport, FindsALostFrameOfMovingBars) {
   EXPECT_EQ(plain.stimuli[0].late_s[158], 0.0);
 }
 
+// A step of a period is much of what a slower camera sees within 60 ms.
+TEST(JudgeTransport, FindsALostFrameOfASlowerCamera) {
+  const Recording slow = testing::every(2, record(noisy_camera(), slanted_bars(-320.0), 320));
+  Session session = testing::session_of({without_frame(slow, 83)});
+  session.period_s *= 2.0;
+  State state = registered(session).state;
+  EXPECT_EQ(judge_transport(session, state, kFloorK, session.grid.all()).lost, 1);
+  EXPECT_NEAR(state.stimuli[0].late_s[158], 0.01, 1e-9);
+}
+
 // Five of them within a second.
 TEST(JudgeTransport, FindsLostFramesOfAChopper) {
   for (const std::vector<int>& lost : {std::vector<int>{100}, {190, 160, 130, 100, 70}}) {
@@ -163,6 +173,14 @@ TEST(JudgeTransport, JitterAroundAFreezeIsNoLoss) {
     steps += t.lost + t.inserted;
   }
   EXPECT_EQ(steps, 0);
+}
+
+// The first unknown's bound pushes the second one beyond its own, until the first one is held.
+TEST(SolveWithin, LetsGoOfWhatWasHeldBesideAnother) {
+  const MatrixXd normal{{1.0, 0.6}, {0.6, 1.0}};
+  const VectorXd solved = solve_within(normal, VectorXd{{-3.8, -1.0}}, VectorXd{{0.0, -3.0}}, VectorXd{{8.0, 0.0}});
+  EXPECT_NEAR(solved[0], 0.0, 1e-9);
+  EXPECT_NEAR(solved[1], -1.0, 1e-6);
 }
 
 TEST(Nuisances, BelongToTheStimuliThatHaveThem) {
