@@ -70,8 +70,7 @@ bool MotionSolver::usable() const noexcept {
   return weighed && std::min(task_.input.geometry.width, task_.input.geometry.height) >= motion::kLeastSide;
 }
 
-// Size of the frames whose motion is estimated; a single block where none is: the padding of frames too low for it
-// would be larger than they are.
+// Size of the frames whose motion is estimated; a single block where none is, as the padding of low ones outgrows them.
 Geometry MotionSolver::followed() const noexcept {
   return usable() ? task_.input.geometry : Geometry{motion::kBlock, motion::kBlock};
 }

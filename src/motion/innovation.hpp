@@ -20,9 +20,9 @@ namespace bolo::motion {
 inline constexpr int kLeastSide = 24;
 
 // Time constants, periods, that weights are made for. A shorter one leaves less of a frame in the next than floats can
-// tell; tables for longer ones take minutes, and beyond 16,000 have no numbers any more.
+// tell; tables for longer ones take seconds, and beyond 16,000 have no numbers any more.
 inline constexpr double kShortestTau = 0.025;
-inline constexpr double kLongestTau = 1000.0;
+inline constexpr double kLongestTau = 100.0;
 
 // Thermal inertia at a frame rate.
 struct Inertia {
