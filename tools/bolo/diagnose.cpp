@@ -115,6 +115,7 @@ Status run_diagnose(const Given& given) {
   ASSIGN_OR_RETURN(const diagnose::Options options, options_of(given));
 
   const Files files = diagnose_files(given);
+  if (options.maps && files.profile.empty()) return bad_input("no file for the profile; give --write-profile P2.toml");
   std::vector<std::filesystem::path> inputs = captures;
   if (given.count("profile") != 0) {
     inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options.profile.maps});

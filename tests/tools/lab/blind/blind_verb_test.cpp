@@ -93,6 +93,7 @@ TEST_F(DiagnoseVerb, APlaceThatTakesNoReportIsRefusedAtOnce) {
     words.push_back(folder_ / "missing.h5");
     ended(2, words, {"choose another"});
   }
+  ended(2, {"-o", folder_ / "out", "--write-profile", "", files_[0]}, {"no file for the profile"});
 }
 
 // A file's name may contain a comma and blanks.
