@@ -261,11 +261,13 @@ TEST(MotionSolver, SmallFramesFallBackToMmae) {
 // A frame every ten seconds, and a tau of 90,000 frames: the first made frames of NaN, the second ended the program.
 TEST(MotionSolver, InertiaWithoutWeightsFallsBackToMmae) {
   Stream stream(pan(1.5, 0.3), 0.03, 24);
-  for (const auto& [tau_s, period_s] : {std::pair{0.011, 10.0}, std::pair{0.9, 1e-5}}) {
+  for (Settings settings : {Settings{.tau_s = 0.011, .period_s = 10.0}, Settings{.tau_s = 0.9, .period_s = 1e-5}}) {
+    settings.noise_k = 0.03;
     const auto by = [&](Method method) {
-      return stream.estimate({.method = method, .tau_s = tau_s, .period_s = period_s, .noise_k = 0.03}, 22);
+      settings.method = method;
+      return stream.estimate(settings, 22);
     };
-    EXPECT_LT(rmse(by(Method::kMotion), by(Method::kMmae)), 1e-3) << tau_s / period_s;
+    EXPECT_LT(rmse(by(Method::kMotion), by(Method::kMmae)), 1e-3) << settings.tau_s / settings.period_s;
   }
 }
 
