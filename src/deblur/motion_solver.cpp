@@ -411,11 +411,11 @@ void MotionSolver::without_old_scene(int newest, motion::EstimateInputs& in, Cre
   const Frame& before = frame(base);
   const Frame& first = frame(base - 1);
   if (!before.there || !first.there || before.lost || first.lost) return;
-  after_cut_.find(kernels_, inertia_, before.values, first.values, displacement(base - 2).motion, crew);
+  const std::uint64_t number = taken_ - static_cast<std::uint64_t>(base);
+  after_cut_.find(kernels_, inertia_, number, before.values, first.values, displacement(base - 2).motion, crew);
   const int target = task_.settings.lookahead;
-  std::size_t made = 0;
   const auto without = [&](const motion::PaddedPlane*& plane, int at) {
-    if (plane != nullptr && at < base) plane = &after_cut_.without_old(inertia_, *plane, base - at, made++, crew);
+    if (plane != nullptr && at < base) plane = &after_cut_.without_old(inertia_, *plane, base - at, crew);
   };
   without(in.now, target);
   if (in.ahead != nullptr) without(in.ahead, 0);

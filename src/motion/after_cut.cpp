@@ -10,14 +10,17 @@ AfterCut::AfterCut(Geometry geometry, int frames)
     : innovation_(geometry),
       less_(geometry),
       smooth_(geometry),
-      made_(static_cast<std::size_t>(frames), PaddedPlane(geometry)) {
+      made_(static_cast<std::size_t>(frames), {false, PaddedPlane(geometry)}) {
   for (VectorField& f : back_) f = VectorField(blocks_over(geometry.width), blocks_over(geometry.height));
 }
 
 // The base would be the scene's mean over exponential ages: its innovation, half a period after the base, moved back by
 // kAges equally likely ones.
-void AfterCut::find(const Kernels& kernels, const Inertia& inertia, const PaddedPlane& base, const PaddedPlane& first,
-                    const Affine& d, Crew& crew) noexcept {
+void AfterCut::find(const Kernels& kernels, const Inertia& inertia, std::uint64_t number, const PaddedPlane& base,
+                    const PaddedPlane& first, const Affine& d, Crew& crew) noexcept {
+  if (number_ == number) return;
+  number_ = number;
+  for (Made& m : made_) m.there = false;
   std::array<const PaddedPlane*, kAges> planes;
   planes.fill(&innovation_);
   for (int i = 0; i < kAges; ++i) {
@@ -46,19 +49,21 @@ void AfterCut::find(const Kernels& kernels, const Inertia& inertia, const Padded
   });
 }
 
-const PaddedPlane& AfterCut::without_old(const Inertia& inertia, const PaddedPlane& frame, int n, std::size_t i,
-                                         Crew& crew) noexcept {
-  PaddedPlane& made = made_[i];
+const PaddedPlane& AfterCut::without_old(const Inertia& inertia, const PaddedPlane& frame, int n, Crew& crew) noexcept {
+  Made& made = made_[static_cast<std::size_t>(n - 1)];
+  if (made.there) return made.plane;
+  made.there = true;
+  PaddedPlane& to = made.plane;
   const auto left = static_cast<float>(std::pow(inertia.rho, n));
-  for_rows(crew, made.blocks_down(), [&](int row) {
-    const auto [begin, end] = made.rows_of(row);
+  for_rows(crew, to.blocks_down(), [&](int row) {
+    const auto [begin, end] = to.rows_of(row);
     for (int y = begin; y < end; ++y) {
-      for (int x = 0; x < made.geometry().width; ++x) *made.at(x, y) = *frame.at(x, y) + left * *smooth_.at(x, y);
+      for (int x = 0; x < to.geometry().width; ++x) *to.at(x, y) = *frame.at(x, y) + left * *smooth_.at(x, y);
     }
-    made.mirror_sides(begin, end);
+    to.mirror_sides(begin, end);
   });
-  made.mirror_ends();
-  return made;
+  to.mirror_ends();
+  return to;
 }
 
 }  // namespace bolo::motion
