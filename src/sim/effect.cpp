@@ -70,6 +70,21 @@ Status take_item(EffectSpec& spec, std::string_view item) {
   return {};
 }
 
+// A value of the ranges, each as likely as it is long.
+double draw_value(const std::vector<Range>& ranges, SplitMix& random) {
+  double place = random.between(0.0, sum_of(ranges, [](const Range& r) { return r.high - r.low; }));
+  std::size_t i = 0;
+  while (i + 1 < ranges.size() && place > ranges[i].high - ranges[i].low) {
+    place -= ranges[i].high - ranges[i].low;
+    ++i;
+  }
+  const auto [low, high] = ranges[i];
+  const bool one_sign = low * high > 0.0;
+  const double span = one_sign ? std::max(high / low, low / high) : 1.0;
+  if (span <= 5.0) return random.between(low, high);
+  return low * std::pow(high / low, unit(random.next()));
+}
+
 }  // namespace
 
 std::string_view name_of(Stage stage) {
@@ -161,6 +176,18 @@ Status check_effects(std::span<const EffectSpec> effects) {
     }
   }
   return {};
+}
+
+Result<EffectSpec> draw_effect(std::string_view name, std::uint64_t seed) {
+  ASSIGN_OR_RETURN(const auto effect, known(name));
+  EffectSpec spec{std::string(name), {}, {}};
+  SplitMix random(name_key(name, seed));
+  for (const Parameter& parameter : effect->parameters) {
+    if (!parameter.realistic.empty()) {
+      spec.values.emplace(parameter.key, draw_value(parameter.realistic, random));
+    }
+  }
+  return spec;
 }
 
 }  // namespace bolo::sim

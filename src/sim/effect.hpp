@@ -64,4 +64,9 @@ Result<EffectSpec> parse_effect(std::string_view text);
 // Names known, forms and keys theirs, values within what is accepted, each name once. Thread: any.
 Status check_effects(std::span<const EffectSpec> effects);
 
+// Every parameter that has a realistic range at a random value of it; the others, and the form, at their standard. The
+// logarithm is uniform where a range spans more than a factor of five, and signs and gaps are kept. The same seed gives
+// the same effect. kBadInput when there is none of this name. Thread: any.
+Result<EffectSpec> draw_effect(std::string_view name, std::uint64_t seed);
+
 }  // namespace bolo::sim

@@ -1,4 +1,4 @@
-// Effects as text: what is read, what is refused and how.
+// Effects as text: what is read, what is refused and how, what is drawn.
 #include "src/sim/effect.hpp"
 #include "tests/test.hpp"
 
@@ -71,6 +71,38 @@ TEST(CheckEffects, EachNameOnce) {
   EXPECT_EQ(status.error().message, "effect iir is given twice; put all its keys into one");
   EXPECT_TRUE(check_effects(std::vector<EffectSpec>{{"iir", "", {}}, {"drift", "", {}}}));
   EXPECT_FALSE(check_effects(std::vector<EffectSpec>{{"iir", "", {{"alpha", 7.0}}}}));
+}
+
+TEST(DrawEffect, StaysWithinTheRealisticRangesAndFollowsTheSeed) {
+  for (const EffectDescription& effect : effect_descriptions()) {
+    for (std::uint64_t seed = 0; seed < 50; ++seed) {
+      const auto drawn = draw_effect(effect.name, seed);
+      ASSERT_TRUE(drawn);
+      EXPECT_EQ(*drawn, draw_effect(effect.name, seed).value());
+      for (const Parameter& p : effect.parameters) {
+        if (p.realistic.empty()) continue;
+        const double value = drawn->values.at(std::string(p.key));
+        EXPECT_TRUE(std::ranges::any_of(
+            p.realistic, [value](const Range& r) { return value >= r.low - 1e-12 && value <= r.high + 1e-12; }))
+            << effect.name << ' ' << p.key << '=' << value;
+      }
+    }
+  }
+  EXPECT_NE(draw_effect("tau_global", 1).value(), draw_effect("tau_global", 2).value());
+  EXPECT_FALSE(draw_effect("nothing", 1));
+}
+
+// Both sides of a range with a gap come up, and a wide range is drawn by its logarithm.
+TEST(DrawEffect, UsesTheWholeRange) {
+  int slower = 0;
+  int below_geometric_mean = 0;
+  constexpr int kDraws = 400;
+  for (std::uint64_t seed = 0; seed < kDraws; ++seed) {
+    if (draw_effect("tau_global", seed)->values.at("scale") > 1.0) ++slower;
+    if (draw_effect("drift", seed)->values.at("time_s") < std::sqrt(3.0 * 30.0)) ++below_geometric_mean;
+  }
+  EXPECT_NEAR(slower, kDraws * 0.15 / 0.25, 60);
+  EXPECT_NEAR(below_geometric_mean, kDraws / 2, 60);
 }
 
 }  // namespace bolo::sim::effect_text_test

@@ -1,8 +1,6 @@
 #include <mutex>
 #include <set>
 
-#include "src/core/statistics.hpp"
-#include "src/sim/random.hpp"
 #include "src/sim/simulator.hpp"
 #include "tools/lab/blind/session.hpp"
 
@@ -171,23 +169,8 @@ std::uint64_t session_seed(const DrawOptions& options, Kind kind, std::size_t in
   return key(key(key(options.seed, 0) + static_cast<std::uint64_t>(kind), 0) + index, 0);
 }
 
-// A value of the ranges, each as likely as it is long.
-double draw_value(const std::vector<sim::Range>& ranges, sim::SplitMix& random) {
-  double place = random.between(0.0, sum_of(ranges, [](const sim::Range& r) { return r.high - r.low; }));
-  std::size_t i = 0;
-  while (i + 1 < ranges.size() && place > ranges[i].high - ranges[i].low) {
-    place -= ranges[i].high - ranges[i].low;
-    ++i;
-  }
-  const auto [low, high] = ranges[i];
-  const bool one_sign = low * high > 0.0;
-  const double span = one_sign ? std::max(high / low, low / high) : 1.0;
-  if (span <= 5.0) return random.between(low, high);
-  return low * std::pow(high / low, splitmix::unit(random.next()));
-}
-
 Result<sim::EffectSpec> drawn(const Choice& choice, Dice& dice) {
-  ASSIGN_OR_RETURN(auto effect, draw_effect(choice.effect, dice.word()));
+  ASSIGN_OR_RETURN(auto effect, sim::draw_effect(choice.effect, dice.word()));
   effect.form = choice.form;
   place_in_scene(effect, dice);
   return effect;
@@ -290,19 +273,6 @@ Status write_capture(const Session& session, const CapturePlan& plan, const std:
 }
 
 }  // namespace
-
-Result<sim::EffectSpec> draw_effect(std::string_view name, std::uint64_t seed) {
-  const sim::EffectDescription* const effect = sim::find_effect(name);
-  if (effect == nullptr) return bad_input("there is no effect " + std::string(name));
-  sim::EffectSpec spec{std::string(name), {}, {}};
-  sim::SplitMix random(sim::name_key(name, seed));
-  for (const sim::Parameter& parameter : effect->parameters) {
-    if (!parameter.realistic.empty()) {
-      spec.values.emplace(parameter.key, draw_value(parameter.realistic, random));
-    }
-  }
-  return spec;
-}
 
 std::string_view name_of(Kind kind) { return kNames[static_cast<std::size_t>(kind)]; }
 

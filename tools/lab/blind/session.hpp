@@ -63,11 +63,6 @@ struct Session {
   std::vector<CapturePlan> captures;
 };
 
-// Every parameter that has a realistic range at a random value of it; the others, and the form, at their standard. The
-// logarithm is uniform where a range spans more than a factor of five, and signs and gaps are kept. The same seed gives
-// the same effect. kBadInput when there is none of this name. Thread: any.
-Result<sim::EffectSpec> draw_effect(std::string_view name, std::uint64_t seed);
-
 // Six captures: closed shutter, hot flat, chopper, slow pan, fast pan the other way, static target; 10 mK a count.
 // The same options, kind and index give the same session, whatever others are drawn. kBadInput when `only` names no
 // effect of the kind. Thread: any.

@@ -394,36 +394,4 @@ TEST(SecondReality, UsesNeitherSimulatorNorDiagnosis) {
   }
 }
 
-TEST(DrawEffect, StaysWithinTheRealisticRangesAndFollowsTheSeed) {
-  for (const sim::EffectDescription& effect : sim::effect_descriptions()) {
-    for (std::uint64_t seed = 0; seed < 50; ++seed) {
-      const auto drawn = draw_effect(effect.name, seed);
-      ASSERT_TRUE(drawn);
-      EXPECT_EQ(*drawn, draw_effect(effect.name, seed).value());
-      for (const sim::Parameter& p : effect.parameters) {
-        if (p.realistic.empty()) continue;
-        const double value = drawn->values.at(std::string(p.key));
-        EXPECT_TRUE(std::ranges::any_of(
-            p.realistic, [value](const sim::Range& r) { return value >= r.low - 1e-12 && value <= r.high + 1e-12; }))
-            << effect.name << ' ' << p.key << '=' << value;
-      }
-    }
-  }
-  EXPECT_NE(draw_effect("tau_global", 1).value(), draw_effect("tau_global", 2).value());
-  EXPECT_FALSE(draw_effect("nothing", 1));
-}
-
-// Both sides of a range with a gap come up, and a wide range is drawn by its logarithm.
-TEST(DrawEffect, UsesTheWholeRange) {
-  int slower = 0;
-  int below_geometric_mean = 0;
-  constexpr int kDraws = 400;
-  for (std::uint64_t seed = 0; seed < kDraws; ++seed) {
-    if (draw_effect("tau_global", seed)->values.at("scale") > 1.0) ++slower;
-    if (draw_effect("drift", seed)->values.at("time_s") < std::sqrt(3.0 * 30.0)) ++below_geometric_mean;
-  }
-  EXPECT_NEAR(slower, kDraws * 0.15 / 0.25, 60);
-  EXPECT_NEAR(below_geometric_mean, kDraws / 2, 60);
-}
-
 }  // namespace bolo::tools::blind::blind_test
