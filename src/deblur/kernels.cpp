@@ -26,7 +26,7 @@ namespace bolo::deblur::HWY_NAMESPACE {
 //   D                  H x: Haar coefficients, c - Q t of the dual
 //   u                  scaled dual of D = z: t / rho
 //   w                  D + u, from which z = soft(w) and u = clip(w) follow
-//  z - u              w - 2 clip(w): input of the x-update
+//   z - u              w - 2 clip(w): input of the x-update
 
 // An iteration, with the constants of all its pixels, a vector a coefficient.
 template <int kBins>
