@@ -79,7 +79,7 @@ std::vector<std::vector<std::byte>> trial_frames(const StreamFormat& input, int 
   for (int f = 0; f < frames; ++f) {
     std::byte* to = planes.emplace_back(plane_bytes(g, input.type)).data();
     for (int y = 0; y < g.height; ++y) {
-      const double* row = scene.data() + std::ptrdiff_t{y} * width + kStep * f + f % kStep;
+      const double* row = scene.data() + std::ptrdiff_t{y} * width + std::ptrdiff_t{kStep} * f + f % kStep;
       for (int x = 0; x < g.width; ++x, to += bytes_of(input.type)) {
         put(static_cast<std::uint16_t>(row[x] + static_cast<double>(random() % 10)), input.type, to);
       }
@@ -109,8 +109,8 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings,
                        PixelType output) {
   constexpr int kTried = 5;
   const std::vector<std::vector<std::byte>> planes = trial_frames(input, settings.window + kTried);
-  std::vector<const void*> frames;
-  for (const std::vector<std::byte>& plane : planes) frames.push_back(plane.data());
+  std::vector<const void*> frames(planes.size());
+  std::ranges::transform(planes, frames.begin(), [](const auto& plane) { return plane.data(); });
   const std::span<const void* const> all(frames);
   const auto window = static_cast<std::size_t>(settings.window);
   const int target = settings.window - 1 - settings.lookahead;
