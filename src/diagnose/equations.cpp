@@ -14,6 +14,8 @@ constexpr int kFitPixels = 288;
 constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours differ from the model's
 constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, above which values are not used
 constexpr double kPriorFloor = 1e-12;
+constexpr double kCell_s = 0.12;       // kCellFrames at 200 Hz
+constexpr Index kFewestOfCell = 6;     // frames
 constexpr double kLeastPull = 1e-6;    // of an unknown from its bound, in log-likelihood
 constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: minimum to estimate a frame's time
 
@@ -54,8 +56,9 @@ void add_group(const Session& session, const Series& residual, const std::vector
     sources.push_back(&source);
   }
   std::array<std::vector<Index>, 2> cells;  // pixels of the group's train and test cells
+  const Index cell = from / cell_frames(session);
   for (std::size_t p = 0; p < pixels.size(); ++p) {
-    cells[held_out(session, from, pixels[p]) ? 1 : 0].push_back(static_cast<Index>(p));
+    cells[held_out(session, cell, pixels[p]) ? 1 : 0].push_back(static_cast<Index>(p));
   }
   for (const std::size_t side : {0U, 1U}) {
     MatrixXd x(static_cast<Index>(cells[side].size()) * (to - from), static_cast<Index>(present.size()));
@@ -217,13 +220,13 @@ State nominal_of(const Session& session, const State& state) {
 }
 
 Index cell_frames(const Session& session) {
-  return std::clamp<Index>(std::lround(0.12 / session.period_s), 6, kCellFrames);
+  return std::clamp<Index>(std::lround(kCell_s / session.period_s), kFewestOfCell, kCellFrames);
 }
 
-bool held_out(const Session& session, Index frame, int pixel) {
+bool held_out(const Session& session, Index cell, int pixel) {
   const auto width = static_cast<int>(session.grid.columns.size());
   const int block = pixel / width / 4 + pixel % width / 4;
-  return ((frame / cell_frames(session) + block) & 1) != 0;
+  return ((cell + block) & 1) != 0;
 }
 
 double Score::gap(std::optional<std::size_t> recording) const {

@@ -16,8 +16,8 @@ inline constexpr int kCellFrames = 24;  // at most
 // Frames of a cell: 0.12 s, as fewer cells of a slow camera's short capture could not agree on an effect. Thread: any.
 Index cell_frames(const Session& session);
 
-// Pixel: index within the grid.
-bool held_out(const Session& session, Index frame, int pixel);
+// `cell`: number of a block of cell_frames() frames. Pixel: index within the grid.
+bool held_out(const Session& session, Index cell, int pixel);
 
 // Squared residuals in units of the floor on held-out cells, by group: one group is a recording's block of frames.
 struct Score {
@@ -59,10 +59,12 @@ struct FitData {
   // Calls visit(frame, column, is held out) for each of all_pixels in the frames that count.
   template <typename Visit>
   void for_each_value(std::size_t recording, const Visit& visit) const {
+    const Index length = cell_frames(session);
     for (Index k = 0; k < session.recordings[recording].frames(); ++k) {
       if (!frame_counts(recording, k)) continue;
+      const Index cell = k / length;
       for (std::size_t j = 0; j < all_pixels.size(); ++j) {
-        visit(k, static_cast<Index>(j), held_out(session, k, all_pixels[j]));
+        visit(k, static_cast<Index>(j), held_out(session, cell, all_pixels[j]));
       }
     }
   }
