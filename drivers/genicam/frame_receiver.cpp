@@ -125,8 +125,7 @@ void FrameReceiver::deliver(const CameraFrame& frame, std::int64_t now_ns) noexc
   note_arrival(now_ns);
   const pipeline::FrameIdTracker::Verdict verdict = arrivals_.ids.complete(frame.id, now_ns);
   if (!verdict.deliver) return;
-  constexpr std::int64_t kBelow = std::int64_t{1} << 61U;  // beyond, readers of shared memory see it stand still
-  const std::int64_t camera_ns = frame.camera_ns & (kBelow - 1);
+  const std::int64_t camera_ns = frame.camera_ns & (kMostClockNs - 1);  // beyond, readers would see it stand still
   const std::int64_t host_ns = arrivals_.map_time(verdict, camera_ns, frame.receive_ns);
   const std::uint32_t flags = note_nuc(now_ns);
   rt::FrameSlot* slot = inlet_.borrow();

@@ -172,17 +172,16 @@ inline bool has_motion(const SlotLayout& layout, const bolo_shm_slot& head) noex
 }
 
 // The slot's head of frame `number`. Its times are clamped so that differences do not overflow, even of a foreign
-// writer: 73 years of a clock. UTC before 1970 or after 2116, of a clock that is wrong, is not known: clamped it would
-// stand still while time goes on. Thread: any reader.
+// writer. UTC before 1970 or after 2116, of a clock that is wrong, is not known: clamped it would stand still while time
+// goes on. Thread: any reader.
 inline void copy_head(const std::byte* slot, std::uint64_t number, bolo_shm_slot& head) noexcept {
-  constexpr std::int64_t kMost = std::int64_t{1} << 61U;
   head.sequence = 2 * number + 2;
   copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
   for (std::int64_t* const ns : {&head.camera_ns, &head.receive_ns, &head.publish_ns, &head.host_ns}) {
-    *ns = std::clamp(*ns, -kMost, kMost);
+    *ns = std::clamp(*ns, -kMostClockNs, kMostClockNs);
   }
-  if (head.utc_ns < 0 || head.utc_ns >= 2 * kMost) head.utc_ns = 0;
-  head.utc_uncertainty_ns = std::clamp<std::int64_t>(head.utc_uncertainty_ns, 0, 2 * kMost - 1);
+  if (head.utc_ns < 0 || head.utc_ns >= 2 * kMostClockNs) head.utc_ns = 0;
+  head.utc_uncertainty_ns = std::clamp<std::int64_t>(head.utc_uncertainty_ns, 0, 2 * kMostClockNs - 1);
 }
 
 // Copies frame `number` out of its slot: R1 to R3. nullptr leaves a plane out, as for `blocks`; of a frame without

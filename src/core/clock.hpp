@@ -19,6 +19,9 @@ inline constexpr double kMsPerNs = 1e-6;
 inline constexpr std::int64_t kNsPerMs = 1'000'000;
 inline constexpr std::int64_t kNsPerUs = 1000;
 
+// Bound of a clock's times that differences are taken of, 73 years: they do not overflow.
+inline constexpr std::int64_t kMostClockNs = std::int64_t{1} << 61U;
+
 // To the nearest nanosecond. Thread: any.
 inline std::int64_t to_ns(double seconds) noexcept { return std::llround(seconds * kNsPerSecond); }
 
