@@ -108,9 +108,11 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::WindowView& view, c
 double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings, const StreamFormat& input,
                        PixelType output) {
   constexpr int kTried = 5;
-  const std::vector<std::vector<std::byte>> planes = trial_frames(input, settings.window + kTried);
-  std::vector<const void*> frames(planes.size());
-  std::ranges::transform(planes, frames.begin(), [](const auto& plane) { return plane.data(); });
+  constexpr int kMoving = 17;  // frames of a window, the last ones: the others rest and take no memory
+  const auto planes = trial_frames(input, std::min(settings.window, kMoving) + kTried);
+  const auto frame_count = static_cast<std::size_t>(settings.window + kTried);
+  std::vector<const void*> frames(frame_count, planes.front().data());
+  std::ranges::transform(planes, frames.end() - std::ssize(planes), [](const auto& plane) { return plane.data(); });
   const std::span<const void* const> all(frames);
   const auto window = static_cast<std::size_t>(settings.window);
   const int target = settings.window - 1 - settings.lookahead;
