@@ -46,9 +46,9 @@ float explained_by_motion(float left, float change, float of_left, float of_chan
 //
 // A per-pixel estimate ignores the scene that crossed the pixel between two frames and so underestimates its error in
 // fast motion: where motion explains the change, that bounds the error from below, unless the block itself does not
-// change: a wall beside a fast texture. Motion explains it where noise could be all
-// that is left, and, in fast motion, where that is little of what has changed: the sharper the scene, the more of it
-// interpolation and a trail that is not quite right leave.
+// change: a wall beside a fast texture. Motion explains the change where noise could be all that is left, and, in fast
+// motion, where that is little of what has changed: the sharper the scene, the more of it interpolation and a trail
+// that is not quite right leave.
 float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const auto of_left = static_cast<float>(inertia.noise());
   const auto of_change = static_cast<float>(inertia.change_noise());
