@@ -172,8 +172,8 @@ inline bool has_motion(const SlotLayout& layout, const bolo_shm_slot& head) noex
 }
 
 // The slot's head of frame `number`. Its times are clamped so that differences do not overflow, even of a foreign
-// writer. UTC before 1970 or after 2116, of a clock that is wrong, is not known: clamped it would stand still while time
-// goes on. Thread: any reader.
+// writer. UTC before 1970 or after 2116, of a clock that is wrong, is not known: clamped it would stand still while
+// time goes on. Thread: any reader.
 inline void copy_head(const std::byte* slot, std::uint64_t number, bolo_shm_slot& head) noexcept {
   head.sequence = 2 * number + 2;
   copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
