@@ -138,7 +138,7 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   d.beyond = {};
   if (!now.lost) {
     load(plane, crew, now.values);
-    defects_.add(now.values, static_cast<float>(mmae_.noise()), crew);
+    defects_.add(kernels_, now.values, static_cast<float>(mmae_.noise()), crew);
   }
   if (z.there) find_innovation(kernels_, inertia_, now.values, frame(1).values, crew, z.values, z.smoothed);
   if (d.there) {
@@ -333,10 +333,7 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   tells_motion_ = displacement(target).bridged == 0;
   const motion::VectorField& deviation = deviations(path.displacement, crew);
   if (path.rests > 0 && path.steady < kAbrupt) use_rest(path.rests, deviation);
-  block_motions_.find(kernels_, inertia_,
-                      {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
-                       innovation(target).smoothed.level[0], mmae_.noise()},
-                      crew);
+  block_motions_.find(inertia_, {path.trail, deviation, local_.misfit(), local_.sums(), mmae_.noise()});
   const std::span<const std::uint32_t> defects = defects_.find();
   if (!defects.empty()) without_defects(true);
   estimate_along_motion(path, ahead, deviation, crew);

@@ -25,28 +25,22 @@ float confidence_of(float xx, float xy, float yy, float left, float misfit, floa
 BlockMotions::BlockMotions(Geometry geometry) : geometry_(geometry), found_(geometry) {
   const int across = found_.size.width;
   const int down = found_.size.height;
-  trail_ = matched_ = VectorField(across, down);
-  sums_ = BlockField<MatchSums>(across, down);
+  trail_ = VectorField(across, down);
   for (std::size_t k = 0; k < raw_.size(); ++k) raw_[k] = mean_[k] = ScalarField(across, down);
 }
 
-void BlockMotions::find(const Kernels& kernels, const Inertia& inertia, const BlockMotionInputs& in,
-                        Crew& crew) noexcept {
+void BlockMotions::find(const Inertia& inertia, const BlockMotionInputs& in) noexcept {
   spread(in.trail, geometry_, 1, trail_);
-  for_rows(crew, matched_.down(), [&](int row) {
-    for (int c = 0; c < matched_.across(); ++c) matched_.at(c, row) = in.global.at(c, row) + in.deviation.at(c, row);
-    kernels.match(in.before, in.now, matched_.row(row), row, 0.0F, sums_.row(row));
-    for (int c = 0; c < sums_.across(); ++c) {
-      const MatchSums& s = sums_.at(c, row);
-      const std::array values{s.xx, s.xy, s.yy, s.ee};
-      for (std::size_t k = 0; k < values.size(); ++k) raw_[k].at(c, row) = values[k] / kBlockPixels;
-    }
-  });
   const auto noise = static_cast<float>(inertia.noise() * in.noise * in.noise * kSmoothedNoise);
-  for (int row = 0; row < sums_.down(); ++row) {
+  for (std::size_t i = 0; i < in.sums.size(); ++i) {
+    const MatchSums& s = in.sums[i];
+    const std::array values{s.xx, s.xy, s.yy, s.ee};
+    for (std::size_t k = 0; k < values.size(); ++k) raw_[k][i] = values[k] / kBlockPixels;
+  }
+  for (int row = 0; row < in.sums.down(); ++row) {
     for (std::size_t k = 0; k < raw_.size(); ++k) mean_of_9(raw_[k], row, mean_[k]);
   }
-  for (std::size_t i = 0; i < sums_.size(); ++i) {
+  for (std::size_t i = 0; i < trail_.size(); ++i) {
     const Vec2 v = trail_[i] + in.deviation[i];
     found_.blocks[i] = {v.x, v.y,
                         confidence_of(mean_[0][i], mean_[1][i], mean_[2][i], mean_[3][i], in.misfit[i], noise)};

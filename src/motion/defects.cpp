@@ -17,11 +17,6 @@ constexpr float kRanges = 0.5F;
 constexpr float kFarNoises = 30.0F;
 constexpr float kFarRanges = 4.0F;
 
-// By how much a value is beyond both its neighbours on one line.
-float beyond_both(float value, float a, float b) noexcept {
-  return std::max(std::min(a, b) - value, value - std::max(a, b));
-}
-
 std::uint16_t stands_out(const float* at, std::ptrdiff_t stride, float noise) noexcept {
   const auto [low, high] = std::minmax(
       {at[-stride - 1], at[-stride], at[-stride + 1], at[-1], at[1], at[stride - 1], at[stride], at[stride + 1]});
@@ -30,52 +25,65 @@ std::uint16_t stands_out(const float* at, std::ptrdiff_t stride, float noise) no
   return beyond > kFarNoises * noise + kFarRanges * (high - low) ? 0x0101 : 0x0001;
 }
 
+bool is_defect(std::uint16_t seen) noexcept {
+  return (seen & kByFar) != 0 || std::popcount(static_cast<std::uint16_t>(seen & kFrames)) >= kOften;
+}
+
 }  // namespace
 
-Defects::Defects(Geometry geometry) : geometry_(geometry), seen_(geometry.pixels()), beyond_(geometry.pixels()) {
+Defects::Defects(Geometry geometry)
+    : geometry_(geometry), seen_(geometry.pixels()), seen_in_row_(static_cast<std::size_t>(geometry.height)) {
   found_.reserve(geometry.pixels() / kRarest + 1);
   good_.reserve(found_.capacity());
 }
 
-void Defects::forget() noexcept { std::ranges::fill(seen_, std::uint16_t{0}); }
+void Defects::forget() noexcept {
+  std::ranges::fill(seen_, std::uint16_t{0});
+  std::ranges::fill(seen_in_row_, std::uint16_t{0});
+}
 
 // The frame's border has too few neighbours to tell.
-void Defects::add(const PaddedPlane& frame, float noise, Crew& crew) noexcept {
+void Defects::add(const Kernels& kernels, const PaddedPlane& frame, float noise, Crew& crew) noexcept {
   const auto stride = frame.stride();
-  const float least = kNoises * noise;
+  const auto width = static_cast<std::size_t>(geometry_.width);
   for_rows(crew, frame.blocks_down(), [&](int block_row) {
     const auto [begin, end] = frame.rows_of(block_row);
     for (int y = std::max(begin, 1); y < std::min(end, geometry_.height - 1); ++y) {
-      const std::size_t first = static_cast<std::size_t>(y) * static_cast<std::size_t>(geometry_.width);
-      std::uint16_t* const seen = seen_.data() + first;
-      float* const beyond = beyond_.data() + first;
+      const std::span<std::uint16_t> seen(seen_.data() + static_cast<std::size_t>(y) * width, width);
+      std::uint16_t any = 0;
+      for (std::uint16_t& of_pixel : seen) {
+        of_pixel = static_cast<std::uint16_t>((of_pixel << 1) & kShifted);
+        any = static_cast<std::uint16_t>(any | of_pixel);
+      }
       const float* const row = frame.at(0, y);
-      const float* const above = row - stride;
-      const float* const below = row + stride;
-      for (int x = 1; x + 1 < geometry_.width; ++x) {
-        beyond[x] = std::min(beyond_both(row[x], row[x - 1], row[x + 1]), beyond_both(row[x], above[x], below[x]));
-        seen[x] = static_cast<std::uint16_t>((seen[x] << 1) & kShifted);
+      const int last = geometry_.width - 1;
+      const auto next = [&](int x) { return kernels.next_extreme(row, stride, x, last, kNoises * noise); };
+      for (int x = next(1); x < last; x = next(x + 1)) {
+        const std::uint16_t now = stands_out(row + x, stride, noise);
+        auto& of_pixel = seen[static_cast<std::size_t>(x)];
+        of_pixel = static_cast<std::uint16_t>(of_pixel | now);
+        any = static_cast<std::uint16_t>(any | now);
       }
-      for (int x = 1; x + 1 < geometry_.width; ++x) {
-        if (beyond[x] > least) seen[x] = static_cast<std::uint16_t>(seen[x] | stands_out(row + x, stride, noise));
-      }
+      seen_in_row_[static_cast<std::size_t>(y)] = any;
     }
   });
 }
 
 std::span<const std::uint32_t> Defects::find() noexcept {
   found_.clear();
-  for (std::size_t i = 0; i < seen_.size(); ++i) {
-    const std::uint16_t seen = seen_[i];
-    if (seen == 0) continue;
-    if ((seen & kByFar) == 0 && std::popcount(static_cast<std::uint16_t>(seen & kFrames)) < kOften) continue;
-    if (found_.size() == found_.capacity()) {
-      found_.clear();
-      break;
-    }
-    found_.push_back(static_cast<std::uint32_t>(i));
-  }
   good_.clear();
+  const auto width = static_cast<std::size_t>(geometry_.width);
+  for (std::size_t row = 0; row < seen_in_row_.size(); ++row) {
+    if (seen_in_row_[row] == 0) continue;
+    for (std::size_t i = row * width; i < (row + 1) * width; ++i) {
+      if (!is_defect(seen_[i])) continue;
+      if (found_.size() == found_.capacity()) {
+        found_.clear();
+        return found_;
+      }
+      found_.push_back(static_cast<std::uint32_t>(i));
+    }
+  }
   for (const std::uint32_t pixel : found_) good_.push_back(good_around(pixel));
   return found_;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "src/core/crew.hpp"
+#include "src/motion/kernels.hpp"
 #include "src/motion/padded_plane.hpp"
 
 namespace bolo::motion {
@@ -22,7 +23,7 @@ class Defects {
 
   void forget() noexcept;
   // The next frame; `noise`: standard deviation, in its values. Thread: pipeline.
-  void add(const PaddedPlane& frame, float noise, Crew& crew) noexcept;
+  void add(const Kernels& kernels, const PaddedPlane& frame, float noise, Crew& crew) noexcept;
   // Finds those of the last eight frames; none where they are too many to be defects. No allocation. Thread: pipeline.
   std::span<const std::uint32_t> find() noexcept;
 
@@ -37,8 +38,8 @@ class Defects {
   std::uint16_t good_around(std::uint32_t pixel) const noexcept;
 
   Geometry geometry_;
-  std::vector<std::uint16_t> seen_;  // of each pixel, a bit a frame: it stood out, and above them by far
-  std::vector<float> beyond_;        // of each pixel of the newest frame, what it is beyond the nearest four
+  std::vector<std::uint16_t> seen_;         // of each pixel, a bit a frame: it stood out, and above them by far
+  std::vector<std::uint16_t> seen_in_row_;  // the bits of any of its pixels
   std::vector<std::uint32_t> found_;
   std::vector<std::uint16_t> good_;  // of each of them, a bit a neighbour
 };

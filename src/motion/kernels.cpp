@@ -76,6 +76,23 @@ void halve(const PaddedPlane& from, int begin, int end, PaddedPlane& out) noexce
   }
 }
 
+// By how much a value is beyond both its neighbours on one line.
+HWY_INLINE Vec beyond_both(Vec value, Vec a, Vec b) {
+  return hn::Max(hn::Sub(hn::Min(a, b), value), hn::Sub(value, hn::Max(a, b)));
+}
+
+int next_extreme(const float* row, std::ptrdiff_t stride, int x, int end, float least) noexcept {
+  for (; x < end; x += kLanes) {
+    const float* at = row + x;
+    const Vec value = load(at);
+    const Vec along = beyond_both(value, load(at - 1), load(at + 1));
+    const Vec down = beyond_both(value, load(at - stride), load(at + stride));
+    const auto found = hn::FindFirstTrue(Float(), hn::Gt(hn::Min(along, down), all(least)));
+    if (found >= 0) return std::min(x + static_cast<int>(found), end);
+  }
+  return end;
+}
+
 float mean_difference(const PaddedPlane& a, const PaddedPlane& b, int dx, int dy) noexcept {
   const Geometry g = a.geometry();
   const int left = std::max(dx, 0);
@@ -177,6 +194,7 @@ const Kernels& kernels() {
                              innovate,
                              smooth,
                              halve,
+                             next_extreme,
                              mean_difference,
                              match,
                              pull,

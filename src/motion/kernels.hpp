@@ -91,6 +91,9 @@ struct Kernels {
   void (*smooth)(const PaddedPlane& from, int begin, int end, PaddedPlane& out) noexcept;
   // Means of 2 x 2, rows [begin, end) of `out`.
   void (*halve)(const PaddedPlane& from, int begin, int end, PaddedPlane& out) noexcept;
+  // The first pixel of a row in [x, end) that is more than `least` beyond its neighbours left and right, and beyond
+  // those above and below, both higher or lower; `end` where there is none. Reads a vector beyond `end`.
+  int (*next_extreme)(const float* row, std::ptrdiff_t stride, int x, int end, float least) noexcept;
   // Mean |b(p) - a(p - d)| over the pixels in both, for a whole d; a large number where these are too few.
   float (*mean_difference)(const PaddedPlane& a, const PaddedPlane& b, int dx, int dy) noexcept;
   // A row of blocks; `margin`: pixels inside the frame's border that a source must keep.

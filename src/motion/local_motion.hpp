@@ -25,6 +25,8 @@ class LocalMotion {
   // Mean square residual over 24 x 24 pixels of the found motion, over that of noise and 1.3 times the texture's
   // energy: well above 1 where the two innovations are unrelated. Of the last find(). Thread: pipeline.
   const ScalarField& misfit() const noexcept { return misfit_; }
+  // Of the last match, a step before the found motion. Of the last find(). Thread: pipeline.
+  const BlockField<MatchSums>& sums() const noexcept { return sums_; }
 
  private:
   struct Task;

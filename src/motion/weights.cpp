@@ -199,7 +199,9 @@ void WeightTable::fill(std::span<const std::shared_ptr<WeightTable>> tables, std
         const std::size_t i = cell(speed, c, uncertainty);
         FilterWeights& found = scene.cells[far][i];
         best_weights(scene_of, noise_of, truth_of, sums_of, variance, found);
-        scene.far_less[i] = 1.0F - found.w[FilterWeights::kError] / scene.cells[0][i].w[FilterWeights::kError];
+        const float error = found.w[FilterWeights::kError];
+        if (far == 0) scene.near_error[i] = error;
+        scene.far_less[i] = 1.0F - error / scene.near_error[i];
       }
     }
   }
@@ -233,6 +235,7 @@ void WeightTable::fill_per_pixel(Scene& scene, std::size_t speed, std::size_t un
 // Between the values of both scenes.
 template <typename Of>
 float WeightTable::of_scenes(float blurred, const Of& of) const noexcept {
+  if (blurred == 0.0F) return of(scenes_[0]);
   return (1.0F - blurred) * of(scenes_[0]) + blurred * of(scenes_[1]);
 }
 
@@ -316,7 +319,7 @@ WeightTable::Place WeightTable::place_of(float speed, float structure, float unc
 
 float WeightTable::near_error(const Place& place, const PathWeights* path, float bent) const noexcept {
   return of_cells(place, [&](const Scene& scene, std::size_t cell) {
-    const float straight = scene.cells[0][cell].w[FilterWeights::kError];
+    const float straight = scene.near_error[cell];
     const FilterWeights* of_path = path != nullptr && bent > 0.0F ? path->at(cell % kKinds) : nullptr;
     const float along = of_path != nullptr ? of_path->w[FilterWeights::kError] : straight;
     return straight + bent * (along - straight);

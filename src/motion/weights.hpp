@@ -99,7 +99,8 @@ class WeightTable {
     // With the near past's mean, and the whole past's.
     std::array<std::vector<FilterWeights>, 2> cells{std::vector<FilterWeights>(kCells),
                                                     std::vector<FilterWeights>(kCells)};
-    std::vector<float> far_less = std::vector<float>(kCells);  // part of the error squared that the far past takes off
+    std::vector<float> near_error = std::vector<float>(kCells);  // of the first of them
+    std::vector<float> far_less = std::vector<float>(kCells);    // part of it that the far past takes off
     std::vector<float> per_pixel = std::vector<float>(kCells);
     std::array<AcrossWeights, kRatios> across;  // by contrast over 2 px in units of the noise's variance
   };

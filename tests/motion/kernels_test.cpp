@@ -82,6 +82,25 @@ TEST_P(MotionKernels, Halve) {
   }
 }
 
+TEST_P(MotionKernels, NextExtreme) {
+  const int last = kFrame.width - 1;
+  const auto is_extreme = [this](int x, int y, float least) {
+    const float value = *a_.at(x, y);
+    const auto beyond = [value](float a, float b) { return std::max(std::min(a, b) - value, value - std::max(a, b)); };
+    return std::min(beyond(*a_.at(x - 1, y), *a_.at(x + 1, y)), beyond(*a_.at(x, y - 1), *a_.at(x, y + 1))) > least;
+  };
+  for (const float least : {0.5F, 1.5F}) {
+    for (int y = 0; y < kFrame.height; ++y) {
+      int found = kernels_.next_extreme(a_.at(0, y), a_.stride(), 1, last, least);
+      for (int x = 1; x < last; ++x) {
+        ASSERT_EQ(x == found, is_extreme(x, y, least)) << x << " " << y << " " << least;
+        if (x == found) found = kernels_.next_extreme(a_.at(0, y), a_.stride(), x + 1, last, least);
+      }
+      ASSERT_EQ(found, last);
+    }
+  }
+}
+
 TEST_P(MotionKernels, MeanDifference) {
   for (const auto& [dx, dy] : {std::pair{0, 0}, {5, -3}, {-7, 2}, {20, 0}}) {
     double sum = 0.0;
