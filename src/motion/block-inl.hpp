@@ -121,14 +121,13 @@ struct Taps {
 
   // For the block at (x0, y0). Whole parts are limited as in whole_of.
   HWY_INLINE Taps(const PaddedPlane& plane, int x0, int y0, Vec2 step) {
-    constexpr auto kParts = static_cast<float>(Kriging::kParts);
+    constexpr int kParts = Kriging::kParts;
     const auto part = [](int j, float step_along, int first, int blocks, int& whole) HWY_ATTR {
       const float s = static_cast<float>(j - kReach) * step_along;
       const float in_reach = std::min(std::max(-1.0F * kReach, s), 1.0F * kReach);  // NaN becomes the lowest
-      const float rounded = std::floor(in_reach * kParts + 0.5F) / kParts;
-      const float floor = std::floor(rounded);
-      whole = limited(floor, first, blocks);
-      const auto row = static_cast<std::size_t>((rounded - floor) * kParts);
+      const auto parts = static_cast<int>((in_reach + kReach) * kParts + 0.5F);     // positive: whole parts are floors
+      whole = limited(static_cast<float>(parts / kParts - kReach), first, blocks);
+      const auto row = static_cast<std::size_t>(parts % kParts);
       return row == 0 ? nullptr : kKriging.of(values_of(j), row);
     };
     for (int j = 0; j < kTaps; ++j) {

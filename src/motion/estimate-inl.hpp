@@ -17,33 +17,128 @@ namespace bolo::motion::HWY_NAMESPACE {
 
 // ------------------------------------------------------------------ bicubic
 
-// put(value, row, column) for every vector of the block at p - d.
+// Sources of kLanes blocks side by side, each moved by its d, and their weights.
+struct CubicMoves {
+  HWY_ALIGN float across[4][kLanes];
+  HWY_ALIGN float down[4][kLanes];
+  HWY_ALIGN std::int32_t x[kLanes];  // whole parts, limited as in whole_of
+  HWY_ALIGN std::int32_t y[kLanes];
+  HWY_ALIGN float whole[kLanes];  // 1 where all of a block's source keeps the margin from the border
+
+  // From the block in column c of a row of blocks on.
+  HWY_INLINE void find(const PaddedPlane& a, int c, int y0, const Vec2* d, float margin) {
+    HWY_ALIGN float dx[kLanes] = {};
+    HWY_ALIGN float dy[kLanes] = {};
+    for (int i = 0; i < std::min(a.blocks_across() - c, kLanes); ++i) {
+      dx[i] = d[c + i].x;
+      dy[i] = d[c + i].y;
+    }
+    const Geometry g = a.geometry();
+    const Vec left = hn::MulAdd(all(kBlock), count_from(0.0F), all(static_cast<float>(c * kBlock)));
+    const Vec top = all(static_cast<float>(y0));
+    const auto inside = hn::And(along(dx, left, a.blocks_across(), g.width, margin, across, x),
+                                along(dy, top, a.blocks_down(), g.height, margin, down, y));
+    hn::Store(hn::IfThenElseZero(inside, all(1.0F)), Float(), whole);
+  }
+
+ private:
+  // Along one axis, of blocks that begin at `first`. Returns where the margin is kept, as Inside::whole.
+  static HWY_INLINE hn::Mask<Float> along(const float* by, Vec first, int blocks, int pixels, float margin,
+                                          float (*weights)[kLanes], std::int32_t* to) {
+    const Vec d = hn::Load(Float(), by);
+    const Vec floor = hn::Floor(hn::Neg(d));
+    const Vec f = hn::Sub(hn::Neg(d), floor);
+    const Vec low = hn::Sub(all(lowest(0)), first);
+    const Vec limited = hn::Min(hn::Max(floor, low), hn::Sub(all(highest(0, blocks)), first));
+    hn::Store(hn::ConvertTo(hn::RebindToSigned<Float>(), limited), hn::RebindToSigned<Float>(), to);
+    const Vec w[] = {cubic_far(hn::Add(f, all(1.0F))), cubic_near(f), cubic_near(hn::Sub(all(1.0F), f))};
+    Vec rest = all(1.0F);
+    for (int k = 0; k < 3; ++k) {
+      hn::Store(w[k], Float(), weights[k]);
+      rest = hn::Sub(rest, w[k]);
+    }
+    hn::Store(rest, Float(), weights[3]);
+    const Vec begin = hn::Max(hn::Add(d, all(margin)), hn::Zero(Float()));
+    const Vec end = hn::Add(hn::Min(hn::Sub(d, all(margin)), hn::Zero(Float())), all(static_cast<float>(pixels - 1)));
+    return hn::And(hn::Ge(first, begin), hn::Le(hn::Add(first, all(kBlock - 1)), end));
+  }
+  static HWY_INLINE Vec cubic_far(Vec t) {
+    return hn::MulAdd(hn::MulAdd(hn::MulAdd(all(kKeys), t, all(-5 * kKeys)), t, all(8 * kKeys)), t, all(-4 * kKeys));
+  }
+  static HWY_INLINE Vec cubic_near(Vec t) {
+    return hn::MulAdd(hn::Mul(hn::MulAdd(all(kKeys + 2), t, all(-kKeys - 3)), t), t, all(1.0F));
+  }
+};
+
+// put(value, row, column) for every vector of the i-th of these blocks, which is at (x0, y0).
 template <typename Put>
-HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, Vec2 d, const Put& put) {
-  const Whole s = whole_of(a, x0, y0, -d.x, -d.y);
-  float wx[4];
-  float wy[4];
-  cubic(s.fx, wx);
-  cubic(s.fy, wy);
-  const float* from = a.at(x0 + s.x - 1, y0 + s.y - 1);
+HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, const CubicMoves& moves, int i, const Put& put) {
+  const float* from = a.at(x0 + moves.x[i] - 1, y0 + moves.y[i] - 1);
   prefetch_next(from, a.stride(), kBlock + 3);
+  Vec wx[4];
+  Vec wy[4];
+  for (int k = 0; k < 4; ++k) {
+    wx[k] = all(moves.across[k][i]);
+    wy[k] = all(moves.down[k][i]);
+  }
   for (int x = 0; x < kBlock; x += kLanes) {
     const auto across = [&](int r) HWY_ATTR {
       const float* p = from + r * a.stride() + x;
-      Vec v = hn::Mul(all(wx[0]), load(p));
-      for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wx[i]), load(p + i), v);
+      Vec v = hn::Mul(wx[0], load(p));
+      for (int k = 1; k < 4; ++k) v = hn::MulAdd(wx[k], load(p + k), v);
       return v;
     };
     Vec rows[4] = {across(0), across(1), across(2)};
     HWY_UNROLL(8)
     for (int r = 0; r < kBlock; ++r) {
       rows[(r + 3) % 4] = across(r + 3);
-      Vec v = hn::Mul(all(wy[0]), rows[r % 4]);
-      for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wy[i]), rows[(r + i) % 4], v);
+      Vec v = hn::Mul(wy[0], rows[r % 4]);
+      for (int k = 1; k < 4; ++k) v = hn::MulAdd(wy[k], rows[(r + k) % 4], v);
       put(v, r, x);
     }
   }
 }
+
+// Some planes, each moved onto a row of blocks; block by block, from `first` on.
+class MovedPlanes {
+ public:
+  HWY_INLINE MovedPlanes(const PaddedPlane* const* planes, const Vec2* const* d, int count, float margin, int first,
+                         int y0)
+      : planes_(planes), d_(d), count_(count), margin_(margin), column_(first), y0_(y0) {
+    find();
+  }
+  HWY_INLINE void go_on() {
+    ++column_;
+    if (++i_ == kLanes) find();
+  }
+  // True if all cover the block, and the margin.
+  HWY_INLINE bool all_see() const {
+    bool whole = true;
+    for (int k = 0; k < count_; ++k) whole = whole && moves_[k].whole[i_] != 0.0F;
+    return whole;
+  }
+  // put(value, row, column), of the k-th.
+  template <typename Put>
+  HWY_INLINE void move(int k, const Put& put) const {
+    move_cubic(*planes_[k], column_ * kBlock, y0_, moves_[k], i_, put);
+  }
+
+ private:
+  HWY_INLINE void find() {
+    i_ = 0;
+    if (column_ >= planes_[0]->blocks_across()) return;
+    for (int k = 0; k < count_; ++k) moves_[k].find(*planes_[k], column_, y0_, d_[k], margin_);
+  }
+
+  const PaddedPlane* const* planes_;
+  const Vec2* const* d_;
+  int count_;
+  float margin_;
+  int column_;
+  int y0_;
+  int i_ = 0;  // of the blocks in moves_
+  CubicMoves moves_[kPast];
+};
 
 // A block in registers.
 struct BlockSum {
@@ -52,24 +147,21 @@ struct BlockSum {
   HWY_INLINE BlockSum() { std::fill_n(&row[0][0], sizeof(row) / sizeof(Vec), hn::Zero(Float())); }
 };
 
-// The sum of the planes moved by their displacements; all cover the whole block.
-HWY_INLINE void add_moved(const PaddedPlane* const* planes, const Vec2* const* d, int count, int x0, int y0,
-                          BlockSum& sum) {
-  for (int i = 0; i < count; ++i) {
-    move_cubic(*planes[i], x0, y0, d[i][x0 / kBlock],
-               [&](Vec v, int r, int x) HWY_ATTR { sum.row[r][x / kLanes] = hn::Add(sum.row[r][x / kLanes], v); });
+// The sum of the planes; all cover the whole block.
+HWY_INLINE void add_moved(const MovedPlanes& moved, int count, BlockSum& sum) {
+  for (int k = 0; k < count; ++k) {
+    moved.move(k, [&](Vec v, int r, int x) HWY_ATTR { sum.row[r][x / kLanes] = hn::Add(sum.row[r][x / kLanes], v); });
   }
 }
 
 // Their mean at a block that some do not cover; `otherwise` where none does.
-HWY_NOINLINE void align_seen(const PaddedPlane* const* planes, const Vec2* const* d, int count,
-                             const PaddedPlane& otherwise, int x0, int y0, PaddedPlane& out) {
+HWY_NOINLINE void align_seen(const MovedPlanes& moved, const Vec2* const* d, int count, const PaddedPlane& otherwise,
+                             int x0, int y0, PaddedPlane& out) {
   HWY_ALIGN float total[kBlock * kBlock] = {};
   HWY_ALIGN float seen[kBlock * kBlock] = {};
-  for (int i = 0; i < count; ++i) {
-    const Vec2 by = d[i][x0 / kBlock];
-    const Inside inside(otherwise.geometry(), by, 0.0F);
-    move_cubic(*planes[i], x0, y0, by, [&](Vec v, int r, int x) HWY_ATTR {
+  for (int k = 0; k < count; ++k) {
+    const Inside inside(otherwise.geometry(), d[k][x0 / kBlock], 0.0F);
+    moved.move(k, [&](Vec v, int r, int x) HWY_ATTR {
       if (!inside.row(y0 + r)) return;
       const Vec in = inside.mask(x0 + x);
       store(hn::MulAdd(in, v, load(total + r * kBlock + x)), total + r * kBlock + x);
@@ -86,23 +178,18 @@ HWY_NOINLINE void align_seen(const PaddedPlane* const* planes, const Vec2* const
   }
 }
 
-HWY_INLINE bool all_see(const Vec2* const* d, int count, Geometry g, float margin, int x0, int y0) {
-  bool whole = true;
-  for (int i = 0; i < count; ++i) whole = whole && Inside(g, d[i][x0 / kBlock], margin).whole(x0, y0);
-  return whole;
-}
-
 void align(const PaddedPlane* const* planes, const Vec2* const* d, int count, const PaddedPlane& now, int block_row,
            PaddedPlane& out) noexcept {
   const int y0 = block_row * kBlock;
   const Vec every = all(static_cast<float>(count));
-  for (int x0 = 0; x0 < now.blocks_across() * kBlock; x0 += kBlock) {
-    if (!all_see(d, count, now.geometry(), 0.0F, x0, y0)) {
-      align_seen(planes, d, count, now, x0, y0, out);
+  MovedPlanes moved(planes, d, count, 0.0F, 0, y0);
+  for (int x0 = 0; x0 < now.blocks_across() * kBlock; x0 += kBlock, moved.go_on()) {
+    if (!moved.all_see()) {
+      align_seen(moved, d, count, now, x0, y0, out);
       continue;
     }
     BlockSum sum;
-    add_moved(planes, d, count, x0, y0, sum);
+    add_moved(moved, count, sum);
     for (int r = 0; r < kBlock; ++r) {
       for (int x = 0; x < kBlock; x += kLanes) store(hn::Div(sum.row[r][x / kLanes], every), out.at(x0 + x, y0 + r));
     }
@@ -110,10 +197,11 @@ void align(const PaddedPlane* const* planes, const Vec2* const* d, int count, co
 }
 
 void shift(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& out) noexcept {
-  for (int c = 0; c < from.blocks_across(); ++c) {
-    const int x0 = c * kBlock;
-    const int y0 = block_row * kBlock;
-    move_cubic(from, x0, y0, d[c], [&](Vec v, int r, int x) HWY_ATTR { store(v, out.at(x0 + x, y0 + r)); });
+  const PaddedPlane* const plane = &from;
+  const int y0 = block_row * kBlock;
+  MovedPlanes moved(&plane, &d, 1, 0.0F, 0, y0);
+  for (int c = 0; c < from.blocks_across(); ++c, moved.go_on()) {
+    moved.move(0, [&](Vec v, int r, int x) HWY_ATTR { store(v, out.at(c * kBlock + x, y0 + r)); });
   }
 }
 
@@ -123,15 +211,16 @@ void differ(const PaddedPlane* const* planes, const Vec2* const* d, int count, c
             Columns columns, PaddedPlane& out, float* square) noexcept {
   const int y0 = block_row * kBlock;
   const Vec share = all(1.0F / static_cast<float>(count));
-  for (int c = columns.begin; c < columns.end; ++c) {
+  MovedPlanes moved(planes, d, count, -kBeyond, columns.begin, y0);
+  for (int c = columns.begin; c < columns.end; ++c, moved.go_on()) {
     const int x0 = c * kBlock;
-    const bool whole = all_see(d, count, from.geometry(), -kBeyond, x0, y0);
-    BlockSum moved;
-    if (whole) add_moved(planes, d, count, x0, y0, moved);
+    const bool whole = moved.all_see();
+    BlockSum total_moved;
+    if (whole) add_moved(moved, count, total_moved);
     Vec total = hn::Zero(Float());
     for (int r = 0; r < kBlock; ++r) {
       for (int x = 0; x < kBlock; x += kLanes) {
-        const Vec mean = hn::Mul(share, moved.row[r][x / kLanes]);
+        const Vec mean = hn::Mul(share, total_moved.row[r][x / kLanes]);
         const Vec off = whole ? hn::Sub(mean, load(from.at(x0 + x, y0 + r))) : hn::Zero(Float());
         store(off, out.at(x0 + x, y0 + r));
         total = hn::MulAdd(off, off, total);
@@ -231,11 +320,13 @@ HWY_INLINE void spread_weights(const FilterWeights* const* rows, int block, int 
   const int before = std::max(block - 1, 0);
   const int after = std::min(block + 1, last);
   for (int x = 0; x < kBlock; x += kLanes) {
-    const auto left = hn::Lt(count_from(static_cast<float>(x)), all(0.5F * kBlock));
-    const Vec share = hn::Load(Float(), shares.beside + x);
+    const Vec of_before = hn::Load(Float(), shares.before + x);
+    const Vec of_here = hn::Load(Float(), shares.here + x);
+    const Vec of_after = hn::Load(Float(), shares.after + x);
     for (int i = 0; i < taps; ++i) {
       const auto of = [&](const FilterWeights* row) HWY_ATTR {
-        return between(all(row[block].w[i]), hn::IfThenElse(left, all(row[before].w[i]), all(row[after].w[i])), share);
+        const Vec sides = hn::MulAdd(of_after, all(row[after].w[i]), hn::Mul(of_before, all(row[before].w[i])));
+        return hn::MulAdd(of_here, all(row[block].w[i]), sides);
       };
       const Vec middle = of(rows[1]);
       hn::Store(middle, Float(), out.middle[i] + x);

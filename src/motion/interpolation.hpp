@@ -5,9 +5,10 @@
 
 namespace bolo::motion {
 
-// Keys' kernel with a = -0.75: weights of the values at -1, 0, 1 and 2 for a point f after 0. Thread: any.
+// Keys' kernel: weights of the values at -1, 0, 1 and 2 for a point f after 0. Thread: any.
+inline constexpr float kKeys = -0.75F;
 [[gnu::always_inline]] inline void cubic(float f, float* w) {
-  constexpr float a = -0.75F;
+  constexpr float a = kKeys;
   const auto far = [](float t) { return ((a * t - 5 * a) * t + 8 * a) * t - 4 * a; };
   const auto near = [](float t) { return ((a + 2) * t - (a + 3)) * t * t + 1; };
   w[0] = far(f + 1);

@@ -66,20 +66,21 @@ float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const float other_error = std::max(e.other, explained * unaware * shown);
   const float other = std::log(other_error + kLeastError);
   const float slow = std::max(1.0F - e.speed / kNearRest, 0.0F);
-  const std::array<float, kTerms> terms = {1.0F,
-                                           mine,
-                                           other,
-                                           std::max(std::log(kQuiet / (other_error + 1e-3F)), 0.0F),
-                                           std::log(left),
-                                           std::log(change + 0.12F * of_change),
-                                           std::log(1.0F + relative * relative),
-                                           e.seen ? 0.0F : 1.0F,
-                                           slow,
-                                           slow * (mine - other),
-                                           std::log(0.4F + 2.0F * std::min(e.speed, 100.0F)),
-                                           unaware * other,
-                                           by_share,
-                                           static_cast<float>(e.bridged)};
+  const std::array<float, kTerms> terms = {
+      1.0F,
+      mine,
+      other,
+      other_error + 1e-3F < kQuiet ? std::log(kQuiet / (other_error + 1e-3F)) : 0.0F,
+      std::log(left),
+      std::log(change + 0.12F * of_change),
+      relative > 0.0F ? std::log(1.0F + relative * relative) : 0.0F,
+      e.seen ? 0.0F : 1.0F,
+      slow,
+      slow * (mine - other),
+      ahead ? std::log(0.4F + 2.0F * std::min(e.speed, 100.0F)) : 0.0F,
+      unaware * other,
+      by_share,
+      static_cast<float>(e.bridged)};
   return std::inner_product(terms.begin(), terms.end(), kOdds[ahead ? 1 : 0].begin(), 0.0F);
 }
 

@@ -264,8 +264,11 @@ float WeightTable::index_of(float speed) const noexcept {
 }
 
 float WeightTable::lag_factor(float speed, float blurred) const noexcept {
-  const float at = index_of(speed);
-  return of_scenes(blurred, [at](const Scene& scene) { return between(scene.lag_factor, at); });
+  return lag_factor_at(index_of(speed), blurred);
+}
+
+float WeightTable::lag_factor_at(float index, float blurred) const noexcept {
+  return of_scenes(blurred, [index](const Scene& scene) { return between(scene.lag_factor, index); });
 }
 
 void WeightTable::find_across(const FilterWeights& along, const Place& place, Vec2 e, float structure,
@@ -295,7 +298,7 @@ WeightTable::Place WeightTable::place_of(float speed, float structure, float unc
   const float a = index_of(speed);
   const auto at = static_cast<std::size_t>(a);
   const float fa = a - static_cast<float>(at);
-  const float contrast = structure * lag_factor(speed, blurred);
+  const float contrast = structure * lag_factor_at(a, blurred);
   const float decades = std::log10(std::max(contrast, 1e-6F)) - static_cast<float>(std::log10(kSmallestContrast));
   const float b = std::clamp(decades, 0.0F, kContrasts - 1.0F - kLargestIndex);
   const int ib = static_cast<int>(b);

@@ -111,6 +111,7 @@ class WeightTable {
   template <typename Of>
   float of_cells(const Place& place, const Of& of) const noexcept;
   float index_of(float speed) const noexcept;
+  float lag_factor_at(float index, float blurred) const noexcept;
   WeightTable(double tau_periods, int ahead);  // without its cells
   void begin(Scene& scene, double blurred) const;
   // Cells of tables of one tau without look-ahead and, where there are two, with it.
