@@ -68,6 +68,44 @@ Taps taps_at(double speed, int ahead) {
   return taps;
 }
 
+// What best_weights() takes.
+struct Moments {
+  Eigen::MatrixXd scene;
+  Eigen::MatrixXd noise;
+  Eigen::VectorXd truth;
+  Eigen::VectorXd sums;
+
+  Moments(std::span<const Raw> values, SceneCovariances& covariances) {
+    const auto n = static_cast<Eigen::Index>(values.size());
+    scene.resize(n, n);
+    noise.resize(n, n);
+    truth.resize(n);
+    sums.setOnes(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Raw& a = values[static_cast<std::size_t>(i)];
+      truth(i) = covariances.with_truth(a);
+      for (Eigen::Index j = 0; j <= i; ++j) {
+        const Raw& b = values[static_cast<std::size_t>(j)];
+        scene(i, j) = scene(j, i) = covariances.of(a, b);
+        noise(i, j) = noise(j, i) = shared_noise(a.back == b.back, std::abs(a.at - b.at));
+      }
+    }
+  }
+  Moments(const Eigen::SparseMatrix<double>& rows, const Moments& of)
+      : scene(rows * of.scene * rows.transpose()),
+        noise(rows * of.noise * rows.transpose()),
+        truth(rows * of.truth),
+        sums(rows * of.sums) {}
+  // Of the first m values alone.
+  void weigh(Eigen::Index m, double variance, FilterWeights& out) const {
+    const Eigen::MatrixXd some = scene.topLeftCorner(m, m);
+    const Eigen::MatrixXd some_noise = noise.topLeftCorner(m, m);
+    const Eigen::VectorXd some_truth = truth.head(m);
+    const Eigen::VectorXd some_sums = sums.head(m);
+    best_weights(some, some_noise, some_truth, some_sums, variance, out);
+  }
+};
+
 float index_in(const float* grid, int size, float value) {
   int i = 0;
   while (i + 2 < size && value >= grid[i + 1]) ++i;
@@ -165,70 +203,28 @@ void WeightTable::fill(std::span<const std::shared_ptr<WeightTable>> tables, std
   const WeightTable& most = *tables.back();
   const double v = most.speed_[speed];
   const double smooth = most.scenes_[which].smooth[speed];
-  const Taps taps = taps_at(v, most.ahead_);
-  const auto n = static_cast<Eigen::Index>(taps.raw.size());
   SceneCovariances covariances(most.tau_, v, kUncertain[uncertainty] * v, smooth);
-  Eigen::MatrixXd y(n, n);
-  Eigen::MatrixXd noise(n, n);
-  Eigen::VectorXd truth(n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const Raw& a = taps.raw[static_cast<std::size_t>(i)];
-    truth(i) = covariances.with_truth(a);
-    for (Eigen::Index j = 0; j <= i; ++j) {
-      const Raw& b = taps.raw[static_cast<std::size_t>(j)];
-      y(i, j) = y(j, i) = covariances.of(a, b);
-      noise(i, j) = noise(j, i) = shared_noise(a.back == b.back, std::abs(a.at - b.at));
-    }
-  }
   const double unit = structure_of(most.tau_, 0.0, v, 2.0, smooth);
-  for (std::size_t far = 0; far < taps.rows.size(); ++far) {
-    const Eigen::SparseMatrix<double>& rows = taps.rows[far];
-    const Eigen::MatrixXd scene_part = rows * y * rows.transpose();
-    const Eigen::MatrixXd noise_part = rows * noise * rows.transpose();
-    const Eigen::VectorXd truth_part = rows * truth;
-    const Eigen::VectorXd sums = rows * Eigen::VectorXd::Ones(n);
-    for (const std::shared_ptr<WeightTable>& table : tables) {
-      Scene& scene = table->scenes_[which];
-      const Eigen::Index m = FilterWeights::kAhead + table->ahead_ * kTaps;
-      const Eigen::MatrixXd scene_of = scene_part.topLeftCorner(m, m);
-      const Eigen::MatrixXd noise_of = noise_part.topLeftCorner(m, m);
-      const Eigen::VectorXd truth_of = truth_part.head(m);
-      const Eigen::VectorXd sums_of = sums.head(m);
-      for (std::size_t c = 0; c < kContrasts; ++c) {
-        const double variance = contrast_of(c * kUncertainties) / unit;
-        const std::size_t i = cell(speed, c, uncertainty);
-        FilterWeights& found = scene.cells[far][i];
-        best_weights(scene_of, noise_of, truth_of, sums_of, variance, found);
-        const float error = found.w[FilterWeights::kError];
-        if (far == 0) scene.near_error[i] = error;
-        scene.far_less[i] = 1.0F - error / scene.near_error[i];
-      }
-    }
-  }
+  const Taps taps = taps_at(v, most.ahead_);
+  const Moments raw(taps.raw, covariances);
+  const std::array<Moments, 2> of{Moments(taps.rows[0], raw), Moments(taps.rows[1], raw)};
   for (const std::shared_ptr<WeightTable>& table : tables) {
-    fill_per_pixel(table->scenes_[which], speed, uncertainty, table->ahead_, covariances, unit);
-  }
-}
-
-// Error beyond noise of an estimate from a pixel's own newest values.
-void WeightTable::fill_per_pixel(Scene& scene, std::size_t speed, std::size_t uncertainty, int ahead,
-                                 SceneCovariances& covariances, double unit) {
-  const int n = 3 + ahead;
-  Eigen::MatrixXd y(n, n);
-  Eigen::MatrixXd noise(n, n);
-  Eigen::VectorXd truth(n);
-  for (int i = 0; i < n; ++i) {
-    truth(i) = covariances.with_truth({i - ahead, 0.0});
-    for (int j = 0; j < n; ++j) {
-      y(i, j) = covariances.of({i - ahead, 0.0}, {j - ahead, 0.0});
-      noise(i, j) = shared_noise(i == j, 0.0);
+    // Of a pixel's own newest values.
+    std::vector<Raw> own;
+    for (int back = -table->ahead_; back <= 2; ++back) own.push_back({back, 0.0});
+    const Moments of_own(own, covariances);
+    const Eigen::Index m = FilterWeights::kAhead + table->ahead_ * kTaps;
+    Scene& scene = table->scenes_[which];
+    for (std::size_t c = 0; c < kContrasts; ++c) {
+      const double variance = contrast_of(c * kUncertainties) / unit;
+      const std::size_t i = cell(speed, c, uncertainty);
+      for (std::size_t far = 0; far < of.size(); ++far) of[far].weigh(m, variance, scene.cells[far][i]);
+      scene.near_error[i] = scene.cells[0][i].w[FilterWeights::kError];
+      scene.far_less[i] = 1.0F - scene.cells[1][i].w[FilterWeights::kError] / scene.near_error[i];
+      FilterWeights by_own;
+      of_own.weigh(static_cast<Eigen::Index>(own.size()), variance, by_own);
+      scene.per_pixel[i] = by_own.w[FilterWeights::kError] - by_own.w[FilterWeights::kNoise];
     }
-  }
-  const Eigen::VectorXd sums = Eigen::VectorXd::Ones(n);
-  for (std::size_t c = 0; c < kContrasts; ++c) {
-    FilterWeights own;
-    best_weights(y, noise, truth, sums, contrast_of(c * kUncertainties) / unit, own);
-    scene.per_pixel[cell(speed, c, uncertainty)] = own.w[FilterWeights::kError] - own.w[FilterWeights::kNoise];
   }
 }
 

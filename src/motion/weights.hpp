@@ -26,7 +26,6 @@ namespace bolo::motion {
 inline constexpr float kStill = 1e-3F;
 
 class PathWeights;
-class SceneCovariances;
 
 // Over how many px a scene is taken to be smooth at a speed in px a frame, by how blurred it is: 0: kSmooth but for
 // slow motion, where less of what is finer than the optics pass is to be told from noise; 1: kBlurred. Thread: any.
@@ -101,7 +100,7 @@ class WeightTable {
                                                     std::vector<FilterWeights>(kCells)};
     std::vector<float> near_error = std::vector<float>(kCells);  // of the first of them
     std::vector<float> far_less = std::vector<float>(kCells);    // part of it that the far past takes off
-    std::vector<float> per_pixel = std::vector<float>(kCells);
+    std::vector<float> per_pixel = std::vector<float>(kCells);  // error beyond noise of its own newest values' estimate
     std::array<AcrossWeights, kRatios> across;  // by contrast over 2 px in units of the noise's variance
   };
 
@@ -118,8 +117,6 @@ class WeightTable {
   static void fill(std::span<const std::shared_ptr<WeightTable>> tables);
   static void fill(std::span<const std::shared_ptr<WeightTable>> tables, std::size_t which, std::size_t speed,
                    std::size_t uncertainty);
-  static void fill_per_pixel(Scene& scene, std::size_t speed, std::size_t uncertainty, int ahead,
-                             SceneCovariances& covariances, double unit);
   static void fill_across(Scene& scene) noexcept;
   static constexpr std::size_t cell(std::size_t speed, std::size_t contrast, std::size_t uncertainty) noexcept {
     return speed * kKinds + contrast * kUncertainties + uncertainty;
