@@ -388,6 +388,7 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
   refused({"record", name_, "-o", file("no/such/folder.h5")}, "No such file");
   refused({"record", name_, "-o", "/dev/full"}, "ends in .h5");
   refused({"view", name_, "--port", "99999"}, "--port 99999: expected 0 to 65535");
+  refused({"view", name_, "--page", file("none")}, "there is no such folder");
   refused({"recover", file("absent.h5.part")}, "No such file");
   refused({"recover", file("absent.h5")}, "where to");
 }
