@@ -30,7 +30,7 @@ constexpr std::int64_t kFirstFrameNs = 3'000'000'000;  // cameras on USB take se
 constexpr auto kPauseBetweenAttempts = std::chrono::milliseconds(200);
 constexpr std::int64_t kOldestStampNs = 1'000'000'000;  // an older one is no time of this frame
 
-// A program that writes to a loopback device chooses them: kept to what differences can be taken of, as GigE cameras' are.
+// A program that writes to a loopback device chooses them: kept to what differences can be taken of.
 std::int64_t stamp_ns(const v4l2_buffer& buffer) {
   const auto s = static_cast<std::uint64_t>(buffer.timestamp.tv_sec);
   const auto us = static_cast<std::uint64_t>(buffer.timestamp.tv_usec);
