@@ -153,8 +153,9 @@ double configure_ir_frame_rate(Nodes& nodes, double rate_hz, Warnings& warnings)
   }
   const double got_hz = full_hz / std::exp2(static_cast<double>(nodes.integer("IRFrameRate")));
   if (rate_hz > 0.0 && nodes.ok() && std::abs(got_hz / rate_hz - 1.0) > kNearestRate) {
-    warnings.push_back(fmt::format("asked for {:g} Hz, the camera runs at {:g} Hz: {}", rate_hz, got_hz,
-                                   got_hz < rate_hz ? "fewer rows allow more" : "it has no rate that is nearer"));
+    warnings.push_back(
+        fmt::format("asked for {:g} Hz, the camera runs at {:g} Hz: {}", rate_hz, got_hz,
+                    got_hz == full_hz && got_hz < rate_hz ? "fewer rows allow more" : "it has no rate that is nearer"));
   }
   return got_hz;
 }

@@ -32,10 +32,9 @@ constexpr std::int64_t kOldestStampNs = 1'000'000'000;  // an older one is no ti
 
 // A program that writes to a loopback device chooses them: kept to what differences can be taken of.
 std::int64_t stamp_ns(const v4l2_buffer& buffer) {
-  constexpr std::int64_t kMostS = std::int64_t{1} << 32U;
-  constexpr std::int64_t kMostUs = 999'999;
-  return std::clamp<std::int64_t>(buffer.timestamp.tv_sec, 0, kMostS) * 1'000'000'000 +
-         std::clamp<std::int64_t>(buffer.timestamp.tv_usec, 0, kMostUs) * 1000;
+  const auto s = static_cast<std::uint64_t>(buffer.timestamp.tv_sec);
+  const auto us = static_cast<std::uint64_t>(buffer.timestamp.tv_usec);
+  return static_cast<std::int64_t>(s * 1'000'000'000U + us * 1000U) & (kMostClockNs - 1);
 }
 
 bool is_monotonic(const v4l2_buffer& buffer) {

@@ -228,6 +228,9 @@ TEST_F(ConvertVerb, WrongUsageIsOneLine) {
   refused(words("@absent.png -o @b.h5"), "absent.png");
   refused(words("@notes.txt -o @b.h5"), "--raw");
   refused(words("@a.h5 -o @b.h5 --scale 0"), "--scale");
+  for (const char* unused : {"--rate 100", "--scale 0.04", "--offset -100", "--skip 16", "--topic /a"}) {
+    refused(words("@a.h5 -o @b.h5 " + std::string(unused)), words(unused).front());
+  }
   refused({write("bad.tiff", "no TIFF"), "-o", file("b.h5")}, "bad.tiff");
   refused({write("bad.jpg", "no JPEG"), "-o", file("b.h5")}, "bad.jpg: is no JPEG");
   fs::resize_file(write("huge.jpg", "\xff\xd8\xff"), std::uintmax_t{1} << 40U);

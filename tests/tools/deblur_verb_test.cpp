@@ -299,7 +299,7 @@ const std::vector<Refusal> kRefusals{
     {kGyro + "gyro-back.csv", "gyro-back.csv:3: time does not rise"},
     {kGyro + "gyro-none.csv", "gyro-none.csv: no samples"},
     {kGyro + "none.csv", "none.csv: cannot be opened"},
-    {kUsual + "--threads 0", "workers = 0"},
+    {kUsual + "--threads 0", "--threads 0"},
     {kUsual + "--roi 1,2,3", "four numbers"},
     {kUsual + "--roi 30,0,11,2", "not inside the frame of 40x6"},
     {kUsual + "--profile @none.toml", "none.toml"}};

@@ -114,6 +114,13 @@ TEST(Doctor, NamesAFaultWithItsFix) {
          f.answers.reset();
          n.address.clear();
        }},
+      {"camera", kProblem, "plug the camera in", [](Facts& f, Needs&) { f.device = bad_input("plug the camera in"); }},
+      {"camera", kGood, "", [](Facts& f, Needs&) { f.device = "Boson"; }},
+      {"mtu", kGood, "",
+       [](Facts& f, Needs&) {
+         f.device = "Boson";
+         f.route_interface.reset();
+       }},
       {"clock", kAdvice, "chrony", [](Facts& f, Needs&) { f.clock = ClockState{}; }},
   };
   for (const Fault& fault : faults) {

@@ -39,6 +39,16 @@ TEST_F(DoctorVerb, ReadsTheConfiguration) {
                {"names CPU 4000", "17585.5 MiB needed"});  // 60000 slots of two planes
 }
 
+TEST_F(DoctorVerb, LooksAtTheVideoDevicesOfTheConfiguration) {
+  const std::string camera = write("camera.toml", "[source]\ntype = \"v4l2\"\ndevice = \"/dev/video4321\"\n");
+  expect_parts(ended(1, {"--config", camera}), {"/dev/video4321: it is not there: plug the camera in"});
+  const std::string sink = write("sink.toml", "[v4l2]\nenable = true\n");
+  const auto json = nlohmann::json::parse(run({"--json", "--no-camera", "--config", sink}).out);
+  for (const auto& check : json.at("checks")) {
+    EXPECT_TRUE(check.at("name") != "v4l2loopback" || check.at("verdict") != "advice") << "bolod refuses without";
+  }
+}
+
 TEST_F(DoctorVerb, AWrongConfigurationIsOneLineAndExitCode2) {
   refused({"--config", write("bolod.toml", "[shm]\nslotz = 1\n")});
 }

@@ -333,6 +333,18 @@ TEST_F(RecordVerb, FullDiskEndsInAGoodCapture) {
   expect_published(reader);
 }
 
+TEST_F(RecordVerb, AFolderThatIsMovedAwayEndsItAndIsSaid) {
+  ASSERT_TRUE(writer_.open());
+  fs::create_directory(file("drive"));
+  Program program = start({"record", name_, "-o", file("drive/a.h5"), "--frames", "4000"});
+  int frames = 50;
+  writer_.publish_until([&] { return exists(file("drive/a.h5.part")) && --frames < 0; });
+  fs::rename(file("drive"), file("kept"));
+  writer_.publish_until([&] { return !program.err().empty(); });
+  EXPECT_EQ(program.wait(), 1);
+  expect_parts(program.err(), {"was removed, renamed or cut off", "no longer there: if it was moved, bolo recover"});
+}
+
 TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
   ASSERT_TRUE(writer_.open());
   const std::string part = file("a.h5.part");
@@ -376,6 +388,7 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
   refused({"record", name_, "-o", file("no/such/folder.h5")}, "No such file");
   refused({"record", name_, "-o", "/dev/full"}, "ends in .h5");
   refused({"view", name_, "--port", "99999"}, "--port 99999: expected 0 to 65535");
+  refused({"view", name_, "--page", file("none")}, "there is no such folder");
   refused({"recover", file("absent.h5.part")}, "No such file");
   refused({"recover", file("absent.h5")}, "where to");
 }

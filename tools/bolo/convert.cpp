@@ -111,6 +111,25 @@ Status read_range(const cxxopts::ParseResult& parsed, Target& out) {
   return {};
 }
 
+bool is_capture(const std::filesystem::path& file) {
+  const std::string extension = file.extension().string();
+  return extension == ".h5" || extension == ".mat" || extension == ".part" || extension == ".hdf5";
+}
+
+// An option that nothing would follow: whoever gives it expects other values than he would get.
+Status check_followed(const cxxopts::ParseResult& parsed, const ConvertRequest& request) {
+  const auto given = [&](const char* name) { return parsed.count(name) != 0; };
+  const std::filesystem::path& in = request.in.front();
+  const bool capture = !request.raw && is_capture(in);
+  if (given("skip") && !request.raw) return bad_input("--skip is of raw frames: add --raw WxH");
+  if (given("topic") && in.extension() != ".mcap") return bad_input("--topic is of MCAP recordings");
+  if (capture && given("rate"))
+    return bad_input("--rate is of pictures and dumps; a capture has its own: " + in.string());
+  if (capture && (given("scale") || given("offset")) && request.out.file.path.extension() != ".png")
+    return bad_input("--scale and --offset are of pictures and dumps; a capture has its own: " + in.string());
+  return {};
+}
+
 Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("in") == 0) return bad_input("which files? usage: bolo convert IN... -o OUT");
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo convert IN... -o OUT");
@@ -133,15 +152,11 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
     layout.skip_bytes = parsed["skip"].as<std::uint64_t>();
     request.raw = layout;
   }
+  RETURN_IF_ERROR(check_followed(parsed, request));
   // Outputs of a series of pictures are checked when their number is known.
   if (request.out.file.path.extension() == ".png") return request;
   RETURN_IF_ERROR(check_outputs({request.out.file.path}, request.in, request.out.file.replace));
   return request;
-}
-
-bool is_capture(const std::filesystem::path& file) {
-  const std::string extension = file.extension().string();
-  return extension == ".h5" || extension == ".mat" || extension == ".part" || extension == ".hdf5";
 }
 
 Result<std::unique_ptr<Footage>> open_footage(const ConvertRequest& request) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "src/core/text.hpp"
@@ -18,11 +19,7 @@ namespace {
 using doctor::Check;
 using doctor::Verdict;
 
-Result<doctor::Needs> needs_of(const cxxopts::ParseResult& given) {
-  daemon::DaemonConfig config;
-  if (given.count("config") != 0) {
-    ASSIGN_OR_RETURN(config, daemon::read_config(given["config"].as<std::string>()));
-  }
+doctor::Needs needs_of(const daemon::DaemonConfig& config, const cxxopts::ParseResult& given) {
   doctor::Needs needs;
   needs.socket_buffer_bytes = config.camera.socket_buffer_bytes;
   needs.packet_bytes = config.camera.packet_size;
@@ -32,8 +29,19 @@ Result<doctor::Needs> needs_of(const cxxopts::ParseResult& given) {
   if (given.count("address") != 0) needs.address = given["address"].as<std::string>();
   pipeline::SinkContext context = config.sink_context();
   context.frame = {config.camera.width, config.camera.height};
-  for (const auto& sink : config.sinks) needs.shared_bytes += sink->shared_bytes(context);
+  for (const auto& sink : config.sinks) {
+    needs.shared_bytes += sink->shared_bytes(context);
+    needs.video |= sink->group() == "video" && !sink->describe(context).empty();
+  }
   return needs;
+}
+
+// As bolod opens it.
+Result<std::string> look_at(const v4l2_source::V4l2SourceOptions& options) {
+  v4l2_source::V4l2Source source(options);
+  ASSIGN_OR_RETURN(const pipeline::SourceInfo info, source.open());
+  return fmt::format("{} at {}: {}x{} at {:.4g} Hz", info.camera_model, options.device, info.format.geometry.width,
+                     info.format.geometry.height, 1.0 / info.format.frame_period_s);
 }
 
 nlohmann::ordered_json to_json(const std::vector<Check>& checks) {
@@ -60,8 +68,15 @@ void print(const std::vector<Check>& checks) {
 }
 
 Result<int> run_doctor(const cxxopts::ParseResult& given) {
-  ASSIGN_OR_RETURN(const doctor::Needs needs, needs_of(given));
-  const auto checks = doctor::judge(doctor::gather({needs.address, given.count("no-camera") == 0}), needs);
+  daemon::DaemonConfig config;
+  if (given.count("config") != 0) {
+    ASSIGN_OR_RETURN(config, daemon::read_config(given["config"].as<std::string>()));
+  }
+  const doctor::Needs needs = needs_of(config, given);
+  const bool video = config.source == daemon::SourceType::kV4l2 && needs.address.empty();
+  doctor::Facts facts = doctor::gather({needs.address, given.count("no-camera") == 0 && !video});
+  if (video) facts.device = look_at(config.video);
+  const auto checks = doctor::judge(facts, needs);
   if (given.count("json") != 0) {
     std::puts(json_text(to_json(checks), 2).c_str());
   } else {

@@ -202,7 +202,11 @@ std::string saved_text(const FileWriterResult& written) {
   std::string text = (written.parts.empty() ? "" : "up to ") + std::to_string(written.frames) + " frames are in ";
   if (!written.files.empty()) text += files_text(written);
   for (const fs::path& part : written.parts) text += (text.back() == ' ' ? "" : " and ") + part.string();
-  return written.parts.empty() ? text : text + ", which bolo recover finishes";
+  if (written.parts.empty()) return text;
+  std::error_code ignored;
+  const bool there = fs::exists(written.parts.back(), ignored);
+  return text + (there ? ", which bolo recover finishes"
+                       : ", which is no longer there: if it was moved, bolo recover finishes it");
 }
 
 nlohmann::json to_json(const RecordResult& result) {

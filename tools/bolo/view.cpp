@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <climits>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include <fmt/format.h>
@@ -100,6 +102,10 @@ void print_addresses(const ViewOptions& options, const std::string& name, const 
 
 Status view_daemon(const ViewOptions& options) {
   RETURN_IF_ERROR(within(options.port, "port", 0, UINT16_MAX));  // of its own type it would be the lower half
+  std::error_code ignored;
+  if (!options.page.empty() && !std::filesystem::is_directory(options.page, ignored)) {
+    return bad_input("--page " + options.page + ": there is no such folder");
+  }
   ASSIGN_OR_RETURN(const std::vector<std::string> names, choose_daemons(options.names));
   ASSIGN_OR_RETURN(view::Access access, access_of(options));
   const auto addresses =

@@ -359,7 +359,10 @@ Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args) {
   request.isa_given = args["isa"].as<std::string>() != "auto";
   ASSIGN_OR_RETURN(request.options.output, type_from_name(args["type"].as<std::string>()));
   const int processors = static_cast<int>(std::thread::hardware_concurrency());
-  request.options.workers = args.count("threads") != 0 ? args["threads"].as<int>() : threads_of(variable, processors);
+  request.options.workers = threads_of(variable, processors);
+  if (args.count("threads") != 0) {
+    ASSIGN_OR_RETURN(request.options.workers, number_of<int>(args, "threads", 1, 64));
+  }
   RETURN_IF_ERROR(read_pixels(args, request));
   const bool named = args.count("shard") != 0;
   ASSIGN_OR_RETURN(request.share, named ? share_named(args["shard"].as<std::string>()) : share_of(variable));

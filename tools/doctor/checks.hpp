@@ -9,6 +9,7 @@
 
 #include "drivers/genicam/genicam_source.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::tools::doctor {
 
@@ -61,6 +62,7 @@ struct Facts {
 
   std::vector<genicam::FoundCamera> cameras;  // that answered
   std::optional<bool> answers;                // the address that was asked for
+  std::optional<Result<std::string>> device;  // the camera is a video device: what it is, or why it cannot be used
 
   std::optional<ClockState> clock;
   std::vector<std::string> time_services;  // their reports: chrony, linuxptp

@@ -76,6 +76,7 @@ const Interface* interface_of(const Facts& facts) {
 
 Check mtu(const Facts& facts, const Needs& needs) {
   Check check{"mtu", "Packet size (MTU)"};
+  if (facts.device) return found(check, "no packets: the camera is a video device");
   const Interface* leads = interface_of(facts);
   if (leads == nullptr) {
     return judged(found(check, "no camera is known, so neither is the interface to it"), Verdict::kUnknown,
@@ -267,6 +268,8 @@ Check library(const std::string& name, const std::string& title, const std::stri
 
 Check camera(const Facts& facts, const Needs& needs) {
   Check check{"camera", "Camera"};
+  if (facts.device && *facts.device) return found(check, **facts.device);
+  if (facts.device) return problem(found(check, "its video device cannot be used"), facts.device->error().message);
   std::vector<std::string> names;
   for (const genicam::FoundCamera& c : facts.cameras) names.push_back(c.model + " " + c.serial + " at " + c.address);
   if (!needs.address.empty()) {

@@ -197,6 +197,9 @@ TEST_F(GenicamOpenTest, SaysWhatRateAFlirRunsAtInstead) {
   EXPECT_NEAR(info_.format.frame_period_s, 0.02, 1e-9);
   EXPECT_TRUE(warned("asked for 200 Hz, the camera runs at 50 Hz: fewer rows allow more"));
   auto slow = with({.height = 2048});
+  slow.rate_hz = 30.0;
+  open(slow);
+  EXPECT_TRUE(warned("asked for 30 Hz, the camera runs at 25 Hz: it has no rate that is nearer"));
   slow.rate_hz = 1.0;
   open(slow);
   EXPECT_FALSE(warned("asked for 1 Hz, the camera runs at 3.125 Hz: fewer rows"));
