@@ -75,6 +75,8 @@ struct Effect {
   bool as_levels = false;
   // The per-pixel map that absorbs it entirely and is searched for it.
   MapKind hides_in = MapKind::kNone;
+  // The parameter that a fit to another, unknown effect takes to an end of its range; empty: none.
+  std::string inside{};
   // Condition on the noise for trying the effect; empty: none.
   std::function<bool(const NoiseStatistics&)> suspected_by{};
   std::vector<Form> forms{};  // empty: one form

@@ -232,8 +232,9 @@ std::vector<Gain> screen(const FitData& data, const FitResult& base, const std::
 // Forward selection of effects with nested refits, then backward.
 struct Chosen {
   Choice choice;
-  FoundEffect found;      // without its parameters
-  bool from_map = false;  // found in another's map, which had absorbed it
+  FoundEffect found;        // without its parameters
+  bool from_map = false;    // found in another's map, which had absorbed it
+  Score before{}, after{};  // its addition
 };
 
 struct Selection {

@@ -17,6 +17,9 @@ constexpr double kLeastEvidence = 8.0;  // of the levels alone
 constexpr double kLeastEvidenceScattered = 10.0;
 constexpr double kLevelsOff = 4.0;        // times the scatter of consistent levels
 constexpr double kSoleConfidence = 0.99;  // of an effect without any other candidate
+constexpr double kUsualGap = 1.05;        // that may be left where all effects are known
+constexpr double kLeastShare = 0.2;       // of the gap beyond it
+constexpr double kMostTrend = 0.5;        // over the rows, of a map's squares
 
 struct Tried {
   Choice choice;
@@ -82,8 +85,8 @@ struct Selector {
     if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) {
       found.confidence = std::max(found.confidence, kSoleConfidence);
     }
+    selection.chosen.push_back({best.choice, std::move(found), false, selection.fit.score, best.fit.score});
     selection.fit = std::move(best.fit);
-    selection.chosen.push_back({best.choice, std::move(found), false});
     return true;
   }
 
@@ -116,20 +119,21 @@ struct Selector {
     return false;
   }
 
-  // Removes the effect of the smallest gain beside all others; false if all gain enough.
-  bool drop() {
+  // Removes the effect of the smallest gain beside all others; false if all gain enough. `stand_ins`: the same of those
+  // that stand in for another, whatever they gain.
+  bool drop(bool stand_ins = false) {
     auto& all = selection.chosen;
     std::optional<std::size_t> least;
     double least_gain = std::numeric_limits<double>::infinity();
     FitResult without_least;
-    for (std::size_t i = 0; all.size() > 1 && i < all.size(); ++i) {
-      if (all[i].from_map) continue;
+    for (std::size_t i = 0; (stand_ins || all.size() > 1) && i < all.size(); ++i) {
+      if (stand_ins ? !stands_in(all[i]) : all[i].from_map) continue;
       std::vector<Choice> rest = unformed(selection.fit.choices);
       rest.erase(rest.begin() + static_cast<long>(i));
       const State start = without_effect(data.session, selection.fit.state, base.state, *all[i].choice.effect);
       FitResult without = fit(data, start, rest, kRounds);
       const Gain paid = gain(without, selection.fit);
-      const bool pays = enough(paid, selection.fit, *all[i].choice.effect);
+      const bool pays = !stand_ins && enough(paid, selection.fit, *all[i].choice.effect);
       if ((pays && worth_naming(data.session, selection.fit, i)) || paid.total >= least_gain) continue;
       least = i;
       least_gain = paid.total;
@@ -139,6 +143,25 @@ struct Selector {
     selection.fit = settle(data, std::move(without_least), kRounds, kSettled);
     all.erase(all.begin() + static_cast<long>(*least));
     return true;
+  }
+
+  // True of what took up a part of an unknown effect: where it explains most it is but a small share of what is left,
+  // or it is at an end of its range, or of pixels that do not differ but follow their rows.
+  bool stands_in(const Chosen& one) const {
+    const Effect& effect = *one.choice.effect;
+    double fair = 0.0;
+    for (const std::size_t i : modelled(data.session)) {
+      const double explains = std::max(0.0, one.before.gap(i) - one.after.gap(i));
+      const double left = selection.fit.score.gap(i) - kUsualGap;
+      fair += explains < kLeastShare * left ? -explains : explains;
+    }
+    for (const Parameter& p : effect.parameters(data.session)) {
+      const double value = p.get(selection.fit.state);
+      if (p.name == effect.inside && (value <= p.low || value >= p.high)) return true;
+    }
+    if (fair < 0.0 || effect.map == MapKind::kNone) return fair < 0.0;
+    const Eigen::VectorXf& map = map_of(selection.fit.state.camera, effect.map);
+    return std::pow(row_trend_z(data.session, map), 2) > kMostTrend * spread_of(data.session, map).pixels;
   }
 
   bool levels_are_off(const State& state) const { return level_error(levels, state) > kLevelsOff * kLevelResolution; }
@@ -271,6 +294,8 @@ Selection select_effects(const FitData& data, const FitResult& base, const std::
   while (selector.add_hidden()) hidden = true;
   // A named smooth effect reduces the maps that had absorbed it, which may become superfluous.
   while (hidden && selector.drop()) {
+  }
+  while (selector.drop(true)) {
   }
   return std::move(selector.selection);
 }

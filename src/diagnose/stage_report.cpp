@@ -94,7 +94,7 @@ void add_chosen(const Fit& fit, Report& report) {
   }
   const Selection& selection = fit.selection;
   for (std::size_t c = 0; c < selection.chosen.size(); ++c) {
-    const auto& [choice, found, from_map] = selection.chosen[c];
+    const auto& [choice, found, from_map, before, after] = selection.chosen[c];
     report.effects.push_back(found);
     if (!choice.effect->report) continue;
     report.effects.back().parameters =

@@ -74,6 +74,12 @@ TEST_F(FieldRecording, NamesTheEffectOrSaysThatSomethingIsLeft) {
   }
 }
 
+// A third of the noise, as much as slow pixel noise may be for a while, but far beyond its error in a large picture.
+TEST_F(FieldRecording, NamesAFaintPatternOfManyPixels) {
+  const Shot shot{.view = {320, 240}, .path = pan().path, .effects = {"fpn_offset:pixel_k=0.011,column_k=0"}};
+  EXPECT_EQ(told(diagnosed(shot)), "explained: fpn_offset");
+}
+
 // As flat fields show, which the recording does not have.
 TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
   for (const Case& c : {Case{hand(), "fpn_offset"}, Case{pan(), "fpn_gain"}}) {

@@ -124,6 +124,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .testable_in = changes,
        .parameters = always({number_of("share", 0.5, -0.5, 1.5, &CameraModel::radiance)}),
        .least = 0.15,
+       .inside = "share",
        .forms = edge_forms,
        .report = first_as("share")},
       // The time constant of all pixels, as a share of the profile's.
@@ -159,6 +160,7 @@ std::vector<Effect> scene_and_pixel_effects() {
             log_of(
                 "log_tau", 0.2, 1.7, kSlowTau_s, [](auto& s) -> auto& { return s.camera.response.slow_tau_s; })}),
        .least = 0.0012,
+       .inside = "log_tau",
        .forms = {slow_from(0.07), slow_from(kSlowTau_s), slow_from(0.35)},
        .report =
            [](const Fitted& f) {
@@ -172,6 +174,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .testable_in = bars,
        .parameters = always({number_of("coupling", 0.02, 0.0, 0.5, &Response::coupling)}),
        .least = 0.0015,
+       .inside = "coupling",
        .report = first_as("coupling")},
   };
 }
@@ -237,6 +240,7 @@ std::vector<Effect> readout_effects() {
        .parameters = always({about_reference("reference", &CameraModel::gain_reference_k)}),
        .map = MapKind::kGain,
        .least = 0.00025,
+       .inside = "reference",
        .report = report_gains},
       // Heating by the bias pulse: an offset that grows with the time of the row in the frame.
       {.name = "self_heating",
