@@ -127,7 +127,9 @@ double steadiness(const Inertia& inertia, const Displacements& d, double uncerta
   const double chance = std::max(kByChance * uncertainty, kOfScatter * noise);
   const double before = std::max({jerk(d, 3), jerk(d, 4), jerk(d, 5)});  // unaffected by the newest changes
   const double usual = std::clamp(before, chance, std::max(chance, kMostUsual * speed));
-  const double relative = std::max(jerk(d, 0) - kUnnoticed - usual, 0.0) / (kAbrupt * speed + chance);
+  const Vec2 more = change_at(d, 0) - change_at(d, 1);  // a turn that goes on as before is no stop
+  const double sudden = std::min<double>(jerk(d, 0) - usual, std::hypot(more.x, more.y));
+  const double relative = std::max(sudden - kUnnoticed, 0.0) / (kAbrupt * speed + chance);
   const double hops = std::max(hop(d) - kByChance * uncertainty, 0.0) * inertia.tau * inertia.tau / kHop;
   return 1.0 / (1.0 + std::pow(relative, 4.0) + std::pow(hops, 4.0));
 }

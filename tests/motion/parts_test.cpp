@@ -192,6 +192,20 @@ TEST(Path, AccelerationIsFollowed) {
   EXPECT_NEAR(live.trail.p[0], place(0) - place(-1), 0.06);
 }
 
+// A hand's turn in which each change is larger than the one before: it goes on; that it ends between two frames is a
+// stop.
+TEST(Path, ATurnThatGoesOnIsNoStop) {
+  Displacements d;
+  for (std::size_t i = 0; i < d.size(); ++i) {
+    const double t = 8.0 - static_cast<double>(i);
+    d[i].p = {-0.3 * t, 0.0, 0.0, -2.8 + 0.01 * t * t * t, 0.0, 0.0};
+  }
+  EXPECT_GT(path_of(Inertia(kTau), d, false, 0.01).steady, 0.9);
+  d[0].p[0] = 0.5 * d[1].p[0];
+  d[0].p[3] = 0.5 * d[1].p[3];
+  EXPECT_LT(path_of(Inertia(kTau), d, false, 0.01).steady, 0.1);
+}
+
 // What goes to and fro is noise, where the picture tells less of a direction than the uncertainty says; what does not
 // is a stop.
 TEST(Path, ScatterIsNoStop) {
