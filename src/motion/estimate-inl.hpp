@@ -126,7 +126,6 @@ class MovedPlanes {
  private:
   HWY_INLINE void find() {
     i_ = 0;
-    if (column_ >= planes_[0]->blocks_across()) return;
     for (int k = 0; k < count_; ++k) moves_[k].find(*planes_[k], column_, y0_, d_[k], margin_);
   }
 
