@@ -94,11 +94,11 @@ void add_chosen(const Fit& fit, Report& report) {
   }
   const Selection& selection = fit.selection;
   for (std::size_t c = 0; c < selection.chosen.size(); ++c) {
-    const auto& [choice, found, from_map, before, after] = selection.chosen[c];
-    report.effects.push_back(found);
-    if (!choice.effect->report) continue;
+    const Effect& effect = *selection.chosen[c].choice.effect;
+    report.effects.push_back(selection.chosen[c].found);
+    if (!effect.report) continue;
     report.effects.back().parameters =
-        choice.effect->report({fit.session, selection.fit.state, selection.fit.value[c], selection.fit.error[c]});
+        effect.report({fit.session, selection.fit.state, selection.fit.value[c], selection.fit.error[c]});
   }
 }
 

@@ -117,6 +117,7 @@ class MovedPlanes {
     for (int k = 0; k < count_; ++k) whole = whole && moves_[k].whole[i_] != 0.0F;
     return whole;
   }
+  int count() const { return count_; }
   // put(value, row, column), of the k-th.
   template <typename Put>
   HWY_INLINE void move(int k, const Put& put) const {
@@ -147,18 +148,18 @@ struct BlockSum {
 };
 
 // The sum of the planes; all cover the whole block.
-HWY_INLINE void add_moved(const MovedPlanes& moved, int count, BlockSum& sum) {
-  for (int k = 0; k < count; ++k) {
+HWY_INLINE void add_moved(const MovedPlanes& moved, BlockSum& sum) {
+  for (int k = 0; k < moved.count(); ++k) {
     moved.move(k, [&](Vec v, int r, int x) HWY_ATTR { sum.row[r][x / kLanes] = hn::Add(sum.row[r][x / kLanes], v); });
   }
 }
 
 // Their mean at a block that some do not cover; `otherwise` where none does.
-HWY_NOINLINE void align_seen(const MovedPlanes& moved, const Vec2* const* d, int count, const PaddedPlane& otherwise,
-                             int x0, int y0, PaddedPlane& out) {
+HWY_NOINLINE void align_seen(const MovedPlanes& moved, const Vec2* const* d, const PaddedPlane& otherwise, int x0,
+                             int y0, PaddedPlane& out) {
   HWY_ALIGN float total[kBlock * kBlock] = {};
   HWY_ALIGN float seen[kBlock * kBlock] = {};
-  for (int k = 0; k < count; ++k) {
+  for (int k = 0; k < moved.count(); ++k) {
     const Inside inside(otherwise.geometry(), d[k][x0 / kBlock], 0.0F);
     moved.move(k, [&](Vec v, int r, int x) HWY_ATTR {
       if (!inside.row(y0 + r)) return;
@@ -184,11 +185,11 @@ void align(const PaddedPlane* const* planes, const Vec2* const* d, int count, co
   MovedPlanes moved(planes, d, count, 0.0F, 0, y0);
   for (int x0 = 0; x0 < now.blocks_across() * kBlock; x0 += kBlock, moved.go_on()) {
     if (!moved.all_see()) {
-      align_seen(moved, d, count, now, x0, y0, out);
+      align_seen(moved, d, now, x0, y0, out);
       continue;
     }
     BlockSum sum;
-    add_moved(moved, count, sum);
+    add_moved(moved, sum);
     for (int r = 0; r < kBlock; ++r) {
       for (int x = 0; x < kBlock; x += kLanes) store(hn::Div(sum.row[r][x / kLanes], every), out.at(x0 + x, y0 + r));
     }
@@ -214,12 +215,12 @@ void differ(const PaddedPlane* const* planes, const Vec2* const* d, int count, c
   for (int c = columns.begin; c < columns.end; ++c, moved.go_on()) {
     const int x0 = c * kBlock;
     const bool whole = moved.all_see();
-    BlockSum total_moved;
-    if (whole) add_moved(moved, count, total_moved);
+    BlockSum sum_of_moved;
+    if (whole) add_moved(moved, sum_of_moved);
     Vec total = hn::Zero(Float());
     for (int r = 0; r < kBlock; ++r) {
       for (int x = 0; x < kBlock; x += kLanes) {
-        const Vec mean = hn::Mul(share, total_moved.row[r][x / kLanes]);
+        const Vec mean = hn::Mul(share, sum_of_moved.row[r][x / kLanes]);
         const Vec off = whole ? hn::Sub(mean, load(from.at(x0 + x, y0 + r))) : hn::Zero(Float());
         store(off, out.at(x0 + x, y0 + r));
         total = hn::MulAdd(off, off, total);

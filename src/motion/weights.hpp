@@ -98,9 +98,9 @@ class WeightTable {
     // With the near past's mean, and the whole past's.
     std::array<std::vector<FilterWeights>, 2> cells{std::vector<FilterWeights>(kCells),
                                                     std::vector<FilterWeights>(kCells)};
-    std::vector<float> near_error = std::vector<float>(kCells);  // of the first of them
+    std::vector<float> near_error = std::vector<float>(kCells);  // squared, with the near past's
     std::vector<float> far_less = std::vector<float>(kCells);    // part of it that the far past takes off
-    std::vector<float> per_pixel = std::vector<float>(kCells);  // error beyond noise of its own newest values' estimate
+    std::vector<float> per_pixel = std::vector<float>(kCells);   // beyond noise, with a pixel's own newest values
     std::array<AcrossWeights, kRatios> across;  // by contrast over 2 px in units of the noise's variance
   };
 

@@ -20,7 +20,6 @@ constexpr std::int64_t kPollNs = 100'000'000;
 
 constexpr double kGyroFrames = 400;  // after which the use of the gyro is checked
 
-constexpr int kMaxWorkers = 64;
 constexpr int kMaxQueueFrames = 4096;
 
 std::string size_text(Geometry g) { return std::to_string(g.width) + "x" + std::to_string(g.height); }

@@ -21,6 +21,8 @@
 
 namespace bolo::pipeline {
 
+inline constexpr int kMaxWorkers = 64;
+
 struct PipelineOptions {
   // period_s is ignored: the source's own frame period replaces it, for on any other grid a window would be full of
   // gaps. lambda is in kelvin, or in counts for a source that has no kelvin.

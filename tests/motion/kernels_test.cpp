@@ -84,21 +84,14 @@ TEST_P(MotionKernels, Halve) {
 
 TEST_P(MotionKernels, NextExtreme) {
   const int last = kFrame.width - 1;
-  const auto is_extreme = [this](int x, int y, float least) {
-    const float value = *a_.at(x, y);
-    const auto beyond = [value](float a, float b) { return std::max(std::min(a, b) - value, value - std::max(a, b)); };
-    return std::min(beyond(*a_.at(x - 1, y), *a_.at(x + 1, y)), beyond(*a_.at(x, y - 1), *a_.at(x, y + 1))) > least;
-  };
-  for (const float least : {0.5F, 1.5F}) {
-    for (int y = 0; y < kFrame.height; ++y) {
-      int found = kernels_.next_extreme(a_.at(0, y), a_.stride(), 1, last, least);
-      for (int x = 1; x < last; ++x) {
-        ASSERT_EQ(x == found, is_extreme(x, y, least)) << x << " " << y << " " << least;
-        if (x == found) found = kernels_.next_extreme(a_.at(0, y), a_.stride(), x + 1, last, least);
-      }
-      ASSERT_EQ(found, last);
+  for_pixels([&](int x, int y) {
+    for (const float least : {0.5F, 1.5F}) {
+      const int first = std::max(x, 1);
+      int want = first;
+      while (want < last && !reference::is_extreme(a_, want, y, least)) ++want;
+      ASSERT_EQ(kernels_.next_extreme(a_.at(0, y), a_.stride(), first, last, least), want) << x << " " << y;
     }
-  }
+  });
 }
 
 TEST_P(MotionKernels, MeanDifference) {
@@ -404,9 +397,7 @@ TEST_P(MotionKernels, Covariance) {
     double want = 0.0;
     for (std::size_t i = 0; i < share.size(); ++i) {
       const auto n = static_cast<double>(i);
-      const double distance =
-          std::sqrt((x + n * dx) * (x + n * dx) + (y + n * dy) * (y + n * dy) + smooth * smooth) - smooth;
-      want += share[i] * 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
+      want += share[i] * reference::covariance((x + n * dx) * (x + n * dx) + (y + n * dy) * (y + n * dy), smooth);
     }
     EXPECT_NEAR(kernels_.covariance(share.data(), share.size(), x, dx, y, dy, static_cast<float>(smooth)), want, 2e-7)
         << x;
@@ -435,8 +426,7 @@ TEST_P(MotionKernels, WhatTwoTrailsHaveInCommon) {
           const double x = a.x[n] - b.x[m] + 0.4F * static_cast<float>(j);
           const double y = a.y[n] - b.y[m] - static_cast<float>(j);
           const double r = std::hypot(x, y, a.doubt[n] - b.doubt[m]);
-          const double distance = std::sqrt(r * r + a.blur[n] + b.blur[m] + smooth * smooth) - smooth;
-          want += a.share[n] * b.share[m] * 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
+          want += a.share[n] * b.share[m] * reference::covariance(r * r + a.blur[n] + b.blur[m], smooth);
         }
       }
       EXPECT_NEAR(got[j + 1], want, 1e-5 * want) << j;

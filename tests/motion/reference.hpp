@@ -21,6 +21,15 @@ inline double value(const PaddedPlane& p, int x, int y) {
   return *p.at(std::clamp(x, 0, g.width - 1), std::clamp(y, 0, g.height - 1));
 }
 
+// By more than `least` beyond both its neighbours in a row, and both in a column.
+inline bool is_extreme(const PaddedPlane& p, int x, int y, float least) {
+  const auto beyond = [middle = value(p, x, y)](double a, double b) {
+    return std::max(std::min(a, b) - middle, middle - std::max(a, b));
+  };
+  return std::min(beyond(value(p, x - 1, y), value(p, x + 1, y)), beyond(value(p, x, y - 1), value(p, x, y + 1))) >
+         static_cast<double>(least);
+}
+
 inline double bilinear(const PaddedPlane& p, double x, double y) {
   const int ix = static_cast<int>(std::floor(x));
   const int iy = static_cast<int>(std::floor(y));
@@ -137,6 +146,12 @@ double between(Geometry g, int x, int y, const At& at) {
   const int below = std::min(r + 1, blocks_over(g.height) - 1);
   return (1 - (cy - r)) * ((1 - (cx - c)) * at(c, r) + (cx - c) * at(right, r)) +
          (cy - r) * ((1 - (cx - c)) * at(c, below) + (cx - c) * at(right, below));
+}
+
+// The scene's autocovariance (weights.hpp) at a squared distance in px^2, smooth over so many px.
+inline double covariance(double square, double smooth) {
+  const double distance = std::sqrt(square + smooth * smooth) - smooth;
+  return 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
 }
 
 }  // namespace bolo::motion::reference

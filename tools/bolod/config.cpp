@@ -211,7 +211,8 @@ void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.integer(
       "lookahead", s.lookahead, {0, 63, "frames"},
       "Frames after the estimated one that the window holds: each costs a frame of delay and lowers the error.");
-  keys.integer("workers", c.pipeline.workers, {1, 64, "threads"}, "Threads that share each frame's rows.");
+  keys.integer("workers", c.pipeline.workers, {1, pipeline::kMaxWorkers, "threads"},
+               "Threads that share each frame's rows.");
   keys.text("isa", c.isa, "Instruction set of the kernels: AVX3, AVX2, SSE4 ...; auto: the best that runs here.");
   keys.number("tau_s", o.tau_s, c.profile.tau_s, {1e-4, 1.0, "s"},
               "Thermal time constant. Left out: the profile's tau_s.");

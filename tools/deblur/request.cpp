@@ -17,6 +17,7 @@
 #include "src/core/text.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/model/camera_profile.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/deblur/made_from.hpp"
 #include "tools/deblur/pixel_choice.hpp"
@@ -361,7 +362,7 @@ Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args) {
   const int processors = static_cast<int>(std::thread::hardware_concurrency());
   request.options.workers = threads_of(variable, processors);
   if (args.count("threads") != 0) {
-    ASSIGN_OR_RETURN(request.options.workers, number_of<int>(args, "threads", 1, 64));
+    ASSIGN_OR_RETURN(request.options.workers, number_of<int>(args, "threads", 1, pipeline::kMaxWorkers));
   }
   RETURN_IF_ERROR(read_pixels(args, request));
   const bool named = args.count("shard") != 0;
