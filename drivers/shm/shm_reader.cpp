@@ -109,6 +109,8 @@ bolo_shm_header snapshot(const Mapping& mapping) noexcept {
   return header;
 }
 
+bool is_period(double s) noexcept { return s >= kMinPeriod_s && s <= kMaxPeriod_s; }
+
 // The first thing wrong with a header, or nullptr. Everything is checked before anything is used: the object may come
 // from another program, and sums are made so that they can't wrap.
 const char* first_fault(const bolo_shm_header& h, std::size_t bytes) {
@@ -120,7 +122,7 @@ const char* first_fault(const bolo_shm_header& h, std::size_t bytes) {
   if (h.unit != BOLO_UNIT_KELVIN && h.unit != BOLO_UNIT_COUNT) return "unknown unit";
   if (!std::isfinite(h.scale) || !std::isfinite(h.offset)) return "impossible scale";
   if (!std::isfinite(h.row_delay_s)) return "impossible row delay";
-  if (!(h.frame_period_s >= kMinPeriod_s && h.frame_period_s <= kMaxPeriod_s)) return "impossible frame period";
+  if (!is_period(h.frame_period_s)) return "impossible frame period";
   const std::uint64_t plane = round_up(std::size_t{2} * h.width * h.height, kWord);  // below 2^32
   const auto aligned = [](std::uint64_t offset) { return offset % kWord == 0; };
   const auto plane_fits = [&](std::uint64_t offset) {
@@ -244,7 +246,9 @@ const std::string& ShmReader::name() const noexcept { return impl_->mapping->nam
 bolo_shm_header ShmReader::header() const noexcept {
   const std::uint64_t newest = published();  // first: the counters were stored before it, so that none is behind it
   bolo_shm_header header = snapshot(*impl_->mapping);
+  const double period_s = header.frame_period_s;
   std::memcpy(&header, &impl_->checked, offsetof(bolo_shm_header, published));
+  if (is_period(period_s)) header.frame_period_s = period_s;
   header.published = newest;
   header.motion_offset = impl_->checked.motion_offset;
   header.motion_across = impl_->checked.motion_across;

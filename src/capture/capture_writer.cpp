@@ -239,10 +239,8 @@ struct CaptureWriter::Impl {
   bool state_uncertainty() {
     if (uncertainty_s <= stated_uncertainty_s) return true;
     const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
-    const char* const name = "utc_uncertainty_s";
-    const bool gone = stated_uncertainty_s == 0.0 || H5Adelete(root.get(), name) >= 0;
     stated_uncertainty_s = uncertainty_s;
-    return gone && h5::write_attribute(root.get(), name, uncertainty_s);
+    return h5::write_attribute(root.get(), "utc_uncertainty_s", uncertainty_s);
   }
 
   // On failure the file is given up, as its last commit left it.

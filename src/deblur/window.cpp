@@ -13,6 +13,7 @@ constexpr double kMostJitter = 1.0;  // periods by which a clock may err: stamps
 constexpr int kScatterSteps = 16;    // of a clock, that its scatter is the mean of
 constexpr int kSteadySteps = 4;      // that it is given to begin with: one late stamp is no scatter
 constexpr double kBeyondChance = 5;  // mean distances: four standard deviations
+constexpr double kDriftSteps = 16;   // over which steps that all err to one side are judged together: a wrong period
 
 }  // namespace
 
@@ -31,8 +32,11 @@ std::int64_t FrameSteps::next(const FrameMeta& frame, std::uint64_t repeats, dou
   const bool by_clock = !chance && (clock_fits || pause || periods < -kMostJitter);
   const std::int64_t steps = by_clock ? static_cast<std::int64_t>(nearest) : counted;
   const double off = std::abs(periods - static_cast<double>(steps));
-  off_grid = off > kGridTolerance;
   last_ = frame;
+  if (steps >= 1 && off <= kGridTolerance) {
+    drift_ += ((periods - static_cast<double>(steps)) / static_cast<double>(steps) - drift_) / kDriftSteps;
+  }
+  off_grid = off > kGridTolerance || std::abs(drift_) * kDriftSteps > kGridTolerance;
   if (steps < 1) return steps;
   count_ = std::min(count_ + 1, kScatterSteps - kSteadySteps);
   scatter_ += (std::min(off, kMostJitter) - scatter_) / (count_ + kSteadySteps);

@@ -21,13 +21,18 @@ namespace bolo::deblur {
 class FrameSteps {
  public:
   // Since the frame of the last call; undefined for the first. `off_grid`: the clock shows no whole number of periods
-  // as taken. `repeats`: frames before it that were dropped as repeats. Thread: pipeline.
+  // as taken, or leaves the grid step by step: the period is another one. `repeats`: frames before it that were dropped
+  // as repeats. Thread: pipeline.
   std::int64_t next(const FrameMeta& frame, std::uint64_t repeats, double period_s, bool& off_grid) noexcept;
+
+  // Another period from now on. Thread: pipeline.
+  void forget_drift() noexcept { drift_ = 0.0; }
 
  private:
   FrameMeta last_;
   double scatter_ = 0.0;  // periods, mean distance of the clock's steps from the grid
   int count_ = 0;         // steps in it, up to so many
+  double drift_ = 0.0;    // periods a step, mean of the steps that fit the grid
 };
 
 // A frame in the window. `token` is the owner's handle of the plane's memory; the window never uses it.
@@ -55,13 +60,16 @@ class Window {
   };
 
   // Places a frame by its counter and its camera time (FrameSteps); flagged as jitter where it stands off the
-  // grid. With `restart`, or when the frame is further from the last one than the window is long, or goes back in time,
-  // the window is emptied first; frames that still waited for their look-ahead become ready without it. Returns true
-  // when the window was emptied. Thread: pipeline.
+  // grid, or where the grid's period is not the clock's. With `restart`, or when the frame is further from the last one
+  // than the window is long, or goes back in time, the window is emptied first; frames that still waited for their
+  // look-ahead become ready without it. Returns true when the window was emptied. Thread: pipeline.
   bool push(const WindowFrame& frame, bool restart) noexcept;
 
   // The source's true period. For frames pushed from now on: give the next one with `restart`. Thread: pipeline.
-  void set_period(double period_s) noexcept { period_s_ = period_s; }
+  void set_period(double period_s) noexcept {
+    period_s_ = period_s;
+    steps_.forget_drift();
+  }
 
   // The source has ended: frames that wait for their look-ahead become ready without it. Thread: pipeline.
   void finish() noexcept;

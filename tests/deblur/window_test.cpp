@@ -48,6 +48,7 @@ class Player {
     window_.finish();
     collect();
   }
+  void set_period(double periods) { window_.set_period(periods * static_cast<double>(kPeriodNs) * 1e-9); }
 
   // The newest frame shows these, with these flags.
   void expect_last(const std::vector<std::int64_t>& window, std::uint32_t flags) const {
@@ -211,6 +212,34 @@ TEST(Window, AClockOfTwoPeriodsATickInventsNoGaps) {
 TEST(Window, SmallJitterIsNotFlagged) {
   Player player(5);
   for (std::uint64_t id = 0; id < 12; ++id) player.frame_at(id, static_cast<double>(id) + (id % 2 == 0 ? 0.0 : 0.09));
+  for (const Shown& s : player.shown()) EXPECT_EQ(s.flags & kFlagJitter, 0U) << s.id;
+}
+
+// 198 frames a second on a grid of 200: no step is off by much, but all of them to one side.
+TEST(Window, AWrongPeriodIsFlaggedFromTheFirstFullWindowUntilItIsMended) {
+  for (const double step : {1.0 / 0.99, 1.0 / 1.09, 1.05, 1.004, 1.0}) {
+    Player player(17);
+    for (std::uint64_t id = 0; id < 60; ++id) player.frame_at(id, 7.3 + step * static_cast<double>(id));
+    const bool wrong = std::abs(step - 1.0) > 0.008;
+    for (const Shown& s : player.shown()) {
+      if (!s.full) continue;
+      EXPECT_EQ(s.flags, wrong ? kFlagJitter : kFlagNone) << step << ' ' << s.id;
+    }
+    player.set_period(step);
+    for (std::uint64_t id = 60; id < 100; ++id) player.frame_at(id, 7.3 + step * static_cast<double>(id), id == 60);
+    EXPECT_EQ(player.shown().back().flags, kFlagNone) << step;
+    EXPECT_EQ(player.shown()[76].flags, kFlagNone) << step;
+  }
+}
+
+TEST(Window, StampsThatJitterAroundARightPeriodAreNoWrongOne) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> late(-0.04, 0.04);
+  Player player(17);
+  for (std::uint64_t id = 0, lost = 0; id < 4000; ++id) {
+    lost += id % 37 == 0 ? 1 : 0;
+    player.frame_at(id + lost, static_cast<double>(id + lost) + late(random));
+  }
   for (const Shown& s : player.shown()) EXPECT_EQ(s.flags & kFlagJitter, 0U) << s.id;
 }
 

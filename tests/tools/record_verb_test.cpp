@@ -130,6 +130,17 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   for (const char* left : {".part", ".part.journal", ".part.live"}) EXPECT_FALSE(exists(file("a.h5") + left)) << left;
 }
 
+// Found once frames flow, of a camera whose settings say another rate than its clock.
+TEST_F(RecordVerb, AnotherPeriodThatTheDaemonFindsIsInTheFile) {
+  writer_.stats.period_s.set(0.005);
+  ASSERT_TRUE(writer_.open());
+  Program program = record({"--frames", "100"});
+  publish_into_it(20);
+  writer_.stats.period_s.set(0.0055);
+  end_of(program);
+  EXPECT_EQ(opened(file("a.h5")).info().format.frame_period_s, 0.0055);
+}
+
 // Somebody sets the clock in the middle of it, by an hour, and later back by more.
 TEST_F(RecordVerb, UtcIsRecordedAndAStepOfTheClockIsSaid) {
   ASSERT_TRUE(writer_.open());

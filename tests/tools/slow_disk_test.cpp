@@ -143,7 +143,7 @@ TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
       ASSERT_NE(slot, nullptr);
       std::fill_n(slot->u16(), 16 * 8, static_cast<std::uint16_t>(i));
       slot->meta = {.frame_id = i, .camera_ns = static_cast<std::int64_t>(i) * 5'000'000};
-      writer->put(*slot, 0);
+      writer->put(*slot, 0, 0.005);
     }
     const FileWriterResult done = writer->finish();
     refused = g_news_until_refusal.exchange(-1) < 0;

@@ -125,8 +125,8 @@ FileWriter::~FileWriter() {
   if (thread_.joinable()) finish();
 }
 
-void FileWriter::put(rt::FrameSlot& slot, std::uint32_t marks) noexcept {
-  queue_.try_push({slot.index, marks});  // never full: it has room for every slot
+void FileWriter::put(rt::FrameSlot& slot, std::uint32_t marks, double period_s) noexcept {
+  queue_.try_push({slot.index, marks, period_s});  // never full: it has room for every slot
 }
 
 FileWriterResult FileWriter::finish() {
@@ -206,7 +206,7 @@ void FileWriter::run() noexcept {
     const bool ending = ending_.load(std::memory_order_acquire);  // partner: the store in finish()
     if (queue_.pop_wait(item, ending ? 0 : kIdle_ns)) {
       rt::FrameSlot& slot = pool_.slot(item.slot);
-      write(slot, item.marks);
+      write(slot, item);
       pool_.give_back(slot);
     } else if (ending) {
       break;
@@ -222,13 +222,13 @@ void FileWriter::run() noexcept {
   if (!taken) fail(taken);
 }
 
-void FileWriter::write(rt::FrameSlot& slot, std::uint32_t marks) {
+void FileWriter::write(rt::FrameSlot& slot, const Item& item) {
   if (broken()) {
     ++result_.unwritten;
     return;
   }
   const std::int64_t begin_ns = monotonic_ns();
-  Status good = tried([&] { return append(slot, marks); });
+  Status good = tried([&] { return append(slot, item); });
   result_.longest_write_ms =
       std::max(result_.longest_write_ms, static_cast<double>(monotonic_ns() - begin_ns) * kMsPerNs);
   if (good) {
@@ -239,7 +239,14 @@ void FileWriter::write(rt::FrameSlot& slot, std::uint32_t marks) {
   fail(std::move(good));
 }
 
-Status FileWriter::append(const rt::FrameSlot& slot, std::uint32_t marks) {
+// The daemon may find, once frames flow, that the camera's clock shows another one than its settings.
+Status FileWriter::state_period(double period_s) {
+  if (period_s == options_.info.format.frame_period_s) return {};
+  options_.info.format.frame_period_s = period_s;
+  return capture_->write_attribute("frame_period_s", period_s);
+}
+
+Status FileWriter::append(const rt::FrameSlot& slot, const Item& item) {
   const double t_s = seconds_of(slot.meta.camera_ns);
   const double half_s = 0.5 * options_.info.format.frame_period_s;
   if (options_.split_s > 0.0 && frames_in_file_ > 0 && t_s - file_begin_s_ + half_s >= options_.split_s) {
@@ -247,12 +254,13 @@ Status FileWriter::append(const rt::FrameSlot& slot, std::uint32_t marks) {
     if (Status good = open_next(); !good) return good;
     take_closed(false);
   }
+  if (Status good = state_period(item.period_s); !good) return good;
   for (const auto& [mark, kind] :
        {std::pair{kMarkReconnect, "reconnect"}, {kMarkGap, "gap"}, {kMarkNuc, "nuc"}, {kMarkClockStep, "clock_step"}}) {
-    if ((marks & mark) == 0) continue;
+    if ((item.marks & mark) == 0) continue;
     if (Status good = capture_->add_event({t_s, kind}); !good) return good;
   }
-  const BlockMotion* motion = (marks & kMarkMotion) != 0 ? motion_of(slot) : nullptr;
+  const BlockMotion* motion = (item.marks & kMarkMotion) != 0 ? motion_of(slot) : nullptr;
   const capture::FrameTimes times{seconds_of(host_time_ns(slot.meta)), seconds_of(slot.meta.utc_ns),
                                   seconds_of(slot.meta.utc_uncertainty_ns)};
   if (Status good = capture_->append(t_s, slot.meta.frame_id, slot.data, nullptr, motion, &times); !good) return good;

@@ -80,7 +80,8 @@ class FileWriter {
   BlockMotion* motion_of(const rt::FrameSlot& slot) noexcept {
     return options_.motion ? motion_.data() + slot.index * blocks_ : nullptr;
   }
-  void put(rt::FrameSlot& slot, std::uint32_t marks) noexcept;
+  // `period_s`: the stream's by now; the file states its last frame's.
+  void put(rt::FrameSlot& slot, std::uint32_t marks, double period_s) noexcept;
 
   // Writing has failed; finish() has the error. Thread: any.
   bool broken() const noexcept { return broken_.load(std::memory_order_relaxed); }
@@ -94,6 +95,7 @@ class FileWriter {
   struct Item {
     std::uint32_t slot;
     std::uint32_t marks;
+    double period_s;
   };
   struct Closing {
     std::filesystem::path file;
@@ -105,8 +107,9 @@ class FileWriter {
   Status close_current();
   void take_closed(bool wait);
   void run() noexcept;
-  void write(rt::FrameSlot& slot, std::uint32_t marks);
-  Status append(const rt::FrameSlot& slot, std::uint32_t marks);
+  void write(rt::FrameSlot& slot, const Item& item);
+  Status append(const rt::FrameSlot& slot, const Item& item);
+  Status state_period(double period_s);
   void commit_if_idle();
   void fail(Status status);
 

@@ -124,7 +124,8 @@ class Recording {
     }
     slot_->meta = meta;
     if (shm::has_motion(frame.layout, head)) marks_ |= kMarkMotion;
-    writer_->put(*std::exchange(slot_, nullptr), std::exchange(marks_, kMarkNone));
+    writer_->put(*std::exchange(slot_, nullptr), std::exchange(marks_, kMarkNone),
+                 stream_.reader().header().frame_period_s);
     if (taken_++ == 0) first_ns_ = monotonic_ns();
   }
 
