@@ -13,6 +13,9 @@
 
 namespace bolo::v4l2_source {
 
+// Part of the errors about a device that another program has.
+inline constexpr const char* kInUse = "another program uses it";
+
 // Rows of the device's frames that are the image: those before and after are metadata, or another image.
 struct Rows {
   int first = 0;

@@ -55,7 +55,7 @@ std::string describe_error(int error) {
     case EPERM:
       return "this user may not open it: join the group video";
     case EBUSY:
-      return "another program uses it, perhaps a bolod that runs: end that one";
+      return std::string(kInUse) + ", perhaps a bolod that runs: end that one";
     default:
       return std::strerror(error);
   }

@@ -194,9 +194,11 @@ class CaptureWriter {
   Status add_event(const Event& event);
   // /points/x and /points/y, int32: one for each pixel of the frames, which are one row. Once.
   Status write_points(const std::vector<Point>& points);
-  // A root attribute beyond the format's own (settings of a deblurring run and the like), or another value for one.
+  // A root attribute beyond the format's own: settings of a deblurring run and the like.
   Status write_attribute(const std::string& name, const std::variant<double, std::string>& value);
   Status write_attributes(const std::vector<Attribute>& attributes);
+  // Another frame period, s, than the info's: found once frames came.
+  Status state_period(double period_s);
 
   // Commits what was appended since the last commit: for sources that pause.
   Status commit();

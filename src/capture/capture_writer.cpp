@@ -236,11 +236,16 @@ struct CaptureWriter::Impl {
     return {};
   }
 
+  bool state_again(const char* name, double value) {
+    const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
+    const bool gone = H5Aexists(root.get(), name) == 0 || H5Adelete(root.get(), name) >= 0;
+    return gone && h5::write_attribute(root.get(), name, value);
+  }
+
   bool state_uncertainty() {
     if (uncertainty_s <= stated_uncertainty_s) return true;
-    const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
     stated_uncertainty_s = uncertainty_s;
-    return h5::write_attribute(root.get(), "utc_uncertainty_s", uncertainty_s);
+    return state_again("utc_uncertainty_s", uncertainty_s);
   }
 
   // On failure the file is given up, as its last commit left it.
@@ -389,6 +394,12 @@ Status CaptureWriter::write_attribute(const std::string& name, const std::varian
 Status CaptureWriter::write_attributes(const std::vector<Attribute>& attributes) {
   for (const Attribute& attribute : attributes) RETURN_IF_ERROR(impl_->write_attribute(attribute));
   return {};
+}
+
+Status CaptureWriter::state_period(double period_s) {
+  const h5::Quiet quiet;
+  if (!impl_->file) return impl_->closed();
+  return impl_->state_again("frame_period_s", period_s) ? Status() : impl_->broken("the period cannot be written");
 }
 
 Status CaptureWriter::commit() {

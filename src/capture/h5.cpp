@@ -181,7 +181,6 @@ Result<std::vector<T>> read_series(hid_t file, const std::string& path, Expect e
 }
 
 bool write_attribute_of(hid_t owner, const std::string& name, hid_t type, const void* value) {
-  if (H5Aexists(owner, name.c_str()) > 0 && H5Adelete(owner, name.c_str()) < 0) return false;
   const Handle space(H5Screate(H5S_SCALAR));
   const Handle attribute(H5Acreate2(owner, name.c_str(), type, space.get(), H5P_DEFAULT, H5P_DEFAULT));
   return attribute && H5Awrite(attribute.get(), type, value) >= 0;

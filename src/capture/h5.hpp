@@ -88,7 +88,7 @@ bool has_attribute(const Owner& owner, const std::string& name);
 Result<double> number_attribute(const Owner& owner, const std::string& name);  // finite
 Result<std::string> string_attribute(const Owner& owner, const std::string& name);
 
-// Replaces the attribute that is there already.
+// Replaces nothing: fails when the attribute is there already.
 bool write_attribute(hid_t owner, const std::string& name, double value);
 bool write_attribute(hid_t owner, const std::string& name, std::int64_t value);
 bool write_attribute(hid_t owner, const std::string& name, const std::string& value);

@@ -1,4 +1,9 @@
 // Facts of a host that bolo doctor reads, and its verdicts on them.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cstdlib>
+
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 #include "tools/doctor/checks.hpp"
@@ -116,6 +121,21 @@ TEST(Doctor, NamesAFaultWithItsFix) {
        }},
       {"camera", kProblem, "plug the camera in", [](Facts& f, Needs&) { f.device = bad_input("plug the camera in"); }},
       {"camera", kGood, "", [](Facts& f, Needs&) { f.device = "Boson"; }},
+      {"camera", kGood, "",
+       [](Facts& f, Needs&) {
+         f.device = bad_input("another program uses it");
+         f.holder = Holder{"process 7 (bolod)", true};
+       }},
+      {"camera", kProblem, "end that program",
+       [](Facts& f, Needs&) {
+         f.device = bad_input("another program uses it");
+         f.holder = Holder{"process 7 (guvcview)"};
+       }},
+      {"camera", kAdvice, "end that program", [](Facts& f, Needs&) { f.holder = Holder{"a program at 192.168.7.9"}; }},
+      {"camera", kGood, "",
+       [](Facts& f, Needs&) {
+         f.holder = Holder{"process 7 (bolod)", true};
+       }},
       {"mtu", kGood, "",
        [](Facts& f, Needs&) {
          f.device = "Boson";
@@ -175,6 +195,21 @@ TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {
   for (const char* name : {"receive_buffer", "mtu", "clock"}) {
     EXPECT_EQ(check_of(checks, name).verdict, Verdict::kUnknown) << name;
   }
+}
+
+TEST(Doctor, NamesTheProcessThatHasADevice) {
+  const int terminal = posix_openpt(O_RDWR | O_NOCTTY);
+  ASSERT_EQ(grantpt(terminal) + unlockpt(terminal), 0);
+  const std::string device = ptsname(terminal);
+  EXPECT_FALSE(holder_of(device));
+  const int side = open(device.c_str(), O_RDWR | O_NOCTTY);
+  const auto holder = holder_of(device);
+  ASSERT_TRUE(holder);
+  EXPECT_EQ(holder->text, "process " + std::to_string(getpid()) + " (doctor_test)");
+  EXPECT_FALSE(holder->bolod);
+  close(side);
+  close(terminal);
+  EXPECT_FALSE(holder_of("/dev/video-that-is-not"));
 }
 
 // A host made of files.

@@ -37,6 +37,12 @@ struct UsbFound {
   bool writable = false;
 };
 
+// The program that has the camera.
+struct Holder {
+  std::string text;  // "process 123 (bolod)"
+  bool bolod = false;
+};
+
 // An empty optional: it could not be found out.
 struct Facts {
   std::optional<int> receive_buffer_max;  // net.core.rmem_max, bytes
@@ -63,6 +69,7 @@ struct Facts {
   std::vector<genicam::FoundCamera> cameras;  // that answered
   std::optional<bool> answers;                // the address that was asked for
   std::optional<Result<std::string>> device;  // the camera is a video device: what it is, or why it cannot be used
+  std::optional<Holder> holder;               // of the camera, or of its video device
 
   std::optional<ClockState> clock;
   std::vector<std::string> time_services;  // their reports: chrony, linuxptp
@@ -77,6 +84,9 @@ struct CameraQuery {
 // Reads the host below `root` ("/"; another one for tests, which then sees files only) and asks the network. Takes up
 // to some seconds. Thread: setup.
 Facts gather(const CameraQuery& query, const std::filesystem::path& root = "/");
+
+// The process that has this device open, a bolod first, as far as this user may see. Thread: any.
+std::optional<Holder> holder_of(const std::filesystem::path& device);
 
 enum class Verdict {
   kGood,

@@ -6,6 +6,7 @@
 #include <netinet/in.h>
 #include <sys/ioctl.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <sys/timex.h>
 #include <unistd.h>
@@ -219,6 +220,8 @@ void query_cameras(const CameraQuery& query, Facts& facts) {
     address = at->address;
   }
   if (const auto route = genicam::route_to(address)) facts.route_interface = route->interface;
+  if (const auto from = genicam::controller_of(address))
+    facts.holder = {"a program" + (from->empty() ? "" : " at " + *from)};
 }
 
 void find_versions(Facts& facts) {
@@ -231,6 +234,23 @@ void find_versions(Facts& facts) {
 }
 
 }  // namespace
+
+std::optional<Holder> holder_of(const fs::path& device) {
+  struct stat wanted {};
+  struct stat open {};
+  std::optional<Holder> holder;
+  if (stat(device.c_str(), &wanted) != 0 || !S_ISCHR(wanted.st_mode)) return holder;
+  for (const fs::path& process : entries_of("/proc")) {
+    const bool has = std::ranges::any_of(entries_of(process / "fd"), [&](const fs::path& fd) {
+      return stat(fd.c_str(), &open) == 0 && S_ISCHR(open.st_mode) && open.st_rdev == wanted.st_rdev;
+    });
+    if (!has) continue;
+    const std::string name = first_line(process / "comm");
+    if (!holder || name == "bolod")
+      holder = {"process " + process.filename().string() + " (" + name + ")", name == "bolod"};
+  }
+  return holder;
+}
 
 Facts gather(const CameraQuery& query, const fs::path& root) {
   Facts facts;

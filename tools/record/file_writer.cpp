@@ -243,7 +243,7 @@ void FileWriter::write(rt::FrameSlot& slot, const Item& item) {
 Status FileWriter::state_period(double period_s) {
   if (period_s == options_.info.format.frame_period_s) return {};
   options_.info.format.frame_period_s = period_s;
-  return capture_->write_attribute("frame_period_s", period_s);
+  return capture_->state_period(period_s);
 }
 
 Status FileWriter::append(const rt::FrameSlot& slot, const Item& item) {
