@@ -1,4 +1,6 @@
 // bolo simulate through its executable.
+#include <sys/resource.h>
+
 #include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
@@ -144,6 +146,19 @@ TEST_F(SimulateVerb, ListsTheEffects) {
     EXPECT_NE(sim::find_effect(effect.at("name").get<std::string>()), nullptr);
     for (const char* key : {"stage", "about", "in_catalogue", "parameters", "forms"}) EXPECT_TRUE(effect.contains(key));
   }
+}
+
+// The limit on file size stands for the end of the disk. The program inherits it from this process.
+TEST_F(SimulateVerb, AFullDiskLeavesNothing) {
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit limit{rlim_t{2} << 20, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  const auto outcome = run({"-o", file("full.h5"), "--frames", "300", "--width", "160", "--height", "120"});
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  EXPECT_EQ(outcome.exit_code, 1);
+  expect_parts(outcome.err, {"no room to write"});
+  for (const auto& left : std::filesystem::directory_iterator(folder_)) ADD_FAILURE() << left.path();
 }
 
 TEST_F(SimulateVerb, NeedsAnOutput) { refused({}); }

@@ -33,6 +33,20 @@ constexpr double kLongest_s = 86400.0;
 constexpr std::array kSolvers{"admm", "motion"};
 constexpr std::array kLogs{"simulate", "fakecam", "bolod", "view"};  // .out and .err each
 
+// In the folder that the user named, or else among temporary files.
+Status check_room(const fs::path& named) {
+  constexpr std::uintmax_t kMegabyte = 1'000'000;
+  constexpr std::uintmax_t kNeeded = 400 * kMegabyte;  // the capture with its truth is 370
+  std::error_code error;
+  fs::path folder = named.empty() ? fs::temp_directory_path(error) : fs::absolute(named, error);
+  while (folder.has_relative_path() && !fs::exists(folder, error)) folder = folder.parent_path();
+  const std::uintmax_t free = fs::space(folder, error).available;
+  if (error || free >= kNeeded) return {};
+  return bad_input(folder.string() + ": " + std::to_string(free / kMegabyte) + " MB are free, and the demonstration " +
+                   "needs " + std::to_string(kNeeded / kMegabyte) + " MB; name a folder with more by -o FOLDER" +
+                   (named.empty() ? ", or by TMPDIR" : ""));
+}
+
 // A folder that is gone afterwards, or the one that the user named.
 struct Folder {
   static Result<Folder> make(const fs::path& named) {
@@ -227,7 +241,9 @@ int demo_main(int argc, char** argv) {
   return run_verb("demo", std::move(options), argc, argv, [](const cxxopts::ParseResult& given) -> Status {
     const auto seconds = given["seconds"].as<double>();
     if (!(seconds > 0.0 && seconds <= kLongest_s)) return bad_input("--seconds must lie in 0 to 86400");
-    ASSIGN_OR_RETURN(auto folder, Folder::make(given.count("output") != 0 ? given["output"].as<std::string>() : ""));
+    const fs::path named = given.count("output") != 0 ? given["output"].as<std::string>() : "";
+    RETURN_IF_ERROR(check_room(named));
+    ASSIGN_OR_RETURN(auto folder, Folder::make(named));
     return Demonstration(std::move(folder), replace_of(given)).run(seconds, given.count("no-page") == 0);
   });
 }

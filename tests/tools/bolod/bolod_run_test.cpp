@@ -316,6 +316,15 @@ TEST_F(Bolod, TheShippedConfigurationsAreRight) {
   }
 }
 
+TEST_F(Bolod, ACpuThatIsNotThereIsRefused) {
+  done({"--check-config", "--config", config("[pipeline]\ncpus = [0]\n")});
+  for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--check-config"}}) {
+    std::vector<std::string> words{"--config", config("[pipeline]\ncpus = [0, 4000]\n")};
+    words.insert(words.end(), more.begin(), more.end());
+    refused(words, "pipeline.cpus names CPU 4000, which this computer has not");
+  }
+}
+
 TEST_F(Bolod, ASourceThatCannotBeIsRefusedInOneLine) {
   const auto refuses = [&](const std::string& keys, const std::string& why) {
     refused({"--config", config("[source]\n" + keys)}, why);

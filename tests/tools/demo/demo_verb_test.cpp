@@ -17,4 +17,9 @@ TEST_F(DemoVerb, ReplacesNothing) {
   }
 }
 
+// Where nothing can be stored, and no folder be made.
+TEST_F(DemoVerb, SaysHowMuchRoomItNeedsBeforeItBegins) {
+  refused({"-o", "/sys/demonstration/of-bolo"}, "/sys: 0 MB are free, and the demonstration needs 400 MB");
+}
+
 }  // namespace bolo::tools::test::demo_verb_test
