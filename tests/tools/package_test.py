@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 BUILD, SOURCE = (pathlib.Path(path) for path in sys.argv[1:3])
@@ -40,6 +41,22 @@ class Installed(unittest.TestCase):
                 self.assertTrue((self.root / program[1:]).is_file(), program)
             for page, chapter in re.findall(r"man:([\w.-]+)\((\d)\)", text):
                 self.assertTrue((self.root / f"usr/share/man/man{chapter}/{page}.{chapter}.gz").is_file(), page)
+
+    def test_a_fake_camera_whose_first_start_was_cut_off_starts_again(self):
+        folder = self.root / "fakecam"
+        folder.mkdir()
+        unit = (self.root / "usr/lib/systemd/system/bolo-fakecam.service").read_text()
+        line = re.search(r"^ExecStartPre=/bin/sh -c '(.*)'$", unit, re.M)[1].replace("/usr/bin", f"{self.root}/usr/bin")
+        line = line.replace("%S/bolo-fakecam", str(folder)).replace("--frames 800", "--frames 3")
+        endless = [self.root / "usr/bin/bolo", "simulate", "-o", folder / "street.h5", "--frames", "5000"]
+        cut_off = subprocess.Popen(endless)
+        while not (folder / "street.h5.part").exists() or (folder / "street.h5.part").stat().st_size < 100_000:
+            self.assertIsNone(cut_off.poll())
+            time.sleep(0.01)
+        cut_off.kill()
+        cut_off.wait()
+        self.assertEqual(subprocess.run(["sh", "-c", line], stdout=subprocess.DEVNULL).returncode, 0)
+        self.assertTrue((folder / "street.h5").is_file())
 
     def test_no_setting_of_the_kernel_is_anybodys_but_ours(self):
         self.assertFalse(list(self.root.rglob("modprobe.d")), "v4l2loopback's options are those of all its users")

@@ -63,7 +63,8 @@ std::string line_of(const UsbDevice& device) {
     if (!text->empty()) line += "  " + *text;
   }
   if (!device.serial.empty()) line += "  serial " + device.serial;
-  if (!device.allowed) line += "  (not allowed to open " + device.node + ": see systemd/60-bolo-usb.rules)";
+  if (!device.allowed)
+    line += "  (not allowed to open " + device.node + ": join the group video; its udev rule is 60-bolo-usb.rules)";
   return printable(line);
 }
 

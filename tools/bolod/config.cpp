@@ -404,7 +404,12 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
   DaemonConfig config;
   Overrides overrides;
   KeyTable keys = config_keys(config, overrides);
-  RETURN_IF_ERROR(keys.read(file));
+  const Status read = keys.read(file);
+  if (!read && model::read_profile(file)) {
+    return bad_input(file.string() + ": this is a camera's profile: a configuration names it, profile = '" +
+                     file.filename().string() + "'");
+  }
+  RETURN_IF_ERROR(read);
   config.file = file;
   config.texts = config_keys(config, overrides).texts();
   RETURN_IF_ERROR(apply_profile(keys, config, overrides));

@@ -249,10 +249,10 @@ Check usb(const Facts& facts) {
   check.found = names.empty() ? "none" : list(names);
   if (closed.empty()) return check;
   return advice(
-      check, list(closed) +
-                 " may not be written: install the udev rule: cp systemd/60-bolo-usb.rules /etc/udev/rules.d/; udevadm "
-                 "control --reload; join the "
-                 "group video and plug it in again");
+      check,
+      list(closed) +
+          " may not be written: join the group video, log in again and plug it in again; without the package bolo "
+          "install its udev rule first: cp systemd/60-bolo-usb.rules /etc/udev/rules.d/; udevadm control --reload");
 }
 
 // The releases that this program was tried with; older ones miss what it relies on.

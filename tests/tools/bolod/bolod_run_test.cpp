@@ -316,6 +316,13 @@ TEST_F(Bolod, TheShippedConfigurationsAreRight) {
   }
 }
 
+TEST_F(Bolod, AProfileIsNoConfiguration) {
+  for (const std::string camera : {"a655sc", "boson", "lepton"}) {
+    refused({"--check-config", "--config", std::string(BOLO_SOURCE_DIR "/config/") + camera + ".toml"},
+            "this is a camera's profile: a configuration names it, profile = '" + camera + ".toml'");
+  }
+}
+
 TEST_F(Bolod, ACpuThatIsNotThereIsRefused) {
   done({"--check-config", "--config", config("[pipeline]\ncpus = [0]\n")});
   for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--check-config"}}) {
