@@ -50,7 +50,7 @@ class Installed(unittest.TestCase):
         line = line.replace("%S/bolo-fakecam", str(folder)).replace("--frames 800", "--frames 3")
         endless = [self.root / "usr/bin/bolo", "simulate", "-o", folder / "street.h5", "--frames", "5000"]
         cut_off = subprocess.Popen(endless)
-        while not (folder / "street.h5.part").exists() or (folder / "street.h5.part").stat().st_size < 100_000:
+        while not (folder / "street.h5.part").exists() or (folder / "street.h5.part").stat().st_size < 60_000_000:
             self.assertIsNone(cut_off.poll())
             time.sleep(0.01)
         cut_off.kill()
