@@ -175,18 +175,6 @@ std::optional<std::vector<unsigned char>> read_memory(const std::string& ipv4, s
   return std::vector<unsigned char>(answer->begin() + kAddressBytes, answer->begin() + kAddressBytes + bytes);
 }
 
-std::optional<std::string> controller_of(const std::string& ipv4) {
-  constexpr std::uint32_t kControl = 0x3;  // exclusive access, or control access
-  const UdpSocket asking;
-  if (asking.connect_to(ipv4) != 0) return std::nullopt;
-  const auto privilege = query(asking, Command::kReadRegister, {kPrivilege});
-  if (!privilege || (*privilege & kControl) == 0) return std::nullopt;
-  const in_addr holder{htonl(query(asking, Command::kReadRegister, {kPrimaryAddress}).value_or(0))};
-  std::array<char, INET_ADDRSTRLEN> text{};
-  if (holder.s_addr != 0) inet_ntop(AF_INET, &holder, text.data(), text.size());
-  return text.data();
-}
-
 bool free_from_dead_program(const std::string& ipv4, const std::string& own_address) {
   const UdpSocket living;
   if (living.connect_to(ipv4) != 0) return false;

@@ -38,10 +38,6 @@ bool answers_gvcp(const std::string& ipv4);
 std::optional<std::vector<unsigned char>> read_memory(const std::string& ipv4, std::uint32_t address,
                                                       std::uint32_t bytes);
 
-// The address of the program that controls the camera; empty where the camera does not tell it. Nothing when none does,
-// or the camera is silent. Thread: setup.
-std::optional<std::string> controller_of(const std::string& ipv4);
-
 // Takes control of the camera away from a program on this computer that died: a camera grants it until no heartbeat
 // came for some 3 s, and has the holder's address and port in registers, if at all. Only when no process has that port
 // any more, from which the camera is then sent a release of control. True when it was. Thread: setup.

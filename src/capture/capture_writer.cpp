@@ -399,7 +399,7 @@ Status CaptureWriter::write_attributes(const std::vector<Attribute>& attributes)
 Status CaptureWriter::state_period(double period_s) {
   const h5::Quiet quiet;
   if (!impl_->file) return impl_->closed();
-  return impl_->state_again("frame_period_s", period_s) ? Status() : impl_->broken("the period cannot be written");
+  return impl_->state_again("frame_period_s", period_s) ? Status() : impl_->broken("frame_period_s cannot be written");
 }
 
 Status CaptureWriter::commit() {

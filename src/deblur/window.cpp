@@ -10,10 +10,9 @@ namespace {
 // less than the error that one frame of noise makes at 10 K of contrast; beyond it the frame is flagged.
 constexpr double kGridTolerance = 0.1;
 constexpr double kMostJitter = 1.0;  // periods by which a clock may err: stamps of a busy host
-constexpr int kScatterSteps = 16;    // of a clock, that its scatter is the mean of
+constexpr int kScatterSteps = 16;    // of a clock, that its scatter is the mean of, and by how much the period is wrong
 constexpr int kSteadySteps = 4;      // that it is given to begin with: one late stamp is no scatter
 constexpr double kBeyondChance = 5;  // mean distances: four standard deviations
-constexpr double kDriftSteps = 16;   // over which steps that all err to one side are judged together: a wrong period
 
 }  // namespace
 
@@ -33,10 +32,8 @@ std::int64_t FrameSteps::next(const FrameMeta& frame, std::uint64_t repeats, dou
   const std::int64_t steps = by_clock ? static_cast<std::int64_t>(nearest) : counted;
   const double off = std::abs(periods - static_cast<double>(steps));
   last_ = frame;
-  if (steps >= 1 && off <= kGridTolerance) {
-    drift_ += ((periods - static_cast<double>(steps)) / static_cast<double>(steps) - drift_) / kDriftSteps;
-  }
-  off_grid = off > kGridTolerance || std::abs(drift_) * kDriftSteps > kGridTolerance;
+  if (steps >= 1 && off <= kGridTolerance) drift_ += ((periods - nearest) / nearest - drift_) / kScatterSteps;
+  off_grid = off > kGridTolerance || std::abs(drift_) * kScatterSteps > kGridTolerance;
   if (steps < 1) return steps;
   count_ = std::min(count_ + 1, kScatterSteps - kSteadySteps);
   scatter_ += (std::min(off, kMostJitter) - scatter_) / (count_ + kSteadySteps);

@@ -25,9 +25,6 @@ class FrameSteps {
   // as repeats. Thread: pipeline.
   std::int64_t next(const FrameMeta& frame, std::uint64_t repeats, double period_s, bool& off_grid) noexcept;
 
-  // Another period from now on. Thread: pipeline.
-  void forget_drift() noexcept { drift_ = 0.0; }
-
  private:
   FrameMeta last_;
   double scatter_ = 0.0;  // periods, mean distance of the clock's steps from the grid
@@ -68,7 +65,7 @@ class Window {
   // The source's true period. For frames pushed from now on: give the next one with `restart`. Thread: pipeline.
   void set_period(double period_s) noexcept {
     period_s_ = period_s;
-    steps_.forget_drift();
+    steps_ = {};
   }
 
   // The source has ended: frames that wait for their look-ahead become ready without it. Thread: pipeline.

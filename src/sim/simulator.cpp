@@ -361,9 +361,8 @@ Status write_capture(Simulator& simulator, const OutputFile& file, const Capture
     status = writer.append(static_cast<double>(k) / settings.rate_hz, k, plane.data(), truth_plane);
     if (status && !progress(k + 1) && k + 1 < options.frames) return writer.complete();
   }
-  if (status) return writer.close();
-  writer.discard();  // a part of a simulation is of no use: the same seed makes all of it again
-  return status;
+  if (!status) writer.discard();  // a part is of no use: the same seed makes all of it again
+  return status ? writer.close() : status;
 }
 
 }  // namespace bolo::sim

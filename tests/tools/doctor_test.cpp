@@ -1,5 +1,6 @@
 // Facts of a host that bolo doctor reads, and its verdicts on them.
 #include <fcntl.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -121,21 +122,6 @@ TEST(Doctor, NamesAFaultWithItsFix) {
        }},
       {"camera", kProblem, "plug the camera in", [](Facts& f, Needs&) { f.device = bad_input("plug the camera in"); }},
       {"camera", kGood, "", [](Facts& f, Needs&) { f.device = "Boson"; }},
-      {"camera", kGood, "",
-       [](Facts& f, Needs&) {
-         f.device = bad_input("another program uses it");
-         f.holder = Holder{"process 7 (bolod)", true};
-       }},
-      {"camera", kProblem, "end that program",
-       [](Facts& f, Needs&) {
-         f.device = bad_input("another program uses it");
-         f.holder = Holder{"process 7 (guvcview)"};
-       }},
-      {"camera", kAdvice, "end that program", [](Facts& f, Needs&) { f.holder = Holder{"a program at 192.168.7.9"}; }},
-      {"camera", kGood, "",
-       [](Facts& f, Needs&) {
-         f.holder = Holder{"process 7 (bolod)", true};
-       }},
       {"mtu", kGood, "",
        [](Facts& f, Needs&) {
          f.device = "Boson";
@@ -197,19 +183,20 @@ TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {
   }
 }
 
-TEST(Doctor, NamesTheProcessThatHasADevice) {
+TEST(Doctor, NamesTheProcessThatHasAVideoDevice) {
   const int terminal = posix_openpt(O_RDWR | O_NOCTTY);
   ASSERT_EQ(grantpt(terminal) + unlockpt(terminal), 0);
   const std::string device = ptsname(terminal);
-  EXPECT_FALSE(holder_of(device));
+  const Error refused{ErrorKind::kBadInput, device + ": another program uses it"};
+  EXPECT_EQ(used_by(refused, "no-such-daemon").error().message, refused.message);
   const int side = open(device.c_str(), O_RDWR | O_NOCTTY);
-  const auto holder = holder_of(device);
-  ASSERT_TRUE(holder);
-  EXPECT_EQ(holder->text, "process " + std::to_string(getpid()) + " (doctor_test)");
-  EXPECT_FALSE(holder->bolod);
+  const std::string process = device + ": process " + std::to_string(getpid());
+  EXPECT_EQ(used_by(refused, "").error().message, process + " (doctor_test) uses it: end that program");
+  prctl(PR_SET_NAME, "bolod");
+  EXPECT_EQ(used_by(refused, "").value_or(""), process + " (bolod) uses it");
+  prctl(PR_SET_NAME, "doctor_test");
   close(side);
   close(terminal);
-  EXPECT_FALSE(holder_of("/dev/video-that-is-not"));
 }
 
 // A host made of files.

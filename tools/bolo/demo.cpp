@@ -33,18 +33,15 @@ constexpr double kLongest_s = 86400.0;
 constexpr std::array kSolvers{"admm", "motion"};
 constexpr std::array kLogs{"simulate", "fakecam", "bolod", "view"};  // .out and .err each
 
-// In the folder that the user named, or else among temporary files.
 Status check_room(const fs::path& named) {
-  constexpr std::uintmax_t kMegabyte = 1'000'000;
-  constexpr std::uintmax_t kNeeded = 400 * kMegabyte;  // the capture with its truth is 370
+  constexpr std::uintmax_t kNeeded = 400;  // MB: the capture with its truth is 370
   std::error_code error;
   fs::path folder = named.empty() ? fs::temp_directory_path(error) : fs::absolute(named, error);
   while (folder.has_relative_path() && !fs::exists(folder, error)) folder = folder.parent_path();
-  const std::uintmax_t free = fs::space(folder, error).available;
+  const std::uintmax_t free = fs::space(folder, error).available / 1'000'000;
   if (error || free >= kNeeded) return {};
-  return bad_input(folder.string() + ": " + std::to_string(free / kMegabyte) + " MB are free, and the demonstration " +
-                   "needs " + std::to_string(kNeeded / kMegabyte) + " MB; name a folder with more by -o FOLDER" +
-                   (named.empty() ? ", or by TMPDIR" : ""));
+  return bad_input(folder.string() + ": " + std::to_string(free) + " MB are free, and the demonstration needs " +
+                   std::to_string(kNeeded) + " MB; name a folder with more by -o FOLDER, or by TMPDIR");
 }
 
 // A folder that is gone afterwards, or the one that the user named.

@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "drivers/shm/shm_reader.hpp"
 #include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/bolod/config.hpp"
@@ -35,23 +34,6 @@ doctor::Needs needs_of(const daemon::DaemonConfig& config, const cxxopts::ParseR
     needs.video |= sink->group() == "video" && !sink->describe(context).empty();
   }
   return needs;
-}
-
-// The process that has the configuration's camera. A daemon of the configuration's name is taken to be it where nothing
-// tells more: a process of another user shows its open devices to root alone.
-std::optional<doctor::Holder> holder_of(const daemon::DaemonConfig& config, const doctor::Facts& facts) {
-  const bool busy =
-      facts.device && !*facts.device && facts.device->error().message.find(v4l2_source::kInUse) != std::string::npos;
-  if (!busy && !facts.holder) return std::nullopt;
-  std::string node = config.video.device;
-  for (const v4l2_source::VideoNode& one : v4l2_source::kernel_video().nodes()) {
-    if (one.serial == node) node = one.path;
-  }
-  std::optional<doctor::Holder> holder = busy ? doctor::holder_of(node) : facts.holder;
-  if (busy && holder) return holder;
-  const auto daemon = shm::ShmReader::open(config.name);
-  if (!daemon || daemon->closed()) return holder;
-  return doctor::Holder{fmt::format("process {} (bolod)", daemon->header().writer_pid), true};
 }
 
 // As bolod opens it.
@@ -94,7 +76,9 @@ Result<int> run_doctor(const cxxopts::ParseResult& given) {
   const bool video = config.source == daemon::SourceType::kV4l2 && needs.address.empty();
   doctor::Facts facts = doctor::gather({needs.address, given.count("no-camera") == 0 && !video});
   if (video) facts.device = look_at(config.video);
-  facts.holder = holder_of(config, facts);
+  if (video && !*facts.device && facts.device->error().message.find(v4l2_source::kInUse) != std::string::npos) {
+    facts.device = doctor::used_by(facts.device->error(), config.name);
+  }
   const auto checks = doctor::judge(facts, needs);
   if (given.count("json") != 0) {
     std::puts(json_text(to_json(checks), 2).c_str());

@@ -64,7 +64,7 @@ std::string line_of(const UsbDevice& device) {
   }
   if (!device.serial.empty()) line += "  serial " + device.serial;
   if (!device.allowed)
-    line += "  (not allowed to open " + device.node + ": join the group video; its udev rule is 60-bolo-usb.rules)";
+    line += "  (not allowed to open " + device.node + ": join the group video; see 60-bolo-usb.rules)";
   return printable(line);
 }
 

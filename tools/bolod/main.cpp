@@ -2,7 +2,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
-#include <filesystem>
 #include <iostream>
 #include <string>
 
@@ -58,24 +57,15 @@ int usage(const std::string& what) {
   return kExitUsage;
 }
 
-// The kernel takes [0, 77] for [0] where there is no CPU 77.
-bolo::Status check_cpus(const bolo::daemon::DaemonConfig& config) {
-  const std::filesystem::path cpus = "/sys/devices/system/cpu";
-  std::error_code error;
-  if (!std::filesystem::exists(cpus, error)) return {};
-  for (const int cpu : config.pipeline.thread.cpus) {
-    if (std::filesystem::exists(cpus / ("cpu" + std::to_string(cpu)), error)) continue;
-    return bolo::bad_input(config.file.string() + ": pipeline.cpus names CPU " + std::to_string(cpu) +
-                           ", which this computer has not");
-  }
-  return {};
-}
-
 int run(const std::string& file, bool check_only) {
   if (!check_only) bolo::daemon::end_by_signals();  // the disk of the file may hang
   const bolo::Result<bolo::daemon::DaemonConfig> config = bolo::daemon::read_config(file);
   if (!config) return report(config.error());
-  if (const bolo::Status cpus = check_cpus(*config); !cpus) return report(cpus.error());
+  for (const int cpu : config->pipeline.thread.cpus) {  // the kernel takes [0, 77] for [0] where there is no CPU 77
+    if (cpu < sysconf(_SC_NPROCESSORS_CONF)) continue;
+    return report({bolo::ErrorKind::kBadInput,
+                   file + ": pipeline.cpus names CPU " + std::to_string(cpu) + ", which this computer has not"});
+  }
   if (check_only) {
     std::printf("%s: ok\n", bolo::printable(file).c_str());
     return printed();

@@ -37,12 +37,6 @@ struct UsbFound {
   bool writable = false;
 };
 
-// The program that has the camera.
-struct Holder {
-  std::string text;  // "process 123 (bolod)"
-  bool bolod = false;
-};
-
 // An empty optional: it could not be found out.
 struct Facts {
   std::optional<int> receive_buffer_max;  // net.core.rmem_max, bytes
@@ -69,7 +63,6 @@ struct Facts {
   std::vector<genicam::FoundCamera> cameras;  // that answered
   std::optional<bool> answers;                // the address that was asked for
   std::optional<Result<std::string>> device;  // the camera is a video device: what it is, or why it cannot be used
-  std::optional<Holder> holder;               // of the camera, or of its video device
 
   std::optional<ClockState> clock;
   std::vector<std::string> time_services;  // their reports: chrony, linuxptp
@@ -85,8 +78,10 @@ struct CameraQuery {
 // to some seconds. Thread: setup.
 Facts gather(const CameraQuery& query, const std::filesystem::path& root = "/");
 
-// The process that has this device open, a bolod first, as far as this user may see. Thread: any.
-std::optional<Holder> holder_of(const std::filesystem::path& device);
+// Of a video device that was refused because another program has it ("DEVICE: another program uses it ..."): which one,
+// as far as this user may see. An error unless it is a bolod; a living one of the configuration's name, `daemon`, is
+// taken to be it where the kernel does not tell. Thread: any.
+Result<std::string> used_by(const Error& refused, const std::string& daemon);
 
 enum class Verdict {
   kGood,

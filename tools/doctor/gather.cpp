@@ -24,6 +24,7 @@
 #include <hdf5.h>
 
 #include "drivers/genicam/network.hpp"
+#include "drivers/shm/shm_reader.hpp"
 #include "src/core/input_file.hpp"
 #include "src/core/unique_fd.hpp"
 #include "src/rt/thread.hpp"
@@ -220,8 +221,6 @@ void query_cameras(const CameraQuery& query, Facts& facts) {
     address = at->address;
   }
   if (const auto route = genicam::route_to(address)) facts.route_interface = route->interface;
-  if (const auto from = genicam::controller_of(address))
-    facts.holder = {"a program" + (from->empty() ? "" : " at " + *from)};
 }
 
 void find_versions(Facts& facts) {
@@ -233,23 +232,31 @@ void find_versions(Facts& facts) {
   facts.aravis = genicam::aravis_version();
 }
 
+// "process 7 (bolod)", which has this device open; empty: none that this user may look into.
+std::string holder_of(const fs::path& device) {
+  struct stat wanted {};
+  if (stat(device.c_str(), &wanted) != 0) return "";
+  for (const fs::path& process : entries_of("/proc")) {
+    for (const fs::path& file : entries_of(process / "fd")) {
+      struct stat open {};
+      if (stat(file.c_str(), &open) != 0 || !S_ISCHR(open.st_mode) || open.st_rdev != wanted.st_rdev) continue;
+      return fmt::format("process {} ({})", process.filename().string(), first_line(process / "comm"));
+    }
+  }
+  return "";
+}
+
 }  // namespace
 
-std::optional<Holder> holder_of(const fs::path& device) {
-  struct stat wanted {};
-  struct stat open {};
-  std::optional<Holder> holder;
-  if (stat(device.c_str(), &wanted) != 0 || !S_ISCHR(wanted.st_mode)) return holder;
-  for (const fs::path& process : entries_of("/proc")) {
-    const bool has = std::ranges::any_of(entries_of(process / "fd"), [&](const fs::path& fd) {
-      return stat(fd.c_str(), &open) == 0 && S_ISCHR(open.st_mode) && open.st_rdev == wanted.st_rdev;
-    });
-    if (!has) continue;
-    const std::string name = first_line(process / "comm");
-    if (!holder || name == "bolod")
-      holder = {"process " + process.filename().string() + " (" + name + ")", name == "bolod"};
+Result<std::string> used_by(const Error& refused, const std::string& daemon) {
+  const std::string device = refused.message.substr(0, refused.message.find(": "));
+  std::string holder = holder_of(device);
+  if (const auto stream = shm::ShmReader::open(daemon); holder.empty() && stream && !stream->closed()) {
+    holder = fmt::format("process {} (bolod)", stream->header().writer_pid);
   }
-  return holder;
+  if (holder.empty()) return tl::unexpected<Error>(refused);
+  if (!holder.ends_with("(bolod)")) return bad_input(device + ": " + holder + " uses it: end that program");
+  return device + ": " + holder + " uses it";
 }
 
 Facts gather(const CameraQuery& query, const fs::path& root) {

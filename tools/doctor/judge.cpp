@@ -266,27 +266,16 @@ Check library(const std::string& name, const std::string& title, const std::stri
   return problem(check, std::string("at least ") + least + ": that of Debian 12");
 }
 
-// Of a camera that answers. It may be free again by the time that bolod wants it.
-Check in_use(Check check, const Facts& facts) {
-  if (!facts.holder) return check;
-  check.found += "; " + facts.holder->text + " controls it";
-  return facts.holder->bolod ? check : advice(check, "end that program before bolod starts, if it is no bolod");
-}
-
 Check camera(const Facts& facts, const Needs& needs) {
   Check check{"camera", "Camera"};
   if (facts.device && *facts.device) return found(check, **facts.device);
-  if (facts.device && facts.holder) {
-    check.found = facts.holder->text + " uses its video device";
-    return facts.holder->bolod ? check : problem(check, "end that program");
-  }
   if (facts.device) return problem(found(check, "its video device cannot be used"), facts.device->error().message);
   std::vector<std::string> names;
   for (const genicam::FoundCamera& c : facts.cameras) names.push_back(c.model + " " + c.serial + " at " + c.address);
   if (!needs.address.empty()) {
     check.found = needs.address + (facts.answers.value_or(false) ? " answers" : " does not answer");
     if (!names.empty()) check.found += "; found: " + list(names);
-    if (facts.answers.value_or(false)) return in_use(check, facts);
+    if (facts.answers.value_or(false)) return check;
     return problem(
         check,
         "check power, cable and address: ping " + needs.address +
@@ -299,7 +288,7 @@ Check camera(const Facts& facts, const Needs& needs) {
   if (names.size() > 1) {
     return advice(check, "several cameras answer: set source.address in each configuration");
   }
-  return in_use(check, facts);
+  return check;
 }
 
 Check clock(const Facts& facts) {

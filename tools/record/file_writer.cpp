@@ -239,13 +239,6 @@ void FileWriter::write(rt::FrameSlot& slot, const Item& item) {
   fail(std::move(good));
 }
 
-// The daemon may find, once frames flow, that the camera's clock shows another one than its settings.
-Status FileWriter::state_period(double period_s) {
-  if (period_s == options_.info.format.frame_period_s) return {};
-  options_.info.format.frame_period_s = period_s;
-  return capture_->state_period(period_s);
-}
-
 Status FileWriter::append(const rt::FrameSlot& slot, const Item& item) {
   const double t_s = seconds_of(slot.meta.camera_ns);
   const double half_s = 0.5 * options_.info.format.frame_period_s;
@@ -254,7 +247,9 @@ Status FileWriter::append(const rt::FrameSlot& slot, const Item& item) {
     if (Status good = open_next(); !good) return good;
     take_closed(false);
   }
-  if (Status good = state_period(item.period_s); !good) return good;
+  if (std::exchange(options_.info.format.frame_period_s, item.period_s) != item.period_s) {
+    if (Status good = capture_->state_period(item.period_s); !good) return good;
+  }
   for (const auto& [mark, kind] :
        {std::pair{kMarkReconnect, "reconnect"}, {kMarkGap, "gap"}, {kMarkNuc, "nuc"}, {kMarkClockStep, "clock_step"}}) {
     if ((item.marks & mark) == 0) continue;

@@ -109,7 +109,6 @@ class FileWriter {
   void run() noexcept;
   void write(rt::FrameSlot& slot, const Item& item);
   Status append(const rt::FrameSlot& slot, const Item& item);
-  Status state_period(double period_s);
   void commit_if_idle();
   void fail(Status status);
 
