@@ -13,6 +13,7 @@ constexpr float kLeastGradient = 0.3F;       // of the noise in the past's mean
 constexpr float kLeastUncertainty = 0.005F;  // px a frame
 constexpr float kOfSpeed = 0.001F;
 constexpr float kOfMisfit = 0.3F;   // of the squared displacement that would explain a misfit: most of it is no motion
+constexpr float kByMotion = 3.0F;   // noise variances of a misfit: what is beyond them along a bend is of the bend
 constexpr float kSlowest = 0.05F;   // px a frame, that an uncertainty is relative to
 constexpr float kSlowPath = 0.3F;   // px a frame, that differences from the path are relative to
 constexpr float kSamePath = 0.1F;   // of the speed: up to here the path's weights are a block's
@@ -210,7 +211,9 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
           bent > 0.0F ? bent * path_weights_.change() * structure * table_->lag_factor(speed, blurred) : 0.0F;
       const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean + by_path), 0.0F);
       const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
-      const float from_fit = unexplained / gradient / (kMeanAge * kMeanAge);
+      const float bends = in.bridged == 0 ? bent : 0.0F;  // what was made up fits badly, too
+      const float of_motion = unexplained - bends * std::max(unexplained - kByMotion * noise, 0.0F);
+      const float from_fit = of_motion / gradient / (kMeanAge * kMeanAge);
       const float sigma =
           std::sqrt(kOfMisfit * from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
       unexplained_.at(c, row) = unexplained * age * age / noise;

@@ -147,6 +147,18 @@ TEST(MotionSolver, OneOrTwoLostFramesCostLittle) {
   }
 }
 
+// What does not fit along a bend is mostly the bend's, not a motion that is not known.
+TEST(MotionSolver, AHandThatTurns) {
+  Stream stream(
+      [still = Texture(11, 3.0)](double x, double y, double t) {
+        return still(x - 30.0 * std::sin(0.06 * t), y + 60.0 * std::cos(0.06 * t));
+      },
+      0.03, 60);
+  double sum = 0.0;
+  for (int k = 24; k < 60; k += 3) sum += std::pow(stream.error(settings_of(Method::kMotion, 0.03), k), 2);
+  EXPECT_LT(std::sqrt(sum / 12.0), 0.098);
+}
+
 TEST(MotionSolver, PartsAndPointsAreThoseOfTheWholeFrame) {
   Stream stream(pan(2.2, -0.7), 0.1, 24);
   const auto solver = make(settings_of(Method::kMotion, 0.1), format_of(PixelType::kUint16), PixelType::kUint16);
