@@ -65,12 +65,15 @@ struct Selector {
     return gain.total > kLeastGain && gain.z > (is_all ? kLeastZOfLarge : kLeastZ * std::sqrt(longer));
   }
 
-  // Adds the effect of the largest gain, fitted to convergence; false if none gains enough.
+  // Adds the effect of the largest gain that is enough, fitted to convergence; false if there is none. A larger one
+  // that only a part of the data tells may be what is left afterwards.
   bool add() {
     std::vector<Tried> tried = attempts();
-    if (tried.empty()) return false;
+    const auto first =
+        std::ranges::find_if(tried, [this](const Tried& t) { return enough(t.gain, t.fit, *t.choice.effect); });
+    if (first == tried.end()) return false;
+    std::rotate(tried.begin(), first, first + 1);
     Tried& best = tried.front();
-    if (!enough(best.gain, best.fit, *best.choice.effect)) return false;
     // Converged, since its residual is the base of the next effect.
     best.fit = settle(data, std::move(best.fit), kRounds, kSettled);
     FoundEffect found = found_in(best.fit, best.choice);

@@ -146,4 +146,34 @@ TEST(SpreadOf, TellsColumnsFromPixels) {
   EXPECT_NEAR(pixels.pixel, 0.2, 0.01);
 }
 
+// Three pulses; the last ends after 71 frames.
+capture::Chopper short_chopper() {
+  return {295.0, {0.0837, 0.1794, 0.2931}, {0.0957, 0.2094, 0.3531}, {305.0, 305.0, 305.0}};
+}
+
+class Selection : public ::testing::Test {
+ protected:
+  std::string told(const std::vector<Recording>& recordings) {
+    std::vector<std::filesystem::path> files;
+    for (const Recording& r : recordings) {
+      files.push_back(testing::write(r, scratch_ / (std::to_string(files.size()) + ".h5")));
+    }
+    return testing::told(testing::diagnosed(files));
+  }
+
+ private:
+  Scratch scratch_;
+};
+
+// A short chopper alone tells of the time constant: of much, but too few cells to be sure before the rest fits.
+TEST_F(Selection, GoesOnWithWhatIsSureBesideALargerEffect) {
+  sim::CameraSettings camera = testing::noisy_camera();
+  for (const char* effect : {"tau_global:scale=1.1", "vignetting:corner_loss=0.01"}) {
+    camera.effects.push_back(*must(sim::parse_effect(effect)));
+  }
+  EXPECT_EQ(told({testing::record(camera, short_chopper(), 96), testing::record(camera, capture::Uniform{300.0}, 160),
+                  testing::record(camera, capture::Uniform{325.0}, 160)}),
+            "explained: tau_global vignetting");
+}
+
 }  // namespace bolo::diagnose::catalogue_test
