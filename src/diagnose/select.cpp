@@ -148,10 +148,24 @@ struct Selector {
     return true;
   }
 
+  // True if a capture fits clearly worse by an effect than without.
+  bool harms(const Score& before, const Score& after) const {
+    return std::ranges::any_of(modelled(data.session), [&](std::size_t i) {
+      std::vector<double> parts;
+      for (std::size_t g = 0; g < before.groups.size(); ++g) {
+        if (before.groups[g].recording == i) parts.push_back((before.groups[g].sum - after.groups[g].sum) / 2.0);
+      }
+      const Gain gain = gain_of(parts);
+      return gain.total < -kLeastGain && gain.z < -kLeastZ;
+    });
+  }
+
   // True of what took up a part of an unknown effect: where it explains most it is but a small share of what is left,
-  // or it is at an end of its range, or of pixels that do not differ but follow their rows.
+  // or a map is no help everywhere, or it is at an end of its range, or of pixels that do not differ but follow their
+  // rows.
   bool stands_in(const Chosen& one) const {
     const Effect& effect = *one.choice.effect;
+    if (effect.map != MapKind::kNone && harms(one.before, one.after)) return true;
     double fair = 0.0;
     for (const std::size_t i : modelled(data.session)) {
       const double explains = std::max(0.0, one.before.gap(i) - one.after.gap(i));

@@ -176,4 +176,18 @@ TEST_F(Selection, GoesOnWithWhatIsSureBesideALargerEffect) {
             "explained: tau_global vignetting");
 }
 
+// A pattern that one capture does not have is none of the camera.
+TEST_F(Selection, LeavesAMapByWhichACaptureFitsWorse) {
+  std::mt19937 random(4);
+  std::normal_distribution<double> unit;
+  std::vector<double> pattern(testing::kWidth * testing::kHeight);
+  for (double& one : pattern) one = 0.03 * unit(random);
+  const auto shutter = [&](double share) {
+    return testing::shutter(200, [&, share](int, int row, int column) {
+      return share * pattern[static_cast<std::size_t>(row * testing::kWidth + column)] + 0.03 * unit(random);
+    });
+  };
+  EXPECT_EQ(told({shutter(0.0), shutter(1.0), shutter(1.0)}), "unknown_effect:");
+}
+
 }  // namespace bolo::diagnose::catalogue_test
