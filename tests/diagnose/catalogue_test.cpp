@@ -1,4 +1,5 @@
-// The catalogues of the simulator and of the diagnosis: two lists, made from two folders, of the same effects.
+// The catalogues of the simulator and of the diagnosis: two lists, made from two folders, of the same effects; and
+// which of them a diagnosis takes.
 #include "src/diagnose/effect.hpp"
 #include "src/sim/effect.hpp"
 #include "tests/diagnose/bench.hpp"
