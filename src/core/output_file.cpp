@@ -104,6 +104,18 @@ Status make_folder(const fs::path& folder) {
   return bad_input(folder.string() + ": cannot be made a folder: " + error.message() + "; choose another");
 }
 
+Result<OutputFolder> OutputFolder::make(const fs::path& folder) {
+  OutputFolder out;
+  std::error_code error;
+  for (fs::path at = folder; !at.empty() && !fs::exists(at, error); at = at.parent_path()) out.made_.push_back(at);
+  RETURN_IF_ERROR(make_folder(folder));
+  return out;
+}
+
+OutputFolder::~OutputFolder() {
+  for (const fs::path& folder : made_) ::rmdir(folder.c_str());  // refused unless it is empty
+}
+
 HeldFolder::HeldFolder(const fs::path& file)
     : folder_(::open(folder_of(file).c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC)) {
   if (::access(place_of(".").c_str(), F_OK) != 0) folder_ = UniqueFd();

@@ -31,6 +31,20 @@ struct OutputFile {
 // The folder of outputs, made where it is not there. Errors: kBadInput. Thread: any.
 Status make_folder(const std::filesystem::path& folder);
 
+// The same of a verb that may still be refused: in the end, folders that were made and have nothing in them are gone.
+// Thread: any one at a time.
+class OutputFolder {
+ public:
+  static Result<OutputFolder> make(const std::filesystem::path& folder);
+  OutputFolder(OutputFolder&&) noexcept = default;
+  OutputFolder& operator=(OutputFolder&&) = delete;
+  ~OutputFolder();
+
+ private:
+  OutputFolder() = default;
+  std::vector<std::filesystem::path> made_;  // the innermost first
+};
+
 // Nothing stands in the way of `output`: it is a name in a folder that takes files, no folder or device has it, nor a
 // link to one, and no file that is not to be replaced. Errors: kBadInput. Thread: any.
 Status check_output(const OutputFile& output);

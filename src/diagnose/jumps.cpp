@@ -5,7 +5,8 @@ namespace bolo::diagnose {
 namespace {
 
 // Set by effect-free shutters of 160 to 240 frames.
-constexpr Index kSide = 12;  // frames on either side of a jump
+constexpr Index kSide = 12;     // frames on either side of a jump
+constexpr Index kThawSide = 6;  // beside a freeze, at least
 constexpr double kJumpZ = 9.0;
 constexpr double kLeastJump_k = 0.02;
 constexpr double kSuddenLeast = 0.6;  // of the jump, between the two frames
@@ -81,12 +82,15 @@ struct JumpSearch {
   VectorXd weights_of(Index a) const { return step_weights(frames, levels, frames[static_cast<std::size_t>(a)]); }
 
   // A jump before frame `a` if stronger than `strongest`, which it updates. By the means of kSide frames on either
-  // side; with a changing stimulus, by all frames.
+  // side, or as many as there are beside a freeze; with a changing stimulus, by all frames.
   std::optional<Jump> at(Index a, bool thawed, double& strongest) const {
-    const ArrayXd change = value.middleRows(a, kSide).colwise().mean().transpose() -
-                           value.middleRows(a - kSide, kSide).colwise().mean().transpose();
+    const Index side = std::min({kSide, a, value.rows() - a});
+    if (side < (thawed ? kThawSide : kSide)) return std::nullopt;
+    const ArrayXd change = value.middleRows(a, side).colwise().mean().transpose() -
+                           value.middleRows(a - side, side).colwise().mean().transpose();
+    const double of_change = 2.0 / static_cast<double>(side);  // of noise2
     double global = change.mean();
-    const double scatter2 = (change - global).square().mean() - 2.0 * noise2 / kSide;
+    const double scatter2 = (change - global).square().mean() - noise2 * of_change;
     double sudden = mean[a] - mean[a - 1];
     if (!still) {
       global = weights_of(a).dot(mean.matrix());
@@ -94,12 +98,12 @@ struct JumpSearch {
       before.tail(before.size() - a).array() -= global;
       sudden -= ((levels.row(a) - levels.row(a - 1)) * least_squares(levels, before)).value();
     }
-    const double global_z = std::abs(global) / (flicker * std::sqrt(2.0 / kSide) + 1e-6);
+    const double global_z = std::abs(global) / (flicker * std::sqrt(of_change) + 1e-6);
     const bool global_jump = global_z > kJumpZ && std::abs(global) > kLeastJump_k && sudden * global > 0.0 &&
                              std::abs(sudden) > kSuddenLeast * std::abs(global) &&
                              std::abs(sudden) < kSuddenMost * std::abs(global) &&
                              std::abs(global) > kLeastOfLeap * std::abs(shown[a] - shown[a - 1]);
-    const double scatter_z = scatter2 / (2.0 * noise2 / kSide) * std::sqrt(static_cast<double>(value.cols()) / 2.0);
+    const double scatter_z = scatter2 / (noise2 * of_change) * std::sqrt(static_cast<double>(value.cols()) / 2.0);
     const ArrayXd first = value.row(a) - value.row(a - 1);
     const double first2 = (first - first.mean()).square().mean() - 2.0 * noise2;
     const bool pixel_jump = still && scatter_z > kPatternZ && scatter2 > kPatternOverNoise * noise2 / kSide &&
@@ -131,7 +135,7 @@ std::optional<Jump> find_jump(const Session& session, std::size_t recording, con
   if (!search.prepare()) return std::nullopt;
   double strength = 0.0;
   std::optional<Jump> strongest;
-  for (Index a = kSide; a + kSide <= search.value.rows(); ++a) {
+  for (Index a = kThawSide; a + kThawSide <= search.value.rows(); ++a) {
     const auto frame = static_cast<std::size_t>(search.frames[static_cast<std::size_t>(a)]);
     auto jump = search.at(a, thaws(freezes, recording, frame), strength);
     if (!jump) continue;

@@ -65,12 +65,15 @@ struct Selector {
     return gain.total > kLeastGain && gain.z > (is_all ? kLeastZOfLarge : kLeastZ * std::sqrt(longer));
   }
 
-  // Adds the effect of the largest gain, fitted to convergence; false if none gains enough.
+  // Adds the effect of the largest gain that is enough, fitted to convergence; false if there is none. A larger one
+  // that only a part of the data tells may be what is left afterwards.
   bool add() {
     std::vector<Tried> tried = attempts();
-    if (tried.empty()) return false;
+    const auto first =
+        std::ranges::find_if(tried, [this](const Tried& t) { return enough(t.gain, t.fit, *t.choice.effect); });
+    if (first == tried.end()) return false;
+    std::rotate(tried.begin(), first, first + 1);
     Tried& best = tried.front();
-    if (!enough(best.gain, best.fit, *best.choice.effect)) return false;
     // Converged, since its residual is the base of the next effect.
     best.fit = settle(data, std::move(best.fit), kRounds, kSettled);
     FoundEffect found = found_in(best.fit, best.choice);
@@ -145,10 +148,24 @@ struct Selector {
     return true;
   }
 
+  // True if a capture fits clearly worse by an effect than without.
+  bool harms(const Score& before, const Score& after) const {
+    return std::ranges::any_of(modelled(data.session), [&](std::size_t i) {
+      std::vector<double> parts;
+      for (std::size_t g = 0; g < before.groups.size(); ++g) {
+        if (before.groups[g].recording == i) parts.push_back((before.groups[g].sum - after.groups[g].sum) / 2.0);
+      }
+      const Gain gain = gain_of(parts);
+      return gain.total < -kLeastGain && gain.z < -kLeastZ;
+    });
+  }
+
   // True of what took up a part of an unknown effect: where it explains most it is but a small share of what is left,
-  // or it is at an end of its range, or of pixels that do not differ but follow their rows.
+  // or a map is no help everywhere, or it is at an end of its range, or of pixels that do not differ but follow their
+  // rows.
   bool stands_in(const Chosen& one) const {
     const Effect& effect = *one.choice.effect;
+    if (effect.map != MapKind::kNone && harms(one.before, one.after)) return true;
     double fair = 0.0;
     for (const std::size_t i : modelled(data.session)) {
       const double explains = std::max(0.0, one.before.gap(i) - one.after.gap(i));

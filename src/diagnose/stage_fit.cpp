@@ -59,6 +59,7 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
     const Recording& r = fit.session.recordings[i];
     // With free frame times, residuals are no jumps.
     if (r.kind == Kind::kUniform || state.stimuli[i].times_free) continue;
+    if (std::ranges::count(fit.jumps, i, &Jump::recording) > 0) continue;
     const Series predicted = predict(fit.session, i, state, all);
     const Series residual = r.values - predicted;
     const MatrixXd levels = level_slopes(fit.session, i, state);
@@ -109,6 +110,15 @@ void judge_losses(const Transport& transport, const Events& events, Fit& out) {
                    {{"per_thousand", interval(losses * per_thousand, error * per_thousand)}}, 0.999);
 }
 
+// A fit of the stimuli without the jumps that it shows.
+FitResult without_jumps(const FitData& data, const Events& events, bool jittered, FitResult base, Fit& out) {
+  correct_jumps(events.freezes, jittered, base.state, out);
+  if (out.jumps.empty()) return base;
+  base = fit(data, base.state, {}, kMoreRounds);
+  correct_jumps_again(base.state, out);
+  return settled(data, base.state, 2);
+}
+
 // Fits the stimuli alone, with removal of jumps and free frame times if jittered.
 FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, Fit& out) {
   FitResult base = settled(data, out.state, kFirstRounds);
@@ -123,11 +133,7 @@ FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, 
     if (other.score.gap() < base.score.gap()) base = std::move(other);
   }
   if (jittered) base = with_times(data, base, out.state, true);
-  correct_jumps(events.freezes, jittered, base.state, out);
-  if (out.jumps.empty()) return base;
-  base = fit(data, base.state, {}, kMoreRounds);
-  correct_jumps_again(base.state, out);
-  return settled(data, base.state, 2);
+  return without_jumps(data, events, jittered, std::move(base), out);
 }
 
 // The nominal camera with the fitted errors of the stimuli.
@@ -184,7 +190,8 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   judge_again();
   if (is_jittered(transport) != jittered) {
     jittered = !jittered;
-    out.base = with_times(data, out.base, out.state, jittered);
+    // Those of choppers with free frame times were none.
+    out.base = without_jumps(data, events, jittered, with_times(data, out.base, out.state, jittered), out);
     out.selection = select_effects(data, out.base, may, progress);
     judge_again();
     jittered = jittered && is_jittered(transport);

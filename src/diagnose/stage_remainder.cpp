@@ -249,7 +249,9 @@ void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
   }
   const double mean_left = sum / static_cast<double>(x.data.all_pixels.size());
   tallies.frame_mean2 += mean_left * mean_left;
-  tallies.frame_square.push_back(square / static_cast<double>(x.data.all_pixels.size()) - mean_left * mean_left);
+  // A mean beyond the clip leaves nothing about it.
+  const double about = square / static_cast<double>(x.data.all_pixels.size()) - mean_left * mean_left;
+  tallies.frame_square.push_back(std::max(0.0, about));
 }
 
 // Collects one recording's remainders.
@@ -286,7 +288,7 @@ void test_frames(const Examined& x, const Tallies& tallies, const Allowance& all
   const auto frames = static_cast<double>(sorted.size());
   const double typical = sorted[sorted.size() / 2];
   const double quartiles = sorted[sorted.size() * 3 / 4] - sorted[sorted.size() / 4];
-  const double spread = std::max(typical * std::sqrt(2.0 / pixels), quartiles / kQuartilesOfSigma);
+  const double spread = std::max({typical * std::sqrt(2.0 / pixels), quartiles / kQuartilesOfSigma, 1e-9});
   const double worst = (sorted.back() - typical) / spread;
   const bool chopper = x.recording.kind == Kind::kChopper;
   const bool edges = allowance.times_free && chopper;

@@ -125,6 +125,15 @@ TEST_F(OutputFileTest, AFolderThatTakesNoFileIsRefused) {
   }
   expect_untouched(make_folder(there_ / "sub"), "choose another");
   ASSERT_TRUE(make_folder(scratch_ / "made" / "sub"));
+  for (const bool writes : {false, true}) {
+    const fs::path folder = scratch_ / "new";
+    {
+      const auto made = must(OutputFolder::make(folder / "sub"));
+      const auto again = must(OutputFolder::make(folder));  // which was there
+      if (writes) must(write_file(folder / "sub" / "new.h5", "new"));
+    }
+    EXPECT_EQ(fs::exists(folder), writes);
+  }
   EXPECT_TRUE(check_outputs({scratch_ / "made" / "sub" / "new.h5"}, {input_}, Replace::kNothing));
 }
 

@@ -1,4 +1,5 @@
-// The catalogues of the simulator and of the diagnosis: two lists, made from two folders, of the same effects.
+// The catalogues of the simulator and of the diagnosis: two lists, made from two folders, of the same effects; and
+// which of them a diagnosis takes.
 #include "src/diagnose/effect.hpp"
 #include "src/sim/effect.hpp"
 #include "tests/diagnose/bench.hpp"
@@ -144,6 +145,50 @@ TEST(SpreadOf, TellsColumnsFromPixels) {
   const MapSpread pixels = spread_of(full, map);
   EXPECT_NEAR(pixels.column, 0.0, 1e-3);
   EXPECT_NEAR(pixels.pixel, 0.2, 0.01);
+}
+
+// Three pulses; the last ends after 71 frames.
+capture::Chopper short_chopper() {
+  return {295.0, {0.0837, 0.1794, 0.2931}, {0.0957, 0.2094, 0.3531}, {305.0, 305.0, 305.0}};
+}
+
+class Selection : public ::testing::Test {
+ protected:
+  std::string told(const std::vector<Recording>& recordings) {
+    std::vector<std::filesystem::path> files;
+    for (const Recording& r : recordings) {
+      files.push_back(testing::write(r, scratch_ / (std::to_string(files.size()) + ".h5")));
+    }
+    return testing::told(testing::diagnosed(files));
+  }
+
+ private:
+  Scratch scratch_;
+};
+
+// A short chopper alone tells of the time constant: of much, but too few cells to be sure before the rest fits.
+TEST_F(Selection, GoesOnWithWhatIsSureBesideALargerEffect) {
+  sim::CameraSettings camera = testing::noisy_camera();
+  for (const char* effect : {"tau_global:scale=1.1", "vignetting:corner_loss=0.01"}) {
+    camera.effects.push_back(*must(sim::parse_effect(effect)));
+  }
+  EXPECT_EQ(told({testing::record(camera, short_chopper(), 96), testing::record(camera, capture::Uniform{300.0}, 160),
+                  testing::record(camera, capture::Uniform{325.0}, 160)}),
+            "explained: tau_global vignetting");
+}
+
+// A pattern that one capture does not have is none of the camera.
+TEST_F(Selection, LeavesAMapByWhichACaptureFitsWorse) {
+  std::mt19937 random(4);
+  std::normal_distribution<double> unit;
+  std::vector<double> pattern(testing::kWidth * testing::kHeight);
+  for (double& one : pattern) one = 0.03 * unit(random);
+  const auto shutter = [&](double share) {
+    return testing::shutter(200, [&, share](int, int row, int column) {
+      return share * pattern[static_cast<std::size_t>(row * testing::kWidth + column)] + 0.03 * unit(random);
+    });
+  };
+  EXPECT_EQ(told({shutter(0.0), shutter(1.0), shutter(1.0)}), "unknown_effect:");
 }
 
 }  // namespace bolo::diagnose::catalogue_test

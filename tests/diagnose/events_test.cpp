@@ -109,16 +109,19 @@ TEST_F(Events, AStepOfEachPixelIsAJumpWithAPattern) {
   EXPECT_TRUE(jumps(session).empty());
 }
 
+// Also of a freeze that begins after few frames.
 TEST_F(Events, AJumpAfterAFreezeBelongsToIt) {
-  Session session = shutter([](int k, int, int) { return k >= 150 ? 0.1 : 0.0; });
-  Recording& r = session.recordings[0];
-  for (int k = 91; k < 150; ++k) r.values.row(k) = r.values.row(90);
-  std::vector<std::size_t> repeated;
-  const auto freezes = find_freezes(session, repeated);
-  const auto found = jumps(session, freezes);
-  ASSERT_EQ(found.size(), 1U);
-  EXPECT_TRUE(found[0].after_freeze);
-  EXPECT_EQ(found[0].frame, 150U);
+  for (const int first : {91, 8}) {
+    Session session = shutter([](int k, int, int) { return k >= 150 ? 0.1 : 0.0; });
+    Recording& r = session.recordings[0];
+    for (int k = first; k < 150; ++k) r.values.row(k) = r.values.row(first - 1);
+    std::vector<std::size_t> repeated;
+    const auto freezes = find_freezes(session, repeated);
+    const auto found = jumps(session, freezes);
+    ASSERT_EQ(found.size(), 1U) << first;
+    EXPECT_TRUE(found[0].after_freeze);
+    EXPECT_EQ(found[0].frame, 150U);
+  }
 }
 
 // A fit of two levels, each of a part of the frames, has absorbed a part of the jump.

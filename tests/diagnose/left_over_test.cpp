@@ -37,6 +37,20 @@ TEST(MapTrend, StandsOutOfThem) {
 
 TEST(MapTrend, OfAnEmptyMapIsNone) { EXPECT_EQ(row_trend_z(grid(), Eigen::VectorXf{}), 0.0); }
 
+// A chopper's whole frames miss by far more than a pixel's clip.
+TEST(Remainders, AreNumbersHoweverFarThePredictionIsOff) {
+  sim::CameraSettings slow = testing::noisy_camera();
+  slow.tau_s *= 3.0;
+  Options options;
+  for (const Effect& effect : catalogue()) options.withheld.push_back(effect.name);
+  const Events events = find_events(testing::session_of({testing::record(slow, capture::Uniform{295.0}, 60),
+                                                         testing::record(slow, testing::odd_chopper(), 300)}),
+                                    options);
+  const Noise noise = judge_noise(events, options);
+  const Fit fit = *must(fit_means(events, noise, options, testing::go_on));
+  for (const Remainder& r : test_remainder(events, noise, fit, 1)) EXPECT_TRUE(std::isfinite(r.z)) << r.where;
+}
+
 Remainder misfit(Kind kind, double z, bool at_edges = false) { return {"pixel", "misses", z, kind, at_edges}; }
 
 TEST(StageOfMisfits, FollowsFromTheCapturesThatTheyAreIn) {

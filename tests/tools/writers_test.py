@@ -7,6 +7,7 @@ kernel gives none, the exit code is 77.
   input      an output is an input, by its name, a symbolic and a hard link, with --overwrite: refused, exit code 2
   existing   each output is there: refused, exit code 2; with --overwrite written, exit code 0
   full disk  no room, and room for a part, with --overwrite: exit code 1, one line, outputs and inputs as they were
+  missing    no input is there, nor the outputs' folder: refused, exit code 2, nothing is left behind
   kill       SIGKILL at several moments, with --overwrite: each output is the old one or a whole new one
 """
 
@@ -140,6 +141,13 @@ class Table:
             self.refused(case, self.words(words, outputs, "--overwrite"), kind)
         return "kept"
 
+    def missing(self, case, outputs):
+        if not case.inputs:
+            return "reads none"
+        self.refused(case, [word.format(i=f"{outputs}/no", o=f"{outputs}/new") for word in case.words], "no input")
+        expect(os.listdir(outputs) == [], "left behind", *os.listdir(outputs))
+        return "kept"
+
     def existing(self, case, outputs):
         for name in case.outputs:
             self.old_outputs([name], outputs)
@@ -229,7 +237,7 @@ def main(bolo, chosen):
         bad = []
         try:
             table.prepare()
-            print(f"{'':20}{'input':16}{'existing':16}{'full disk':16}{'kill':16}")
+            print(f"{'':20}{'input':16}{'existing':16}{'full disk':16}{'missing':16}{'kill':16}")
             for name, case in CASES.items():
                 if chosen and name not in chosen:
                     continue
@@ -238,7 +246,8 @@ def main(bolo, chosen):
                     continue
                 if name == "record":
                     table.start_daemon()
-                cells = [table.cell(case, column) for column in (table.input, table.existing, table.full_disk, table.kill)]
+                columns = (table.input, table.existing, table.full_disk, table.missing, table.kill)
+                cells = [table.cell(case, column) for column in columns]
                 print(f"{name:20}" + "".join(f"{cell:16}" for cell in cells), flush=True)
                 bad += [f"{name}: {cell}" for cell in cells if cell.startswith("LOST")]
         finally:

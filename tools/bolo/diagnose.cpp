@@ -70,7 +70,6 @@ Files diagnose_files(const Given& given) {
 Status check(const Files& files, const std::vector<std::filesystem::path>& inputs) {
   std::vector<std::filesystem::path> outputs = diagnose::report_files(files.folder);
   outputs.insert(outputs.end(), {files.profile, files.maps});
-  RETURN_IF_ERROR(make_folder(files.folder));
   return check_outputs(outputs, inputs, files.replace);
 }
 
@@ -120,6 +119,7 @@ Status run_diagnose(const Given& given) {
   if (given.count("profile") != 0) {
     inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options.profile.maps});
   }
+  ASSIGN_OR_RETURN(const auto made, OutputFolder::make(files.folder));
   RETURN_IF_ERROR(check(files, inputs));
 
   Result<diagnose::Report> report = [&] {

@@ -53,7 +53,6 @@ Result<fs::path> folder_of(const cxxopts::ParseResult& parsed) {
   if (folder.extension() == ".h5" && !fs::is_directory(folder, error)) {
     return bad_input(folder.string() + ": several cameras are recorded into a folder, this is a file's name");
   }
-  RETURN_IF_ERROR(make_folder(folder));
   return folder;
 }
 
@@ -118,6 +117,7 @@ Result<int> record_several(const cxxopts::ParseResult& parsed) {
   const std::vector<std::string> names = names_of(parsed, "name");
   RETURN_IF_ERROR(check_names(names));
   ASSIGN_OR_RETURN(const fs::path folder, folder_of(parsed));
+  ASSIGN_OR_RETURN(const auto made, OutputFolder::make(folder));
   ASSIGN_OR_RETURN(const auto logs, ScratchFolder::make());
   ASSIGN_OR_RETURN(auto recorders, start(names, common_options(parsed), folder, logs.path()));
   return wait_for(recorders);
