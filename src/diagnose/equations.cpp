@@ -246,9 +246,12 @@ Gain gain_of(std::span<const double> parts) {
   return {total, squares > 0.0 ? total / std::sqrt(squares) : 0.0};
 }
 
-Gain gain_between(const Score& before, const Score& after) {
-  std::vector<double> parts(before.groups.size());
-  for (std::size_t g = 0; g < parts.size(); ++g) parts[g] = (before.groups[g].sum - after.groups[g].sum) / 2.0;
+Gain gain_between(const Score& before, const Score& after, std::optional<std::size_t> recording) {
+  std::vector<double> parts;
+  for (std::size_t g = 0; g < before.groups.size(); ++g) {
+    if (recording && before.groups[g].recording != *recording) continue;
+    parts.push_back((before.groups[g].sum - after.groups[g].sum) / 2.0);
+  }
   return gain_of(parts);
 }
 

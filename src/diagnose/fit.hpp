@@ -37,7 +37,8 @@ struct Gain {
   double z = 0.0;
 };
 Gain gain_of(std::span<const double> parts);  // one of each group
-Gain gain_between(const Score& before, const Score& after);
+// Of all recordings, or of one.
+Gain gain_between(const Score& before, const Score& after, std::optional<std::size_t> recording = std::nullopt);
 
 // Calls work(i) for each recording that has a model, on at most `threads` threads. It must not throw.
 void for_each_modelled(const Session& session, int threads, const std::function<void(std::size_t)>& work);

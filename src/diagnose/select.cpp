@@ -151,11 +151,7 @@ struct Selector {
   // True if a capture fits clearly worse by an effect than without.
   bool harms(const Score& before, const Score& after) const {
     return std::ranges::any_of(modelled(data.session), [&](std::size_t i) {
-      std::vector<double> parts;
-      for (std::size_t g = 0; g < before.groups.size(); ++g) {
-        if (before.groups[g].recording == i) parts.push_back((before.groups[g].sum - after.groups[g].sum) / 2.0);
-      }
-      const Gain gain = gain_of(parts);
+      const Gain gain = gain_between(before, after, i);
       return gain.total < -kLeastGain && gain.z < -kLeastZ;
     });
   }
