@@ -224,7 +224,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
     }
   });
   if (far) add_far_past(kernels, in, crew);
-  make_path_weights(crew);
+  make_path_weights(kernels, in, crew);
   for_rows(crew, weights_.down(), [&](int row) {
     for (int c = 0; c < weights_.across(); ++c) {
       table_->find(kernels, place_.at(c, row), far_share_.at(c, row) / kFarPart, weights_.at(c, row), &path_weights_,
@@ -236,7 +236,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
 }
 
 // Those that blocks need.
-void Estimator::make_path_weights(Crew& crew) noexcept {
+void Estimator::make_path_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   if (!path_weights_.bent()) return;
   std::array<bool, WeightTable::kKinds> wanted{};
   for (std::size_t i = 0; i < place_.size(); ++i) {
@@ -245,7 +245,7 @@ void Estimator::make_path_weights(Crew& crew) noexcept {
       if (place_[i].share[k] > 0.0F) wanted[place_[i].cell[k] % WeightTable::kKinds] = true;
     }
   }
-  path_weights_.make(wanted, crew);
+  path_weights_.make(kernels, in.path, wanted, crew);
 }
 
 // Blocks beside which, or in which, the far past is used.

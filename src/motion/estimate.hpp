@@ -51,7 +51,7 @@ class Estimator {
   };
 
   void compare_paths(const EstimateInputs& in, int row) noexcept;
-  void make_path_weights(Crew& crew) noexcept;
+  void make_path_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void set_fields(const EstimateInputs& in, std::span<const Affine, kPast> ways, int row) noexcept;
   void extend_row(int row, PaddedPlane& plane) const noexcept;
   int past_of(const EstimateInputs& in, std::size_t begin, std::size_t end, int row, PastRows& rows) const noexcept;

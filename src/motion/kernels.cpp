@@ -115,6 +115,24 @@ float mean_difference(const PaddedPlane& a, const PaddedPlane& b, int dx, int dy
 
 // ------------------------------------------------------------------ the scene's model
 
+// exp(-R / 30) + exp(-R / 5) for R = root - smooth: twice the scene's autocovariance (weights.hpp).
+template <typename D, typename V>
+HWY_INLINE V twice_autocovariance(D d, V root, float smooth) {
+  const hn::RebindToSigned<D> whole;
+  constexpr float kPerPixel = 1.44269504F / 30.0F;  // powers of 2
+  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
+  const V power = hn::Max(hn::MulAdd(root, set(-kPerPixel), set(smooth * kPerPixel)), set(-120.0F));
+  const V floor = hn::Round(power);
+  const V f = hn::Sub(power, floor);
+  V slow = set(0.00015345812F);  // 2^f to 2e-9 but for rounding
+  for (const float c : {0.0013399931F, 0.009618489F, 0.055503286F, 0.24022646F, 0.6931472F, 1.0F}) {
+    slow = hn::MulAdd(slow, f, set(c));
+  }
+  slow = hn::BitCast(d, hn::Add(hn::BitCast(whole, slow), hn::ShiftLeft<23>(hn::ConvertTo(whole, floor))));
+  const V cube = hn::Mul(hn::Mul(slow, slow), slow);
+  return hn::MulAdd(cube, cube, slow);
+}
+
 double covariance(const float* share, std::size_t count, double x, double dx, double y, double dy,
                   float smooth) noexcept {
   using Wide = hn::CappedTag<float, 16>;
@@ -134,10 +152,7 @@ double covariance(const float* share, std::size_t count, double x, double dx, do
     const auto at = hn::MulAdd(hn::Set(d, static_cast<float>(dx)), step, x0);
     const auto across = hn::MulAdd(hn::Set(d, static_cast<float>(dy)), step, y0);
     const auto square = hn::MulAdd(at, at, hn::MulAdd(across, across, hn::Set(d, smooth * smooth)));
-    const auto distance = hn::Sub(hn::Sqrt(square), hn::Set(d, smooth));
-    const auto slow = hn::Exp(d, hn::Max(hn::Mul(distance, hn::Set(d, -1.0F / 30.0F)), hn::Set(d, -80.0F)));
-    const auto cube = hn::Mul(hn::Mul(slow, slow), slow);
-    return hn::MulAdd(hn::LoadU(d, w), hn::MulAdd(cube, cube, slow), sum);  // exp(-R / 5) is the sixth power
+    return hn::MulAdd(hn::LoadU(d, w), twice_autocovariance(d, hn::Sqrt(square), smooth), sum);
   };
   double total = 0.0;
   auto i = static_cast<std::size_t>(std::max(nearest - reach, 0.0));
@@ -173,15 +188,13 @@ void correlate(const SceneTrail& a, const SceneTrail& b, Vec2 step, int first, i
         const auto doubt = hn::Sub(set(a.doubt[n]), hn::Load(d, b.doubt + m));
         const auto blur = hn::Add(set(a.blur[n] + smooth * smooth), hn::Load(d, b.blur + m));
         const auto square = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::MulAdd(doubt, doubt, blur)));
-        auto one_over = hn::ApproximateReciprocalSqrt(square);  // of 8 bits at least: two steps of Newton's method
-        for (int k = 0; k < 2; ++k) {
+        auto one_over = hn::ApproximateReciprocalSqrt(square);        // of 14 bits with AVX-512, else 8 at least
+        for (int k = 0; k < (HWY_TARGET == HWY_AVX3 ? 1 : 2); ++k) {  // Newton
           const auto half = hn::Mul(hn::Mul(set(-0.5F), square), one_over);
           one_over = hn::Mul(one_over, hn::MulAdd(half, one_over, set(1.5F)));
         }
-        const auto root = hn::Mul(square, one_over);
-        const auto slow = hn::Exp(d, hn::Max(hn::MulAdd(root, set(-1.0F / 30.0F), set(smooth / 30.0F)), set(-80.0F)));
-        const auto cube = hn::Mul(hn::Mul(slow, slow), slow);
-        of_n = hn::MulAdd(hn::Load(d, b.share + m), hn::MulAdd(cube, cube, slow), of_n);
+        const auto value = twice_autocovariance(d, hn::Mul(square, one_over), smooth);
+        of_n = hn::MulAdd(hn::Load(d, b.share + m), value, of_n);
       }
       sum = hn::MulAdd(set(a.share[n]), of_n, sum);
     }

@@ -56,8 +56,9 @@ PathWeights::PathWeights(const Inertia& inertia, int ahead)
   }
 }
 
-void PathWeights::set_trails(const Path& path, int level, Trails& trails) const noexcept {
-  const double sigma = WeightTable::uncertainty_of(static_cast<std::size_t>(level)) * speed_;
+void PathWeights::set_trails(const Path& path, std::size_t level) noexcept {
+  Trails& trails = trails_[level];
+  const double sigma = WeightTable::uncertainty_of(level) * speed_;
   // Of the frame `back` periods ago, moved by `by`, with a share.
   const auto add = [&](SceneTrail& to, int back, Vec2 by, double share) {
     double begin = -ahead_;
@@ -90,7 +91,8 @@ void PathWeights::set_trails(const Path& path, int level, Trails& trails) const 
   if (ahead_ > 0) add(trails[kAfter], -1, way(path, -1), 1.0);
 }
 
-void PathWeights::fill(const Kernels& kernels, const Trails& trails, Covariances& out) const noexcept {
+// The covariances of two trails' values.
+void PathWeights::fill(const Kernels& kernels, std::size_t i, std::size_t j, std::size_t level) noexcept {
   struct Rows {
     int first;
     int count;
@@ -99,25 +101,36 @@ void PathWeights::fill(const Kernels& kernels, const Trails& trails, Covariances
   const auto rows_of = [](std::size_t trail) {
     return has_taps(trail) ? Rows{kFirstRow[trail], kTaps, kReach} : Rows{kFirstRow[trail], 1, 0};
   };
-  SceneTrail here;
-  here.share[here.count++] = 1.0F;
-  double common[2 * kTaps];
-  const std::size_t end = ahead_ > 0 ? kAfter + 1 : kAfter;
-  for (std::size_t i = 0; i < end; ++i) {
-    const Rows a = rows_of(i);
+  const Trails& trails = trails_[level];
+  Covariances& out = covariances_[level];
+  const Rows a = rows_of(i);
+  if (i == j) {
+    SceneTrail here;
+    here.share[here.count++] = 1.0F;
     kernels.correlate(here, trails[i], step_ * -1.0F, -a.centre, a.count, smooth_, &out.truth(a.first));
-    for (std::size_t j = i; j < end; ++j) {
-      const Rows b = rows_of(j);
-      const int back = i == j ? 0 : b.count - 1;  // the first of the distances is that from a's first to b's last
-      kernels.correlate(trails[i], trails[j], step_, b.centre - a.centre - back, a.count + back, smooth_, common);
-      for (int k = 0; k < a.count; ++k) {
-        for (int l = 0; l < b.count; ++l) {
-          const double value = common[i == j ? std::abs(k - l) : k - l + back];
-          out.scene(a.first + k, b.first + l) = out.scene(b.first + l, a.first + k) = value;
-        }
-      }
+  }
+  const Rows b = rows_of(j);
+  const int back = i == j ? 0 : b.count - 1;  // the first of the distances is that from a's first to b's last
+  double common[2 * kTaps];
+  kernels.correlate(trails[i], trails[j], step_, b.centre - a.centre - back, a.count + back, smooth_, common);
+  for (int k = 0; k < a.count; ++k) {
+    for (int l = 0; l < b.count; ++l) {
+      const double value = common[i == j ? std::abs(k - l) : k - l + back];
+      out.scene(a.first + k, b.first + l) = out.scene(b.first + l, a.first + k) = value;
     }
   }
+}
+
+void PathWeights::fill(const Kernels& kernels, std::span<const std::size_t> levels, Crew& crew) noexcept {
+  const std::size_t trails = ahead_ > 0 ? kAfter + 1 : kAfter;
+  const std::size_t pairs = trails * (trails + 1) / 2;
+  for_rows(crew, static_cast<int>(levels.size() * pairs), [&](int row) {
+    const auto at = static_cast<std::size_t>(row);
+    std::size_t i = 0;
+    std::size_t j = at % pairs;
+    for (; j > i; ++i) j -= i + 1;
+    fill(kernels, j, i, levels[at / pairs]);
+  });
 }
 
 void PathWeights::set_noise(const Path& path) noexcept {
@@ -167,14 +180,14 @@ void PathWeights::follow(const Path& path) noexcept {
   }
   bent_ = bend > kStraight * speed_ + kUnseenBend && speed_ < static_cast<double>(kFastest);
   if (bent_) step_ = speed_ < kStill ? Vec2{1.0F, 0.0F} : v * static_cast<float>(1.0 / speed_);
-  set_trails(path, 0, trails_);
+  set_trails(path, 0);
 }
 
 // Of a scene that is smooth over so many px: half the mean square difference of the past's mean over 1 px along an
 // axis, over that over 2 px.
 double PathWeights::fineness(const Kernels& kernels, Vec2 axis, double smooth) const noexcept {
   double common[3];
-  kernels.correlate(trails_[kMean], trails_[kMean], axis, 0, 3, static_cast<float>(smooth), common);
+  kernels.correlate(trails_[0][kMean], trails_[0][kMean], axis, 0, 3, static_cast<float>(smooth), common);
   return (common[0] - common[1]) / std::max(common[0] - common[2], kFlat * common[0]);
 }
 
@@ -201,13 +214,8 @@ float PathWeights::blur(const Kernels& kernels, const Path& path, double fine, d
 void PathWeights::correlate(const Kernels& kernels, const Path& path, float blurred, Crew& crew) noexcept {
   if (!bent_) return;
   smooth_ = static_cast<float>(smooth_of(speed_, static_cast<double>(blurred)));
-  for_rows(crew, kLevels, [&](int level) {
-    Covariances& out = covariances_[static_cast<std::size_t>(level)];
-    if (level == 0) return fill(kernels, trails_, out);
-    Trails trails;
-    set_trails(path, level, trails);
-    fill(kernels, trails, out);
-  });
+  constexpr std::size_t kLeast = 0;
+  fill(kernels, {&kLeast, 1}, crew);
   set_contrast(kernels);
   set_noise(path);
 }
@@ -215,7 +223,7 @@ void PathWeights::correlate(const Kernels& kernels, const Path& path, float blur
 // Derives from contrasts the scene's variance and the past's mean's difference from the frame, for the least
 // uncertainty that has weights.
 void PathWeights::set_contrast(const Kernels& kernels) noexcept {
-  const SceneTrail& now = trails_[kNow];
+  const SceneTrail& now = trails_[0][kNow];
   const Matrix& scene = covariances_[0].scene;
   const double variance = scene(kReach, kReach);
   const auto contrast = [&](float apart) {
@@ -230,12 +238,22 @@ void PathWeights::set_contrast(const Kernels& kernels) noexcept {
   change_ = static_cast<float>(std::max(change, 0.0) / unit_);
 }
 
-void PathWeights::make(const std::array<bool, WeightTable::kKinds>& wanted, Crew& crew) noexcept {
+void PathWeights::make(const Kernels& kernels, const Path& path, const std::array<bool, WeightTable::kKinds>& wanted,
+                       Crew& crew) noexcept {
   std::array<std::size_t, WeightTable::kKinds> kinds;
   int count = 0;
-  for (std::size_t k = 0; k < wanted.size(); ++k) {
-    if (wanted[k] && k % WeightTable::kUncertainties < kLevels) kinds[static_cast<std::size_t>(count++)] = k;
+  std::array<std::size_t, kLevels> levels;
+  std::size_t needed = 0;
+  for (std::size_t level = 0; level < kLevels; ++level) {
+    const int before = count;
+    for (std::size_t k = level; k < wanted.size(); k += WeightTable::kUncertainties) {
+      if (wanted[k]) kinds[static_cast<std::size_t>(count++)] = k;
+    }
+    if (level == 0 || count == before) continue;
+    set_trails(path, level);
+    levels[needed++] = level;
   }
+  fill(kernels, std::span(levels).first(needed), crew);
   Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kRows, 1> sums;
   sums.setOnes(rows_);
   for_rows(crew, count, [&](int i) {

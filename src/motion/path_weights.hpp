@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 
 #include <Eigen/Dense>
 
@@ -29,8 +30,8 @@ class PathWeights {
   // over 1 px (`fine`) and 2 px (`across`) along the axis that is more across the path, less its noise; `noise`:
   // variance of a frame's. No allocation. Thread: pipeline.
   float blur(const Kernels& kernels, const Path& path, double fine, double across, double noise) const noexcept;
-  // Covariances of the frames' values along a path that is bent, of a scene that is so blurred. No allocation. Thread:
-  // pipeline.
+  // Covariances of the frames' values along a path that is bent, of a scene that is so blurred, for the least
+  // uncertainty. No allocation. Thread: pipeline.
   void correlate(const Kernels& kernels, const Path& path, float blurred, Crew& crew) noexcept;
 
   // False when the last path is as good as straight: then there are no weights. Thread: pipeline.
@@ -44,8 +45,10 @@ class PathWeights {
   // over half the mean square difference over two pixels. Thread: any.
   float change() const noexcept { return change_; }
 
-  // Makes the weights of the wanted cells (WeightTable::kKinds of them). No allocation. Thread: pipeline.
-  void make(const std::array<bool, WeightTable::kKinds>& wanted, Crew& crew) noexcept;
+  // Makes the weights of the wanted cells (WeightTable::kKinds of them), and the covariances that they need. No
+  // allocation. Thread: pipeline.
+  void make(const Kernels& kernels, const Path& path, const std::array<bool, WeightTable::kKinds>& wanted,
+            Crew& crew) noexcept;
   // Of the last make(); null: not wanted. Thread: any.
   const FilterWeights* at(std::size_t kind) const noexcept { return made_[kind] ? &weights_[kind] : nullptr; }
 
@@ -59,10 +62,11 @@ class PathWeights {
   };
   using Trails = std::array<SceneTrail, 5>;  // of the newest frame, the past's mean, the two before, the one after
 
-  void set_trails(const Path& path, int level, Trails& trails) const noexcept;
+  void set_trails(const Path& path, std::size_t level) noexcept;
   double fineness(const Kernels& kernels, Vec2 axis, double smooth) const noexcept;
   void set_noise(const Path& path) noexcept;
-  void fill(const Kernels& kernels, const Trails& trails, Covariances& out) const noexcept;
+  void fill(const Kernels& kernels, std::size_t i, std::size_t j, std::size_t level) noexcept;
+  void fill(const Kernels& kernels, std::span<const std::size_t> levels, Crew& crew) noexcept;
   void set_contrast(const Kernels& kernels) noexcept;
 
   Inertia inertia_;
@@ -75,8 +79,8 @@ class PathWeights {
   float lag_factor_ = 1.0F;
   float change_ = 0.0F;
   Vec2 step_{1.0F, 0.0F};
-  Trails trails_;                                 // for the least uncertainty
-  std::array<Covariances, kLevels> covariances_;  // by uncertainty
+  std::array<Trails, kLevels> trails_;  // by uncertainty
+  std::array<Covariances, kLevels> covariances_;
   Matrix noise_;
   std::array<FilterWeights, WeightTable::kKinds> weights_;
   std::array<bool, WeightTable::kKinds> made_{};

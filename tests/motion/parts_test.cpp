@@ -267,7 +267,7 @@ TEST(PathWeights, OfAStraightPathAreTheTables) {
       EXPECT_NEAR(weights.lag_factor(), table->lag_factor(static_cast<float>(speed), blurred), 0.03) << speed;
       std::array<bool, WeightTable::kKinds> wanted{};
       std::fill(wanted.begin(), wanted.end(), true);
-      weights.make(wanted, alone);
+      weights.make(best_kernels(), path, wanted, alone);
       for (const float contrast : {1.0F, 100.0F, 10000.0F}) {
         for (const float uncertainty : {0.031F, 0.09F}) {
           SCOPED_TRACE(::testing::Message() << speed << " " << contrast << " " << uncertainty);
