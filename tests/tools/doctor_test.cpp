@@ -92,9 +92,9 @@ TEST(Doctor, NamesAFaultWithItsFix) {
       {"realtime", kProblem, "LimitRTPRIO=20", [](Facts& f, Needs&) { f.priority_limit = 0; }},
       {"locked_memory", kAdvice, "LimitMEMLOCK", [](Facts& f, Needs&) { f.memlock_limit = 8 << 20; }},
       {"governor", kAdvice, "performance", [](Facts& f, Needs&) { f.governors.front() = "powersave"; }},
-      {"isolation", kProblem, "names CPU 4",
+      {"isolation", kProblem, "names CPU 4095",
        [](Facts&, Needs& n) {
-         n.cpus = {1, 4};
+         n.cpus = {0, 4095};
        }},
       {"isolation", kAdvice, "pipeline.cpus = [2, 3]",
        [](Facts& f, Needs&) {

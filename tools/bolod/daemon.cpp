@@ -347,7 +347,7 @@ struct Daemon::Impl {
     };
     if (!reading.valid() || comes_within(std::chrono::seconds(0))) {
       std::packaged_task<Result<DaemonConfig>()> task(
-          [file = config.file] { return tried([&] { return read_config(file); }); });
+          [file = config.file] { return tried([&] { return read_config_to_run(file); }); });
       reading = task.get_future();
       std::thread(std::move(task)).detach();
     }

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "src/rt/thread.hpp"
 #include "tools/doctor/checks.hpp"
 
 namespace bolo::tools::doctor {
@@ -190,13 +191,7 @@ Check isolation(const Facts& facts, const Needs& needs) {
   Check check{"isolation", "CPUs kept free"};
   check.found =
       fmt::format("{} CPUs, isolated: {}", facts.processors, facts.isolated.empty() ? "none" : list(facts.isolated));
-  std::vector<int> missing;
-  for (const int cpu : needs.cpus) {
-    if (cpu >= facts.processors) missing.push_back(cpu);
-  }
-  if (!missing.empty()) {
-    return problem(check, "pipeline.cpus names CPU " + list(missing) + ", which this computer has not");
-  }
+  if (const Status cpus = rt::check_cpus(needs.cpus); !cpus) return problem(check, cpus.error().message);
   if (facts.processors < 2) {
     return advice(check, "one CPU is little: deblurring 640x120 at 200 frames/s fills most of it");
   }
