@@ -1,6 +1,8 @@
 // Facts of a host that bolo doctor reads, and its verdicts on them.
 #include <fcntl.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -8,6 +10,25 @@
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 #include "tools/doctor/checks.hpp"
+
+namespace {
+int g_looks_at_files = 0;  // that processes have open, and are no terminals
+}  // namespace
+
+extern "C" {
+int stat(const char* path, struct stat* about) {
+  const std::string name = path;
+  std::error_code none;
+  g_looks_at_files += name.starts_with("/proc/") && std::filesystem::read_symlink(name, none).extension() == ".h5";
+  return fstatat(AT_FDCWD, path, about, 0);
+}
+
+// As of a tmpfs without a limit.
+int statvfs(const char*, struct statvfs* about) {
+  *about = {};
+  return 0;
+}
+}
 
 namespace bolo::tools::doctor::doctor_test {
 
@@ -101,6 +122,7 @@ TEST(Doctor, NamesAFaultWithItsFix) {
          f.isolated = {2, 3};
        }},
       {"shared_memory", kProblem, "--shm-size", [](Facts& f, Needs&) { f.shared_free = 10 << 20; }},
+      {"shared_memory", kGood, "", [](Facts& f, Needs&) { f.shared_free = kNoLimit; }},
       {"shared_memory", kProblem, "mount -t tmpfs", [](Facts& f, Needs&) { f.shared_free.reset(); }},
       {"v4l2loopback", kProblem, "v4l2loopback-dkms",
        [](Facts& f, Needs&) {
@@ -194,6 +216,10 @@ TEST(Doctor, NamesTheProcessThatHasAVideoDevice) {
   EXPECT_EQ(used_by(refused, "").error().message, process + " (doctor_test) uses it: end that program");
   prctl(PR_SET_NAME, "bolod");
   EXPECT_EQ(used_by(refused, "").value_or(""), process + " (bolod) uses it");
+  const Scratch scratch;
+  const std::ofstream on_a_disk_that_hangs(scratch / "open.h5");
+  EXPECT_TRUE(used_by(refused, ""));
+  EXPECT_EQ(g_looks_at_files, 0);
   prctl(PR_SET_NAME, "doctor_test");
   close(side);
   close(terminal);
@@ -239,7 +265,7 @@ TEST_F(Host, IsReadFromTheKernelsFiles) {
   ASSERT_EQ(facts.videos.size(), 1U);
   EXPECT_EQ(facts.videos[0].path, "/dev/video10");
   EXPECT_TRUE(facts.videos[0].driver.empty());
-  EXPECT_TRUE(facts.shared_free);
+  EXPECT_EQ(facts.shared_free, kNoLimit);
   EXPECT_GE(facts.processors, 1);
   EXPECT_FALSE(facts.hdf5.empty());
   EXPECT_FALSE(facts.aravis.empty());

@@ -208,7 +208,8 @@ Check shared_memory(const Facts& facts, const Needs& needs) {
     return problem(found(check, "/dev/shm is not there"),
                    "mount -t tmpfs tmpfs /dev/shm; in a container give it --shm-size=256m");
   }
-  check.found = bytes_text(*facts.shared_free) + " free in /dev/shm, " + bytes_text(needs.shared_bytes) + " needed";
+  const std::string free = *facts.shared_free == kNoLimit ? "no limit" : bytes_text(*facts.shared_free) + " free";
+  check.found = free + " in /dev/shm, " + bytes_text(needs.shared_bytes) + " needed";
   if (*facts.shared_free >= needs.shared_bytes) return check;
   return problem(check, fmt::format("mount -o remount,size={}M /dev/shm; in a container --shm-size; or fewer shm.slots",
                                     (needs.shared_bytes >> 20U) * 2 + 64));
