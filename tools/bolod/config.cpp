@@ -16,7 +16,6 @@
 #include "src/core/input_file.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/model/strict_toml.hpp"
-#include "src/rt/thread.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/metrics.hpp"
 
@@ -417,14 +416,6 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
   if (const Status status = check_together(keys, config, overrides); !status)
     return tl::unexpected<Error>(status.error());
   note_profile(config);
-  return config;
-}
-
-Result<DaemonConfig> read_config_to_run(const std::filesystem::path& file) {
-  ASSIGN_OR_RETURN(DaemonConfig config, read_config(file));
-  if (const Status cpus = rt::check_cpus(config.pipeline.thread.cpus); !cpus) {
-    return bad_input(file.string() + ": " + cpus.error().message);
-  }
   return config;
 }
 

@@ -94,9 +94,6 @@ struct DaemonConfig {
 // input: file, line and item. Thread: setup.
 Result<DaemonConfig> read_config(const std::filesystem::path& file);
 
-// The same, and refuses what this computer has not: a configuration that a daemon runs here. Thread: setup.
-Result<DaemonConfig> read_config_to_run(const std::filesystem::path& file);
-
 // --- Changes of a configuration that is read again by a running daemon.
 
 // Keys that a running daemon takes up; all others need a restart. Thread: any.
