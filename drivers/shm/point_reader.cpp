@@ -196,6 +196,7 @@ PointReader::Outcome PointReader::solve(std::uint64_t number, std::span<std::uin
   return Outcome::kSolved;
 }
 
+double PointReader::period_s() const noexcept { return impl_->settings.period_s; }
 std::uint64_t PointReader::published() const noexcept { return impl_->reader.published(); }
 PointReader::PointReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 PointReader::PointReader(PointReader&&) noexcept = default;

@@ -37,6 +37,10 @@ class PointReader {
   // anew for each frame: tens of milliseconds. Thread: one at a time.
   Outcome solve(std::uint64_t number, std::span<std::uint16_t> out);
 
+  // That it solves with: the writer's as over() found it. Once ShmReader::frame_period_s() is another one, later frames
+  // need a new reader. Thread: any.
+  double period_s() const noexcept;
+
   // Frames published so far; the last `look-ahead` of them can't be solved yet. Thread: any.
   std::uint64_t published() const noexcept;
 

@@ -17,6 +17,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <mutex>
@@ -146,10 +147,14 @@ std::optional<uid_t> uid_of(const std::string& user) {
   return found != nullptr ? std::optional<uid_t>(found->pw_uid) : std::nullopt;
 }
 
-// True if the open file still has a name.
-bool is_linked(const UniqueFd& fd) {
-  struct stat status {};
-  return fd && fstat(fd.get(), &status) == 0 && status.st_nlink > 0;
+// True while the name is the open file's: a file that was renamed, linked or mounted over still has one, but not this.
+bool is_at(const UniqueFd& fd, const std::string& path) noexcept {
+  std::array<char, 256> place{};  // no memory is taken: the writer also asks as it ends
+  std::snprintf(place.data(), place.size(), "%s%s", kFolder, path.c_str());
+  struct stat ours {};
+  struct stat there {};
+  return fd && fstat(fd.get(), &ours) == 0 && lstat(place.data(), &there) == 0 && ours.st_dev == there.st_dev &&
+         ours.st_ino == there.st_ino;
 }
 
 // An object's header; nothing when there is none yet, or it can't be read.
@@ -206,7 +211,7 @@ bool still_beats(const std::string& object, std::uint64_t heartbeat_ns) {
 // One try to become the only writer of the name: the locked descriptor of its lock, or an empty one to try again.
 //
 // The lock is a file of its own, for whoever can open a file can lock it, and readers open the object. The kernel drops
-// it when its holder dies. A lock whose last link is gone was unlinked between open and flock. A writer that stands
+// it when its holder dies. A lock without its name lost it between open and flock. A writer that stands
 // still keeps its lock, so that one is left to it without a name.
 Result<UniqueFd> try_lock(const std::string& lock, const std::string& object) {
   UniqueFd fd(shm_open(lock.c_str(), O_RDWR | O_CREAT, 0600));
@@ -214,7 +219,7 @@ Result<UniqueFd> try_lock(const std::string& lock, const std::string& object) {
   if (!fd || fstat(fd.get(), &status) != 0) return in_the_way(lock, object, errno);
   if (status.st_uid != geteuid()) return in_the_way(lock, object, EACCES);
   const bool locked = flock(fd.get(), LOCK_EX | LOCK_NB) == 0;
-  if (!is_linked(fd)) return UniqueFd();
+  if (!is_at(fd, lock)) return UniqueFd();
   if (locked) return fd;
   const auto header = read_header(object);
   if (!header || !heartbeat_stale(header->heartbeat_ns) || still_beats(object, header->heartbeat_ns)) {
@@ -327,7 +332,7 @@ Result<OwnedObject> OwnedObject::create_again() {
   OwnedObject object;
   object.path_ = path_;
   object.lock_path_ = lock_path_;
-  if (is_linked(lock_)) object.lock_ = std::move(lock_);
+  if (is_at(lock_, lock_path_)) object.lock_ = std::move(lock_);
   if (!object.lock_) {
     ASSIGN_OR_RETURN(object.lock_, lock_name(lock_path_, path_));
   }
@@ -346,7 +351,7 @@ Status OwnedObject::make(std::size_t bytes) {
 
 bool OwnedObject::is_there() const noexcept {
   struct stat status {};
-  return is_linked(lock_) && fstat(object_.get(), &status) == 0 && status.st_nlink > 0 &&
+  return is_at(lock_, lock_path_) && is_at(object_, path_) && fstat(object_.get(), &status) == 0 &&
          status.st_size >= static_cast<off_t>(memory_->bytes());
 }
 
@@ -364,7 +369,7 @@ OwnedObject& OwnedObject::operator=(OwnedObject&& other) noexcept {
 // A successor that thought this writer dead has the names by now: then they are not ours to unlink.
 OwnedObject::~OwnedObject() {
   const auto unlink_ours = [](const UniqueFd& fd, const std::string& path) {
-    if (is_linked(fd)) shm_unlink(path.c_str());
+    if (is_at(fd, path)) shm_unlink(path.c_str());
   };
   unlink_ours(object_, path_);
   unlink_ours(lock_, lock_path_);

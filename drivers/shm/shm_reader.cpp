@@ -246,15 +246,20 @@ const std::string& ShmReader::name() const noexcept { return impl_->mapping->nam
 bolo_shm_header ShmReader::header() const noexcept {
   const std::uint64_t newest = published();  // first: the counters were stored before it, so that none is behind it
   bolo_shm_header header = snapshot(*impl_->mapping);
-  const double period_s = header.frame_period_s;
   std::memcpy(&header, &impl_->checked, offsetof(bolo_shm_header, published));
-  if (is_period(period_s)) header.frame_period_s = period_s;
+  header.frame_period_s = frame_period_s();
   header.published = newest;
   header.motion_offset = impl_->checked.motion_offset;
   header.motion_across = impl_->checked.motion_across;
   header.motion_down = impl_->checked.motion_down;
   header.row_delay_s = impl_->checked.row_delay_s;
   return header;
+}
+
+double ShmReader::frame_period_s() const noexcept {
+  double now_s = 0.0;
+  copy_out(&now_s, impl_->mapping->data() + offsetof(bolo_shm_header, frame_period_s), sizeof(now_s));
+  return is_period(now_s) ? now_s : impl_->checked.frame_period_s;
 }
 
 bool ShmReader::read_samples(std::uint64_t number, std::span<const std::uint32_t> pixels, bolo_shm_slot& head,

@@ -90,6 +90,8 @@ class ShmReader {
 
   // A copy of the header: geometry and texts as checked by open(), counters and histogram as they are now. Thread: any.
   bolo_shm_header header() const noexcept;
+  // That of header(), which changes where the camera's clock shows another than its settings say. Thread: any.
+  double frame_period_s() const noexcept;
 
   enum class Outcome {
     kFrame,        // `frame` holds the frame asked for

@@ -77,7 +77,8 @@ enum bolo_client_result {
 /* A stream, followed across restarts of its daemon. */
 typedef struct bolo_client bolo_client;
 
-/* Properties of a stream. Owned by its handle, which fills it anew at each BOLO_CLIENT_RESTARTED. */
+/* Properties of a stream. Owned by its handle, which fills it anew at each BOLO_CLIENT_RESTARTED; the period is that of
+ * the newest frame given: the daemon finds another one where the camera's clock differs from its settings. */
 struct bolo_client_info {
   uint32_t width;  /* pixels */
   uint32_t height; /* pixels */
@@ -85,7 +86,7 @@ struct bolo_client_info {
   uint32_t row_step;
   double scale;          /* kelvin = scale * value + offset where unit is BOLO_UNIT_KELVIN */
   double offset;         /* kelvin */
-  double frame_period_s; /* nominal */
+  double frame_period_s; /* that frames are solved with */
   double tau_s;          /* time constant that is undone */
   uint32_t window;       /* frames that one frame is estimated from */
   uint32_t lookahead;    /* of them after the frame: how much later than its raw plane a frame is published */

@@ -10,8 +10,9 @@ namespace {
 // less than the error that one frame of noise makes at 10 K of contrast; beyond it the frame is flagged.
 constexpr double kGridTolerance = 0.1;
 constexpr double kMostJitter = 1.0;  // periods by which a clock may err: stamps of a busy host
-constexpr int kScatterSteps = 16;    // of a clock, that its scatter is the mean of, and by how much the period is wrong
-constexpr int kSteadySteps = 4;      // that it is given to begin with: one late stamp is no scatter
+constexpr int kScatterSteps = 16;    // of a clock, that its scatter is the mean of
+constexpr int kDriftSteps = 20;  // that a wrong period is told by: one of 0.5 % leaves the grid's tolerance in these
+constexpr int kSteadySteps = 4;  // that it is given to begin with: one late stamp is no scatter
 constexpr double kBeyondChance = 5;  // mean distances: four standard deviations
 
 }  // namespace
@@ -32,8 +33,8 @@ std::int64_t FrameSteps::next(const FrameMeta& frame, std::uint64_t repeats, dou
   const std::int64_t steps = by_clock ? static_cast<std::int64_t>(nearest) : counted;
   const double off = std::abs(periods - static_cast<double>(steps));
   last_ = frame;
-  if (steps >= 1 && off <= kGridTolerance) drift_ += ((periods - nearest) / nearest - drift_) / kScatterSteps;
-  off_grid = off > kGridTolerance || std::abs(drift_) * kScatterSteps > kGridTolerance;
+  if (steps >= 1 && off <= kGridTolerance) drift_ += ((periods - nearest) / nearest - drift_) / kDriftSteps;
+  off_grid = off > kGridTolerance || std::abs(drift_) * kDriftSteps > kGridTolerance;
   if (steps < 1) return steps;
   count_ = std::min(count_ + 1, kScatterSteps - kSteadySteps);
   scatter_ += (std::min(off, kMostJitter) - scatter_) / (count_ + kSteadySteps);

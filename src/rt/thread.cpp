@@ -3,6 +3,7 @@
 #include <pthread.h>
 #include <sched.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstring>
@@ -81,6 +82,14 @@ ThreadOptions named(const ThreadOptions& options, int worker) {
 }
 
 }  // namespace
+
+Status check_cpus(const std::vector<int>& cpus) {
+  for (const int cpu : cpus) {
+    if (cpu < sysconf(_SC_NPROCESSORS_CONF)) continue;
+    return bad_input("pipeline.cpus names CPU " + std::to_string(cpu) + ", which this computer has not");
+  }
+  return {};
+}
 
 Status apply_to_this_thread(const ThreadOptions& options) {
   if (!options.name.empty()) pthread_setname_np(pthread_self(), options.name.substr(0, kShownName).c_str());

@@ -20,6 +20,10 @@ struct ThreadOptions {
   std::vector<int> cpus{};    // empty: any
 };
 
+// Bad input if one of them is no CPU of this computer: of [0, 77] the kernel would take CPU 0 alone, and not say so.
+// Thread: any.
+Status check_cpus(const std::vector<int>& cpus);
+
 // Applies the options to the calling thread. A priority or affinity that the system refuses is an error whose message
 // names the limit to raise; the thread goes on without it. Thread: the thread concerned.
 Status apply_to_this_thread(const ThreadOptions& options);

@@ -232,6 +232,15 @@ TEST(Window, AWrongPeriodIsFlaggedFromTheFirstFullWindowUntilItIsMended) {
   }
 }
 
+// bolod mends a period from 0.5 % on.
+TEST(Window, APeriodThatIsWrongByWhatIsJustMendedIsFlagged) {
+  for (const double step : {1.0055, 1.0 / 1.0055, 1.0048}) {
+    Player player(17);
+    for (std::uint64_t id = 0; id < 80; ++id) player.frame_at(id, 7.3 + step * static_cast<double>(id));
+    EXPECT_EQ(player.shown().back().flags, step == 1.0048 ? kFlagNone : kFlagJitter) << step;
+  }
+}
+
 TEST(Window, StampsThatJitterAroundARightPeriodAreNoWrongOne) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> late(-0.04, 0.04);

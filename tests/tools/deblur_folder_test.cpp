@@ -284,6 +284,14 @@ TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
   EXPECT_FALSE(fs::exists(file("sharp/b.h5.part")));
 }
 
+// Unless others share it: one of them may be about to write there.
+TEST_F(DeblurFolder, WhereNothingIsMadeNoFolderStays) {
+  ended(2, words("@archive/no.h5 @archive/none.h5 -o @new/sharp"), {"no.h5"});
+  EXPECT_FALSE(fs::exists(file("new")));
+  ended(2, words("@archive/no.h5 @archive/none.h5 -o @new/sharp --shard 0/2"), {"no.h5"});
+  EXPECT_TRUE(fs::exists(file("new/sharp")));
+}
+
 TEST_F(DeblurFolder, ANameThatIsNotUtf8IsANameLikeAnyOther) {
   fs::create_symlink("round.h5", file("archive/round.h5"));  // leads nowhere: no capture
   const std::string name = "archive/d\xff\xfe.h5";
@@ -345,6 +353,15 @@ TEST(CaptureRun, RefusesACaptureThatAnotherProgramReplacedMeanwhile) {
     EXPECT_FALSE(fs::exists(scratch / "out.h5"));
   }
   write_blurred(file, {});  // the same again
+  const fs::path part = scratch / "out.h5.part";
+  const auto replace_part = [&](std::uint64_t, bool) {
+    if (fs::exists(scratch / "moved.h5")) return;
+    fs::rename(part, scratch / "moved.h5");
+    scratch.text("out.h5.part", "another program's");
+  };
+  EXPECT_FALSE(run->run(scratch / "out.h5", "", replace_part));
+  EXPECT_EQ(contents(part), "another program's");
+  fs::remove(part);
   EXPECT_TRUE(run->run(scratch / "out.h5", "", [](std::uint64_t, bool) {}));
 }
 

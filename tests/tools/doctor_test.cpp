@@ -1,6 +1,8 @@
 // Facts of a host that bolo doctor reads, and its verdicts on them.
 #include <fcntl.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -8,6 +10,25 @@
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 #include "tools/doctor/checks.hpp"
+
+namespace {
+int g_looks_at_files = 0;  // that processes have open, and are no terminals
+}  // namespace
+
+extern "C" {
+int stat(const char* path, struct stat* about) {
+  const std::string name = path;
+  std::error_code none;
+  g_looks_at_files += name.starts_with("/proc/") && std::filesystem::read_symlink(name, none).extension() == ".h5";
+  return fstatat(AT_FDCWD, path, about, 0);
+}
+
+// As of a tmpfs without a limit.
+int statvfs(const char*, struct statvfs* about) {
+  *about = {};
+  return 0;
+}
+}
 
 namespace bolo::tools::doctor::doctor_test {
 
@@ -92,15 +113,16 @@ TEST(Doctor, NamesAFaultWithItsFix) {
       {"realtime", kProblem, "LimitRTPRIO=20", [](Facts& f, Needs&) { f.priority_limit = 0; }},
       {"locked_memory", kAdvice, "LimitMEMLOCK", [](Facts& f, Needs&) { f.memlock_limit = 8 << 20; }},
       {"governor", kAdvice, "performance", [](Facts& f, Needs&) { f.governors.front() = "powersave"; }},
-      {"isolation", kProblem, "names CPU 4",
+      {"isolation", kProblem, "names CPU 4095",
        [](Facts&, Needs& n) {
-         n.cpus = {1, 4};
+         n.cpus = {0, 4095};
        }},
       {"isolation", kAdvice, "pipeline.cpus = [2, 3]",
        [](Facts& f, Needs&) {
          f.isolated = {2, 3};
        }},
       {"shared_memory", kProblem, "--shm-size", [](Facts& f, Needs&) { f.shared_free = 10 << 20; }},
+      {"shared_memory", kGood, "", [](Facts& f, Needs&) { f.shared_free = kNoLimit; }},
       {"shared_memory", kProblem, "mount -t tmpfs", [](Facts& f, Needs&) { f.shared_free.reset(); }},
       {"v4l2loopback", kProblem, "v4l2loopback-dkms",
        [](Facts& f, Needs&) {
@@ -184,6 +206,8 @@ TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {
 }
 
 TEST(Doctor, NamesTheProcessThatHasAVideoDevice) {
+  const Scratch scratch;
+  const std::ofstream on_a_disk_that_hangs(scratch / "open.h5");  // looked at before the terminal, if at all
   const int terminal = posix_openpt(O_RDWR | O_NOCTTY);
   ASSERT_EQ(grantpt(terminal) + unlockpt(terminal), 0);
   const std::string device = ptsname(terminal);
@@ -195,6 +219,7 @@ TEST(Doctor, NamesTheProcessThatHasAVideoDevice) {
   prctl(PR_SET_NAME, "bolod");
   EXPECT_EQ(used_by(refused, "").value_or(""), process + " (bolod) uses it");
   prctl(PR_SET_NAME, "doctor_test");
+  EXPECT_EQ(g_looks_at_files, 0);
   close(side);
   close(terminal);
 }
@@ -239,7 +264,7 @@ TEST_F(Host, IsReadFromTheKernelsFiles) {
   ASSERT_EQ(facts.videos.size(), 1U);
   EXPECT_EQ(facts.videos[0].path, "/dev/video10");
   EXPECT_TRUE(facts.videos[0].driver.empty());
-  EXPECT_TRUE(facts.shared_free);
+  EXPECT_EQ(facts.shared_free, kNoLimit);
   EXPECT_GE(facts.processors, 1);
   EXPECT_FALSE(facts.hdf5.empty());
   EXPECT_FALSE(facts.aravis.empty());

@@ -42,6 +42,12 @@ class Installed(unittest.TestCase):
             for page, chapter in re.findall(r"man:([\w.-]+)\((\d)\)", text):
                 self.assertTrue((self.root / f"usr/share/man/man{chapter}/{page}.{chapter}.gz").is_file(), page)
 
+    def test_the_documentation_links_to_nothing_that_is_not_there(self):
+        for page in (self.root / "usr/share/doc/bolo").rglob("*.md"):
+            text = re.sub(r"^ *```.*?^ *```", "", page.read_text(), flags=re.M | re.S)
+            for link in re.findall(r"\]\(([^)#:]+)[#)]", text):
+                self.assertTrue((page.parent / link).exists(), f"{page.name}: {link}")
+
     def test_a_fake_camera_whose_first_start_was_cut_off_starts_again(self):
         folder = self.root / "fakecam"
         folder.mkdir()

@@ -274,6 +274,17 @@ TEST_F(RecordVerb, FollowsADaemonThatIsStartedAgain) {
   EXPECT_EQ(reader.events()[0].kind, "reconnect");
 }
 
+// The camera begins its count anew, two seconds later: `bolo info` tells these frames from the file.
+TEST_F(RecordVerb, FramesThatABreakOfTheCameraTookAreLost) {
+  ASSERT_TRUE(writer_.open());
+  Program program = record({"--frames", "200"});
+  publish_into_it(60);
+  writer_.next = 0;
+  writer_.received_from_ns += 2'000'000'000;
+  writer_.publish_until([&] { return exists(file("a.h5")); });
+  EXPECT_EQ(end_of(program)["lost"]["before"], 198 + 399) << "every second number is one, too";
+}
+
 // A killed daemon's heartbeat looks alive for two seconds. Its successor's ring is shorter than that here, so that
 // frames would be overwritten if the recorder waited for it to grow old.
 TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {

@@ -38,8 +38,9 @@ Status check_room(const fs::path& named) {
   std::error_code error;
   fs::path folder = named.empty() ? fs::temp_directory_path(error) : fs::absolute(named, error);
   while (folder.has_relative_path() && !fs::exists(folder, error)) folder = folder.parent_path();
-  const std::uintmax_t free = fs::space(folder, error).available / 1'000'000;
-  if (error || free >= kNeeded) return {};
+  const fs::space_info room = fs::space(folder, error);
+  const std::uintmax_t free = room.available / 1'000'000;
+  if (error || room.capacity == 0 || free >= kNeeded) return {};  // a tmpfs without a limit states no size
   return bad_input(folder.string() + ": " + std::to_string(free) + " MB are free, and the demonstration needs " +
                    std::to_string(kNeeded) + " MB; name a folder with more by -o FOLDER, or by TMPDIR");
 }

@@ -29,6 +29,7 @@
 #include "src/core/threads.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/pipeline/host_clock.hpp"
+#include "src/rt/thread.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/log.hpp"
 #include "tools/bolod/metrics.hpp"
@@ -92,6 +93,12 @@ rlim_t memory_limit() {
 }
 
 }  // namespace
+
+Result<DaemonConfig> read_config_to_run(const std::filesystem::path& file) {
+  ASSIGN_OR_RETURN(DaemonConfig config, read_config(file));
+  RETURN_IF_ERROR(at(file.string(), rt::check_cpus(config.pipeline.thread.cpus)));
+  return config;
+}
 
 Result<ComposedSource> make_source(const DaemonConfig& config) {
   if (config.source == SourceType::kReplay) return make_replay(config.replay);
@@ -347,7 +354,7 @@ struct Daemon::Impl {
     };
     if (!reading.valid() || comes_within(std::chrono::seconds(0))) {
       std::packaged_task<Result<DaemonConfig>()> task(
-          [file = config.file] { return tried([&] { return read_config(file); }); });
+          [file = config.file] { return tried([&] { return read_config_to_run(file); }); });
       reading = task.get_future();
       std::thread(std::move(task)).detach();
     }

@@ -1,6 +1,7 @@
 // The daemon: source, pipeline and sinks put together from a configuration, run until a signal or the source's end.
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -11,6 +12,9 @@
 #include "tools/bolod/config.hpp"
 
 namespace bolo::daemon {
+
+// read_config(), and refuses what this computer has not. Thread: setup.
+Result<DaemonConfig> read_config_to_run(const std::filesystem::path& file);
 
 // --- From the configuration to objects: the only place in the daemon that names concrete drivers.
 

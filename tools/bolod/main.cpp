@@ -59,13 +59,8 @@ int usage(const std::string& what) {
 
 int run(const std::string& file, bool check_only) {
   if (!check_only) bolo::daemon::end_by_signals();  // the disk of the file may hang
-  const bolo::Result<bolo::daemon::DaemonConfig> config = bolo::daemon::read_config(file);
+  const bolo::Result<bolo::daemon::DaemonConfig> config = bolo::daemon::read_config_to_run(file);
   if (!config) return report(config.error());
-  for (const int cpu : config->pipeline.thread.cpus) {  // the kernel takes [0, 77] for [0] where there is no CPU 77
-    if (cpu < sysconf(_SC_NPROCESSORS_CONF)) continue;
-    return report({bolo::ErrorKind::kBadInput,
-                   file + ": pipeline.cpus names CPU " + std::to_string(cpu) + ", which this computer has not"});
-  }
   if (check_only) {
     std::printf("%s: ok\n", bolo::printable(file).c_str());
     return printed();

@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include "drivers/replay/replay_source.hpp"
-#include "src/capture/commit_records.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/text.hpp"
 #include "src/core/threads.hpp"
@@ -40,8 +39,6 @@ double square_error(PixelType type, const LinearScale& scale, const void* plane,
   }
   return sum;
 }
-
-std::filesystem::path part_of(std::filesystem::path file) { return file += ".part"; }
 
 // The stimulus as chosen pixels see it. In a region the still's pixel (0, 0) is another of the frame; points have no
 // picture, only what is the same everywhere.
@@ -86,10 +83,10 @@ DeblurSink::DeblurSink(std::filesystem::path input_file, capture::CaptureReader 
 
 DeblurSink::~DeblurSink() {
   if (!writer_ || kept_) return;
-  writer_.reset();
-  std::error_code ignored;
-  std::filesystem::remove(part_of(output_.path), ignored);
-  capture::remove_records(part_of(output_.path));
+  static_cast<void>(tried([this] {
+    writer_->discard();
+    return Status{};
+  }));
 }
 
 Status DeblurSink::open(const pipeline::SinkFormat& format) {

@@ -229,8 +229,12 @@ Status read_files(const cxxopts::ParseResult& args, DeblurRequest& request) {
 const char* variable(const char* name) { return std::getenv(name); }
 
 // Existing files in a folder are checked when their turn comes.
-Status check_files(const DeblurRequest& request) {
-  if (request.into_folder) RETURN_IF_ERROR(make_folder(request.output));
+Status check_files(DeblurRequest& request) {
+  if (request.into_folder && request.share.count > 1) RETURN_IF_ERROR(make_folder(request.output));  // and others'
+  if (request.into_folder && request.share.count == 1) {
+    ASSIGN_OR_RETURN(auto made, OutputFolder::make(request.output));
+    request.folder.emplace(std::move(made));
+  }
   std::vector<fs::path> outputs;
   std::vector<fs::path> inputs{request.points_file, request.profile_file, request.maps_file, request.gyro_file};
   for (const DeblurFile& file : request.files) {

@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +16,7 @@
 
 #include "src/capture/capture.hpp"
 #include "src/core/gyro.hpp"
+#include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/pipeline.hpp"
 
@@ -85,8 +87,9 @@ struct DeblurRequest {
   Replace replace = Replace::kNothing;
   bool isa_given = false;
   bool json = false;
-  bool into_folder = false;  // what is done there already is not done again
-  Share share;               // of the files
+  bool into_folder = false;            // what is done there already is not done again
+  std::optional<OutputFolder> folder;  // that was made for them
+  Share share;                         // of the files
 };
 
 cxxopts::Options deblur_command_line();

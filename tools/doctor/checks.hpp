@@ -37,6 +37,8 @@ struct UsbFound {
   bool writable = false;
 };
 
+inline constexpr std::uint64_t kNoLimit = ~std::uint64_t{0};
+
 // An empty optional: it could not be found out.
 struct Facts {
   std::optional<int> receive_buffer_max;  // net.core.rmem_max, bytes
@@ -52,7 +54,7 @@ struct Facts {
   long priority_limit = 0;             // RLIMIT_RTPRIO; 99 and more with CAP_SYS_NICE
   std::uint64_t memlock_limit = 0;     // bytes; all ones: none
 
-  std::optional<std::uint64_t> shared_free;  // of /dev/shm, bytes
+  std::optional<std::uint64_t> shared_free;  // of /dev/shm, bytes; kNoLimit: as much as there is memory
   bool loopback_module = false;              // v4l2loopback is loaded
   std::vector<VideoDevice> videos;
   std::vector<UsbFound> usb;  // devices of FLIR

@@ -147,7 +147,7 @@ void gather_videos(const fs::path& root, Facts& facts) {
 void gather_shared_memory(const fs::path& root, Facts& facts) {
   struct statvfs info {};
   if (statvfs((root / "dev/shm").c_str(), &info) != 0) return;
-  facts.shared_free = std::uint64_t{info.f_bavail} * info.f_frsize;
+  facts.shared_free = info.f_blocks == 0 ? kNoLimit : std::uint64_t{info.f_bavail} * info.f_frsize;
 }
 
 std::string dotted(const sockaddr* address) {
@@ -232,13 +232,17 @@ void find_versions(Facts& facts) {
   facts.aravis = genicam::aravis_version();
 }
 
-// "process 7 (bolod)", which has this device open; empty: none that this user may look into.
+// "process 7 (bolod)", which has this device open; empty: none that this user may look into. Files of other names are
+// not asked for: they may lie on a disk that hangs.
 std::string holder_of(const fs::path& device) {
   struct stat wanted {};
   if (stat(device.c_str(), &wanted) != 0) return "";
+  std::error_code error;
+  const fs::path name = fs::canonical(device, error).filename();
   for (const fs::path& process : entries_of("/proc")) {
     for (const fs::path& file : entries_of(process / "fd")) {
       struct stat open {};
+      if (fs::read_symlink(file, error).filename() != name) continue;
       if (stat(file.c_str(), &open) != 0 || !S_ISCHR(open.st_mode) || open.st_rdev != wanted.st_rdev) continue;
       return fmt::format("process {} ({})", process.filename().string(), first_line(process / "comm"));
     }

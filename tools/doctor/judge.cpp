@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "src/rt/thread.hpp"
 #include "tools/doctor/checks.hpp"
 
 namespace bolo::tools::doctor {
@@ -190,13 +191,7 @@ Check isolation(const Facts& facts, const Needs& needs) {
   Check check{"isolation", "CPUs kept free"};
   check.found =
       fmt::format("{} CPUs, isolated: {}", facts.processors, facts.isolated.empty() ? "none" : list(facts.isolated));
-  std::vector<int> missing;
-  for (const int cpu : needs.cpus) {
-    if (cpu >= facts.processors) missing.push_back(cpu);
-  }
-  if (!missing.empty()) {
-    return problem(check, "pipeline.cpus names CPU " + list(missing) + ", which this computer has not");
-  }
+  if (const Status cpus = rt::check_cpus(needs.cpus); !cpus) return problem(check, cpus.error().message);
   if (facts.processors < 2) {
     return advice(check, "one CPU is little: deblurring 640x120 at 200 frames/s fills most of it");
   }
@@ -213,7 +208,8 @@ Check shared_memory(const Facts& facts, const Needs& needs) {
     return problem(found(check, "/dev/shm is not there"),
                    "mount -t tmpfs tmpfs /dev/shm; in a container give it --shm-size=256m");
   }
-  check.found = bytes_text(*facts.shared_free) + " free in /dev/shm, " + bytes_text(needs.shared_bytes) + " needed";
+  const std::string free = *facts.shared_free == kNoLimit ? "no limit" : bytes_text(*facts.shared_free) + " free";
+  check.found = free + " in /dev/shm, " + bytes_text(needs.shared_bytes) + " needed";
   if (*facts.shared_free >= needs.shared_bytes) return check;
   return problem(check, fmt::format("mount -o remount,size={}M /dev/shm; in a container --shm-size; or fewer shm.slots",
                                     (needs.shared_bytes >> 20U) * 2 + 64));

@@ -124,8 +124,7 @@ class Recording {
     }
     slot_->meta = meta;
     if (shm::has_motion(frame.layout, head)) marks_ |= kMarkMotion;
-    writer_->put(*std::exchange(slot_, nullptr), std::exchange(marks_, kMarkNone),
-                 stream_.reader().header().frame_period_s);
+    writer_->put(*std::exchange(slot_, nullptr), std::exchange(marks_, kMarkNone), stream_.reader().frame_period_s());
     if (taken_++ == 0) first_ns_ = monotonic_ns();
   }
 
@@ -137,11 +136,9 @@ class Recording {
     return before_ns != 0 && std::abs(utc_offset_ns_ - before_ns) > kClockStepNs;
   }
 
-  // Numbers skipped beyond those overwritten here were lost before. Nothing is missing where a count began
-  // anew: nobody took these frames.
+  // Numbers skipped beyond those overwritten here were lost before: also those that a break of camera or daemon takes.
   void count_jump(const FrameMeta& meta) {
-    const bool follows = any_ && (marks_ & kMarkReconnect) == 0;
-    const std::uint64_t jump = follows ? meta.frame_id - last_id_ - 1 : 0;
+    const std::uint64_t jump = any_ ? meta.frame_id - last_id_ - 1 : 0;
     result_.lost_before += jump - std::min(jump, lost_here_);
     lost_here_ = 0;
     last_id_ = meta.frame_id;

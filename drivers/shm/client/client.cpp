@@ -102,6 +102,7 @@ class Handle {
         fill_info();
         return BOLO_CLIENT_RESTARTED;
     }
+    info_.frame_period_s = stream_.reader().frame_period_s();
     frame = {};
     frame.number = lent.number;
     frame.missed = missed;
@@ -198,7 +199,8 @@ class Handle {
       }
       pixels.push_back(point.y * header_.width + point.x);
     }
-    if (point_reader_ && pixels == pixels_) return BOLO_CLIENT_OK;
+    const double period_s = stream_.reader().frame_period_s();
+    if (point_reader_ && pixels == pixels_ && point_reader_->period_s() == period_s) return BOLO_CLIENT_OK;
     Result<PointReader> made = PointReader::over(stream_.reader().share(), pixels);
     if (!made) return refuse(BOLO_CLIENT_UNSUPPORTED, made.error().message);
     point_reader_.emplace(std::move(*made));

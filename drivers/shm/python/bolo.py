@@ -409,6 +409,8 @@ class Camera(AbstractContextManager):
                     self._refresh()
                     self.restarts += 1
                     self._restarted = True
+                elif self.info.frame_period_s != _client.get_info(handle).contents.frame_period_s:
+                    self.info = Info._of(_client.get_info(handle).contents)
             if result == _OK:
                 restarted, self._restarted = self._restarted, False
                 return Frame(lent, self._ring, self.info, restarted)

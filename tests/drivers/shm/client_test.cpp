@@ -56,6 +56,22 @@ TEST_F(ClientTest, InfoSaysWhatTheStreamIs) {
   EXPECT_STREQ(info->control_socket, "");
 }
 
+TEST_F(ClientTest, ThePeriodIsThatWhichTheWriterFoundLast) {
+  const Client client = open();
+  const bolo_client_point points[] = {{3, 2}, {4, 2}, {5, 2}};
+  float before[3];
+  float after[3];
+  writer_->stats.period_s.set(0.005);
+  publish(40);
+  ASSERT_EQ(bolo_client_points(client.get(), 30, points, 3, before), BOLO_CLIENT_OK);
+  writer_->stats.period_s.set(0.0055);
+  publish(1);
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+  EXPECT_DOUBLE_EQ(bolo_client_get_info(client.get())->frame_period_s, 0.0055);
+  ASSERT_EQ(bolo_client_points(client.get(), 30, points, 3, after), BOLO_CLIENT_OK);
+  EXPECT_FALSE(std::ranges::equal(before, after)) << "solved with another period";
+}
+
 TEST_F(ClientTest, FramesCarryTheirMotion) {
   writer_ = std::make_unique<Writer>(name_, Geometry{33, 20});
   writer_->format.motion = true;

@@ -5,6 +5,7 @@ usage: python_module_test.py BOLO MODULE_FOLDER LIBRARY. Exit code 77: numpy isn
 
 import copy
 import ctypes
+import dataclasses
 import gc
 import math
 import os
@@ -61,8 +62,8 @@ class WithDaemon(unittest.TestCase):
 
     def tearDown(self):
         self.end(signal.SIGTERM)
-        if os.path.exists(f"/dev/shm/bolo.{self.name}"):
-            os.unlink(f"/dev/shm/bolo.{self.name}")
+        for file in (f"/dev/shm/bolo.{self.name}", f"/dev/shm/bolo-lock.{self.name}"):
+            pathlib.Path(file).unlink(missing_ok=True)
 
     def start(self, capture=None, *words):
         command = [BOLO, "replay", capture or self.capture, "--name", self.name, "--loop", *words]
@@ -89,6 +90,12 @@ class WithDaemon(unittest.TestCase):
                 return camera.points(points)
             except bolo.Unavailable:
                 time.sleep(0.01)
+
+    def test_the_period_is_that_of_the_newest_frame(self):
+        with self.open() as camera:
+            true = camera.info.frame_period_s
+            camera.info = dataclasses.replace(camera.info, frame_period_s=1.0)  # before the daemon found another
+            self.assertEqual(camera.next(HANG_S).info.frame_period_s, true)
 
     def test_frames_come_in_order_with_their_metadata(self):
         with self.open() as camera:

@@ -57,7 +57,8 @@ struct Writer {
     fill(raw, next, 0);
     fill(deblurred, next, 1);
     const auto n = static_cast<std::int64_t>(next);
-    FrameMeta meta{2 * next, n * 5'000'000, 1000 + n, flags | (next % 5 == 0 ? std::uint32_t{kFlagGap} : 0U)};
+    FrameMeta meta{2 * next, n * 5'000'000, received_from_ns + n,
+                   flags | (next % 5 == 0 ? std::uint32_t{kFlagGap} : 0U)};
     meta.utc_ns = utc_of(next) + clock_set_by_ns;
     meta.utc_uncertainty_ns = 1'500'001;
     pipeline::PublishedFrame frame{meta, 2000 + n, raw.data(), deblurred.data()};
@@ -92,7 +93,8 @@ struct Writer {
   pipeline::PipelineStats stats{inlet};
   ShmSink sink;
   std::uint64_t next = 0;
-  std::uint32_t flags = 0;           // of all frames, besides a gap at every fifth
+  std::uint32_t flags = 0;  // of all frames, besides a gap at every fifth
+  std::int64_t received_from_ns = 1000;
   std::int64_t clock_set_by_ns = 0;  // of the host's clock, since the first frame
   std::vector<std::uint16_t> raw;
   std::vector<std::uint16_t> deblurred;

@@ -215,12 +215,14 @@ TEST(ShmWriters, ANameThatIsTakenAwayComesBack) {
   }
 }
 
-// Its name is another daemon's meanwhile, as after a process that stood still goes on.
+// Its name is another daemon's meanwhile, as after a process that stood still goes on. The files may have names still.
 TEST(ShmWriters, ANameThatAnotherTookStaysHis) {
   const std::string name = unique_name("taken");
   Writer writer(name);
   ASSERT_TRUE(writer.open());
-  ASSERT_EQ(shm_unlink(("/bolo-lock." + name).c_str()), 0);
+  for (const std::string& file : {"/dev/shm/bolo." + name, "/dev/shm/bolo-lock." + name}) {
+    std::filesystem::rename(file, file + ".kept");
+  }
   Writer other(name);
   ASSERT_TRUE(other.open());
   const auto notices = writer.sink.take_notices();
@@ -231,6 +233,9 @@ TEST(ShmWriters, ANameThatAnotherTookStaysHis) {
   EXPECT_EQ(ShmReader::open(name)->published(), 1U);
   std::this_thread::sleep_for(std::chrono::milliseconds(1050));
   EXPECT_TRUE(writer.sink.take_notices().empty()) << "said once";
+  writer.sink.close();
+  EXPECT_TRUE(ShmReader::open(name)) << "the other's stays";
+  for (const char* file : {"/bolo.", "/bolo-lock."}) EXPECT_EQ(shm_unlink((file + name + ".kept").c_str()), 0);
 }
 
 TEST(ShmWriters, ModeAndGroupAreApplied) {

@@ -10,13 +10,8 @@ import time
 from frames import published
 from guest import CONFIG, check, is_active, restarts, run, saw, show, stat, wait_until
 
-CAMERA_SETTINGS = """[Service]
-ExecStartPre=
-ExecStartPre=/bin/sh -c 'test -s %S/bolo-fakecam/street.h5 || exec /usr/bin/bolo simulate \
-  -o %S/bolo-fakecam/street.h5 --no-truth --width 64 --height 24 --rate 12.5 --tau 0.06 --frames 150'
-ExecStart=
-ExecStart=/usr/bin/bolo fakecam %S/bolo-fakecam/street.h5 --rate 12.5 --loop
-"""
+# The shipped unit's commands, with a smaller and slower camera.
+SMALLER = {"--frames 800": "--width 64 --height 24 --rate 12.5 --tau 0.06 --frames 150", "--rate 200": "--rate 12.5"}
 CONFIGURATION = """name = "test"
 
 [source]
@@ -47,7 +42,12 @@ enable = true
 
 settings = pathlib.Path("/etc/systemd/system/bolo-fakecam.service.d/small.conf")
 settings.parent.mkdir(parents=True)
-settings.write_text(CAMERA_SETTINGS)
+camera = "[Service]\nExecStartPre=\nExecStart=\n"
+for line in pathlib.Path("/usr/lib/systemd/system/bolo-fakecam.service").read_text().splitlines():
+    if line.startswith("ExecStart"):
+        large, small = next(pair for pair in SMALLER.items() if pair[0] in line)
+        camera += line.replace(large, small) + "\n"
+settings.write_text(camera)
 (CONFIG / "test.toml").write_text(CONFIGURATION)
 run("groupadd", "--system", "readers")
 run("usermod", "--append", "--groups", "readers", "bolo")

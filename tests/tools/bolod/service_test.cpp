@@ -177,6 +177,8 @@ TEST_F(Service, HearsOfAReload) {
   EXPECT_TRUE(manager_.received("RELOADING=1"));
   EXPECT_TRUE(manager_.received("MONOTONIC_USEC="));
   EXPECT_TRUE(logged(*daemon, "unknown key 'log.levle'")) << daemon->err();
+  reload("cpus = [0, 4000]\n");
+  EXPECT_TRUE(logged(*daemon, "pipeline.cpus names CPU 4000, which this computer has not; all stays")) << daemon->err();
 
   reload("queue_frames = 32\n[nuc]\ninterval_s = 60\n[log]\nlevel = 'info'\n");
   EXPECT_TRUE(logged(*daemon, "reload: took up nuc.interval_s")) << daemon->err();

@@ -17,9 +17,19 @@ TEST_F(DemoVerb, ReplacesNothing) {
   }
 }
 
-// Where nothing can be stored, and no folder be made.
+// A file system without a limit states none: whatever stands in the way there, it is not the room.
 TEST_F(DemoVerb, SaysHowMuchRoomItNeedsBeforeItBegins) {
-  refused({"-o", "/sys/demonstration/of-bolo"}, "/sys: 0 MB are free, and the demonstration needs 400 MB");
+  const std::string mounted =
+      "mount -t tmpfs -o size=$1 none \"$0\" || exit 77; shift; touch \"$0/street.h5\"; exec \"$@\"";
+  for (const auto& [size, message] :
+       {std::pair{"8m", ": 8 MB are free, and the demonstration needs 400 MB"}, {"0", "street.h5 is there already"}}) {
+    Program demo({"/usr/bin/unshare", "--mount", "--map-root-user", "/bin/sh", "-c", mounted, folder_, size,
+                  BOLO_PROGRAM, "demo", "--no-page", "--seconds", "1", "-o", folder_},
+                 file("demo"));
+    const int code = demo.wait();
+    if (code != 2) GTEST_SKIP() << "no mount namespace here: " << demo.err();
+    expect_parts(demo.err(), {message});
+  }
 }
 
 }  // namespace bolo::tools::test::demo_verb_test
