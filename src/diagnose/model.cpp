@@ -245,6 +245,21 @@ Series predict(const Session& session, std::size_t index, const State& state, st
   return y;
 }
 
+VectorXd frame_means(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
+  return predict(session, index, state, pixels).rowwise().mean().cast<double>();
+}
+
+MatrixXd level_slopes(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
+  const VectorXd base = frame_means(session, index, state, pixels);
+  MatrixXd slopes(base.size(), static_cast<Index>(state.stimuli[index].level_k.size()));
+  for (Index l = 0; l < slopes.cols(); ++l) {
+    State hotter = state;
+    hotter.stimuli[index].level_k[static_cast<std::size_t>(l)] += 1.0;
+    slopes.col(l) = frame_means(session, index, hotter, pixels) - base;
+  }
+  return slopes;
+}
+
 BarsModel::BarsModel(const Session& session, std::size_t recording, const State& state)
     : session_(session),
       camera_(state.camera),

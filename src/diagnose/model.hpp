@@ -234,6 +234,10 @@ std::vector<std::size_t> modelled(const Session& session);  // the recordings th
 bool has_bench(const Session& session);                     // any has
 // Prediction of a recording that has_model() at pixels of the grid: frames x pixels, K. Thread: any.
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
+// Its frames' means over these pixels, K, and their derivatives by the recording's levels (frames x levels, K/K).
+// Thread: any.
+VectorXd frame_means(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
+MatrixXd level_slopes(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 
 // Tables for pixels of different time constants: three, interpolated by Lagrange's polynomial in ln tau.
 struct BarTables {

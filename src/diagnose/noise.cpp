@@ -62,8 +62,8 @@ Parts take_apart(const std::vector<int>& good, Index width, Index height, const 
 }
 
 // Powers of time up to a cubic.
-Eigen::MatrixXd powers_of_time(Index n) {
-  Eigen::MatrixXd basis(n, 4);
+MatrixXd powers_of_time(Index n) {
+  MatrixXd basis(n, 4);
   for (Index k = 0; k < n; ++k) {
     const double s = 2.0 * static_cast<double>(k) / static_cast<double>(std::max<Index>(1, n - 1)) - 1.0;
     basis.row(k) << 1.0, s, s * s, s * s * s;
@@ -73,8 +73,8 @@ Eigen::MatrixXd powers_of_time(Index n) {
 
 // Its least-squares cubic in time.
 ArrayXd cubic_of(const ArrayXd& x) {
-  const Eigen::MatrixXd basis = powers_of_time(x.size());
-  const Eigen::VectorXd solved = least_squares(basis, x.matrix());
+  const MatrixXd basis = powers_of_time(x.size());
+  const VectorXd solved = least_squares(basis, x.matrix());
   return (basis * solved).array();
 }
 
@@ -82,15 +82,15 @@ ArrayXd cubic_of(const ArrayXd& x) {
 double likelihood_of_walk(const ArrayXd& x, Index powers) {
   constexpr double kStep = 0.01;
   const Index n = x.size();
-  Eigen::MatrixXd both(n, powers + 1);
+  MatrixXd both(n, powers + 1);
   both << powers_of_time(n).leftCols(powers), x.matrix();
   double best = -1e300;
   for (double rho = 0.0; rho < 1.0 - kStep / 2.0; rho += kStep) {
-    Eigen::MatrixXd white = both;
+    MatrixXd white = both;
     white.bottomRows(n - 1) -= rho * both.topRows(n - 1);
     white.row(0) *= std::sqrt(1.0 - rho * rho);
     const auto basis = white.leftCols(powers);
-    const Eigen::VectorXd left = white.col(powers) - basis * least_squares(basis, white.col(powers));
+    const VectorXd left = white.col(powers) - basis * least_squares(basis, white.col(powers));
     const double variance = std::max(left.squaredNorm() / static_cast<double>(n), 1e-18);
     best = std::max(best, 0.5 * std::log(1.0 - rho * rho) - 0.5 * static_cast<double>(n) * std::log(variance));
   }

@@ -37,22 +37,6 @@ void match_stimuli(std::span<const int> some, Fit& fit) {
   }
 }
 
-// Derivatives of a recording's frame means by its levels, K/K.
-MatrixXd level_slopes(const Session& session, std::size_t i, const State& state) {
-  const std::vector<int> pixels = session.good_pixels();
-  const auto means = [&](const State& of) -> VectorXd {
-    return predict(session, i, of, pixels).rowwise().mean().cast<double>();
-  };
-  const VectorXd base = means(state);
-  MatrixXd slopes(base.size(), static_cast<Index>(state.stimuli[i].level_k.size()));
-  for (Index l = 0; l < slopes.cols(); ++l) {
-    State hotter = state;
-    hotter.stimuli[i].level_k[static_cast<std::size_t>(l)] += 1.0;
-    slopes.col(l) = means(hotter) - base;
-  }
-  return slopes;
-}
-
 void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const State& state, Fit& fit) {
   const std::vector<int> all = fit.session.grid.all();
   for (const std::size_t i : modelled(fit.session)) {
@@ -62,7 +46,7 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
     if (std::ranges::count(fit.jumps, i, &Jump::recording) > 0) continue;
     const Series predicted = predict(fit.session, i, state, all);
     const Series residual = r.values - predicted;
-    const MatrixXd levels = level_slopes(fit.session, i, state);
+    const MatrixXd levels = level_slopes(fit.session, i, state, fit.session.good_pixels());
     const VectorXd shown = predicted.rowwise().mean().cast<double>();
     if (auto jump = find_jump(fit.session, i, residual, freezes, levels, shown)) {
       // Jitter makes the speed of a pan less certain.
@@ -80,7 +64,7 @@ void correct_jumps_again(const State& state, Fit& fit) {
     const Recording& r = fit.session.recordings[jump.recording];
     if (r.kind == Kind::kUniform) continue;
     remove_jump(fit.session, jump, r.values - predict(fit.session, jump.recording, state, all),
-                level_slopes(fit.session, jump.recording, state));
+                level_slopes(fit.session, jump.recording, state, fit.session.good_pixels()));
   }
 }
 
