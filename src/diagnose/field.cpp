@@ -35,8 +35,7 @@ void note_jumps(Events& events, std::size_t index, std::span<const Observation::
     events.jumps.push_back({.recording = index,
                             .frame = seen.frame,
                             .global_k = seen.size,
-                            .after_freeze = thaws(events.freezes, index, seen.frame),
-                            .removed = true});
+                            .after_freeze = thaws(events.freezes, index, seen.frame)});
   }
 }
 

@@ -57,17 +57,6 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
   }
 }
 
-// Repeats the correction, since the levels had absorbed a part of each jump.
-void correct_jumps_again(const State& state, Fit& fit) {
-  const std::vector<int> all = fit.session.grid.all();
-  for (Jump& jump : fit.jumps) {
-    const Recording& r = fit.session.recordings[jump.recording];
-    if (r.kind == Kind::kUniform) continue;
-    remove_jump(fit.session, jump, r.values - predict(fit.session, jump.recording, state, all),
-                level_slopes(fit.session, jump.recording, state, fit.session.good_pixels()));
-  }
-}
-
 FitResult settled(const FitData& data, const State& start, int rounds) {
   return settle(data, fit(data, start, {}, rounds), kMoreRounds, kFirstSettled);
 }
@@ -97,10 +86,7 @@ void judge_losses(const Transport& transport, const Events& events, Fit& out) {
 // A fit of the stimuli without the jumps that it shows.
 FitResult without_jumps(const FitData& data, const Events& events, bool jittered, FitResult base, Fit& out) {
   correct_jumps(events.freezes, jittered, base.state, out);
-  if (out.jumps.empty()) return base;
-  base = fit(data, base.state, {}, kMoreRounds);
-  correct_jumps_again(base.state, out);
-  return settled(data, base.state, 2);
+  return out.jumps.empty() ? base : settled(data, base.state, kMoreRounds);
 }
 
 // Fits the stimuli alone, with removal of jumps and free frame times if jittered.

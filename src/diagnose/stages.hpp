@@ -23,7 +23,6 @@ struct Jump {
   double global_k = 0.0;
   double pixel_k = 0.0;  // rms over the pixels about the global step; 0: uniform
   bool after_freeze = false;
-  bool removed = false;  // global_k is the removed step, not a first guess
 };
 
 struct BadPixels {
