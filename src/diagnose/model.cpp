@@ -272,8 +272,7 @@ BarsModel::BarsModel(const Session& session, std::size_t recording, const State&
       tables_(bar_tables(camera_, stimulus_,
                          {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_,
                           (1.0 - state.edge_ramp) * (state.edge_px * state.edge_px),
-                          std::sqrt(12.0 * state.edge_ramp * (state.edge_px * state.edge_px)), state.aperture_px,
-                          std::abs(target_.slant_px_per_row) * camera_.pixel_height * state.aperture_px},
+                          std::sqrt(12.0 * state.edge_ramp * (state.edge_px * state.edge_px)), state.aperture_px},
                          moving_)) {
   for (const int pixel : session_.grid.all()) {
     const int row = session_.grid.row_of(pixel);

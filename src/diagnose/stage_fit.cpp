@@ -92,16 +92,6 @@ FitResult without_jumps(const FitData& data, const Events& events, bool jittered
 // Fits the stimuli alone, with removal of jumps and free frame times if jittered.
 FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, Fit& out) {
   FitResult base = settled(data, out.state, kFirstRounds);
-  const bool lean = std::ranges::any_of(out.session.recordings, [](const Recording& r) {
-    return is_bars(r.kind) && std::get<capture::BarTarget>(r.stimulus).slant_px_per_row != 0.0;
-  });
-  if (lean) {
-    // Slanted bars are softer for a pixel that sees its row's full height than for one at its centre line.
-    State tall = out.state;
-    tall.camera.pixel_height = 1.0;
-    FitResult other = settled(data, tall, kFirstRounds);
-    if (other.score.gap() < base.score.gap()) base = std::move(other);
-  }
   if (jittered) base = with_times(data, base, out.state, true);
   return without_jumps(data, events, jittered, std::move(base), out);
 }
