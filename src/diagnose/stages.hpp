@@ -121,7 +121,8 @@ struct NoiseStatistics {
 // pixels. `ceiling`: recordings with values there are excluded.
 NoiseStatistics measure_noise(const Session& session, double ceiling);
 
-// True if the camera is still: a quarter of the pixels vary no more than noise, equally whatever the local contrast.
+// True if the camera is still: neighbours share little of their changes, and a quarter of the pixels vary no more
+// than noise.
 bool is_still(const Session& session, const Recording& recording);
 
 // A bin of a spectrum.
