@@ -107,7 +107,6 @@ struct NoiseStatistics {
   double degrees = std::numeric_limits<double>::infinity();  // of Student's t
   double degrees_error = 0.0;
   // Signs of effects outside the catalogue.
-  double flicker_differs_z = 0.0;   // of whole frames' scatter between still fields
   double neighbour_row_z = 0.0;     // correlation with the pixel to the left
   double neighbour_column_z = 0.0;  // with the pixel above
   double line_hz = 0.0;
