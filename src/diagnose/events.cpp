@@ -17,11 +17,8 @@ constexpr double kNoisySigma = 5.0;       // of the pixels' median
 constexpr double kUsualFrames = 160.0;    // in fewer, chance makes larger steps
 constexpr double kStepOverTypical = 2.2;  // times that of a typical pixel, due to noise
 constexpr double kStepOverWithin = 3.2;   // times the scatter about the two
-constexpr double kLeastShare = 0.02;      // of the frames at the rarer level
-constexpr int kFramesAJump = 8;           // at least, on average
 constexpr double kSlower = 0.75;          // of the usual roughness
 constexpr double kHop = 1.4;              // of the step between values: less is rounding to either of two
-constexpr double kHysteresis = 0.2;       // of the step, about the middle
 
 // Steps between values, and clipped values.
 constexpr double kLargestStep = 200.0;  // of values, in stored steps
@@ -77,8 +74,6 @@ std::vector<float> smooth(const std::vector<float>& x) {
 struct TwoLevels {
   double step = 0.0;
   double within = 0.0;  // rms about the two
-  double share = 0.0;   // of the rarer level
-  int jumps = 0;
 };
 
 // Two means (Otsu).
@@ -103,18 +98,8 @@ TwoLevels two_levels(const std::vector<float>& x) {
   const double low = sum[split] / static_cast<double>(split);
   const double high = (sum[n] - sum[split]) / static_cast<double>(n - split);
   t.step = high - low;
-  t.share = static_cast<double>(std::min(split, n - split)) / static_cast<double>(n);
   const double middle = (low + high) / 2.0;
-  double squares = 0.0;
-  bool up = x.front() > middle;
-  for (const double value : x) {
-    squares += std::pow(value - (value > middle ? high : low), 2);
-    // With hysteresis, so that noise at the middle is not counted.
-    if (up ? value < middle - kHysteresis * t.step : value > middle + kHysteresis * t.step) {
-      up = !up;
-      ++t.jumps;
-    }
-  }
+  const double squares = sum_of(x, [=](double value) { return std::pow(value - (value > middle ? high : low), 2); });
   t.within = std::sqrt(squares / static_cast<double>(n));
   return t;
 }
@@ -131,8 +116,7 @@ void judge_still(const Session& session, const Recording& r, double hop_k, BadPi
   for (const int pixel : session.good_pixels()) {
     const auto p = static_cast<std::size_t>(pixel);
     const TwoLevels& t = levels[p];
-    if (t.step > hop_k && t.step > least_step && t.step > kStepOverWithin * t.within && t.share > kLeastShare &&
-        t.jumps > 0 && t.jumps < static_cast<int>(steady[p].size()) / kFramesAJump &&
+    if (t.step > hop_k && t.step > least_step && t.step > kStepOverWithin * t.within &&
         rough[p] < kSlower * usual_rough) {
       bad.jumping.push_back(pixel);
       steps.push_back(t.step);

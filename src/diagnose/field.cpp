@@ -35,8 +35,7 @@ void note_jumps(Events& events, std::size_t index, std::span<const Observation::
     events.jumps.push_back({.recording = index,
                             .frame = seen.frame,
                             .global_k = seen.size,
-                            .after_freeze = thaws(events.freezes, index, seen.frame),
-                            .removed = true});
+                            .after_freeze = thaws(events.freezes, index, seen.frame)});
   }
 }
 
@@ -47,20 +46,6 @@ std::vector<Observation::Jump> take_jumps(Recording& r) {
     r.values.bottomRows(r.values.rows() - static_cast<Index>(seen.frame)).array() -= static_cast<float>(seen.size);
   }
   return jumps;
-}
-
-// Removes a linear drift common to all pixels: of a warming camera, or of a scene.
-void take_drift(Recording& r) {
-  Line line;
-  std::vector<float> frame(static_cast<std::size_t>(r.values.cols()));
-  for (const Index k : r.used_frames()) {
-    std::ranges::copy(r.values.row(k), frame.begin());
-    line.add(static_cast<double>(k), median(frame));
-  }
-  if (line.count() < kMinFrames) return;
-  const double slope = line.slope();
-  for (Index k = 0; k < r.values.rows(); ++k)
-    r.values.row(k).array() -= static_cast<float>(slope * static_cast<double>(k));
 }
 
 // The quarter with the least slow variation.
@@ -239,19 +224,14 @@ bool Field::tells(const Effect& effect) const {
 
 bool is_still(const Session& session, const Recording& r) {
   constexpr double kStillRatio = 3.0;
-  constexpr double kAlike = 0.35;
   // Changes by noise are each pixel's own (0.01 in an Atto 320's captures), but where the camera filters them (0.37 in
   // a Lepton's of its shutter); those by motion are of edges (0.89 and 0.96 in an A65's and a Lepton's).
   constexpr double kMostLike = 0.45;
   const std::vector<Index> used = r.used_frames();
   if (used.size() < kMinFrames || median(r.statistics.of_new_frames(r.statistics.likeness)) > kMostLike) return false;
-  const auto course_of = [&](Index p) -> ArrayXd { return r.values(used, p).cast<double>().array(); };
-  const std::vector<double> ratio = mapped(session.grid.all(), [&](int p) { return wander(course_of(p)); });
-  const double quarter = quiet_of(ratio).ratio;
-  if (quarter >= kStillRatio) return false;
-  const auto quiet = places_where<Index>(ratio.size(), [&](std::size_t p) { return ratio[p] <= quarter; });
-  const auto noise = mapped(quiet, [&](Index p) { return std::sqrt(step_variance(course_of(p))); });
-  return usual_scatter(noise) < kAlike * median(noise);
+  const auto ratio =
+      mapped(session.grid.all(), [&](int p) { return wander(r.values(used, p).cast<double>().array()); });
+  return quantile(ratio, 0.25) < kStillRatio;
 }
 
 void prepare_field(Events& events) {
@@ -268,7 +248,6 @@ void prepare_field(Events& events) {
     // step, so jumps are searched along the motion.
     Recording still = r;
     const std::vector<Observation::Jump> jumps = take_jumps(still);
-    take_drift(still);
     r.kind = Kind::kScene;
     if (!is_still(events.session, still) || something_moves(events.session, still)) continue;
     r = std::move(still);

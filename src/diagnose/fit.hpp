@@ -9,9 +9,6 @@
 
 namespace bolo::diagnose {
 
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 inline constexpr int kCellFrames = 24;  // at most
 // Frames of a cell: 0.12 s, as fewer cells of a slow camera's short capture could not agree on an effect. Thread: any.
 Index cell_frames(const Session& session);

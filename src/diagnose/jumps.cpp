@@ -160,8 +160,7 @@ void remove_jump(Session& session, Jump& jump, const Series& residual, const Mat
     const double own = jump.pixel_k > 0.0 ? step[p] : mean;
     r.values.col(p).bottomRows(r.values.rows() - first).array() -= static_cast<float>(own);
   }
-  jump.global_k += jump.removed ? mean : mean - jump.global_k;
-  jump.removed = true;
+  jump.global_k = mean;
 }
 
 }  // namespace bolo::diagnose

@@ -245,6 +245,21 @@ Series predict(const Session& session, std::size_t index, const State& state, st
   return y;
 }
 
+VectorXd frame_means(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
+  return predict(session, index, state, pixels).rowwise().mean().cast<double>();
+}
+
+MatrixXd level_slopes(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
+  const VectorXd base = frame_means(session, index, state, pixels);
+  MatrixXd slopes(base.size(), static_cast<Index>(state.stimuli[index].level_k.size()));
+  for (Index l = 0; l < slopes.cols(); ++l) {
+    State hotter = state;
+    hotter.stimuli[index].level_k[static_cast<std::size_t>(l)] += 1.0;
+    slopes.col(l) = frame_means(session, index, hotter, pixels) - base;
+  }
+  return slopes;
+}
+
 BarsModel::BarsModel(const Session& session, std::size_t recording, const State& state)
     : session_(session),
       camera_(state.camera),
@@ -257,8 +272,7 @@ BarsModel::BarsModel(const Session& session, std::size_t recording, const State&
       tables_(bar_tables(camera_, stimulus_,
                          {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_,
                           (1.0 - state.edge_ramp) * (state.edge_px * state.edge_px),
-                          std::sqrt(12.0 * state.edge_ramp * (state.edge_px * state.edge_px)), state.aperture_px,
-                          std::abs(target_.slant_px_per_row) * camera_.pixel_height * state.aperture_px},
+                          std::sqrt(12.0 * state.edge_ramp * (state.edge_px * state.edge_px)), state.aperture_px},
                          moving_)) {
   for (const int pixel : session_.grid.all()) {
     const int row = session_.grid.row_of(pixel);

@@ -73,7 +73,6 @@ struct Bars {
   double edge_px2 = 0.0;     // variance of the target's own edges, Gaussian part
   double ramp_px = 0.0;      // width of their straight ramps
   double aperture_px = 1.0;  // width over which a pixel averages
-  double lean_px = 0.0;      // of the bars' slant within a pixel's height
 };
 
 // What pixels see of bars of height 1 on 0, before their response: the share of the signal by the bars' phase.
@@ -162,7 +161,6 @@ struct CameraModel {
   bool edges_in_temperature = false;       // pixels average over the target's temperature, not its radiance
   double reflected = 0.0;                  // 1 - emissivity
   double surroundings = 0.0;               // radiance of the surroundings times `reflected`, less that of kSurroundings
-  double pixel_height = 0.0;               // height seen by a pixel, of the rows' distance; visible with slanted bars
   double corner_gain = 0.0;                // added at the corners, growing with the square of the radius
   double tilt_x = 0.0;                     // with the above: added at the right and the lower edge, for a centre
   double tilt_y = 0.0;                     // that is not the image's
@@ -234,6 +232,10 @@ std::vector<std::size_t> modelled(const Session& session);  // the recordings th
 bool has_bench(const Session& session);                     // any has
 // Prediction of a recording that has_model() at pixels of the grid: frames x pixels, K. Thread: any.
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
+// Its frames' means over these pixels, K, and their derivatives by the recording's levels (frames x levels, K/K).
+// Thread: any.
+VectorXd frame_means(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
+MatrixXd level_slopes(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 
 // Tables for pixels of different time constants: three, interpolated by Lagrange's polynomial in ln tau.
 struct BarTables {

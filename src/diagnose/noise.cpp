@@ -16,8 +16,7 @@ constexpr double kBinsOfFreedom = 3.0;     // overlapping bins to each degree of
 constexpr double kBound = 1.5;             // the same window correlates neighbouring bins
 constexpr Index kClippedOneIn = 500;       // one clipped value in so many is allowed
 constexpr double kTails = 0.2;             // minimum excess kurtosis for a fit of tails
-constexpr double kOtherFlicker = 4.0;  // times another still field's variance of frames: flicker differs by chance less
-constexpr double kMostBound = 0.98;    // correlation of neighbouring frames
+constexpr double kMostBound = 0.98;        // correlation of neighbouring frames
 
 // The longest run of frames without a gap: frames x pixels of the grid, pixel means taken out; bad pixels are 0.
 std::optional<ArrayXXd> longest_block(const Session& session, const Recording& r) {
@@ -62,8 +61,8 @@ Parts take_apart(const std::vector<int>& good, Index width, Index height, const 
 }
 
 // Powers of time up to a cubic.
-Eigen::MatrixXd powers_of_time(Index n) {
-  Eigen::MatrixXd basis(n, 4);
+MatrixXd powers_of_time(Index n) {
+  MatrixXd basis(n, 4);
   for (Index k = 0; k < n; ++k) {
     const double s = 2.0 * static_cast<double>(k) / static_cast<double>(std::max<Index>(1, n - 1)) - 1.0;
     basis.row(k) << 1.0, s, s * s, s * s * s;
@@ -73,8 +72,8 @@ Eigen::MatrixXd powers_of_time(Index n) {
 
 // Its least-squares cubic in time.
 ArrayXd cubic_of(const ArrayXd& x) {
-  const Eigen::MatrixXd basis = powers_of_time(x.size());
-  const Eigen::VectorXd solved = least_squares(basis, x.matrix());
+  const MatrixXd basis = powers_of_time(x.size());
+  const VectorXd solved = least_squares(basis, x.matrix());
   return (basis * solved).array();
 }
 
@@ -82,15 +81,15 @@ ArrayXd cubic_of(const ArrayXd& x) {
 double likelihood_of_walk(const ArrayXd& x, Index powers) {
   constexpr double kStep = 0.01;
   const Index n = x.size();
-  Eigen::MatrixXd both(n, powers + 1);
+  MatrixXd both(n, powers + 1);
   both << powers_of_time(n).leftCols(powers), x.matrix();
   double best = -1e300;
   for (double rho = 0.0; rho < 1.0 - kStep / 2.0; rho += kStep) {
-    Eigen::MatrixXd white = both;
+    MatrixXd white = both;
     white.bottomRows(n - 1) -= rho * both.topRows(n - 1);
     white.row(0) *= std::sqrt(1.0 - rho * rho);
     const auto basis = white.leftCols(powers);
-    const Eigen::VectorXd left = white.col(powers) - basis * least_squares(basis, white.col(powers));
+    const VectorXd left = white.col(powers) - basis * least_squares(basis, white.col(powers));
     const double variance = std::max(left.squaredNorm() / static_cast<double>(n), 1e-18);
     best = std::max(best, 0.5 * std::log(1.0 - rho * rho) - 0.5 * static_cast<double>(n) * std::log(variance));
   }
@@ -152,25 +151,6 @@ void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
   }
 }
 
-// Variance of one still field's frames about a cubic, and of how many independent ones.
-struct FrameVariance {
-  double value = 0.0;
-  double freedom = 0.0;
-};
-
-// Difference of the still fields that differ most in it, in standard errors of its logarithm; 0: as flicker has it,
-// which does not depend on what the camera sees.
-double largest_difference(const std::vector<FrameVariance>& all) {
-  double largest = 0.0;
-  for (const FrameVariance& a : all) {
-    for (const FrameVariance& b : all) {
-      if (a.value < kOtherFlicker * b.value) continue;
-      largest = std::max(largest, std::log(a.value / b.value) / std::sqrt(2.0 / a.freedom + 2.0 / b.freedom));
-    }
-  }
-  return largest;
-}
-
 // Sums over the still recordings.
 struct NoiseSums {
   const Session& session;
@@ -186,7 +166,6 @@ struct NoiseSums {
   double frame_lag = 0.0;
   double chi2 = 0.0;
   double degrees = 0.0;
-  std::vector<FrameVariance> frame_variance{};
   std::vector<double> kurtosis{};  // of each pixel and block
   std::vector<double> sample{};
   std::vector<Bin> bins{};
@@ -220,7 +199,6 @@ struct NoiseSums {
     n.excess_kurtosis.z = n.excess_kurtosis.value / n.excess_kurtosis.error;
     if (n.excess_kurtosis.value > kTails) fit_student(sample, n);
     n.drift_p = chi2_survival(chi2, degrees);
-    n.flicker_differs_z = largest_difference(frame_variance);
     return n;
   }
 
@@ -243,8 +221,6 @@ struct NoiseSums {
     // Slow change: variance of the cubic against the residual flicker (with its correlation).
     const double own = std::max(1e-18, squares / (count - 4.0));
     const double bound = std::clamp(lag / squares, 0.0, kMostBound);
-    const double freedom = (count - 4.0) * (1.0 - bound) / (1.0 + bound);
-    frame_variance.push_back({own, std::max(1.0, freedom)});
     chi2 += cubic.square().sum() / own * (1.0 - bound) / (1.0 + bound);
     degrees += 3.0;
     n.drift_k = std::max(n.drift_k, cubic.maxCoeff() - cubic.minCoeff());

@@ -148,8 +148,8 @@ BarShape::BarShape(const Bars& of, double blur_px2, const std::function<double(d
     if (gauss > 40.0) break;
     const double turn = kTwoPi * f * bars.bar_width_px;
     const Complex bar = (1.0 - std::exp(Complex(0.0, -turn))) / Complex(0.0, kTwoPi * static_cast<double>(n));
-    spectrum[n] = bar * sinc(f * bars.aperture_px) * sinc(f * bars.lean_px) * sinc(f * bars.ramp_px) *
-                  std::exp(-gauss) * static_cast<double>(BarTable::kPhases);
+    spectrum[n] = bar * sinc(f * bars.aperture_px) * sinc(f * bars.ramp_px) * std::exp(-gauss) *
+                  static_cast<double>(BarTable::kPhases);
   }
   if (!signal) return;
   Eigen::FFT<double> fft;
@@ -188,7 +188,7 @@ BarTable::BarTable(const BarShape& shape, const Response& response)
 }
 
 double BarTable::covered(double phase_px) const noexcept {
-  const std::array widths{bars_.aperture_px, bars_.lean_px, bars_.ramp_px};
+  const std::array widths{bars_.aperture_px, bars_.ramp_px};
   const double u = phase_px - bars_.period_px * std::floor(phase_px / bars_.period_px);
   double share = 0.0;
   for (int m = -1; m <= 1; ++m) {

@@ -1,6 +1,4 @@
 // Selection of effects: forward with nested refits, then backward.
-#include <random>
-
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -12,14 +10,14 @@ constexpr std::size_t kTried = 3;  // candidates with a full refit
 constexpr std::size_t kMostEffects = 8;
 constexpr double kLargeGain = 200.0;
 constexpr double kLeastZOfLarge = 1.6;
-constexpr double kNothingLeft = 1.02;   // gap
-constexpr double kLeastEvidence = 8.0;  // of the levels alone
-constexpr double kLeastEvidenceScattered = 10.0;
-constexpr double kLevelsOff = 4.0;        // times the scatter of consistent levels
-constexpr double kSoleConfidence = 0.99;  // of an effect without any other candidate
-constexpr double kUsualGap = 1.05;        // that may be left where all effects are known
-constexpr double kLeastShare = 0.2;       // of the gap beyond it
-constexpr double kMostTrend = 0.5;        // over the rows, of a map's squares
+constexpr double kNothingLeft = 1.02;       // gap
+constexpr double kLeastEvidence = 8.0;      // of the levels alone
+constexpr double kLevelsOff = 4.0;          // times the scatter of consistent levels
+constexpr double kMostConfidence = 0.999;   // groups of frames tell no better
+constexpr double kHiddenConfidence = 0.99;  // of an effect in a map that it alone changes
+constexpr double kUsualGap = 1.05;          // that may be left where all effects are known
+constexpr double kLeastShare = 0.2;         // of the gap beyond it
+constexpr double kMostTrend = 0.5;          // over the rows, of a map's squares
 
 struct Tried {
   Choice choice;
@@ -83,11 +81,7 @@ struct Selector {
         continue;
       found.alternatives.push_back({effect->name, tried[i].fit.score.gap()});
     }
-    const Tried* const other = tried.size() > 1 ? &tried[1] : nullptr;
-    found.confidence = confidence(best.fit, other != nullptr ? &other->fit : nullptr);
-    if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) {
-      found.confidence = std::max(found.confidence, kSoleConfidence);
-    }
+    found.confidence = confidence(best.fit, tried.size() > 1 ? tried[1].fit : selection.fit);
     selection.chosen.push_back({best.choice, std::move(found), false, selection.fit.score, best.fit.score});
     selection.fit = std::move(best.fit);
     return true;
@@ -114,7 +108,7 @@ struct Selector {
       double& error = fitted.error.back().front();
       error = std::max(error, std::abs(fitted.value.back().front()) / before);
       FoundEffect found = found_in(fitted, choices.back());
-      found.confidence = kSoleConfidence;
+      found.confidence = kHiddenConfidence;
       selection.fit = std::move(fitted);
       selection.chosen.push_back({choices.back(), std::move(found), true});
       return true;
@@ -179,32 +173,16 @@ struct Selector {
 
   bool levels_are_off(const State& state) const { return level_error(levels, state) > kLevelsOff * kLevelResolution; }
 
-  double by_levels(const FitResult& fit) const {
-    return level_evidence(levels, fit.state) - level_evidence(levels, selection.fit.state);
-  }
-
-  // Bootstrap probability over groups that a fit gains more than another (null: than 0), including the levels'
+  // Probability by the groups' scatter that a fit gains more than another, and than nothing; with the levels'
   // log-likelihoods.
-  double confidence(const FitResult& first, const FitResult* second) const {
-    constexpr int kDraws = 400;
-    const auto& before = selection.fit.score.groups;
-    if (before.empty()) return 0.0;
-    std::mt19937 random(12345);
-    std::uniform_int_distribution<std::size_t> pick(0, before.size() - 1);
-    const double first_by_levels = 2.0 * by_levels(first);
-    const double second_by_levels = second != nullptr ? 2.0 * by_levels(*second) : 0.0;
-    int wins = 0;
-    for (int d = 0; d < kDraws; ++d) {
-      double ours = first_by_levels;
-      double other = second_by_levels;
-      for (std::size_t i = 0; i < before.size(); ++i) {
-        const std::size_t g = pick(random);
-        ours += before[g].sum - first.score.groups[g].sum;
-        if (second != nullptr) other += before[g].sum - second->score.groups[g].sum;
-      }
-      if (ours > other && ours > 0.0) ++wins;
-    }
-    return (wins + 0.5) / (kDraws + 1.0);
+  double confidence(const FitResult& first, const FitResult& second) const {
+    const auto sure = [&](const FitResult& other) {
+      const Gain more = gain_between(other.score, first.score);
+      const double by_levels = level_evidence(levels, first.state) - level_evidence(levels, other.state);
+      const double scatter = more.z != 0.0 ? more.total / more.z : 1.0;
+      return 0.5 * std::erfc(-(more.total + by_levels) / scatter / std::numbers::sqrt2);
+    };
+    return std::min({sure(selection.fit), sure(second), kMostConfidence});
   }
 
   // Gain of a fit over another, on held-out cells and by the levels' agreement with their files. The second has few
@@ -219,9 +197,7 @@ struct Selector {
       evidence *= std::max(0.0, 1.0 - 2.0 / independent_levels(levels, before.state));
     }
     g.total += evidence;
-    // Levels that still scatter are of an imperfect bench: more evidence is required.
-    const double needed = levels_are_off(after.state) ? kLeastEvidenceScattered : kLeastEvidence;
-    if (evidence > needed && g.total > evidence / 2.0) {
+    if (evidence > kLeastEvidence && g.total > evidence / 2.0) {
       g.total += kLeastGain;
       g.z = std::max(g.z, evidence / 2.0);
     }

@@ -23,6 +23,8 @@ namespace bolo::diagnose {
 using Eigen::ArrayXd;
 using Eigen::ArrayXf;
 using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 // frames x pixels of the grid, K (counts in a recording that is not radiometric).
 using Series = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;

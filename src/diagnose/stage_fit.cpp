@@ -37,22 +37,6 @@ void match_stimuli(std::span<const int> some, Fit& fit) {
   }
 }
 
-// Derivatives of a recording's frame means by its levels, K/K.
-MatrixXd level_slopes(const Session& session, std::size_t i, const State& state) {
-  const std::vector<int> pixels = session.good_pixels();
-  const auto means = [&](const State& of) -> VectorXd {
-    return predict(session, i, of, pixels).rowwise().mean().cast<double>();
-  };
-  const VectorXd base = means(state);
-  MatrixXd slopes(base.size(), static_cast<Index>(state.stimuli[i].level_k.size()));
-  for (Index l = 0; l < slopes.cols(); ++l) {
-    State hotter = state;
-    hotter.stimuli[i].level_k[static_cast<std::size_t>(l)] += 1.0;
-    slopes.col(l) = means(hotter) - base;
-  }
-  return slopes;
-}
-
 void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const State& state, Fit& fit) {
   const std::vector<int> all = fit.session.grid.all();
   for (const std::size_t i : modelled(fit.session)) {
@@ -62,7 +46,7 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
     if (std::ranges::count(fit.jumps, i, &Jump::recording) > 0) continue;
     const Series predicted = predict(fit.session, i, state, all);
     const Series residual = r.values - predicted;
-    const MatrixXd levels = level_slopes(fit.session, i, state);
+    const MatrixXd levels = level_slopes(fit.session, i, state, fit.session.good_pixels());
     const VectorXd shown = predicted.rowwise().mean().cast<double>();
     if (auto jump = find_jump(fit.session, i, residual, freezes, levels, shown)) {
       // Jitter makes the speed of a pan less certain.
@@ -70,17 +54,6 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
       remove_jump(fit.session, *jump, residual, levels);
       fit.jumps.push_back(*jump);
     }
-  }
-}
-
-// Repeats the correction, since the levels had absorbed a part of each jump.
-void correct_jumps_again(const State& state, Fit& fit) {
-  const std::vector<int> all = fit.session.grid.all();
-  for (Jump& jump : fit.jumps) {
-    const Recording& r = fit.session.recordings[jump.recording];
-    if (r.kind == Kind::kUniform) continue;
-    remove_jump(fit.session, jump, r.values - predict(fit.session, jump.recording, state, all),
-                level_slopes(fit.session, jump.recording, state));
   }
 }
 
@@ -113,25 +86,12 @@ void judge_losses(const Transport& transport, const Events& events, Fit& out) {
 // A fit of the stimuli without the jumps that it shows.
 FitResult without_jumps(const FitData& data, const Events& events, bool jittered, FitResult base, Fit& out) {
   correct_jumps(events.freezes, jittered, base.state, out);
-  if (out.jumps.empty()) return base;
-  base = fit(data, base.state, {}, kMoreRounds);
-  correct_jumps_again(base.state, out);
-  return settled(data, base.state, 2);
+  return out.jumps.empty() ? base : settled(data, base.state, kMoreRounds);
 }
 
 // Fits the stimuli alone, with removal of jumps and free frame times if jittered.
 FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, Fit& out) {
   FitResult base = settled(data, out.state, kFirstRounds);
-  const bool lean = std::ranges::any_of(out.session.recordings, [](const Recording& r) {
-    return is_bars(r.kind) && std::get<capture::BarTarget>(r.stimulus).slant_px_per_row != 0.0;
-  });
-  if (lean) {
-    // Slanted bars are softer for a pixel that sees its row's full height than for one at its centre line.
-    State tall = out.state;
-    tall.camera.pixel_height = 1.0;
-    FitResult other = settled(data, tall, kFirstRounds);
-    if (other.score.gap() < base.score.gap()) base = std::move(other);
-  }
   if (jittered) base = with_times(data, base, out.state, true);
   return without_jumps(data, events, jittered, std::move(base), out);
 }

@@ -214,10 +214,6 @@ void name_rest(const NoiseStatistics& n, bool coarse, Findings& out) {
                                   " Hz in the means of frames or of their halves",
                               kClear});
   }
-  if (n.flicker_differs_z > kRemainderLimit && !coarse) {
-    out.remainders.push_back(
-        {"readout", "whole frames scatter more in one still field than in another", n.flicker_differs_z});
-  }
   // Correlated noise of neighbours, without flicker and stripes.
   for (const auto& [line, z] : {std::pair{"row", n.neighbour_row_z}, {"column", n.neighbour_column_z}}) {
     const std::string where = std::string("the noise of a pixel shows in its neighbour in the ") + line;

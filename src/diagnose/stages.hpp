@@ -23,7 +23,6 @@ struct Jump {
   double global_k = 0.0;
   double pixel_k = 0.0;  // rms over the pixels about the global step; 0: uniform
   bool after_freeze = false;
-  bool removed = false;  // global_k is the removed step, not a first guess
 };
 
 struct BadPixels {
@@ -108,7 +107,6 @@ struct NoiseStatistics {
   double degrees = std::numeric_limits<double>::infinity();  // of Student's t
   double degrees_error = 0.0;
   // Signs of effects outside the catalogue.
-  double flicker_differs_z = 0.0;   // of whole frames' scatter between still fields
   double neighbour_row_z = 0.0;     // correlation with the pixel to the left
   double neighbour_column_z = 0.0;  // with the pixel above
   double line_hz = 0.0;
@@ -122,7 +120,8 @@ struct NoiseStatistics {
 // pixels. `ceiling`: recordings with values there are excluded.
 NoiseStatistics measure_noise(const Session& session, double ceiling);
 
-// True if the camera is still: a quarter of the pixels vary no more than noise, equally whatever the local contrast.
+// True if the camera is still: neighbours share little of their changes, and a quarter of the pixels vary no more
+// than noise.
 bool is_still(const Session& session, const Recording& recording);
 
 // A bin of a spectrum.

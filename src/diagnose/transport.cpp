@@ -173,8 +173,6 @@ struct ChopperClock {
     std::vector<int> late;  // of each frame, periods
   };
 
-  VectorXd shown(const State& by) const { return predict(session, index, by, few).rowwise().mean().cast<double>(); }
-
   // Fits the levels at the path's times: errors of the files' levels equal those of a late frame at an edge and would
   // bias the path.
   void take_levels(const Path& path) {
@@ -183,19 +181,14 @@ struct ChopperClock {
     for (std::size_t k = 0; k < path.late.size(); ++k) {
       now.stimuli[index].late_s[k] = path.late[k] * session.period_s + path.later_s;
     }
-    const VectorXd base = shown(now);
+    const VectorXd base = frame_means(session, index, now, few);
     std::vector<Index> fits;
     for (Index k = 0; k < base.size(); ++k) {
       const double miss = (seen[k] - base[k]) / sigma_k;
       if (r.is_used(k) && base[k] < now.camera.clip_k && miss * miss < kMostOfFrame) fits.push_back(k);
     }
     if (fits.size() < kMinFrames) return;
-    MatrixXd slopes(static_cast<Index>(fits.size()), static_cast<Index>(s.level_k.size()));
-    for (std::size_t l = 0; l < s.level_k.size(); ++l) {
-      State hotter = now;
-      hotter.stimuli[index].level_k[l] += 1.0;
-      slopes.col(static_cast<Index>(l)) = (shown(hotter) - base)(fits);
-    }
+    const MatrixXd slopes = level_slopes(session, index, now, few)(fits, Eigen::all);
     const MatrixXd off = least_squares(slopes, (seen.matrix() - base)(fits));
     for (std::size_t l = 0; l < s.level_k.size(); ++l) s.level_k[l] += off(static_cast<Index>(l), 0);
   }

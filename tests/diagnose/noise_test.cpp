@@ -225,20 +225,6 @@ TEST(MeasureNoise, WhiteNoiseHasNoLine) {
   EXPECT_GT(least, 2e-4);
 }
 
-// Steps of the gain move whole frames, the more the hotter; flicker is the same before every field.
-TEST(MeasureNoise, FramesScatterAlikeInAllStillFields) {
-  Draws draws(12);
-  const auto differs = [&](double first, double second) {
-    const auto field = [&](double step) {
-      return testing::shutter(kFrames, [&](int k, int, int) { return draws.normal() + step * (k / 50 % 3 - 1); });
-    };
-    return measure_noise(testing::session_of({field(first), field(second)}), kNoNoise).flicker_differs_z;
-  };
-  EXPECT_LT(differs(0.0, 0.0), kRemainderLimit);
-  EXPECT_LT(differs(0.2, 0.2), kRemainderLimit);
-  EXPECT_GT(differs(0.0, 0.2), kRemainderLimit);
-}
-
 TEST(JudgeNoise, CodesThatNeverComeAreLeftOver) {
   const auto left_over = [](bool converter_skips) {
     Draws draws(3);

@@ -137,9 +137,9 @@ TEST(StepResponse, SeveralStepsAddUp) {
   EXPECT_NEAR(table.at(0.03), expected, 1e-5);
 }
 
-// Bars whose edges are part Gaussian, part ramp, and which are slanted within a pixel: numerically integrated.
+// Bars whose edges are part Gaussian, part ramp: numerically integrated.
 TEST(BarTable, EdgesAreRampsAndGaussians) {
-  Bars bars{.period_px = 20.0, .bar_width_px = 8.0, .edge_px2 = 0.04, .ramp_px = 0.7, .lean_px = 0.3};
+  Bars bars{.period_px = 20.0, .bar_width_px = 8.0, .edge_px2 = 0.04, .ramp_px = 0.7};
   const auto hot = [&](double u) {  // its Gaussian by its distribution
     double share = 0.0;
     for (const double from : {-20.0, 0.0, 20.0}) {
@@ -155,11 +155,9 @@ TEST(BarTable, EdgesAreRampsAndGaussians) {
     for (const double phase : {-0.7, -0.2, 0.1, 0.9, 4.0, 7.6, 8.3, 12.0}) {
       double mean = 0.0;
       for (int i = 0; i < kParts; ++i) {
-        for (int j = 0; j < kParts; ++j) {
-          for (int k = 0; k < kParts; ++k) mean += hot(phase + place(i, 1.0) + place(j, 0.3) + place(k, 0.7));
-        }
+        for (int j = 0; j < kParts; ++j) mean += hot(phase + place(i, 1.0) + place(j, 0.7));
       }
-      EXPECT_NEAR(table.at(phase), mean / std::pow(kParts, 3), 2e-4) << velocity << " px/s at " << phase;
+      EXPECT_NEAR(table.at(phase), mean / std::pow(kParts, 2), 2e-4) << velocity << " px/s at " << phase;
     }
   }
 }
