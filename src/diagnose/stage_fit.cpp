@@ -86,7 +86,8 @@ void judge_losses(const Transport& transport, const Events& events, Fit& out) {
 // A fit of the stimuli without the jumps that it shows.
 FitResult without_jumps(const FitData& data, const Events& events, bool jittered, FitResult base, Fit& out) {
   correct_jumps(events.freezes, jittered, base.state, out);
-  return out.jumps.empty() ? base : settled(data, base.state, kMoreRounds);
+  if (out.jumps.empty()) return base;
+  return settled(data, base.state, kMoreRounds);
 }
 
 // Fits the stimuli alone, with removal of jumps and free frame times if jittered.
