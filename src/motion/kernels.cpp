@@ -122,13 +122,13 @@ HWY_INLINE V twice_autocovariance(D d, V root, float smooth) {
   constexpr float kPerPixel = 1.44269504F / 30.0F;  // powers of 2
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
   const V power = hn::Max(hn::MulAdd(root, set(-kPerPixel), set(smooth * kPerPixel)), set(-120.0F));
-  const V floor = hn::Round(power);
-  const V f = hn::Sub(power, floor);
+  const V nearest = hn::Round(power);
+  const V f = hn::Sub(power, nearest);
   V slow = set(0.00015345812F);  // 2^f to 2e-9 but for rounding
   for (const float c : {0.0013399931F, 0.009618489F, 0.055503286F, 0.24022646F, 0.6931472F, 1.0F}) {
     slow = hn::MulAdd(slow, f, set(c));
   }
-  slow = hn::BitCast(d, hn::Add(hn::BitCast(whole, slow), hn::ShiftLeft<23>(hn::ConvertTo(whole, floor))));
+  slow = hn::BitCast(d, hn::Add(hn::BitCast(whole, slow), hn::ShiftLeft<23>(hn::ConvertTo(whole, nearest))));
   const V cube = hn::Mul(hn::Mul(slow, slow), slow);
   return hn::MulAdd(cube, cube, slow);
 }

@@ -126,10 +126,10 @@ void PathWeights::fill(const Kernels& kernels, std::span<const std::size_t> leve
   const std::size_t pairs = trails * (trails + 1) / 2;
   for_rows(crew, static_cast<int>(levels.size() * pairs), [&](int row) {
     const auto at = static_cast<std::size_t>(row);
-    std::size_t i = 0;
-    std::size_t j = at % pairs;
-    for (; j > i; ++i) j -= i + 1;
-    fill(kernels, j, i, levels[at / pairs]);
+    std::size_t first = at % pairs;  // among those of the first trail, then of the second with those up to it, ...
+    std::size_t second = 0;
+    for (; first > second; ++second) first -= second + 1;
+    fill(kernels, first, second, levels[at / pairs]);
   });
 }
 
