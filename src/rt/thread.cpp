@@ -83,9 +83,11 @@ ThreadOptions named(const ThreadOptions& options, int worker) {
 
 }  // namespace
 
-Status check_cpus(const std::vector<int>& cpus) {
+int configured_cpus() noexcept { return static_cast<int>(sysconf(_SC_NPROCESSORS_CONF)); }
+
+Status check_cpus(const std::vector<int>& cpus, int configured) {
   for (const int cpu : cpus) {
-    if (cpu < sysconf(_SC_NPROCESSORS_CONF)) continue;
+    if (cpu < configured) continue;
     return bad_input("pipeline.cpus names CPU " + std::to_string(cpu) + ", which this computer has not");
   }
   return {};

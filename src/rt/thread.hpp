@@ -20,9 +20,11 @@ struct ThreadOptions {
   std::vector<int> cpus{};    // empty: any
 };
 
-// Bad input if one of them is no CPU of this computer: of [0, 77] the kernel would take CPU 0 alone, and not say so.
-// Thread: any.
-Status check_cpus(const std::vector<int>& cpus);
+// CPUs of this computer, those that are switched off, too. Thread: any.
+int configured_cpus() noexcept;
+// Bad input if one of them is none of the `configured` ones: of [0, 77] the kernel would take CPU 0 alone, and not say
+// so. Thread: any.
+Status check_cpus(const std::vector<int>& cpus, int configured);
 
 // Applies the options to the calling thread. A priority or affinity that the system refuses is an error whose message
 // names the limit to raise; the thread goes on without it. Thread: the thread concerned.

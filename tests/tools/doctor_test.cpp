@@ -40,7 +40,7 @@ Facts good_host() {
   facts.interfaces = {{"lo", "127.0.0.1", 8, 65536, true, true}, {"eth1", "192.168.7.1", 24, 9000, false, true}};
   facts.route_interface = "eth1";
   facts.reverse_path_strict = false;
-  facts.processors = 4;
+  facts.processors = facts.configured_cpus = 4;
   facts.governors = {"performance", "performance"};
   facts.priority_limit = 99;
   facts.memlock_limit = ~std::uint64_t{0};
@@ -113,9 +113,9 @@ TEST(Doctor, NamesAFaultWithItsFix) {
       {"realtime", kProblem, "LimitRTPRIO=20", [](Facts& f, Needs&) { f.priority_limit = 0; }},
       {"locked_memory", kAdvice, "LimitMEMLOCK", [](Facts& f, Needs&) { f.memlock_limit = 8 << 20; }},
       {"governor", kAdvice, "performance", [](Facts& f, Needs&) { f.governors.front() = "powersave"; }},
-      {"isolation", kProblem, "names CPU 4095",
+      {"isolation", kProblem, "names CPU 4",
        [](Facts&, Needs& n) {
-         n.cpus = {0, 4095};
+         n.cpus = {1, 4};
        }},
       {"isolation", kAdvice, "pipeline.cpus = [2, 3]",
        [](Facts& f, Needs&) {

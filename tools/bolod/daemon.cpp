@@ -96,7 +96,7 @@ rlim_t memory_limit() {
 
 Result<DaemonConfig> read_config_to_run(const std::filesystem::path& file) {
   ASSIGN_OR_RETURN(DaemonConfig config, read_config(file));
-  RETURN_IF_ERROR(at(file.string(), rt::check_cpus(config.pipeline.thread.cpus)));
+  RETURN_IF_ERROR(at(file.string(), rt::check_cpus(config.pipeline.thread.cpus, rt::configured_cpus())));
   return config;
 }
 

@@ -230,8 +230,9 @@ const char* variable(const char* name) { return std::getenv(name); }
 
 // Existing files in a folder are checked when their turn comes.
 Status check_files(DeblurRequest& request) {
-  if (request.into_folder && request.share.count > 1) RETURN_IF_ERROR(make_folder(request.output));  // and others'
-  if (request.into_folder && request.share.count == 1) {
+  if (request.into_folder && request.share.count > 1) {
+    RETURN_IF_ERROR(make_folder(request.output));  // others' share, too
+  } else if (request.into_folder) {
     ASSIGN_OR_RETURN(auto made, OutputFolder::make(request.output));
     request.folder.emplace(std::move(made));
   }

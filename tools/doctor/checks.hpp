@@ -49,6 +49,7 @@ struct Facts {
   std::optional<bool> reverse_path_strict;     // of the camera's interface or all
 
   int processors = 1;
+  int configured_cpus = 1;             // with those that are switched off
   std::vector<std::string> governors;  // one a processor; empty: no frequency scaling here
   std::vector<int> isolated;           // processors
   long priority_limit = 0;             // RLIMIT_RTPRIO; 99 and more with CAP_SYS_NICE

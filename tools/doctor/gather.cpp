@@ -70,6 +70,7 @@ std::vector<int> processors_of(const std::string& text) {
 
 void gather_processors(const fs::path& root, Facts& facts) {
   facts.processors = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  facts.configured_cpus = rt::configured_cpus();
   const fs::path cpus = root / "sys/devices/system/cpu";
   for (const fs::path& cpu : entries_of(cpus)) {
     const std::string governor = first_line(cpu / "cpufreq/scaling_governor");

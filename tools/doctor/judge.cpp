@@ -191,7 +191,8 @@ Check isolation(const Facts& facts, const Needs& needs) {
   Check check{"isolation", "CPUs kept free"};
   check.found =
       fmt::format("{} CPUs, isolated: {}", facts.processors, facts.isolated.empty() ? "none" : list(facts.isolated));
-  if (const Status cpus = rt::check_cpus(needs.cpus); !cpus) return problem(check, cpus.error().message);
+  if (const Status cpus = rt::check_cpus(needs.cpus, facts.configured_cpus); !cpus)
+    return problem(check, cpus.error().message);
   if (facts.processors < 2) {
     return advice(check, "one CPU is little: deblurring 640x120 at 200 frames/s fills most of it");
   }

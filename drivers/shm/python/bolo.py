@@ -339,7 +339,6 @@ class Camera(AbstractContextManager):
         """Opens the stream of the daemon with [shm] name = `name`, waiting up to `timeout` seconds for it (None: as long
         as it takes). follow=False: iteration ends with the daemon, instead of waiting for the next one."""
         self.name, self.follow = name, follow
-        self.restarts = 0  # daemons followed after the first one
         self._handle = ctypes.c_void_p()
         self._lock = threading.RLock()  # held while the library uses the handle
         self._users = 0  # of the handle: one, and a signal's handler that came in between
@@ -354,7 +353,8 @@ class Camera(AbstractContextManager):
         self._refresh()
 
     def _refresh(self) -> None:
-        self.info = Info._of(_client.get_info(self._handle).contents)
+        info = _client.get_info(self._handle).contents
+        self.info, self.restarts = Info._of(info), info.restarts  # daemons followed after the first one
         self._ring = _Ring(self._handle)
 
     def __exit__(self, *_) -> None:
@@ -405,12 +405,9 @@ class Camera(AbstractContextManager):
                 result = getattr(_client, function)(handle, _slice_ms(end), lent)
                 if result < 0:
                     raise _error(result, handle)
-                if result == _RESTARTED:
+                self._restarted |= result == _RESTARTED
+                if result == _RESTARTED or self.info.frame_period_s != _client.get_info(handle).contents.frame_period_s:
                     self._refresh()
-                    self.restarts += 1
-                    self._restarted = True
-                elif self.info.frame_period_s != _client.get_info(handle).contents.frame_period_s:
-                    self.info = Info._of(_client.get_info(handle).contents)
             if result == _OK:
                 restarted, self._restarted = self._restarted, False
                 return Frame(lent, self._ring, self.info, restarted)
