@@ -14,8 +14,7 @@ constexpr std::uint16_t swap_bytes(std::uint16_t value) noexcept {
   return static_cast<std::uint16_t>(value << 8 | value >> 8);
 }
 
-// Big-endian words of a datagram, byte by byte: no alignment assumed. The caller has checked that they lie inside.
-// Thread: any.
+// Big-endian words of a datagram, of any alignment. The caller has checked the bounds. Thread: any.
 constexpr std::uint16_t load_u16(const auto& bytes, std::size_t at) noexcept {
   return static_cast<std::uint16_t>(static_cast<unsigned>(bytes[at]) << 8U | static_cast<unsigned>(bytes[at + 1]));
 }

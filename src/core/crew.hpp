@@ -5,12 +5,12 @@
 
 namespace bolo {
 
-// How finely rows are divided: one part a worker where parts cost something beside their rows; else several, so that
-// one who is held up holds up none.
+// Granularity of a split: one part per worker where each part has a cost of its own; otherwise several, so that one
+// delayed worker does not delay the others.
 enum class Parts { kOneEach, kMany };
 
-// Calls work(self, begin, end) for parts of [0, rows) that together are all of it, at the same time or one after the
-// other, and returns when all are done. A row's result must not depend on its part. Thread: pipeline.
+// Calls work(self, begin, end) for parts that together cover [0, rows), concurrently or in turn, and returns when all
+// are done. A row's result must not depend on the split. Thread: pipeline.
 class Crew {
  public:
   using Work = void (*)(void* self, int begin, int end) noexcept;

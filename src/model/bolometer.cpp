@@ -22,7 +22,7 @@ constexpr double kReferenceK = 300.0;
 constexpr double kColdestK = 100.0;
 constexpr double kHottestK = 1500.0;
 
-// To a factor; Simpson's rule over 26 steps is good to a millionth from 100 K on.
+// Radiance over the band, up to a constant factor. Simpson's rule over 26 steps is good to a millionth from 100 K on.
 class PlanckBand {
  public:
   PlanckBand() noexcept {

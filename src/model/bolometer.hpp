@@ -22,8 +22,7 @@ int strongest_wavelet_level(double period_s, double tau_s);
 // 0. Thread: any.
 double band_radiance(double kelvin) noexcept;
 
-// The temperature of that radiance, K, from 100 to 1500 K; radiances beyond are those of the ends. Good to 1e-6 K.
-// Thread: any.
+// Temperature of that radiance, K, clamped to 100 to 1500 K. Good to 1e-6 K. Thread: any.
 double band_temperature(double radiance) noexcept;
 
 }  // namespace bolo::model
