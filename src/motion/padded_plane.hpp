@@ -20,7 +20,7 @@ struct RowRange {
   int end;
 };
 
-// Rows and columns are counted from the frame's first pixel; from -kRim to whole blocks + kRim they can be read.
+// Coordinates count from the frame's first pixel; readable from -kRim to whole blocks + kRim.
 class PaddedPlane {
  public:
   PaddedPlane() = default;
