@@ -1,4 +1,4 @@
-// The `/stimulus` group: one row of the table in docs/formats.md a kind.
+// The `/stimulus` group: each kind is a row of the table in docs/formats.md.
 #include <algorithm>
 #include <cmath>
 #include <concepts>
@@ -61,7 +61,7 @@ class FieldReader {
   FieldReader(hid_t file, hid_t group) : file_(file), owner_{group, kGroup} {}
 
   void number(const char* name, double& out) { take(h5::number_attribute(owner_, name), out); }
-  // Stays as it is where the file has none.
+  // Keeps the default if the file has none.
   void accuracy(const char* name, double& out) {
     if (H5Aexists(owner_.id, name) > 0) number(name, out);
   }
@@ -108,10 +108,10 @@ struct FieldWriter {
   bool good = true;
 };
 
-// What a bench shows, and more: beyond, squares and ratios of these numbers overflow in who reckons with them.
+// Limits well beyond any bench: squares and ratios of larger numbers would overflow in later computations.
 constexpr double kMostKelvin = 1e4;
 constexpr double kLeastAccuracy_k = 1e-6;
-constexpr double kFarthest_px = 1e9;  // also a second, and a row
+constexpr double kFarthest_px = 1e9;  // also per second, and per row
 constexpr double kLeastPeriod_px = 1e-3;
 
 bool is_within(double value, double most) { return std::abs(value) <= most; }
@@ -214,7 +214,7 @@ Status check(const SceneStimulus& s) {
   return {};
 }
 
-// False: `kind` is another one.
+// False if `kind` is another one.
 template <typename Kind>
 bool read_as(const std::string& kind, FieldReader& fields, Stimulus& stimulus) {
   if (kind != name_of(static_cast<Kind*>(nullptr))) return false;
