@@ -292,9 +292,8 @@ bool CrashSafeFile::commit_for_power() {
   const bool ended = disk_.valid() && disk_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
   if (disk_.valid() && (too_much || ended) && !end_disk()) return false;
   PageRecord record{sequence_, waiting_};
-  record.pages.insert(on_way_.pages.begin(),
-                      on_way_.pages.end());  // does not replace waiting versions
-  live_.write(record);                       // P
+  record.pages.insert(on_way_.pages.begin(), on_way_.pages.end());  // keeps waiting versions
+  live_.write(record);                                              // P
   if (!disk_.valid()) begin_disk();
   return true;
 }
