@@ -19,11 +19,9 @@
  * Results. 0 is success. Above 0 nothing is wrong, but there is no frame or value. Below 0 is an error, whose cause and
  * remedy bolo_client_error() states in one line. Nothing aborts, and no exception leaves.
  *
- * Threads. A handle may be used by one thread at a time; any number of handles work side by side. Functions marked "any
- * thread" need no such care.
+ * Threads. One thread at a time may use a handle; any number of handles work side by side. "Any thread": no such limit.
  *
- * Times are nanoseconds of CLOCK_MONOTONIC unless stated otherwise. timeout_ms: 0 polls once, a negative value waits
- * without limit.
+ * Times are nanoseconds of CLOCK_MONOTONIC unless stated otherwise. timeout_ms: 0 polls once, below 0 waits forever.
  *
  * Planes are row-major uint16, width * height of them: kelvin = scale * value + offset, or counts; see
  * bolo_client_kelvin(). bolo/shm_layout.h describes the shared memory itself.
@@ -120,8 +118,7 @@ struct bolo_client_frame {
   const uint16_t* deblurred;   /* with the pixels' thermal inertia undone */
   const void* slot;            /* private to the library */
   /* Motion of the scene from the frame before to this one; NULL and 0 where the daemon's solver does not estimate it
-   * (only "motion" does) or could not for this frame. Read in place, like the planes: check bolo_client_valid()
-   * afterwards. */
+   * (only "motion" does) or could not. Read in place, like the planes: check bolo_client_valid() afterwards. */
   const struct bolo_shm_motion* motion;              /* of the whole picture */
   const struct bolo_shm_block_motion* motion_blocks; /* of 8x8 pixels each, row-major: motion_across * motion_down */
   uint32_t motion_across;
@@ -191,8 +188,8 @@ BOLO_CLIENT_API int bolo_client_latest(bolo_client* client, int timeout_ms, stru
  * them: discard what was computed since the last 1. Any thread. */
 BOLO_CLIENT_API int bolo_client_valid(const struct bolo_client_frame* frame);
 
-/* Copies width * height values of each plane; NULL skips a plane. OK; OVERWRITTEN: the copy is invalid; BAD_ARGUMENT.
- * Any thread. */
+/* Copies width * height values of each plane; NULL skips one. OK; OVERWRITTEN: the copy is invalid; BAD_ARGUMENT. Any
+ * thread. */
 BOLO_CLIENT_API int bolo_client_copy(const struct bolo_client_frame* frame, uint16_t* raw, uint16_t* deblurred);
 
 /* Copies the frame's motion: of the whole picture and of its motion_across * motion_down blocks; NULL skips one. OK;

@@ -8,8 +8,7 @@
  *
  * The motion of the scene lies in the slots if header.motion_offset is not 0 (solver "motion"): struct bolo_shm_motion,
  * then header.motion_across * motion_down of struct bolo_shm_block_motion, row-major. It belongs to the slot's frame,
- * and is written and read with its planes, if the slot's motion_blocks is that number; if that is 0, the motion is not
- * known for the frame.
+ * and is written and read with its planes, if the slot's motion_blocks is that number; 0: not known for the frame.
  *
  * All values little-endian, as the machine stores them. Planes are row-major uint16 without padding between rows;
  * kelvin = scale * value + offset when unit is BOLO_UNIT_KELVIN.
@@ -63,9 +62,9 @@
  * motion_offset "<6d", from byte 64 of it on "<3f" for each block.
  *
  * Times. camera_ns is the camera's own clock, host_ns and receive_ns the host's CLOCK_MONOTONIC, utc_ns the same moment
- * in UTC. Monotonic and camera times never step; utc_ns steps when the host's clock is set, which header.clock_steps
- * counts. Sensor row r of a frame (stored row r / row_step) is sampled r * header.row_delay_s after the frame's time,
- * in all of them.
+ * in UTC. Monotonic and camera times never step; utc_ns steps when the host's clock is set: header.clock_steps counts
+ * that. In all of them, sensor row r (stored row r / row_step) is sampled r * header.row_delay_s after the frame's
+ * time.
  *
  * Versions. A reader accepts only its own. 3 added UTC, row_delay_s and slots of 128 bytes before their planes; 2 added
  * motion; 1 had a header of 2,048 bytes.

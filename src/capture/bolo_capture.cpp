@@ -317,8 +317,6 @@ Result<Contents> read_bolo_capture(hid_t file, Trust trust) {
   return contents;
 }
 
-// Rules that both file formats and the writer share.
-
 Status check_times(const std::vector<double>& t) {
   for (std::size_t i = 0; i < t.size(); ++i) {
     if (!std::isfinite(t[i])) return bad_input(value_at(i, t[i]) + " is not a finite number of seconds");

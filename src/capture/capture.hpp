@@ -31,7 +31,6 @@ struct FrameTimes {
   double uncertainty_s = 0.0;  // bound of the error of utc_s; attribute utc_uncertainty_s has the largest; 0: unknown
 };
 
-// A pixel of the camera's frame: column and row.
 struct Point {
   int x = 0;
   int y = 0;
@@ -184,9 +183,9 @@ class CaptureWriter {
   CaptureWriter& operator=(CaptureWriter&&) noexcept;
   ~CaptureWriter();
 
-  // `plane` in info.format.type; `truth` (K) exactly when options.truth; `motion`, of motion_blocks() of the frame,
-  // only when options.motion: null means unknown, and is written as zeros; `times` exactly when options.times. t_s and
-  // frame_id must rise.
+  // `plane` in info.format.type; `truth` (K) exactly when options.truth; `motion`, motion_blocks() of the frame, only
+  // when options.motion: null means unknown, written as zeros; `times` exactly when options.times. t_s and frame_id
+  // must rise.
   Status append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth = nullptr,
                 const BlockMotion* motion = nullptr, const FrameTimes* times = nullptr);
   Status write_stimulus(const Stimulus& stimulus);

@@ -48,8 +48,7 @@ Status check_unfinished(const std::filesystem::path& file);
 class CrashSafeFile {
  public:
   // Creates the file and its records, or empties one that may be replaced, and locks it. A link in place of any of them
-  // is refused, and its target not touched. Errors: kBadInput with the cause; created files are removed then.
-  // Thread: setup.
+  // is refused, and its target not touched. Errors: kBadInput with the cause; created files are removed. Thread: setup.
   static Result<std::unique_ptr<CrashSafeFile>> create(const std::filesystem::path& file, SurvivesCut survives,
                                                        Replace replace);
   // Opens for reading, in the state of the last commit. Thread: setup.
@@ -61,8 +60,8 @@ class CrashSafeFile {
   // earlier reservations stay. Thread of this and all below: any one at a time.
   Status reserve(std::uint64_t end);
 
-  // False on failure, with errno. Bytes beyond size() read as zeros; if a file opened for reading was truncated since,
-  // that is a failure.
+  // False on failure, with errno. Bytes beyond size() read as zeros; truncation of a file opened for reading is a
+  // failure.
   bool read(std::uint64_t offset, std::size_t bytes, void* out) const;
   bool write(std::uint64_t offset, std::size_t bytes, const void* data);
   // The file is at least `end` bytes long afterwards. Also reports failures on the disk since the last commit; can be

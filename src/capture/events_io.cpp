@@ -36,7 +36,6 @@ h5::Handle kind_of_fixed_length() {
   return type;
 }
 
-// Type of member `name`, nothing if there is none.
 h5::Handle member_type(hid_t compound, const char* name) {
   const int index = H5Tget_member_index(compound, name);
   return index < 0 ? h5::Handle() : h5::Handle(H5Tget_member_type(compound, static_cast<unsigned>(index)));

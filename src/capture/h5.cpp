@@ -131,7 +131,6 @@ Status check_stored(hid_t dataset, hid_t properties, const std::string& path) {
   return {};
 }
 
-// Reads the first `rows` values (all of them for a MATLAB row or column). False on failure.
 bool read_rows(hid_t dataset, hid_t memory_type, std::size_t rows, bool all, void* out) {
   if (rows == 0) return true;
   if (all) return H5Dread(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out) >= 0;

@@ -100,8 +100,7 @@ enum class Expect {
   kPart,   // the end may be missing; the caller checks before it reads
 };
 
-// The dataset, checked to be readable: a shape, filters that this library has, and data as `expect` demands. Thread:
-// any one at a time.
+// The dataset, checked: a shape, available filters, data as `expect` demands. Thread: any one at a time.
 Result<Handle> open_dataset(hid_t file, const std::string& path, Expect expect = Expect::kWhole);
 Dims shape(hid_t dataset);
 
@@ -114,8 +113,7 @@ bool read_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims&
 // Writes `count` rows from row `begin` on; the dataset grows to hold them.
 bool write_rows(hid_t dataset, hid_t memory_type, hsize_t begin, hsize_t count, const void* values);
 
-// An empty dataset that grows, with the groups on its path; `chunk` is the shape of its chunks. Thread: any one at a
-// time.
+// An empty growing dataset, and groups on its path; `chunk`: shape of its chunks. Thread: any one at a time.
 Handle create_growing(hid_t file, const std::string& path, hid_t type, const Dims& chunk, int deflate_level = 0);
 // Writes a new dataset in a file or group, with all its values. False on failure. Thread: any one at a time.
 bool write_dataset(hid_t place, const char* name, hid_t type, const Dims& dims, const void* values);

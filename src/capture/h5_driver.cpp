@@ -162,7 +162,7 @@ H5FD_class_t driver_class() {
   return driver;
 }
 
-// File access through the driver; it locks, except on file systems that cannot (some network mounts). Nothing on
+// File access through the driver, with locks except on file systems without them (some network mounts). Nothing on
 // failure.
 h5::Handle file_access(const std::shared_ptr<DrivenFile>& driven) {
   static const H5FD_class_t driver = driver_class();
@@ -175,7 +175,6 @@ h5::Handle file_access(const std::shared_ptr<DrivenFile>& driven) {
 
 constexpr std::string_view kOldMatlab = "MATLAB 5.0 MAT-file";
 
-// Checks for a readable regular file; fills `head` with its first bytes.
 Status read_head(const std::filesystem::path& file, std::array<char, 128>& head) {
   const UniqueFd descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!descriptor) return bad_input(std::string("cannot be opened: ") + std::strerror(errno));

@@ -50,7 +50,6 @@ Status check_shape(hid_t dataset, const Rule& rule, Geometry geometry) {
   return h5::check_numbers(dataset, rule.path);
 }
 
-// Leaves `values` empty if the dataset is absent.
 template <typename T>
 Status read_map(hid_t file, const Rule& rule, hid_t memory_type, Geometry geometry, std::vector<T>& values) {
   if (H5Lexists(file, rule.path, H5P_DEFAULT) <= 0) return {};  // a dangling link is not a missing map

@@ -12,7 +12,6 @@
 namespace bolo::capture {
 namespace {
 
-// Opens the capture as it is if it is sound, otherwise salvages it.
 Result<CaptureReader> open_damaged(const std::filesystem::path& file, std::vector<std::string>& remarks) {
   Result<CaptureReader> reader = CaptureReader::open(file);
   if (reader) return reader;

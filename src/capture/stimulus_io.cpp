@@ -55,7 +55,6 @@ void each_field(auto& fields, Of<SceneStimulus> auto& s) {
   fields.series("y_px", s.y_px);
 }
 
-// Keeps the first error.
 class FieldReader {
  public:
   FieldReader(hid_t file, hid_t group) : file_(file), owner_{group, kGroup} {}
@@ -92,7 +91,6 @@ class FieldReader {
 
 struct FieldWriter {
   void number(const char* name, double value) { good = good && h5::write_attribute(group, name, value); }
-  // Written only if it differs from the default.
   void accuracy(const char* name, double value) {
     if (value != kLevelAccuracyK) number(name, value);
   }
@@ -135,7 +133,6 @@ Status absolute_temperature(const char* name, double kelvin) {
                    text(kMostKelvin));
 }
 
-// The first status that is an error, if any.
 template <typename... Statuses>
 Status first_error(Statuses... statuses) {
   Status out;
@@ -214,7 +211,6 @@ Status check(const SceneStimulus& s) {
   return {};
 }
 
-// False if `kind` is another one.
 template <typename Kind>
 bool read_as(const std::string& kind, FieldReader& fields, Stimulus& stimulus) {
   if (kind != name_of(static_cast<Kind*>(nullptr))) return false;

@@ -18,7 +18,6 @@ class Crew {
   virtual void run(int rows, Parts parts, Work work, void* self) noexcept = 0;
 };
 
-// The calling thread alone.
 class Alone final : public Crew {
  public:
   void run(int rows, Parts /*parts*/, Work work, void* self) noexcept override { work(self, 0, rows); }
@@ -35,7 +34,6 @@ void for_parts(Crew& crew, int rows, Work&& work, Parts parts = Parts::kOneEach)
       &work);
 }
 
-// work(row) for each of [0, rows).
 template <typename Work>
 void for_rows(Crew& crew, int rows, Work&& work) noexcept {
   auto each = [&](int begin, int end) {

@@ -33,7 +33,6 @@ enum class Unit {
   kCount,   // uncalibrated camera counts: scale and offset carry no meaning
 };
 
-// Conversion of stored values to temperatures.
 struct LinearScale {
   Unit unit = Unit::kKelvin;
   double scale = 0.01;  // K a count; 10 mK is the A655sc's TemperatureLinear10mK

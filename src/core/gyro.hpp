@@ -40,7 +40,6 @@ struct GyroSetup {
   double delay_s = 0.0;         // samples are stamped this much later than frames of the same moment
 };
 
-// Use of the gyro in a frame.
 enum class GyroUse : std::uint8_t {
   kUsed,
   kSilent,   // no samples for the frame's time

@@ -39,8 +39,7 @@ inline std::optional<IpAddress> ip_address(const std::string& text, std::uint16_
   return address;
 }
 
-// A listening TCP socket that does not block; on failure none, with errno set. `only_v6`: an IPv6 address accepts no
-// IPv4 clients. Thread: setup.
+// A non-blocking listening TCP socket; on failure none, with errno set. `only_v6`: no IPv4 clients. Thread: setup.
 inline UniqueFd listen_on(const IpAddress& address, int backlog, bool only_v6) {
   UniqueFd fd(socket(address.place.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int on = 1;

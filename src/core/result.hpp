@@ -9,7 +9,6 @@
 
 namespace bolo {
 
-// Kinds of failures, one exit code each.
 enum class ErrorKind {
   kFailed,    // something broke while running: exit code 1
   kBadInput,  // usage, configuration, file or device the user can put right: exit code 2

@@ -53,8 +53,7 @@ auto tried(Step&& step) -> decltype(step()) {
   }
 }
 
-// False if step() threw, for lack of memory; for threads that continue, because their next step may succeed.
-// Thread: any.
+// False if step() threw, for lack of memory: for threads whose next step may succeed. Thread: any.
 template <typename Step>
 bool attempt(Step&& step) noexcept {
   try {

@@ -27,8 +27,7 @@ class Chain {
 
   // True for a frame that counts as lost. Thread: pipeline.
   bool drops(const void* raw) noexcept;
-  // A new frame; `restart` discards what was learnt from earlier ones. `repeats`: frames dropped since the last one.
-  // Thread: pipeline.
+  // A new frame; `restart` discards what was learnt. `repeats`: frames dropped since the last one. Thread: pipeline.
   void begin(const FrameMeta& meta, const void* raw, bool restart, std::uint64_t repeats = 0) noexcept;
   // Each correction that needs the whole frame begins a pass. Thread: pipeline.
   std::size_t passes() const noexcept { return pass_begin_.size(); }

@@ -100,7 +100,6 @@ class CommonOffset final : public Correction {
     return static_cast<double>(std::ranges::count_if(difference_, near)) / static_cast<double>(difference_.size());
   }
 
-  // Median of difference_, which it reorders.
   double median() noexcept {
     const auto middle = difference_.begin() + static_cast<std::ptrdiff_t>(difference_.size() / 2);
     std::nth_element(difference_.begin(), middle, difference_.end());

@@ -1,6 +1,6 @@
-// Effects of a camera beyond the inertia of its pixels are corrected around the solver. Each correction is one file
-// here; the table in chain.cpp creates them and defines their order. Values are as stored: counts, or kelvin by the
-// stream's scale.
+// Effects of a camera beyond the inertia of its pixels are corrected around the solver, each in one file here; the
+// table in chain.cpp creates them and defines their order. Values are as stored: counts, or kelvin by the stream's
+// scale.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,6 @@
 
 namespace bolo::corrections {
 
-// Inputs for creating corrections.
 struct Setup {
   model::Undo undo;
   deblur::Settings settings;  // period_s and the nominal tau_s

@@ -34,7 +34,6 @@ class PixelCorrection final : public Correction {
 
   void begin(std::uint64_t periods) noexcept override;
   void apply(float* plane, PixelRange pixels) noexcept override;
-  // Fills dead pixels.
   void finish(float* plane) noexcept override;
 
  private:

@@ -14,7 +14,6 @@ constexpr double kColdestK = 150.0;
 constexpr double kHottestK = 650.0;
 constexpr int kPieces = 2000;  // a quarter of a kelvin each: error below 0.1 mK
 
-// Piecewise linear, with pieces of equal width.
 class Curve {
  public:
   Curve() = default;

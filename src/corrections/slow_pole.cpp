@@ -57,7 +57,6 @@ class SlowPole final : public Correction {
     float per_input = 1.0F;
   };
 
-  // Sets the constants for a gap of `periods`.
   void set_gap(std::uint64_t periods) noexcept {
     gap_ = periods;
     const double passed_s = static_cast<double>(periods) * period_s_;

@@ -23,8 +23,7 @@ struct Draws {
 };
 
 // Standard normal values, bit for bit those of libstdc++'s std::normal_distribution (Marsaglia's polar method), which
-// under clang takes a long double logarithm for each value: a third of the time of the daemon's tests under a
-// sanitizer.
+// under clang takes a long double logarithm each: a third of the time of the daemon's tests under a sanitizer.
 class Normal {
  public:
   double operator()(std::mt19937_64& random) {

@@ -106,7 +106,6 @@ HWY_INLINE Vec load_lanes(const void* plane, std::size_t at, std::size_t count) 
   return load_vector_of(padded);
 }
 
-// As load_lanes(), for a block.
 template <typename T>
 HWY_INLINE Pair load_pixels(const void* plane, std::size_t at, std::size_t count) {
   const std::size_t first = std::min(count, kLanes);
@@ -138,20 +137,17 @@ HWY_INLINE void store_lanes(const PixelRun& run, Vec x, std::size_t at, std::siz
   std::copy_n(values, std::min(count, kLanes), to);
 }
 
-// The first `count` of a vector's estimates, from pixel `at`.
 HWY_INLINE void store_lanes(const PixelRun& run, Vec x, std::size_t at, std::size_t count) {
   run.output == PixelType::kUint16 ? store_lanes<std::uint16_t>(run, x, at, count)
                                    : store_lanes<float>(run, x, at, count);
 }
 
-// As store_lanes(), for a block.
 HWY_INLINE void store_pixels(const PixelRun& run, Pair x, std::size_t at, std::size_t count) {
   const std::size_t first = std::min(count, kLanes);
   store_lanes(run, x.a, at, first);
   store_lanes(run, x.b, at + first, count - first);
 }
 
-// Calls solve(at, count) for every block of the run.
 template <typename Solve>
 HWY_INLINE void for_each_block(const PixelRun& run, const Solve& solve) {
   for (std::size_t at = run.begin; at < run.end; at += kBlock) solve(at, std::min(kBlock, run.end - at));

@@ -1,5 +1,4 @@
-// The sweeps' updates in int16 (dual_fixed.cpp: units, and why nothing overflows). Included once for every instruction
-// set.
+// The sweeps' updates in int16 (dual_fixed.cpp: units, overflow). Included once for every instruction set.
 #if defined(BOLO_DEBLUR_DUAL_FIXED_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_DUAL_FIXED_INL
 #undef BOLO_DEBLUR_DUAL_FIXED_INL
@@ -109,7 +108,6 @@ HWY_INLINE void move_sum(const ShortWeights& w, std::size_t v, Dual<kBins, Short
   end = hn::Add(end, moved);
 }
 
-// Adds the terms of t and of the jumps to the estimate.
 template <int kBins>
 HWY_INLINE void finish_dual(const DualRun& run, std::size_t first, const Dual<kBins, Short>& m) {
   const std::size_t terms = run.estimate.terms;

@@ -59,8 +59,7 @@ double largest(const DualPlan& plan, const Form& bound) noexcept {
   return most;
 }
 
-// Rms of the effect of t's rounding on the last bin, in units. Every t moves the jump at the window's end, the last
-// term, by as much.
+// Rms effect of t's rounding on the last bin, in units. Every t moves the last term, the window's end jump, by as much.
 double rounding(const DualPlan& plan) noexcept {
   const Estimate e = fixed_estimate(plan, {plan.bins - 1, plan.bins - 1});
   const double jump = std::abs(static_cast<double>(e.term[e.terms - 1].weight));

@@ -77,8 +77,7 @@ HWY_INLINE Vec move_of(const LostMove& lost, std::size_t k, std::size_t v, const
   return kTwo ? at(s.move[k] + v) : all(lost.part[k].move);
 }
 
-// Starts at the sample's present value or, the first time, at the median of the zeros of the three parts with the
-// largest weights.
+// Starts at the sample's present value or, the first time, at the median zero of the three parts of largest weight.
 template <int kBins>
 HWY_INLINE bool begin_one(const DualRun& run, const LostMove& lost, bool first, std::size_t from, std::size_t v,
                           const Dual<kBins>& m, Steps<kBins>& s) {

@@ -41,7 +41,6 @@ bool stays_in_bound(const Grid& grid) {
   return std::tanh(grid.ratio / 2.0) * sum < std::sqrt(0.5);
 }
 
-// Fills a plan's lost samples and their moves.
 class GapBuilder {
  public:
   GapBuilder(DualPlan& plan, const Grid& grid)

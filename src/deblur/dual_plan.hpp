@@ -39,8 +39,8 @@ struct DualCoefficients {
 
 constexpr int support_of(int i, int bins) { return i == 0 ? bins : 2 * (i & -i); }
 
-// Index of t_i's bound in DualPlan::bound; wavelets at the window's beginning have their own. `level`: log2 of the
-// support, less 1.
+// Index of t_i's bound in DualPlan::bound; wavelets at the window's beginning have their own. `level`: log2(support) -
+// 1.
 constexpr std::size_t bound_of(int i, int level) {
   return static_cast<std::size_t>(i == 0 ? 2 * level + 2 : 2 * level + (i == 1 << level ? 1 : 0));
 }
@@ -152,8 +152,7 @@ bool dual_bridges(const Pattern& pattern);
 // For a pattern that dual_bridges(). No allocation. Thread: pipeline.
 void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept;
 
-// Allows int16 for windows without lost frames, if accurate for a lambda_half of up to lambda_k (in K).
-// Thread: pipeline.
+// Allows int16 for windows without lost frames, if accurate up to a lambda_half of lambda_k (in K). Thread: pipeline.
 void fix(DualPlan& plan, double lambda_k) noexcept;
 
 // x of the published bins: the inverse filter's less (v + c L v) / p. Thread: worker.

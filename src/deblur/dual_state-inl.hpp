@@ -221,7 +221,6 @@ HWY_INLINE void load_pixels(const DualRun& run, std::size_t first, std::size_t c
   m.end += kLoaded;
 }
 
-// Loads the vectors of up to kPixels pixels that begin at `first`.
 template <int kBins, typename T>
 HWY_NOINLINE void load_block(const DualRun& run, std::size_t first, Dual<kBins, T>& m) {
   const std::size_t count = std::min(Dual<kBins, T>::kPixels, run.pixels.end - first);

@@ -116,7 +116,6 @@ class Builder {
 
   int columns() const { return plan_.bins + (plan_.within.used ? frames_ : 0); }
 
-  // Response of the sample at `slot` to every column.
   void fill_row(int slot, Columns& z, int row) const {
     for (int frame = pattern_.first; frame < slot; ++frame) {
       const double decay = std::exp(-ratio_ * (slot - 1 - frame));

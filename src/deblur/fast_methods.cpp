@@ -1,5 +1,4 @@
-// The methods that run on the vector kernels: ADMM, the dual with its fallback, the interior point and the inverse
-// filter.
+// The methods that run on the vector kernels: ADMM, dual and its fallback, interior point, inverse filter.
 #include <algorithm>
 #include <cmath>
 
@@ -136,8 +135,8 @@ void add_interval(InversePlan& plan, const Grid& grid, const Pattern& pattern, i
 }
 
 // The published value is linear between centres of frame intervals (grid.hpp), each with the input of the gap that
-// contains it; intervals before the first or after the last sample take the nearest gap's. `delay`: of the row, in
-// frame periods.
+// contains it; intervals before the first or after the last sample take the nearest gap's. `delay`: the row's, frame
+// periods.
 InversePlan make_inverse_plan(const Grid& grid, const Pattern& pattern, double delay = 0.0) noexcept {
   const double last = pattern.slots - 2;
   const double q = pattern.target - delay - 0.5;

@@ -71,7 +71,6 @@ void GapMeter::innovate(int frame, motion::Pyramid& to) {
   motion::find_innovation(kernels_, inertia_, work_[0], work_[1], alone, work_[2], to);
 }
 
-// Finds the motion from each frame to the next.
 void GapMeter::follow() {
   Alone alone;
   innovate(1, pyramids_[1]);
@@ -82,7 +81,6 @@ void GapMeter::follow() {
   moved_[1] = moved_[2];
 }
 
-// Chooses the pairs whose blur differs most.
 std::vector<GapMeter::Pair> GapMeter::choose() const {
   std::array<Affine, kFrames> place;
   std::array<Affine, kFrames> blur;  // the velocity that blurred a frame

@@ -22,8 +22,7 @@ struct Grid {
   double ratio = 0.0;         // T / tau
 };
 
-// lambda_half: the weight in 1/2 ||.||^2 + lambda_half ||D||_1 over 2^levels coefficients, in the units of the values.
-// Thread: setup.
+// lambda_half: weight in 1/2 ||.||^2 + lambda_half ||D||_1, 2^levels coefficients, in the values' units. Thread: setup.
 Grid reduce(const Settings& settings, double lambda_half);
 
 // The wavelet at the end of its frame, 2^level times narrower: the only one within the frame that can be non-zero.

@@ -341,7 +341,6 @@ HWY_INLINE void move(Pair part, float limit, Bound& b) {
   store(clip(fma(part, load(b.step), load(b.t)), all(-edge), all(edge)), b.t);
 }
 
-// Whole Newton steps.
 HWY_INLINE void find_step(const InteriorPlan& plan, Interior& m) {
   eliminate(plan, m);
   substitute(plan, m);

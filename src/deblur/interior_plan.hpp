@@ -13,8 +13,7 @@
 // (at most a / (1 + a^2) = 0.12 of the diagonal) is only in the residual, and vanishes after a few steps.
 //
 // A lost sample j has no residual: v_j = a v_{j+1}, with a free multiplier e_j in place of the sample, which borders
-// the system of each step. With several, each leaf is held one step behind v_{j+1} and passes -a e_j on: nearly the
-// optimum.
+// each step's system. With several, each leaf is held one step behind v_{j+1} and passes -a e_j on: nearly the optimum.
 //
 // The optimum need not be unique here: ties in the data then leave a face of equally good inputs, of which this method
 // finds the centre, and the exact method's path an edge.

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <string>
 
-// Built in: AVX3 (AVX-512), AVX2, SSE4 (on arm64: NEON) and plain scalar code. Sets between them would only lengthen
-// the build.
+// Built in: AVX3 (AVX-512), AVX2, SSE4 (on arm64: NEON) and scalar code. Sets between them only lengthen the build.
 #include "src/core/simd_targets.hpp"
 
 #undef HWY_TARGET_INCLUDE

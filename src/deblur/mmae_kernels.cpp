@@ -201,8 +201,7 @@ void find_posteriors(const ModelTables& tables, const BlockSamples& in, float in
   for (int b = 0; b < blocks; ++b) normalise(out.of[b]);
 }
 
-// Several blocks at once, as far as registers allow, so that no sum waits for the one before it; missing blocks are
-// harmless.
+// Several blocks at once, as registers allow, so that no sum waits for the one before; missing blocks are harmless.
 void mix_weights(const ModelTables& tables, int offset, const Posteriors& posteriors, int blocks, BlockWeights& out,
                  int at) noexcept {
   const auto& models = tables.weights[static_cast<std::size_t>(offset)].tap;

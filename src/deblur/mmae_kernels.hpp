@@ -63,8 +63,7 @@ struct MmaeKernels {
   // Posteriors of the blocks that `samples` covers (the last may be narrower). Thread: worker.
   void (*posteriors)(const ModelTables& tables, const BlockSamples& samples, float inverse_noise,
                      Posteriors& out) noexcept;
-  // weights = sum over models of posterior * model's weights, for `blocks` blocks from column `at` of `out` on.
-  // Thread: worker.
+  // weights = sum over models of posterior * weights, for `blocks` blocks from column `at` of `out` on. Thread: worker.
   void (*mix)(const ModelTables& tables, int offset, const Posteriors& posteriors, int blocks, BlockWeights& out,
               int at) noexcept;
   // risk[b] = sum over models of posterior * that model's risks. Thread: worker.

@@ -93,7 +93,6 @@ void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std
   }
 }
 
-// Filters one row, from `pixel` on.
 void MmaeSolver::filter_row(const WindowView& window, std::size_t pixel, FilterRow& row, const BlockWeights& above,
                             const BlockWeights& below) const noexcept {
   const ModelTables& tables = posterior_.tables();

@@ -96,8 +96,7 @@ void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) 
 }
 
 // Extrapolates a lost frame, or the second of two, as if the motion had continued: its innovation is the one before,
-// moved. Only the first estimate after it uses it. False if the three frames before the first do not determine their
-// motion.
+// moved. Only the first estimate after it uses it. False if the three frames before the first do not give their motion.
 bool MotionSolver::bridge(Crew& crew) noexcept {
   const bool second = frame(1).lost;
   if (second && (!frame(1).there || frame(2).lost)) return false;
@@ -358,8 +357,7 @@ const motion::VectorField& MotionSolver::deviations(const motion::Affine& whole,
   return found;
 }
 
-// Fills defects in the planes that the estimate uses, or restores them: later displacements must depend on their own
-// frames alone.
+// Fills defects in the estimate's planes, or restores them: later displacements must depend on their own frames alone.
 void MotionSolver::without_defects(bool fill) noexcept {
   std::span<float> left(covered_);
   const auto change = [&](motion::PaddedPlane& plane) {

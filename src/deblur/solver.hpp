@@ -44,8 +44,8 @@ class Solver {
   }
 
   // Estimates the pixels of `part` into the same pixels of `out`, a whole plane of the output type. `part` lies inside
-  // the frame. A pixel's result does not depend on the part. No allocation. Thread: worker, parts disjoint between
-  // concurrent calls.
+  // the frame; a pixel's result does not depend on it. No allocation. Thread: worker, parts disjoint between concurrent
+  // calls.
   virtual void solve(const WindowView& window, const Region& part, void* out) const noexcept = 0;
 
   // The same for single pixels, row-major indices in any order, into pixels.size() values of `out`: bit for bit as
@@ -57,8 +57,7 @@ class Solver {
   virtual int iterations() const noexcept = 0;
   // The instruction set chosen at run time: "AVX3", "AVX2", "SSE4", "scalar" ... Thread: any.
   virtual std::string_view isa() const noexcept = 0;
-  // Temporal noise used by the last prepare(), K (counts for a stream without kelvin); 0 if the method does not use it.
-  // Thread: pipeline.
+  // Temporal noise used by the last prepare(), K (counts without kelvin); 0 if the method uses none. Thread: pipeline.
   virtual double noise_k() const noexcept { return 0.0; }
   // Temporal noise measured in the frames, even if the settings give another; 0: not known. Thread: pipeline.
   virtual double measured_noise_k() const noexcept { return 0.0; }

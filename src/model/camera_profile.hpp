@@ -100,8 +100,7 @@ inline const std::vector<UndoKey>& undo_keys() {
 // Value of an effect's parameter; for parameter "" any number if the effect is present; otherwise empty.
 using EffectValue = std::function<std::optional<double>(std::string_view effect, std::string_view parameter)>;
 
-// Sets the corrections of the effects known to `value_of` that have a single parameter (not frame filters).
-// Thread: any.
+// Sets the corrections of effects known to `value_of` with a single parameter (not frame filters). Thread: any.
 void undo_effects(Undo& undo, const EffectValue& value_of);
 
 // Maps are row-major over the whole frame; an empty one means the nominal value everywhere. Corrections apply in this

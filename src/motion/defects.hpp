@@ -31,7 +31,6 @@ class Defects {
   // restore(). Rims stay as they are. Thread: pipeline.
   void fill(PaddedPlane& plane, std::span<float> before) const noexcept;
   void restore(PaddedPlane& plane, std::span<const float> before) const noexcept;
-  // Upper limit of the number of defects found.
   std::size_t most() const noexcept { return found_.capacity(); }
 
  private:

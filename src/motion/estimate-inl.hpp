@@ -23,7 +23,6 @@ struct CubicMoves {
   HWY_ALIGN std::int32_t y[kLanes];
   HWY_ALIGN float whole[kLanes];  // 1 where a block's whole source keeps the margin from the border
 
-  // For the blocks from column c of a row of blocks on.
   HWY_INLINE void find(const PaddedPlane& a, int c, int y0, const Vec2* d, float margin) {
     HWY_ALIGN float dx[kLanes] = {};
     HWY_ALIGN float dy[kLanes] = {};
@@ -116,7 +115,6 @@ class MovedPlanes {
     return whole;
   }
   int count() const { return count_; }
-  // put(value, row, column) for plane k.
   template <typename Put>
   HWY_INLINE void move(int k, const Put& put) const {
     move_cubic(*planes_[k], column_ * kBlock, y0_, moves_[k], i_, put);
@@ -303,8 +301,7 @@ struct Shares {
   }
 };
 
-// Weights of a block's pixels by tap and column: at its centre, and their change up to the centre of the block above or
-// below.
+// Weights of a block's pixels by tap and column: at its centre, and their change up to the block above or below.
 struct PixelWeights {
   HWY_ALIGN float middle[FilterWeights::kError][kBlock];
   HWY_ALIGN float change[2][FilterWeights::kError][kBlock];

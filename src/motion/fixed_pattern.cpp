@@ -130,7 +130,6 @@ void FixedPattern::begin_reference() noexcept {
   age_ = 0;
 }
 
-// Finds the motion from the reference to this frame; true if it is large enough.
 bool FixedPattern::moved_enough() noexcept {
   const Affine motion = global_.find(kernels_, inertia_, seen_before_, seen_, noise_, alone_);
   spread(motion, geometry_, 1, displacement_);

@@ -331,7 +331,6 @@ void GlobalMotion::Unseen::forget(Affine& motion) const noexcept {
   }
 }
 
-// Normal equations over all blocks, weighted by their fit.
 Equations GlobalMotion::equations(int level, float typical, double variance) const noexcept {
   const Level& work = levels_[static_cast<std::size_t>(level)];
   Equations sums;

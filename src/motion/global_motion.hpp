@@ -55,7 +55,7 @@ class GlobalMotion {
   // Standard deviation, px, of the last find()'s displacement at the centre due to noise alone. Thread: pipeline.
   double uncertainty() const noexcept { return uncertainty_; }
 
-  // Residual displacement, px, of the median block after the last find(): above a few where scenes differ.
+  // Residual displacement, px, of the median block in the last find(): above a few where scenes differ.
   // Thread: pipeline.
   double misfit() const noexcept { return misfit_; }
 

@@ -24,7 +24,6 @@ inline constexpr int kLeastSide = 24;
 inline constexpr double kShortestTau = 0.025;
 inline constexpr double kLongestTau = 100.0;
 
-// Thermal inertia at a frame rate.
 struct Inertia {
   double tau = 2.2;  // periods
   double rho = 0.635;

@@ -39,14 +39,12 @@ struct alignas(64) FilterWeights {
   float w[kStride] = {};
 };
 
-// Weights of a pixel's differences to its neighbours up to 3 px away on both sides, along the axis more perpendicular
-// to the motion.
+// Weights of a pixel's differences to its neighbours up to 3 px away, along the axis more perpendicular to the motion.
 struct AcrossWeights {
   static constexpr int kReach = 3;
   float w[kReach] = {};
 };
 
-// Sums over a block.
 struct FitSums {
   float error = 0.0F;      // (y - M)^2
   float gradient = 0.0F;   // of M along the motion, squared
@@ -105,8 +103,8 @@ struct Kernels {
   void (*cost)(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_row, float cap,
                float* out) noexcept;
   // The whole displacement (up to 9 across, 5 down) beyond `d` for which 12 x 12 pixels of half-size planes around a
-  // block's centre match best; `price` a squared pixel of displacement, as a mean square difference. Returns the part
-  // beyond d.
+  // block's centre match best; `price` a squared pixel of displacement, as a mean square difference. Returns it without
+  // d.
   Vec2 (*search)(const PaddedPlane& a, const PaddedPlane& b, int column, int row, Vec2 d, float price) noexcept;
   // Means of b, and of its squared deviations from them, over blocks.
   void (*energy)(const PaddedPlane& b, int block_row, float* mean, float* square) noexcept;
@@ -123,15 +121,13 @@ struct Kernels {
               FitSums* out) noexcept;
   // Sum of the corners times their shares.
   void (*mix)(const FilterWeights* const* corners, const float* shares, std::size_t count, FilterWeights& out) noexcept;
-  // x = sum of weights times values that are `step` apart; `weights`: the rows of blocks above, at and below
-  // `block_row`.
+  // x = sum of weights times values `step` apart; `weights`: rows of blocks above, at and below `block_row`.
   void (*filter)(const FilterInputs& in, const Vec2* step, const FilterWeights* const* weights, int block_row,
                  PaddedPlane& out) noexcept;
   // Smoothed across the motion, each block with its weights; `from` is extended.
   void (*across)(const PaddedPlane& from, const Vec2* direction, const AcrossWeights* weights, int block_row,
                  PaddedPlane& out) noexcept;
-  // left = z - (x averaged along the trail d of one frame, share(f) ~ exp(-f ratio)); sums over blocks of left^2 and
-  // (z - y)^2.
+  // left = z - (x averaged along one frame's trail d, share(f) ~ exp(-f ratio)); block sums of left^2 and (z - y)^2.
   void (*check)(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, const Vec2* d, float ratio,
                 int block_row, PaddedPlane& left, float* left_square, float* change_square) noexcept;
   // x += w left, w interpolated between blocks; rows of w as in filter.

@@ -8,7 +8,6 @@
 namespace bolo::motion {
 namespace {
 
-// Coefficients of the terms below.
 constexpr std::size_t kTerms = 14;
 constexpr std::array<std::array<float, kTerms>, 2> kOdds = {
     {{-2.86F, 1.59F, -1.76F, 0.95F, 1.30F, -0.65F, 1.13F, 1.60F, 2.30F, 8.34F, 0.0F, 0.0F, -1.0F, 1.0F},

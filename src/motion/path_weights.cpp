@@ -91,7 +91,6 @@ void PathWeights::set_trails(const Path& path, std::size_t level) noexcept {
   if (ahead_ > 0) add(trails[kAfter], -1, way(path, -1), 1.0);
 }
 
-// The covariances of two trails' values.
 void PathWeights::fill(const Kernels& kernels, std::size_t i, std::size_t j, std::size_t level) noexcept {
   struct Rows {
     int first;

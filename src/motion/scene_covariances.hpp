@@ -29,8 +29,7 @@ struct Times {
   std::vector<float> share;
 };
 
-// Covariances of a scene of variance 1 that moves at `speed` px a frame, uncertain by `sigma` in both directions.
-// Thread: one at a time.
+// Covariances for a scene of variance 1, `speed` px a frame, uncertain by `sigma` both ways. Thread: one at a time.
 class SceneCovariances {
  public:
   SceneCovariances(double tau_periods, double speed, double sigma, double smooth);

@@ -33,8 +33,8 @@ inline constexpr double kSmooth = 0.6;
 inline constexpr double kBlurred = 2.0;
 double smooth_of(double speed, double blurred) noexcept;
 
-// Covariance of noise and fixed pattern, in noise variances, of two values interpolated from pixels `apart` px from
-// each other. Thread: any.
+// Covariance of noise and fixed pattern, noise variances, of values interpolated `apart` px from each other.
+// Thread: any.
 double shared_noise(bool same_frame, double apart) noexcept;
 
 class WeightTable {
@@ -48,8 +48,7 @@ class WeightTable {
   static double uncertainty_of(std::size_t kind) noexcept;
 
   // `tau_periods`: tau / T. `ahead`: 1 when the frame after the estimated one is known too. Made once a process for the
-  // same arguments, and kept (1.6 MB). The tables with and without look-ahead are made together, at little extra cost.
-  // Thread: setup.
+  // same arguments, and kept (1.6 MB); with and without look-ahead together, at little extra cost. Thread: setup.
   static std::shared_ptr<const WeightTable> of(double tau_periods, int ahead);
 
   // The cells around a point in the table, and their interpolation shares.

@@ -9,7 +9,7 @@
 namespace bolo::pipeline {
 
 // Writes raw values as output values, by the solver's rules: kUint16 in the input's scale, rounded and clamped (NaN
-// becomes 0); kFloat32 in kelvin, or input values for Unit::kCount. Both planes are whole; only `range` is touched.
+// becomes 0); kFloat32 in kelvin, or input values for Unit::kCount. Of the whole planes only `range` is used.
 // Thread: worker.
 void convert(const StreamFormat& input, const void* raw, PixelType output, void* out, PixelRange range) noexcept;
 

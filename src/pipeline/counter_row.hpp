@@ -19,7 +19,6 @@ enum class RowKind : std::uint8_t {
   kReal,   // double
 };
 
-// Optional parts of a row.
 struct InStat {
   std::string_view words{};  // after the number in `bolo stat`
 };

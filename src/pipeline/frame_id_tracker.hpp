@@ -78,8 +78,6 @@ class FrameIdTracker {
   std::array<std::uint64_t, kLossCauses> counted_{};
 };
 
-// --- Frame numbers, losses and times, for every live source.
-
 // Outlives a source's connections. Thread: acquire, or setup while no connection delivers. No allocation.
 class Arrivals {
  public:

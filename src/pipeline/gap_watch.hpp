@@ -54,8 +54,7 @@ class GapTrend {
 // Takes a burst of consecutive frames periodically, and evaluates it on a thread of the lowest priority.
 class GapWatch {
  public:
-  // Planes of `format`. `interval_s`: from the end of one burst to the beginning of the next. Results go to the stats'
-  // gauges. Thread: setup.
+  // Planes of `format`. `interval_s`: between two bursts. Results go to the stats' gauges. Thread: setup.
   GapWatch(const StreamFormat& format, double tau_s, double noise_k, double interval_s, PipelineStats& stats);
   ~GapWatch();
 

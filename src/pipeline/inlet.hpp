@@ -13,16 +13,15 @@ namespace bolo::pipeline {
 
 class FrameInlet {
  public:
-  // Allocates the pool and the queue; `window_slots`: slots that the window keeps; `queue_slots`: frames that may wait
-  // before it. Thread: setup.
+  // Allocates pool and queue; `window_slots`: kept by the window; `queue_slots`: frames that may wait. Thread: setup.
   FrameInlet(const StreamFormat& format, std::size_t window_slots, std::size_t queue_slots);
 
   const StreamFormat& format() const noexcept { return format_; }
 
   // --- the source's side. Thread: acquire ---
 
-  // A slot to fill (its meta is reset), or nullptr if none is free; the loss (kPoolExhausted) is then already counted.
-  // Never blocks.
+  // A slot to fill (meta reset), or nullptr if none is free; that loss (kPoolExhausted) is counted already. Never
+  // blocks.
   rt::FrameSlot* borrow() noexcept;
 
   // As borrow(), but waits for a slot until stop_requested: nothing is lost. For sources that can be slowed (files).

@@ -177,7 +177,6 @@ PixelRange Pipeline::Impl::share_of_pixels(int part) const noexcept {
   return {begin(part), begin(part + 1)};
 }
 
-// The plane for the window.
 const void* Pipeline::Impl::corrected(const rt::FrameSlot& slot, bool restart_window) noexcept {
   if (!corrections->before()) return slot.data;
   const std::int64_t start_ns = monotonic_ns();
@@ -285,7 +284,6 @@ void Pipeline::Impl::loop(const std::atomic<bool>& stop_requested) noexcept {
   }
 }
 
-// Processes the frames committed before the source was stopped.
 void Pipeline::Impl::drain() noexcept {
   inlet.finish();  // makes next() on an empty queue return at once
   while (!must_give_up() && process_next()) continue;

@@ -30,16 +30,14 @@ struct PipelineOptions {
   PixelType output = PixelType::kUint16;
   int workers = 2;        // the pipeline thread is one of them
   int queue_frames = 64;  // frames that may wait between driver and deblurring
-  // Spends less effort on frames while too many wait (pipeline/quality_level.hpp), and flags them. Not for sources that
-  // wait.
+  // Spends less effort on frames while too many wait (pipeline/quality_level.hpp). Not for sources that wait.
   bool degrade = false;
   // For sources that do not wait: the solver is measured once at the start. If it is too slow for the frame rate,
   // `degrade` limits all frames to the first level that keeps up; without `degrade` that is bad input.
   bool must_keep_up = false;
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
   model::PixelMaps maps{};   // of the source's single pixels; for its frame size
-  // Other effects of the camera on its frames (src/corrections): undone before and after the solver. Sinks get the raw
-  // frames unchanged.
+  // Other effects of the camera (src/corrections): undone before and after the solver. Sinks get raw frames unchanged.
   model::Undo undo{};
   double pixel_noise_k = 0.03;  // of one pixel, K (counts without kelvin): distinguishes flicker and jumps from motion
   double watch_gap_s = 0.0;     // interval of comparisons of the stream with the profile (gap_watch.hpp); 0: never
@@ -48,8 +46,7 @@ struct PipelineOptions {
   // deblurred "plane" has one value for each. Not both.
   std::optional<Region> region{};
   std::vector<std::uint32_t> points{};
-  // Set to abort: the run ends at once and drops waiting frames and the current one. Null: never. Outlives the
-  // pipeline.
+  // Set to abort: the run ends at once and drops all unfinished frames. Null: never. Outlives the pipeline.
   const std::atomic<bool>* give_up = nullptr;
   // Called once for each refusal by the system that is not fatal: a priority, a CPU, a worker. May be empty.
   // Thread: setup, or pipeline before the first frame.
@@ -98,8 +95,6 @@ class Pipeline {
   explicit Pipeline(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
-
-// --- Pipeline options from a camera's profile.
 
 // Sets the time constant, the maps and the other corrections. A read-out that averages over integration_s is modelled
 // as a pixel slower by half of it: both delay their input equally. `maps`: capture::read_profile_maps(). Thread: any.

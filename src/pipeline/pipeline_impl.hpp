@@ -40,7 +40,6 @@ class Plane {
   void* data_;
 };
 
-// The open sinks; closes each once.
 class OpenSinks {
  public:
   ~OpenSinks() { close(); }

@@ -19,8 +19,7 @@ constexpr std::size_t kExactPointsAtOnce = 512;
 
 }  // namespace
 
-// A part is a band of rows, the same for every frame: a worker mostly gets the same one, whose window stays in its
-// core's cache.
+// A part is a band of rows, the same for every frame: it mostly meets the same worker, whose core has it in its cache.
 void Pipeline::Impl::work(int part) noexcept {
   bool& saturation = band_saturated[static_cast<std::size_t>(part)].value;
   saturation = false;
@@ -35,7 +34,6 @@ void Pipeline::Impl::work(int part) noexcept {
   if (first_row < end_row) saturation = solve_part({all.x, all.y + first_row, all.width, end_row - first_row});
 }
 
-// Also called on workers.
 bool Pipeline::Impl::out_of_time() noexcept {
   if (must_give_up()) return true;
   if (stop == nullptr || !stop->load(std::memory_order_relaxed)) return false;

@@ -49,7 +49,6 @@ struct SinkFormat {
 
 class SinkSection;
 
-// One of a sink's own counters or gauges.
 struct SinkNumber {
   std::string_view key;     // in JSON
   std::string_view metric;  // for Prometheus; a name not ending in _total is 1 or 0: currently true or false
@@ -73,7 +72,7 @@ class FrameSink {
   // Allocates all the memory it will ever need. Thread: setup.
   virtual Status open(const SinkFormat& format) = 0;
 
-  // Takes a copy and returns. Never waits for a reader, never allocates, never logs; counts what it could not take.
+  // Takes a copy and returns. Never waits for readers, allocates or logs; counts what it could not take.
   // Thread: pipeline.
   virtual void publish(const PublishedFrame& frame, const PipelineStats& stats) noexcept = 0;
 
@@ -113,8 +112,7 @@ class SinkSection {
   // Paths of the keys that a running sink can apply (FrameSink::reload). Thread: any.
   virtual std::vector<std::string> live_keys() const { return {}; }
 
-  // Checks the keys together, and against the sections before this one; errors begin with the place in the file.
-  // Thread: any.
+  // Checks the keys together, and against earlier sections; errors begin with the place in the file. Thread: any.
   virtual Status check(const model::KeyTable& /*keys*/, const SinkContext& /*context*/,
                        std::span<const std::shared_ptr<SinkSection>> /*before*/) const {
     return {};

@@ -11,7 +11,6 @@
 
 namespace bolo::pipeline {
 
-// Measured cost of the solvers on this processor.
 struct Pace {
   QualityLevel least = QualityLevel::kFull;  // first level whose frames take no longer than a period
   double full_s = 0.0;                       // time per frame at full effort

@@ -136,7 +136,6 @@ inline constexpr std::array kCameraCounters{
               Reading{RowKind::kNs, 1e-9, 1.0, offsetof(bolo_shm_camera, ptp)}),
 };
 
-// Limits of the time that a source may be silent.
 struct WatchLimits {
   std::int64_t stall_ns;  // without a frame for this long: stalled
   std::int64_t lost_ns;   // ... and for this long: lost
@@ -164,8 +163,7 @@ class FrameSource {
   // Connects, configures, and returns the format of the frames. Called once. Thread: setup.
   virtual Result<SourceInfo> open() = 0;
 
-  // Starts the delivery of frames into the inlet, from one thread of the source's own; the inlet outlives stop().
-  // Thread: setup.
+  // Starts to deliver frames into the inlet, from one thread of its own; the inlet outlives stop(). Thread: setup.
   virtual Status start(FrameInlet& inlet) = 0;
 
   // No frame is delivered after it returns. Idempotent. Thread: setup.

@@ -117,7 +117,6 @@ inline constexpr std::array kFrameCounters{
              "The camera's noise over the profile's; 0: not told yet", Reading{RowKind::kReal}),
 };
 
-// Parts of a frame's latency, in order.
 struct StageRow {
   std::string_view name;
   rt::LatencyHistogram StageLatencies::*latency;

@@ -89,7 +89,6 @@ class LatencyHistogram {
     counts_[bucket(ns)].add();
     sum_ns_.add(ns > 0 ? static_cast<std::uint64_t>(ns) : 0);
   }
-  // Sum of all latencies. Thread: any.
   std::uint64_t sum_ns() const noexcept { return sum_ns_.value(); }
   std::uint64_t count(std::size_t b) const noexcept { return counts_[b].value(); }
   std::array<std::uint64_t, kBuckets> counts() const noexcept {

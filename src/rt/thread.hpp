@@ -22,8 +22,7 @@ struct ThreadOptions {
 
 // Number of configured CPUs, including those that are switched off. Thread: any.
 int configured_cpus() noexcept;
-// Bad input if a CPU is not among the `configured` ones: of [0, 77] the kernel would silently take CPU 0 alone.
-// Thread: any.
+// Bad input if a CPU is none of the `configured` ones: of [0, 77] the kernel silently takes CPU 0 alone. Thread: any.
 Status check_cpus(const std::vector<int>& cpus, int configured);
 
 // Applies the options to the calling thread. A refused priority or affinity is an error whose message names the limit
