@@ -155,9 +155,8 @@ BOLO_CLIENT_API const char* bolo_client_version(void);
  * terminating zero included, and returns the bytes that the whole text needs, or an error. Any thread. */
 BOLO_CLIENT_API int bolo_client_streams(char* text, size_t bytes);
 
-/* Opens the stream "front" of a daemon with [shm] name = "front", waiting up to timeout_ms for it to be there and
- * readable. *client is NULL after an error: ABSENT, DENIED, BAD_STREAM, BAD_ARGUMENT, FAILED. The first frame given is
- * the newest. Any thread. */
+/* Opens the stream "front" of a daemon with [shm] name = "front", waiting up to timeout_ms for it. *client is NULL
+ * after an error: ABSENT, DENIED, BAD_STREAM, BAD_ARGUMENT, FAILED. The newest frame is given first. Any thread. */
 BOLO_CLIENT_API int bolo_client_open(const char* name, int timeout_ms, bolo_client** client);
 
 /* Frees the handle; NULL is allowed. Its frames become invalid, except those under bolo_client_hold_new(). */
@@ -188,8 +187,7 @@ BOLO_CLIENT_API int bolo_client_latest(bolo_client* client, int timeout_ms, stru
  * them: discard what was computed since the last 1. Any thread. */
 BOLO_CLIENT_API int bolo_client_valid(const struct bolo_client_frame* frame);
 
-/* Copies width * height values of each plane; NULL skips one. OK; OVERWRITTEN: the copy is invalid; BAD_ARGUMENT. Any
- * thread. */
+/* Copies width * height values a plane; NULL skips one. OK; OVERWRITTEN: invalid copy; BAD_ARGUMENT. Any thread. */
 BOLO_CLIENT_API int bolo_client_copy(const struct bolo_client_frame* frame, uint16_t* raw, uint16_t* deblurred);
 
 /* Copies the frame's motion: of the whole picture and of its motion_across * motion_down blocks; NULL skips one. OK;

@@ -63,8 +63,7 @@
  *
  * Times. camera_ns is the camera's own clock, host_ns and receive_ns the host's CLOCK_MONOTONIC, utc_ns the same moment
  * in UTC. Monotonic and camera times never step; utc_ns steps when the host's clock is set: header.clock_steps counts
- * that. In all of them, sensor row r (stored row r / row_step) is sampled r * header.row_delay_s after the frame's
- * time.
+ * that. In all of them, sensor row r (stored row r / row_step) is sampled r * header.row_delay_s after the frame.
  *
  * Versions. A reader accepts only its own. 3 added UTC, row_delay_s and slots of 128 bytes before their planes; 2 added
  * motion; 1 had a header of 2,048 bytes.

@@ -37,8 +37,8 @@ struct Point {
   bool operator==(const Point&) const = default;
 };
 
-// The scene before the camera during a capture: the `/stimulus` group. Times in s from `/t[0]`, temperatures in K,
-// lengths in stored pixels.
+// The scene before the camera: the `/stimulus` group. Times in s from `/t[0]`, temperatures in K, lengths in stored
+// pixels.
 struct NoStimulus {  // a field recording
   bool operator==(const NoStimulus&) const = default;
 };
@@ -184,8 +184,7 @@ class CaptureWriter {
   ~CaptureWriter();
 
   // `plane` in info.format.type; `truth` (K) exactly when options.truth; `motion`, motion_blocks() of the frame, only
-  // when options.motion: null means unknown, written as zeros; `times` exactly when options.times. t_s and frame_id
-  // must rise.
+  // when options.motion: null means unknown, written as 0; `times` exactly when options.times. t_s and frame_id rise.
   Status append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth = nullptr,
                 const BlockMotion* motion = nullptr, const FrameTimes* times = nullptr);
   Status write_stimulus(const Stimulus& stimulus);

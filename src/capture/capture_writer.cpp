@@ -2,9 +2,8 @@
 //
 // To survive a kill or a power cut, all datasets are brought to the same length and committed every half second of
 // frames; CrashSafeFile keeps the file at the last commit in spite of HDF5's writes in between and of a cut within a
-// commit. SWMR mode guarantees its order only to readers on the same machine, not on disk, and allows neither
-// attributes nor events to be added. The oldest file format is used: newer ones mark a file as "open for writing", and
-// refuse it afterwards.
+// commit. SWMR mode guarantees its order only to readers on the same machine, not on disk, and forbids new attributes
+// and events. The oldest file format is used: newer ones mark a file as "open for writing", and refuse it afterwards.
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -161,8 +160,8 @@ struct CaptureWriter::Impl {
     return {};
   }
 
-  // Reserves room for everything that the next commit writes, so that it cannot fail for lack of room. (A file that
-  // another program truncated would grow again, with a hole in it.)
+  // Reserves room for all that the next commit writes. (A file truncated by another program would grow again, with a
+  // hole.)
   Status make_room(std::uint64_t bytes) {
     RETURN_IF_ERROR(check_file());
     hsize_t size = 0;

@@ -51,8 +51,8 @@ std::filesystem::path live_of(const std::filesystem::path& file);     // FILE.li
 // removed: a link would lead to another file's content. Thread: any.
 bool has_one_name(const std::filesystem::path& file);
 
-// Identifies the kernel's page cache for the disk of `descriptor`: the boot, and the disk's sequence number in it.
-// Empty bytes if unknown. Thread: any.
+// Identifies the kernel's page cache of `descriptor`'s disk: boot and disk sequence number; empty if unknown.
+// Thread: any.
 using CacheName = std::array<char, 64>;
 CacheName cache_of(int descriptor);
 

@@ -116,8 +116,7 @@ bool write_journal(int journal, const PageRecord& record, bool power) {
   return (errno == ENOSPC || errno == EDQUOT || errno == EFBIG) && ::ftruncate(journal, 0) == 0;
 }
 
-// False if the lock's previous holder has given the file its final name. An error if that is unknown (a network file
-// system that does not answer).
+// False if the lock's previous holder gave the file its final name. An error if a network file system does not answer.
 Result<bool> still_named(int descriptor, const std::filesystem::path& file) {
   struct stat opened {};
   struct stat named {};

@@ -41,8 +41,8 @@ namespace bolo::capture {
 
 enum class SurvivesCut { kProcess, kPower };
 
-// Refuses a name under which a file exists, as CrashSafeFile::create() does: an unfinished recording. Errors:
-// kBadInput, without the file's name. Thread: any.
+// Refuses an existing file (an unfinished recording), as create() does. Errors: kBadInput, without its name.
+// Thread: any.
 Status check_unfinished(const std::filesystem::path& file);
 
 class CrashSafeFile {
@@ -60,12 +60,10 @@ class CrashSafeFile {
   // earlier reservations stay. Thread of this and all below: any one at a time.
   Status reserve(std::uint64_t end);
 
-  // False on failure, with errno. Bytes beyond size() read as zeros; truncation of a file opened for reading is a
-  // failure.
+  // False on failure, with errno. Bytes beyond size() read as zeros; a file truncated since open() is a failure.
   bool read(std::uint64_t offset, std::size_t bytes, void* out) const;
   bool write(std::uint64_t offset, std::size_t bytes, const void* data);
-  // The file is at least `end` bytes long afterwards. Also reports failures on the disk since the last commit; can be
-  // called again after a failure.
+  // The file then has at least `end` bytes. Also reports earlier failures on the disk; can be called again after one.
   bool commit(std::uint64_t end);
   // Makes the last commit durable in the file itself, which then needs no records, and frees reserved space beyond it.
   bool finish();

@@ -60,7 +60,6 @@ void pick_frame(const std::byte* block, std::size_t count, std::size_t at, std::
   for (std::size_t i = 0; i < pixels; ++i) to[i] = from[i * count + at];
 }
 
-// `values` per pixel; 0: a plain picture.
 Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder order, h5::Expect expect, hsize_t values) {
   const char* expected = order == FrameOrder::kFrameMajor ? "(n, height, width)" : "(height, width, n)";
   if (values > 0 && (dims.size() != 4 || dims[3] != values)) {
@@ -149,8 +148,7 @@ h5::Dims FrameStore::corner(std::size_t index) const {
   return at;
 }
 
-// HDF5 "successfully" reads a frame that a torn index does not reference, and leaves the buffer unchanged: detected
-// with two different buffers.
+// HDF5 "reads" frames missing in a torn index, and leaves the buffer unchanged: detected with two different buffers.
 bool FrameStore::is_stored(std::size_t index) {
   hsize_t bytes = 0;
   if (!contiguous_ && (H5Dget_chunk_storage_size(dataset_.get(), corner(index).data(), &bytes) < 0 || bytes == 0))

@@ -20,14 +20,13 @@ class FrameStore {
   static constexpr std::size_t kBlockBytes = std::size_t{64} << 20;
 
   // Any number type; stricter callers check stored_type(). `block_bytes`: memory for transposing MATLAB's order.
-  // `values`: the dataset is (n, height, width, values), and a "frame" is `values` times as wide as stored. Errors:
-  // kBadInput naming `path`.
+  // `values`: the dataset is (n, height, width, values), and "frames" are `values` times as wide. Errors: kBadInput
+  // naming `path`.
   static Result<FrameStore> open(hid_t file, const std::string& path, FrameOrder order,
                                  h5::Expect expect = h5::Expect::kWhole, std::size_t block_bytes = kBlockBytes,
                                  hsize_t values = 0);
 
-  // For a dataset opened with Expect::kPart: drops the frames at the end that never reached the file. More than `most`
-  // of them are an error.
+  // After Expect::kPart: drops frames at the end that never reached the file. More than `most` of them are an error.
   Status drop_missing_end(std::size_t most);
 
   std::size_t frames() const noexcept { return frames_; }

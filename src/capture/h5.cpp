@@ -85,8 +85,8 @@ Status check_filters(hid_t properties, const std::string& path) {
   return {};
 }
 
-// Values must be in the file itself. Elsewhere may be anything: a file that only this reader may read, a pipe that
-// nobody feeds, or this same dataset, recursively.
+// Values must be in the file itself. Another place could be anything: a file that only this reader may read, a pipe
+// that nobody feeds, or this same dataset, recursively.
 Status check_place(hid_t properties, const std::string& path) {
   if (H5Pget_layout(properties) != H5D_VIRTUAL && H5Pget_external_count(properties) <= 0) return {};
   return bad_input(path + " has its values in other files, which are not read; write them into this one");

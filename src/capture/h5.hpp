@@ -81,8 +81,8 @@ struct Owner {
 // Limit of an attribute's size, bytes, in HDF5's oldest file format, which is written.
 inline constexpr std::size_t kLongestString = 65'000;
 
-// Attributes may be of any number or string type and scalar or of one element. Errors (kBadInput) name the attribute.
-// Thread: any one at a time.
+// Attributes: any number or string type, scalar or one element. Errors (kBadInput) name them. Thread: any one at a
+// time.
 bool has_attribute(const Owner& owner, const std::string& name);
 Result<double> number_attribute(const Owner& owner, const std::string& name);  // finite
 Result<std::string> string_attribute(const Owner& owner, const std::string& name);

@@ -162,8 +162,7 @@ H5FD_class_t driver_class() {
   return driver;
 }
 
-// File access through the driver, with locks except on file systems without them (some network mounts). Nothing on
-// failure.
+// File access through the driver; locks, except where the file system (some network mounts) cannot. Nothing on failure.
 h5::Handle file_access(const std::shared_ptr<DrivenFile>& driven) {
   static const H5FD_class_t driver = driver_class();
   static const hid_t id = H5FDregister(&driver);

@@ -10,8 +10,8 @@
 namespace bolo::capture {
 
 // Shared by HDF5's handle of a file and its writer. HDF5 crashes after a file that it could not close. So, once
-// `ending` is set, a failed write (a full disk) is noted here and hidden from HDF5; nothing more is committed: the file
-// stays at the previous commit.
+// `ending` is set, a failed write (a full disk) is noted here and hidden from HDF5; the file stays at the previous
+// commit.
 struct DrivenFile {
   std::unique_ptr<CrashSafeFile> file;
   bool writes = false;

@@ -34,8 +34,7 @@ constexpr void store_u32(std::span<std::uint8_t> bytes, std::size_t at, std::uin
   store_u16(bytes, at + 2, value & 0xffffU);
 }
 
-// 16-bit values from big-endian or little-endian bytes; becomes vector shuffles. `from` need not be aligned.
-// Thread: any.
+// 16-bit values from big- or little-endian bytes; becomes vector shuffles. `from` need not be aligned. Thread: any.
 inline void copy_values(const std::byte* from, bool big_endian, std::uint16_t* to, std::size_t count) noexcept {
   if (big_endian == (std::endian::native == std::endian::big)) {
     std::memcpy(to, from, count * sizeof *to);

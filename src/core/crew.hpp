@@ -5,8 +5,7 @@
 
 namespace bolo {
 
-// Granularity of a split: one part per worker where each part has a cost of its own; otherwise several, so that one
-// delayed worker does not delay the others.
+// One part per worker where parts have a cost of their own, or several, so that a delayed worker delays nobody.
 enum class Parts { kOneEach, kMany };
 
 // Calls work(self, begin, end) for parts that together cover [0, rows), concurrently or in turn, and returns when all

@@ -25,7 +25,7 @@ inline bool is_turn(const std::array<double, 3>& rate) noexcept {
 class Gyro {
  public:
   virtual ~Gyro() = default;
-  // The samples so far, times strictly rising, all is_turn(); good until the next call. No allocation, no lock.
+  // All samples so far, strictly rising, all is_turn(); valid until the next call. No allocation, no lock.
   // Thread: pipeline.
   virtual std::span<const GyroSample> samples() noexcept = 0;
   // Time of a frame on the samples' clock. Thread: any.

@@ -1,6 +1,6 @@
-// The rule for every file that our programs write: no output is an input, nothing that exists is replaced without the
-// user's permission, and a file gets its name only when it is complete and on disk. So neither a kill nor a full disk
-// costs an existing file.
+// The rule for every file that our programs write: no output is an input, nothing existing is replaced without the
+// user's permission, and a file gets its name only when complete and on disk. So neither a kill nor a full disk costs a
+// file.
 #pragma once
 
 #include <filesystem>
@@ -31,8 +31,7 @@ struct OutputFile {
 // Creates the folder of outputs if it does not exist. Errors: kBadInput. Thread: any.
 Status make_folder(const std::filesystem::path& folder);
 
-// The same for a verb that may still be refused: the destructor removes its folders if empty. Thread: any one at a
-// time.
+// The same for a verb that may still be refused: the destructor removes its empty folders. Thread: any one at a time.
 class OutputFolder {
  public:
   static Result<OutputFolder> make(const std::filesystem::path& folder);
@@ -71,15 +70,13 @@ Status check_outputs(const std::vector<std::filesystem::path>& outputs,
                      const std::vector<std::filesystem::path>& inputs, Replace replace);
 
 // Renames `written` (closed, in the same folder, which is `folder`) to `output` once it is on disk. If the name was
-// taken meanwhile and may not be replaced, or the folder is another one now, `written` stays, with an error.
-// Thread: any.
+// taken meanwhile and may not be replaced, or the folder changed, `written` stays, with an error. Thread: any.
 Status publish(const HeldFolder& folder, const std::filesystem::path& written, const OutputFile& output);
 
 // Makes names given or removed in the file's folder durable. False on failure. Thread: any.
 bool sync_folder_of(const std::filesystem::path& file);
 
-// A temporary file beside an output, filled by name or descriptor; removed without publish(). Thread: any one at a
-// time.
+// A temporary file beside an output, filled by name or descriptor; publish() keeps it. Thread: any one at a time.
 class FileBeside {
  public:
   // Errors: check_output()'s; a folder that takes no file (kBadInput); a full disk (kFailed).

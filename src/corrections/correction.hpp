@@ -1,6 +1,5 @@
-// Effects of a camera beyond the inertia of its pixels are corrected around the solver, each in one file here; the
-// table in chain.cpp creates them and defines their order. Values are as stored: counts, or kelvin by the stream's
-// scale.
+// Effects of a camera beyond its pixels' inertia are corrected around the solver, each in one file here; the table in
+// chain.cpp creates them and defines their order. Values are as stored: counts, or kelvin by the stream's scale.
 #pragma once
 
 #include <cstddef>
@@ -21,8 +20,7 @@ struct Setup {
   double noise_k = 0.03;  // of one pixel, K (counts without kelvin)
 };
 
-// Deblurred values: values[i] of `out`, of the output type, is pixel `first_pixel` + i of the frame; `plane` is that
-// frame as the solver received it.
+// values[i] of `out`, of the output type, is pixel `first_pixel` + i of the frame that the solver got as `plane`.
 struct Deblurred {
   PixelType type = PixelType::kUint16;
   void* out = nullptr;

@@ -1,5 +1,5 @@
-// Corrections of single pixels (model::PixelMaps), frame by frame before the window: gain and offset, individual
-// thermal inertia, and dead pixels.
+// Corrections of single pixels (model::PixelMaps), before the window: gain and offset, own thermal inertia, dead
+// pixels.
 //
 // Thermal inertia. A pixel of time constant tau reaches y_{+g} = a^g y + (1 - a^g) x over g frame periods of constant
 // input x (paper eq. 7; a = exp(-T / tau)). A pixel of the nominal tau (decay a_0) would have given for the same input
@@ -10,8 +10,7 @@
 // the same filter. e starts at 0: it is wrong by the first frames' difference from rest, an error that decays as a_0^g,
 // which is exactly what the solver removes with a window's first sample (Y of design).
 //
-// Dead pixels become the mean of the good ones among their 8 neighbours, each corrected; if there are none, of the next
-// wider square ring that has one.
+// Dead pixels become the mean of the good ones of their 8 neighbours, corrected, or of the next square ring with any.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,4 @@
-// Coordinate descent with over-relaxation on the dual (dual_plan.hpp), from the state of dual_state-inl.hpp. Included
-// once for every instruction set.
+// Coordinate descent with over-relaxation on the dual (dual_plan.hpp). Included once for every instruction set.
 #if defined(BOLO_DEBLUR_DUAL_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_DUAL_INL
 #undef BOLO_DEBLUR_DUAL_INL
@@ -189,7 +188,6 @@ HWY_NOINLINE void balance(const DualRun& run, int next, Dual<kBins>& m) {
   }
 }
 
-// Adds the terms of t and of the jumps to the estimate.
 template <int kBins>
 HWY_INLINE void finish_dual(const DualRun& run, std::size_t first, const Dual<kBins>& m) {
   const std::size_t terms = run.estimate.terms;

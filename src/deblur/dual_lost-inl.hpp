@@ -134,8 +134,7 @@ HWY_INLINE bool begin_two(const DualRun& run, const LostMove& lost, std::size_t 
   return !hn::AllFalse(Float(), off);
 }
 
-// A zero of some part's t between y and the bracket's end: the nearest for one sample, a weighted mean for two; the
-// bracket's middle if there is none.
+// A zero of a part's t between y and the bracket's end: the nearest, for two samples a weighted mean, else the middle.
 template <bool kTwo, int kBins>
 HWY_INLINE Vec hop(const LostMove& lost, hn::Mask<Float> below, std::size_t v, const Steps<kBins>& s) {
   const Vec y = at(s.y + v);

@@ -39,8 +39,7 @@ struct DualCoefficients {
 
 constexpr int support_of(int i, int bins) { return i == 0 ? bins : 2 * (i & -i); }
 
-// Index of t_i's bound in DualPlan::bound; wavelets at the window's beginning have their own. `level`: log2(support) -
-// 1.
+// Index of t_i's bound in DualPlan::bound; those at the window's beginning have their own. `level`: log2(support) - 1.
 constexpr std::size_t bound_of(int i, int level) {
   return static_cast<std::size_t>(i == 0 ? 2 * level + 2 : 2 * level + (i == 1 << level ? 1 : 0));
 }

@@ -1,5 +1,4 @@
-// Working memory of the sweeps on the dual (dual-inl.hpp) for a few vectors of pixels, and its loading. Included once
-// for every instruction set.
+// Working memory of the sweeps (dual-inl.hpp) for a few vectors of pixels. Included once for every instruction set.
 //
 //   c_i        transform of p times the inverse filter's x
 //   t_i        dual variable of Haar coefficient i, times p / gain_i

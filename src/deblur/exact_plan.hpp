@@ -38,8 +38,7 @@ class Lasso {
   Gram start_;  // (Q + ridge I)^-1
 };
 
-// Columns of V H^T that can be non-zero: min(2^levels, N) frame-level ones and, outside the reduction, the strongest
-// wavelet of each frame.
+// Columns of V H^T that can be non-zero: min(2^levels, N) of frame level and, unless reduced, one wavelet per frame.
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxSlots, kMaxColumns>;
 
 struct ExactPlan {

@@ -135,8 +135,7 @@ void add_interval(InversePlan& plan, const Grid& grid, const Pattern& pattern, i
 }
 
 // The published value is linear between centres of frame intervals (grid.hpp), each with the input of the gap that
-// contains it; intervals before the first or after the last sample take the nearest gap's. `delay`: the row's, frame
-// periods.
+// contains it; intervals before the first or after the last sample take the nearest gap's. `delay`: the row's, periods.
 InversePlan make_inverse_plan(const Grid& grid, const Pattern& pattern, double delay = 0.0) noexcept {
   const double last = pattern.slots - 2;
   const double q = pattern.target - delay - 0.5;

@@ -6,10 +6,10 @@
 // In steady motion that holds for every rho, because the blurred picture moves as a whole. Between two frames that were
 // blurred by different velocities it holds only for the true rho, which is therefore the regression of
 //   a = y_k - y_j(p - D)   on   b = y_{k-1} - y_{j-1}(p - D).
-// The noise of y_{k-1} is in b: the regression uses an instrument q, the same difference two periods earlier, whose
-// noise is in neither. Errors of D are proportional to the picture's gradient, which is projected out of a, b and q in
-// each window of the picture, as are their means. x_k is itself blurred by the motion during frame k, differently in
-// two frames; this blur, known from their velocities, is subtracted from a.
+// The noise of y_{k-1} is in b: the regression uses an instrument q, the same difference of the earlier changes
+// y_{k-2} - y_{k-3}, whose noise is in neither. Errors of D are proportional to the picture's gradient, which is
+// projected out of a, b and q in each window of the picture, as are their means. x_k is itself blurred by the motion
+// during frame k, differently in two frames; this blur, known from their velocities, is subtracted from a.
 #pragma once
 
 #include <array>

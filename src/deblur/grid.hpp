@@ -56,8 +56,7 @@ Pattern whole_pattern(const Settings& settings) noexcept;
 // Thread: any.
 Pattern pattern_of(const WindowView& window) noexcept;
 
-// The published value: weight_before * x[before] + weight_after * x[after]. Both the last bin, or those before and
-// after the target's time. Thread: any.
+// weight_before * x[before] + weight_after * x[after]: the last bin, or around the target's time. Thread: any.
 struct Published {
   int before = 0;
   int after = 0;

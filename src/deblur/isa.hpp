@@ -8,15 +8,14 @@
 
 namespace bolo::deblur {
 
-// Names of the built-in instruction sets that this processor can run, best first: "AVX3" (AVX-512), "AVX2", "SSE4",
-// "scalar". Thread: setup.
+// Built-in instruction sets that run here, best first: "AVX3" (AVX-512), "AVX2", "SSE4", "scalar". Thread: setup.
 std::vector<std::string_view> available_isas();
 
 // The instruction set of solvers created from now on: the best one, or the one forced. Thread: setup.
 std::string_view best_isa();
 
-// Solvers created from now on use this instruction set; "" returns to the best. False, without effect, if it is not
-// available. Thread: setup.
+// Sets the instruction set of later solvers; "" returns to the best. False, without effect, if unavailable.
+// Thread: setup.
 bool force_isa(std::string_view isa);
 
 // As force_isa(), for users: "auto" is the best; an unavailable name is refused with a list of the available ones.

@@ -7,8 +7,8 @@
 namespace bolo::deblur {
 
 // Each block of 8 x 8 pixels weights the models by how well they explain its samples (MotionPosterior). Its filter is
-// the models' best linear unbiased filters, so weighted; between block centres the filters are interpolated. Other
-// pixels affect the weights, but no other pixel's value enters an estimate: nothing is smoothed in space.
+// the mean, so weighted, of the models' best linear unbiased filters, interpolated between block centres. Other pixels
+// affect the weights, but no other pixel's value enters an estimate: nothing is smoothed in space.
 class MmaeSolver final : public Solver {
  public:
   explicit MmaeSolver(const StreamTask& task);

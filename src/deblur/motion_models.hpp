@@ -1,5 +1,4 @@
-// The models of multiple-model adaptive estimation: scenes that move past a pixel at some speed, seen through its
-// thermal inertia and with noise.
+// The models of multiple-model estimation: scenes that move past a pixel, seen through its thermal inertia, with noise.
 //
 // A model is a Gaussian process of the pixel's input x(t): the scene's autocovariance exp(-|r| / 10 px), smoothed by
 // one pixel's width, with r = v t, times a variance given in units of the noise's. Seven speeds and nine variances, and

@@ -21,8 +21,7 @@ class MotionPosterior {
   // advance, others cost some 0.5 ms when their pattern changes. No allocation. Thread: pipeline.
   void prepare(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
 
-  // Posteriors of `count` blocks (at most kStatBlocks) from `first` on in a row of blocks. A block's result does not
-  // depend on the others. Thread: worker.
+  // Posteriors of `count` blocks (up to kStatBlocks) from `first` on, each independent of the others. Thread: worker.
   void find(const WindowView& window, int block_row, int first, int count, Posteriors& out) const noexcept;
 
   const MotionModels& models() const noexcept { return models_; }

@@ -17,9 +17,8 @@ constexpr double kTimesNext = 4.0;           // times the residual of the neighb
 constexpr int kBefore = 3;             // number of earlier displacements that one without a match is compared with
 constexpr double kUnconfirmed = 12.0;  // px a frame: faster motion must be seen twice
 constexpr double kAbrupt = 0.9;        // of Path::steady: above it, nothing has just stopped
-// If the extrapolated frame in between is off by e, the displacement found exceeds the true one by (1 + rho) e; the
-// true one itself exceeds the extrapolated one by about 2 e, because changes add up. The second of two extrapolated
-// frames is off by 3 e.
+// If the extrapolated frame in between is off by e, the displacement found exceeds the true one by (1 + rho) e, and
+// that exceeds the extrapolated one by about 2 e (changes add up). A second extrapolated frame is off by 3 e.
 constexpr double kTimesFurther = 2.0;
 constexpr double kSuspicious = 0.5;  // share of Displacement::beyond that counts in the search for a stop
 

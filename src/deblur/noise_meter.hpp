@@ -28,8 +28,7 @@ class NoiseMeter {
   // Measures the newest frames of a window. No allocation. Thread: pipeline.
   void update(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
 
-  // Standard deviation in the values' unit: the settings' if given, otherwise the measured one, at least that of
-  // quantisation. Thread: pipeline.
+  // Standard deviation, values' unit: as set, or measured, at least that of quantisation. Thread: pipeline.
   double noise() const noexcept;
 
   // The measured noise, whatever the settings say; 0 before the first measurement. Thread: pipeline.

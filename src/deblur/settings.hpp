@@ -62,11 +62,8 @@ Status check_gyro(const Settings& settings);
 // and their mean would show both (a hand twice).
 inline constexpr double kLongestRatioToLookAhead = 2.0;
 
-// A remark for users if so little of a frame remains in the next that deblurring hardly matters; else empty.
-// Thread: setup.
+// Tells users if so little of a frame remains in the next that deblurring hardly matters; else empty. Thread: setup.
 std::string weak_inertia_warning(const Settings& settings);
-
-// --- The stream's properties that every method needs.
 
 struct StreamTask {
   Settings settings;

@@ -44,8 +44,7 @@ class Solver {
   }
 
   // Estimates the pixels of `part` into the same pixels of `out`, a whole plane of the output type. `part` lies inside
-  // the frame; a pixel's result does not depend on it. No allocation. Thread: worker, parts disjoint between concurrent
-  // calls.
+  // the frame; a pixel's result does not depend on it. No allocation. Thread: worker, concurrent parts disjoint.
   virtual void solve(const WindowView& window, const Region& part, void* out) const noexcept = 0;
 
   // The same for single pixels, row-major indices in any order, into pixels.size() values of `out`: bit for bit as
@@ -61,8 +60,7 @@ class Solver {
   virtual double noise_k() const noexcept { return 0.0; }
   // Temporal noise measured in the frames, even if the settings give another; 0: not known. Thread: pipeline.
   virtual double measured_noise_k() const noexcept { return 0.0; }
-  // Motion up to the last solved frame; null if the method does not estimate it, or could not. Valid until the next
-  // prepare(). Thread: pipeline.
+  // Motion up to the last solved frame, until the next prepare(); null: not estimated. Thread: pipeline.
   virtual const SceneMotion* motion() const noexcept { return nullptr; }
   // Use of the gyro in the last prepare(); nothing without a gyro or without motion. Thread: pipeline.
   virtual std::optional<GyroUse> gyro_use() const noexcept { return std::nullopt; }

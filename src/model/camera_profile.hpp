@@ -144,8 +144,7 @@ Result<CameraProfile> read_profile(const std::filesystem::path& file);
 // Explanations by key: "measured, 95 % interval ...".
 using Origins = std::map<std::string, std::string, std::less<>>;
 
-// A complete commented profile with the present values of `profile`, numbers to seven digits; `origins` says where
-// values come from. Thread: any.
+// A complete commented profile of `profile`, numbers to seven digits; `origins`: where values come from. Thread: any.
 std::string document_profile(CameraProfile profile, const Origins& origins = {});
 
 // Keys of `after` whose text differs from `before`, each as "tau_s = 0.0121". Thread: any.

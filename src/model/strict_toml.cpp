@@ -24,8 +24,7 @@ Result<std::string> slurp(const std::filesystem::path& file) {
   return read_input(file, kMaxFileBytes);
 }
 
-// Line of the first key with too many parts, or 0: the TOML library recurses into nested tables until the stack
-// overflows.
+// Line of the first key with too many parts, or 0: the TOML library recurses into nested tables, without limit.
 std::int64_t line_of_deep_key(std::string_view text) {
   std::int64_t line = 1;
   std::size_t dots = 0;

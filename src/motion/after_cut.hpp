@@ -18,9 +18,9 @@ class AfterCut {
   // Room for so many frames after a cut. Thread: setup.
   AfterCut(Geometry geometry, int frames);
 
-  // `base`: the last frame before the first whose innovation shows the new scene; `number`: of `base`; `first`: that
-  // first frame; `d`: displacement of the new scene, px a frame. All extended. Results for the same number are kept. No
-  // allocation. Thread: pipeline.
+  // `base`: the last frame before the first whose innovation shows the new scene; `number`: of `base`; `first`: the
+  // next frame; `d`: displacement of the new scene, px a frame. All extended. Kept for the same number. No allocation.
+  // Thread: pipeline.
   void find(const Kernels& kernels, const Inertia& inertia, std::uint64_t number, const PaddedPlane& base,
             const PaddedPlane& first, const Affine& d, Crew& crew) noexcept;
 

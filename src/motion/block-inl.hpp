@@ -47,8 +47,7 @@ struct Source {
   float w11;
 };
 
-// Positions are clamped: a block of 12 x 12 around (x0, y0) further out would see only the border. NaN becomes the
-// lowest.
+// Clamps positions: a block of 12 x 12 around (x0, y0) further out would see only the border. NaN becomes the lowest.
 HWY_INLINE float lowest(int first) { return static_cast<float>(2 - kRim - first); }
 HWY_INLINE float highest(int first, int blocks) {
   return static_cast<float>(blocks * kBlock + kRim - kBlock - 4 - first);

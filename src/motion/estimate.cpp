@@ -44,8 +44,7 @@ float noise_of_cubic(float x) {
 
 float power4(float v) { return v * v * v * v; }
 
-// The block nearest to `block`, on an axis of `blocks` blocks over `pixels` pixels, whose whole trail is in the
-// picture; `way`: displacement along the trail.
+// The block nearest to `block`, of `blocks` along an axis of `pixels`, whose whole trail (by `way`) is in the picture.
 int within(int block, int blocks, int pixels, float way) noexcept {
   const float before = -way - static_cast<float>(block * kBlock);
   const float after = static_cast<float>((block + 1) * kBlock - pixels) + way;
@@ -337,8 +336,7 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
   for_rows(crew, weights_.down(), [&](int row) { judge(in, row); });
 }
 
-// Samples beyond the border are unknown: for trails that leave the picture, the nearest block inside tells how well the
-// motion explains the innovation.
+// Where trails leave the picture, the nearest block inside tells how well the motion explains the innovation.
 void Estimator::copy_from_inside(int row) noexcept {
   for (int c = 0; c < trail_.across(); ++c) {
     const Vec2 way = trail_.at(c, row);

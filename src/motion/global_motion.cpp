@@ -26,9 +26,9 @@ constexpr double kInexact = 0.05;          // relative error of the noise model
 constexpr double kUnlikely = 2.0;          // standard deviations
 constexpr double kCrooked = 0.003;         // of all gradients: effect of pixels along a straight edge
 
-// Noise's share of the squared gradients of the moved plane, per pixel, in units of the innovation's noise variance:
-// that of a Gaussian whose variance is the smoothing's plus those that the gradient (see pull_of_noise) and moving add.
-// The factor is measured.
+// Noise's share of the moved plane's squared gradients, per pixel, in units of the innovation's noise variance: of a
+// Gaussian with the smoothing's variance plus those that the gradient (see pull_of_noise) and moving add. `factor`:
+// measured.
 struct NoiseOfLevel {
   double smoothing;  // px^2 of the level
   double factor;
@@ -268,8 +268,8 @@ Affine GlobalMotion::refined(const Kernels& kernels, const Pyramid& a, const Pyr
   return motion;
 }
 
-// Of several displacements that fit, takes the smallest whose refined fit is about as good as the best: too large a one
-// would sharpen a scene that was never blurred.
+// Of several displacements takes the smallest that fits about as well as the best: a larger one sharpens unblurred
+// scenes.
 Affine GlobalMotion::start(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                            double noise, Crew& crew) noexcept {
   std::array<Start, kStarts> list{};

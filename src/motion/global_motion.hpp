@@ -47,16 +47,15 @@ class GlobalMotion {
   // Thread: setup.
   explicit GlobalMotion(Geometry geometry);
 
-  // The motion from `a` to `b`, without memory. `noise`: standard deviation of a frame's noise, in the values' unit.
-  // No allocation. Thread: pipeline.
+  // The motion from `a` to `b`, stateless. `noise`: a frame's sigma in the values' unit. No allocation.
+  // Thread: pipeline.
   Affine find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, double noise,
               Crew& crew) noexcept;
 
   // Standard deviation, px, of the last find()'s displacement at the centre due to noise alone. Thread: pipeline.
   double uncertainty() const noexcept { return uncertainty_; }
 
-  // Residual displacement, px, of the median block in the last find(): above a few where scenes differ.
-  // Thread: pipeline.
+  // Residual displacement, px, of the median block in the last find(): above a few, scenes differ. Thread: pipeline.
   double misfit() const noexcept { return misfit_; }
 
  private:

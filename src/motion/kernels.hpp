@@ -10,8 +10,8 @@
 
 namespace bolo::motion {
 
-// Sums over a block's pixels whose source lies inside the frame, of a = earlier plane moved by d, its gradient g and
-// the residual e = b - a.
+// Sums over a block's pixels with source inside the frame: a = earlier plane moved by d, gradient g, residual e = b -
+// a.
 struct MatchSums {
   float xx = 0.0F;  // g_x g_x
   float xy = 0.0F;
@@ -103,8 +103,7 @@ struct Kernels {
   void (*cost)(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_row, float cap,
                float* out) noexcept;
   // The whole displacement (up to 9 across, 5 down) beyond `d` for which 12 x 12 pixels of half-size planes around a
-  // block's centre match best; `price` a squared pixel of displacement, as a mean square difference. Returns it without
-  // d.
+  // block's centre match best; `price` a squared pixel of displacement, as a mean square difference. Returns it less d.
   Vec2 (*search)(const PaddedPlane& a, const PaddedPlane& b, int column, int row, Vec2 d, float price) noexcept;
   // Means of b, and of its squared deviations from them, over blocks.
   void (*energy)(const PaddedPlane& b, int block_row, float* mean, float* square) noexcept;

@@ -127,8 +127,7 @@ void LocalMotion::mean_of_near(int row) noexcept {
   }
 }
 
-// Two Lucas-Kanade steps from `base`, to which `looseness` (px) ties d; if not given, it is estimated from the first
-// step. Into unsmoothed_.
+// Two Lucas-Kanade steps from `base` into unsmoothed_; `looseness` (px) ties d to it; by default from the first step.
 void LocalMotion::refine(const Task& task, const VectorField& base, std::optional<float> looseness) noexcept {
   unsmoothed_ = base;
   const bool alike = !looseness;  // all are matched with the global motion

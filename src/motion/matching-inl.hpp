@@ -122,8 +122,8 @@ void match(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_
 }
 
 // With s^2 the smoothing's variance, the shared noise has the autocovariance of a Gaussian of variance 2 s^2, widened
-// by moving (linear interpolation) and by the gradient: a mean over 2 pixels along, and (1 2 1) / 4 across. Its
-// derivative at d enters the sum.
+// by moving (linear interpolation) and the gradient: a mean over 2 pixels along, (1 2 1) / 4 across. Its derivative
+// enters.
 HWY_INLINE Vec pull_along(Vec along, Vec across, Vec shared) {
   const auto widened = [](Vec v, float by) HWY_ATTR {
     const Vec part = hn::Sub(v, hn::Floor(v));

@@ -46,8 +46,7 @@ float explained_by_motion(float left, float change, float of_left, float of_chan
 // A per-pixel estimate ignores the scene that crossed the pixel between two frames, and so underestimates its error in
 // fast motion. Where the motion explains the change, the change bounds that error from below, unless the block itself
 // does not change (a wall beside a fast texture). The motion explains the change if only noise may be left, or, in fast
-// motion, if the residual is a small part of the change: the sharper the scene, the more residual interpolation and a
-// slightly wrong trail leave.
+// motion, if little of the change is: sharper scenes leave more, by interpolation and slightly wrong trails.
 float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const auto of_left = static_cast<float>(inertia.noise());
   const auto of_change = static_cast<float>(inertia.change_noise());

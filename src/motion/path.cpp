@@ -17,8 +17,8 @@ constexpr double kOfScatter = 4.8;     // the same for scatter(): twice the stan
 // Of the speed: past second differences up to it count as hand motion, or as noise beyond the uncertainty. A larger
 // bound would take noise of .8 K for motion (MotionSafety), a smaller one costs hand motion in .5 K of noise 3 %.
 constexpr double kMostUsual = 0.25;
-// px of a frame as long as tau: hands move to and fro by up to 3.6 (0.7 px at 200 Hz, 8 at 60). A repetitive scene is
-// matched at changing places.
+// px of a frame as long as tau: hands reach 3.6 (0.7 px at 200 Hz, 8 at 60); repetitive scenes match at changing
+// places.
 constexpr double kHop = 4.0;
 // With a gyro only the error of straight trails remains, which is below the noise.
 constexpr double kWithGyro = 6.0;     // times kByChance

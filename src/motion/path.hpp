@@ -42,8 +42,7 @@ struct GyroMotions {
 bool gyro_agrees(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept;
 
 // `left`: displacements of the newest frame, the one before it and so on, less the gyro's (null: none); with `ahead`
-// the first is of the frame after the estimated one. `uncertainty`: GlobalMotion::uncertainty() of the newest.
-// Thread: any.
+// the first is of the frame after the estimated one. `uncertainty`: the newest one's (GlobalMotion). Thread: any.
 Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty = 0.0,
              const GyroMotions* gyro = nullptr) noexcept;
 

@@ -182,8 +182,7 @@ void PathWeights::follow(const Path& path) noexcept {
   set_trails(path, 0);
 }
 
-// For a scene that is smooth over `smooth` px: half the mean square difference of the past's mean over 1 px along an
-// axis, relative to that over 2 px.
+// For a scene smooth over `smooth` px: half the mean square difference of the past's mean over 1 px, over that of 2 px.
 double PathWeights::fineness(const Kernels& kernels, Vec2 axis, double smooth) const noexcept {
   double common[3];
   kernels.correlate(trails_[0][kMean], trails_[0][kMean], axis, 0, 3, static_cast<float>(smooth), common);
@@ -219,8 +218,8 @@ void PathWeights::correlate(const Kernels& kernels, const Path& path, float blur
   set_noise(path);
 }
 
-// Derives from contrasts the scene's variance and the difference of the past's mean from the frame, for the least
-// uncertainty that has weights.
+// Derives from contrasts the scene's variance and the past's mean's difference from the frame, for the least
+// uncertainty.
 void PathWeights::set_contrast(const Kernels& kernels) noexcept {
   const SceneTrail& now = trails_[0][kNow];
   const Matrix& scene = covariances_[0].scene;

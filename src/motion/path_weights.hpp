@@ -27,11 +27,10 @@ class PathWeights {
   // Sets the path. No allocation. Thread: pipeline.
   void follow(const Path& path) noexcept;
   // Blur of the scene, 0 to 1 (smooth_of), from half the mean square differences of the past's mean over 1 px (`fine`)
-  // and 2 px (`across`) along the axis more perpendicular to the path, less its noise; `noise`: a frame's variance. No
-  // allocation. Thread: pipeline.
+  // and 2 px (`across`) perpendicular to the path, less its noise; `noise`: a frame's variance. No allocation.
+  // Thread: pipeline.
   float blur(const Kernels& kernels, const Path& path, double fine, double across, double noise) const noexcept;
-  // Covariances of the frames' values along a bent path for the least uncertainty; `blurred`: blur of the scene. No
-  // allocation. Thread: pipeline.
+  // Covariances along a bent path for the least uncertainty; `blurred`: of the scene. No allocation. Thread: pipeline.
   void correlate(const Kernels& kernels, const Path& path, float blurred, Crew& crew) noexcept;
 
   // False if the last path is practically straight: there are no weights then. Thread: pipeline.
@@ -45,8 +44,7 @@ class PathWeights {
   // relative to half the mean square difference over two pixels. Thread: any.
   float change() const noexcept { return change_; }
 
-  // Makes the weights of the wanted cells (WeightTable::kKinds of them), and the covariances that they need. No
-  // allocation. Thread: pipeline.
+  // Makes the wanted cells' weights (WeightTable::kKinds), and covariances for them. No allocation. Thread: pipeline.
   void make(const Kernels& kernels, const Path& path, const std::array<bool, WeightTable::kKinds>& wanted,
             Crew& crew) noexcept;
   // Weights of the last make(); null: not wanted. Thread: any.

@@ -29,8 +29,8 @@ constexpr float kLeastAcross = 0.007F;  // noise variances
 constexpr float kSlanted = 0.4F;        // of the noise, by which values between pixels have less on the diagonal
 constexpr float kLargestIndex = 1e-4F;  // below the last, so that there is one above
 
-// Of 0.6, 1.0 and 1.5 px, 1.0 left the least error below half a pixel a frame, and 0.6 from one on (street stills,
-// unfiltered and behind a Gaussian of 0.5 px).
+// Of 0.6, 1.0 and 1.5 px, 1.0 left the least error below half a pixel a frame, 0.6 from one on (street stills, 0 and
+// 0.5 px blur).
 constexpr double kSmoother = 1.0;
 constexpr double kSlow = 0.6;  // px a frame: up to here kSmoother
 constexpr double kFast = 1.2;  // from here on kSmooth

@@ -28,13 +28,12 @@ inline constexpr float kStill = 1e-3F;
 class PathWeights;
 
 // Length, px, over which a scene is taken to be smooth, at a speed in px a frame. `blurred` 0: kSmooth, more in slow
-// motion, where less of what is finer than the optics can be told from noise; 1: kBlurred. Thread: any.
+// motion, where less fine detail can be told from noise; 1: kBlurred. Thread: any.
 inline constexpr double kSmooth = 0.6;
 inline constexpr double kBlurred = 2.0;
 double smooth_of(double speed, double blurred) noexcept;
 
-// Covariance of noise and fixed pattern, noise variances, of values interpolated `apart` px from each other.
-// Thread: any.
+// Covariance of noise and fixed pattern, noise variances, of values interpolated `apart` px apart. Thread: any.
 double shared_noise(bool same_frame, double apart) noexcept;
 
 class WeightTable {

@@ -9,8 +9,7 @@
 namespace bolo::pipeline {
 
 // Writes raw values as output values, by the solver's rules: kUint16 in the input's scale, rounded and clamped (NaN
-// becomes 0); kFloat32 in kelvin, or input values for Unit::kCount. Of the whole planes only `range` is used.
-// Thread: worker.
+// becomes 0); kFloat32 in kelvin, or input values for Unit::kCount. Only `range` is touched. Thread: worker.
 void convert(const StreamFormat& input, const void* raw, PixelType output, void* out, PixelRange range) noexcept;
 
 // The same for single pixels, row-major indices: out[i] becomes pixel pixels[i]. Thread: worker.

@@ -1,6 +1,5 @@
 // One row for each number that a daemon counts for its frames (stats.hpp) and its camera (source.hpp). Shared memory,
-// metrics, JSON, `bolo stat` and the journal's last message are generated from these rows: a new number needs a member,
-// a row below it, and the place that counts.
+// metrics, JSON, `bolo stat` and the journal's last message follow: a new number needs a member, a row and a count.
 #pragma once
 
 #include <bit>

@@ -16,9 +16,8 @@ namespace bolo::pipeline {
 // time, over camera time, therefore lies above a line whose slope is the drift between the clocks. The line used is the
 // edge of the points' lower convex hull at their mean time: of all lines below the points the closest to them (Moon,
 // Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999). The points
-// are the fastest frames of each half second of the last ten. The remaining error is the minimum delay, which is
-// indistinguishable from an offset of the clocks. Thread: acquire, or setup while no connection delivers. No
-// allocation.
+// are the fastest frames of each half second of the last ten. The remaining error is the minimum delay, which looks
+// like an offset of the clocks. Thread: acquire, or setup while no connection delivers. No allocation.
 class HostClock {
  public:
   // period_s: the frame period, to distinguish a jump of the clock from lost frames.
@@ -93,9 +92,8 @@ UsualStep usual_step(std::span<double> steps) noexcept;
 // Relative: the deblurring cannot tell periods that differ by less.
 inline constexpr double kSamePeriod = 0.005;
 
-// Measures the frame period by the camera's own clock, independently of its settings: the usual one of 32 steps of the
-// clock, each divided by the counter's number of frames; averaged over several such runs if its stamps jitter.
-// Thread: acquire. No allocation.
+// Measures the frame period by the camera's own clock, independently of its settings: the usual one of 32 clock steps,
+// each divided by the counter's; averaged over several such runs if stamps jitter. Thread: acquire. No allocation.
 class PeriodMeter {
  public:
   // Frames of another connection follow, or the clock jumped.

@@ -13,9 +13,9 @@ constexpr std::int64_t kStopCheckNs = 50'000'000;
 }  // namespace
 
 // Besides the window's and the queue's slots there is one that the source fills and one that the pipeline has just
-// taken. The queue can hold every slot: while the window is not full, its slots are free too, and a source that waited
-// for a slot must find room for it. So frames are lost only for lack of slots (kPoolExhausted); kQueueFull guards
-// against a second commit of a slot.
+// taken. The queue can hold every slot: until the window is full, its slots are free too, and a source that waited for
+// one must find room. So frames are lost only for lack of slots (kPoolExhausted); kQueueFull guards against a slot's
+// second commit.
 FrameInlet::FrameInlet(const StreamFormat& format, std::size_t window_slots, std::size_t queue_slots)
     : format_(format), pool_(format, window_slots + queue_slots + 2), queue_(pool_.size()) {}
 

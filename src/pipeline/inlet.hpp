@@ -20,8 +20,7 @@ class FrameInlet {
 
   // --- the source's side. Thread: acquire ---
 
-  // A slot to fill (meta reset), or nullptr if none is free; that loss (kPoolExhausted) is counted already. Never
-  // blocks.
+  // A slot to fill (meta reset), or nullptr if none is free; that loss (kPoolExhausted) is counted. Never blocks.
   rt::FrameSlot* borrow() noexcept;
 
   // As borrow(), but waits for a slot until stop_requested: nothing is lost. For sources that can be slowed (files).
@@ -42,8 +41,7 @@ class FrameInlet {
   // The source has no more frames: the pipeline drains the queue and ends. Thread: acquire.
   void finish() noexcept;
 
-  // The camera's state changed (reconnect, NUC): frames before and after it must not share a window. The next committed
-  // frame starts a new one. Thread: acquire.
+  // The camera's state changed (reconnect, NUC): the next committed frame starts a new window. Thread: acquire.
   void restart_window() noexcept { restart_window_ = true; }
 
   // --- the pipeline's side. Thread: pipeline ---

@@ -36,7 +36,6 @@ inline constexpr std::string_view kReload = "reload";
 inline constexpr std::string_view kWatchdog = "watchdog";
 }  // namespace event
 
-// One event in one line.
 struct Notice {
   bool warning = false;
   std::string text;

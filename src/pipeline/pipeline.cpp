@@ -123,8 +123,7 @@ void Pipeline::Impl::read_clock(std::int64_t now_ns) noexcept {
   stats.clock_error_ns.set(utc.state().error_ns);
 }
 
-// A frame reaches the host within a period of its time, which bounds the error of host_ns and receive_ns, except for
-// the jitter of the transport.
+// A frame reaches the host within a period, which bounds the error of host_ns and receive_ns, but for transport jitter.
 void Pipeline::Impl::stamp_utc(FrameMeta& meta) noexcept {
   meta.utc_ns = utc.at(host_time_ns(meta));
   const double way_ns = info.format.frame_period_s * kNsPerSecond +

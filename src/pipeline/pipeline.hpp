@@ -48,8 +48,8 @@ struct PipelineOptions {
   std::vector<std::uint32_t> points{};
   // Set to abort: the run ends at once and drops all unfinished frames. Null: never. Outlives the pipeline.
   const std::atomic<bool>* give_up = nullptr;
-  // Called once for each refusal by the system that is not fatal: a priority, a CPU, a worker. May be empty.
-  // Thread: setup, or pipeline before the first frame.
+  // Called once per refusal that is not fatal (priority, CPU, worker). May be empty. Thread: setup, or pipeline before
+  // frames.
   std::function<void(const std::string&)> warn{};
 };
 

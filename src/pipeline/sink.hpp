@@ -41,8 +41,8 @@ struct SinkFormat {
   bool motion = false;       // frames may carry the scene's motion
   bool undone = false;       // frames are changed before or after the solver (PipelineOptions::undo)
   double row_delay_s = 0.0;  // sensor row r is sampled r * row_delay_s after the frame's time
-  // As in PipelineOptions: only these pixels of the deblurred planes are solved; with points, the planes contain only
-  // these. A sink of whole frames refuses both in open().
+  // As in PipelineOptions: the solved pixels; with points, planes have only these. Sinks of whole frames refuse both in
+  // open().
   std::optional<Region> region{};
   std::vector<std::uint32_t> points{};
 };
@@ -72,8 +72,7 @@ class FrameSink {
   // Allocates all the memory it will ever need. Thread: setup.
   virtual Status open(const SinkFormat& format) = 0;
 
-  // Takes a copy and returns. Never waits for readers, allocates or logs; counts what it could not take.
-  // Thread: pipeline.
+  // Takes a copy and returns; counts what it misses. Never waits for readers, allocates or logs. Thread: pipeline.
   virtual void publish(const PublishedFrame& frame, const PipelineStats& stats) noexcept = 0;
 
   // Called at least every 250 ms while no frames flow, so that readers see a living writer. Thread: pipeline.

@@ -53,8 +53,7 @@ Status apply_affinity(const ThreadOptions& options) {
                    "); choose online CPUs that the cpuset allows (AllowedCPUs= of the systemd unit)");
 }
 
-// 0.1 to 0.2 ms: a solver that prepares with its team calls run() 40 times a frame, 0.05 ms apart; waking takes 0.02
-// ms.
+// 0.1 to 0.2 ms: a solver that prepares with its team calls run() 40 times a frame, 0.05 ms apart; waking takes 0.02.
 constexpr int kSpins = 10'000;
 
 void relax() noexcept {
