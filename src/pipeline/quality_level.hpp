@@ -28,11 +28,11 @@ constexpr std::uint32_t flag_of(QualityLevel level) noexcept {
 //
 // Down: as soon as a share of the queue is filled, 1/8, 1/4 and 1/2 for the three levels, or by the frames of 40, 80
 // and 160 ms if those are fewer (but at least two, three and four): a slow camera's queue would hold seconds, and
-// frames that old are of little use. At 1/2, 32 of the default 64 frames are left before anything is lost. Up: one
-// level at a time, when nothing has waited for a while. If a step up proves too much within kTrialNs, it is tried again
-// after twice the time, up to kLongestCalmNs: on a machine that is permanently too slow, quality does not oscillate.
-// That does not apply if the level's frames took little processor time (kLittleWork): other programs kept the thread
-// from running, which a cheaper method does not change.
+// frames that old are of little use. At 1/2, 32 of the default 64 frames are left before anything is lost.
+// Up: one level at a time, when nothing has waited for a while. If a step up proves too much within kTrialNs, it is
+// tried again after twice the time, up to kLongestCalmNs: on a machine that is always too slow, quality does not
+// oscillate. That does not apply if the level's frames took little processor time (kLittleWork): other programs kept
+// the thread from running, which a cheaper method does not change.
 //
 // Thread: one at a time.
 class QualityControl {
