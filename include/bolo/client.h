@@ -1,4 +1,4 @@
-/* Frames of a running Bolo daemon, out of its shared memory, for other programs: libbolo-client. C11 and C++.
+/* libbolo-client: reads the frames of a running Bolo daemon from its shared memory. C11 and C++.
  *
  *   bolo_client *camera = NULL;
  *   if (bolo_client_open("front", 5000, &camera) != BOLO_CLIENT_OK) { puts(bolo_client_error(NULL)); return 1; }
@@ -12,29 +12,27 @@
  *   }
  *   bolo_client_close(camera);
  *
- * A daemon's ring is mapped read-only: no reader can stop it, slow it or change a frame, however many there are, and
- * whether they are slow, stand still or die. A handle outlives the daemon: it waits for the next one under the same
- * name, returns BOLO_CLIENT_RESTARTED once, and goes on with its frames.
+ * The ring is mapped read-only: readers, however many, slow, stopped or dead, can neither stop or slow the daemon nor
+ * change a frame. A handle outlives the daemon: it waits for the next daemon of the same name, returns
+ * BOLO_CLIENT_RESTARTED once, and continues with its frames.
  *
- * Results. 0 is success. Above 0 nothing is wrong, but there is no frame or value. Below 0 is an error, and
- * bolo_client_error() describes the fault and its remedy in one line. Nothing aborts, and no exception leaves.
+ * Results. 0 is success. Above 0 nothing is wrong, but there is no frame or value. Below 0 is an error, whose cause and
+ * remedy bolo_client_error() states in one line. Nothing aborts, and no exception leaves.
  *
- * Threads. One handle is for one thread at a time; any number of handles can be used side by side. What is documented
- * as "any thread" takes no handle, or does not mind.
+ * Threads. One thread at a time may use a handle; any number of handles work side by side. "Any thread": no such limit.
  *
- * Times are nanoseconds of CLOCK_MONOTONIC unless stated otherwise. timeout_ms: 0 only polls, below 0 waits as long as
- * it takes.
+ * Times are nanoseconds of CLOCK_MONOTONIC unless stated otherwise. timeout_ms: 0 polls once, below 0 waits forever.
  *
  * Planes are row-major uint16, width * height of them: kelvin = scale * value + offset, or counts; see
- * bolo_client_kelvin(). What lies in the shared memory itself is in bolo/shm_layout.h.
+ * bolo_client_kelvin(). bolo/shm_layout.h describes the shared memory itself.
  *
- * A daemon's segment is trusted only if it belongs to root, to the reader's own user, to "bolo", as which the packaged
- * daemon runs, or to the user that the environment's BOLO_USER names or numbers: anybody may make one of any name. Then
- * its header is checked. Only the user that owns it could still shrink it under its readers, which would end them with
- * SIGBUS; Bolo never does.
+ * A daemon's segment is trusted only if it belongs to root, to the reader's own user, to "bolo" (the user of the
+ * packaged daemon) or to the user that the environment variable BOLO_USER names or numbers, because anybody can create
+ * a segment of any name. Then its header is checked. Only its owner could still shrink it, which would end its readers
+ * with SIGBUS; Bolo never does.
  *
- * Compatible: structures grow at their end or in `reserved` only, and are filled or owned by the library, so a program
- * goes on with every later libbolo-client.so.0.
+ * Compatibility. Structures grow only at their end or in `reserved`, and are filled or owned by the library, so a
+ * program works with every later libbolo-client.so.0.
  */
 #ifndef BOLO_CLIENT_H
 #define BOLO_CLIENT_H
@@ -58,27 +56,27 @@ extern "C" {
 
 enum bolo_client_result {
   BOLO_CLIENT_OK = 0,
-  BOLO_CLIENT_TIMEOUT = 1,     /* the daemon lives, but published nothing in time */
-  BOLO_CLIENT_RESTARTED = 2,   /* another daemon writes now: see bolo_client_next() */
-  BOLO_CLIENT_ENDED = 3,       /* the daemon ended or stands still, and no other came in time; call again to wait on */
+  BOLO_CLIENT_TIMEOUT = 1,   /* the daemon lives, but published nothing in time */
+  BOLO_CLIENT_RESTARTED = 2, /* another daemon writes now: see bolo_client_next() */
+  BOLO_CLIENT_ENDED = 3,     /* the daemon ended or stalled, and none replaced it in time; call again to keep waiting */
   BOLO_CLIENT_OVERWRITTEN = 4, /* the frame, or one of its window, has left the ring */
   BOLO_CLIENT_NOT_YET = 5,     /* the frame's look-ahead is not published */
   BOLO_CLIENT_WARM_UP = 6,     /* the frame had no full window: its deblurred plane is the raw one */
   BOLO_CLIENT_NO_MOTION = 7,   /* the scene's motion is not known for this frame, or this daemon does not estimate it */
 
-  BOLO_CLIENT_ABSENT = -1,       /* there is no such stream: is the daemon running? */
-  BOLO_CLIENT_DENIED = -2,       /* this user may not read it, or should not trust it: see below */
-  BOLO_CLIENT_BAD_STREAM = -3,   /* of another version, or damaged */
-  BOLO_CLIENT_BAD_ARGUMENT = -4, /* of this call */
-  BOLO_CLIENT_UNSUPPORTED = -5,  /* this stream can't do that */
-  BOLO_CLIENT_FAILED = -6        /* the system refused: no memory, no descriptors ... */
+  BOLO_CLIENT_ABSENT = -1,     /* there is no such stream: is the daemon running? */
+  BOLO_CLIENT_DENIED = -2,     /* this user may not read it, or must not trust it: see above */
+  BOLO_CLIENT_BAD_STREAM = -3, /* of another version, or damaged */
+  BOLO_CLIENT_BAD_ARGUMENT = -4,
+  BOLO_CLIENT_UNSUPPORTED = -5, /* not supported by this stream */
+  BOLO_CLIENT_FAILED = -6       /* the system refused: no memory, no descriptors ... */
 };
 
 /* A stream, followed across restarts of its daemon. */
 typedef struct bolo_client bolo_client;
 
-/* Properties of a stream. Owned by its handle, which fills it anew at each BOLO_CLIENT_RESTARTED; the period is that of
- * the newest frame given: the daemon finds another one where the camera's clock differs from its settings. */
+/* Properties of a stream. Owned by its handle, which updates it at each BOLO_CLIENT_RESTARTED. frame_period_s is that
+ * of the newest frame given: the daemon corrects it where the camera's clock differs from its settings. */
 struct bolo_client_info {
   uint32_t width;  /* pixels */
   uint32_t height; /* pixels */
@@ -86,17 +84,17 @@ struct bolo_client_info {
   uint32_t row_step;
   double scale;          /* kelvin = scale * value + offset where unit is BOLO_UNIT_KELVIN */
   double offset;         /* kelvin */
-  double frame_period_s; /* that frames are solved with */
+  double frame_period_s; /* used by the solver */
   double tau_s;          /* time constant that is undone */
   uint32_t window;       /* frames that one frame is estimated from */
-  uint32_t lookahead;    /* of them after the frame: how much later than its raw plane a frame is published */
+  uint32_t lookahead;    /* of these, after the estimated frame: its publication is delayed by as many frames */
   uint32_t slot_count;   /* frames in the ring: slot_count * frame_period_s is how long a frame stays */
-  uint32_t writer_pid;   /* as the daemon sees itself; another one in a container */
+  uint32_t writer_pid;   /* in the daemon's own PID namespace */
   int64_t start_ns;      /* when the daemon made this stream */
   uint64_t restarts;     /* daemons that this handle has followed after its first one */
   const char* camera_model;
   const char* camera_serial;
-  const char* solver;                       /* in words */
+  const char* solver;                       /* description */
   const struct bolo_shm_settings* settings; /* of the solver; NULL: not published by the daemon */
   const char* control_socket;               /* path of the daemon's control socket; "": none */
   double row_delay_s;                       /* sensor row r is sampled r * row_delay_s after the frame's time */
@@ -104,23 +102,23 @@ struct bolo_client_info {
 
 /* A frame in the ring. Filled by bolo_client_next() and bolo_client_latest(). */
 struct bolo_client_frame {
-  uint64_t number;    /* publication order of this daemon, from 0 */
-  uint64_t missed;    /* frames published between this and the one given before it that this handle did not give */
-  uint64_t frame_id;  /* the camera's counter; a jump is a frame lost before the daemon */
-  int64_t camera_ns;  /* the camera's clock */
-  int64_t host_ns;    /* camera_ns on the host's clock: when the camera took it; 0: not known */
-  int64_t receive_ns; /* first byte received */
-  int64_t publish_ns; /* put into the ring */
-  double noise_k;     /* noise that it was solved with, kelvin (or counts); 0: not used */
-  uint32_t flags;     /* enum bolo_shm_flag */
-  uint32_t width;     /* pixels */
-  uint32_t height;    /* pixels */
-  uint32_t utc_uncertainty_us; /* of utc_ns, at most, in microseconds; 16,000,000 and more: nothing bounds it */
+  uint64_t number;             /* publication order of this daemon, from 0 */
+  uint64_t missed;             /* frames published since the last one given that this handle skipped */
+  uint64_t frame_id;           /* the camera's counter; a jump is a frame lost before the daemon */
+  int64_t camera_ns;           /* the camera's clock */
+  int64_t host_ns;             /* camera_ns on the host's clock: when the camera took it; 0: not known */
+  int64_t receive_ns;          /* first byte received */
+  int64_t publish_ns;          /* put into the ring */
+  double noise_k;              /* noise that it was solved with, kelvin (or counts); 0: not used */
+  uint32_t flags;              /* enum bolo_shm_flag */
+  uint32_t width;              /* pixels */
+  uint32_t height;             /* pixels */
+  uint32_t utc_uncertainty_us; /* bound of the error of utc_ns, us; 16,000,000 and more: unbounded */
   const uint16_t* raw;         /* as the camera gave it */
-  const uint16_t* deblurred;   /* with the pixels' inertia undone */
-  const void* slot;            /* the library's */
-  /* Motion of the scene from the frame before to this one, where the daemon's solver estimates it ("motion") and could
-   * for this frame; else NULL and 0. In place, as the planes: counts if bolo_client_valid() holds afterwards. */
+  const uint16_t* deblurred;   /* with the pixels' thermal inertia undone */
+  const void* slot;            /* private to the library */
+  /* Motion of the scene from the frame before to this one; NULL and 0 where the daemon's solver does not estimate it
+   * (only "motion" does) or could not. Read in place, like the planes: check bolo_client_valid() afterwards. */
   const struct bolo_shm_motion* motion;              /* of the whole picture */
   const struct bolo_shm_block_motion* motion_blocks; /* of 8x8 pixels each, row-major: motion_across * motion_down */
   uint32_t motion_across;
@@ -130,7 +128,7 @@ struct bolo_client_frame {
 
 /* State of daemon and camera. Owned by the handle, as of the last bolo_client_get_state(). */
 struct bolo_client_state {
-  uint32_t alive;              /* 0: the daemon ended, or gave no sign of life for BOLO_SHM_STALE_NS */
+  uint32_t alive;              /* 0: the daemon ended, or had no heartbeat for BOLO_SHM_STALE_NS */
   uint32_t clock_synchronised; /* 1: the host's clock is disciplined, according to its kernel */
   int64_t heartbeat_age_ns;
   uint64_t published;                   /* frames */
@@ -141,8 +139,8 @@ struct bolo_client_state {
   uint64_t lost_frames;                 /* before publication, all causes */
   uint64_t lost[BOLO_SHM_LOSS_CAUSES];  /* by cause, as in struct bolo_shm_header */
   const struct bolo_shm_camera* camera; /* NULL: not published by the daemon */
-  int64_t clock_error_ns;               /* of the host's UTC, at most; 16 s: nothing bounds it */
-  uint64_t clock_steps;                 /* times that somebody set it */
+  int64_t clock_error_ns;               /* bound of the error of the host's UTC; 16 s: unbounded */
+  uint64_t clock_steps;                 /* times the host's clock was set */
 };
 
 struct bolo_client_point {
@@ -153,20 +151,19 @@ struct bolo_client_point {
 /* Version of the library in use, "0.1.0". Any thread. */
 BOLO_CLIENT_API const char* bolo_client_version(void);
 
-/* The names of the streams that exist now, each on a line of its own, sorted; of dead daemons too. Writes at most
- * `bytes` with the ending zero, and returns the bytes that all of it takes, or an error. Any thread. */
+/* Names of the existing streams, sorted, one per line; those of dead daemons included. Writes at most `bytes`, the
+ * terminating zero included, and returns the bytes that the whole text needs, or an error. Any thread. */
 BOLO_CLIENT_API int bolo_client_streams(char* text, size_t bytes);
 
-/* Opens the stream "front" of a daemon with [shm] name = "front", waiting up to timeout_ms for it to be there and
- * readable. *client is NULL after an error: ABSENT, DENIED, BAD_STREAM, BAD_ARGUMENT, FAILED. The first frame given is
- * the newest. Any thread. */
+/* Opens the stream "front" of a daemon with [shm] name = "front", waiting up to timeout_ms for it. *client is NULL
+ * after an error: ABSENT, DENIED, BAD_STREAM, BAD_ARGUMENT, FAILED. The newest frame is given first. Any thread. */
 BOLO_CLIENT_API int bolo_client_open(const char* name, int timeout_ms, bolo_client** client);
 
-/* Frees the handle; NULL is fine. Frames that it gave are gone, but those under bolo_client_hold(). */
+/* Frees the handle; NULL is allowed. Its frames become invalid, except those under bolo_client_hold_new(). */
 BOLO_CLIENT_API void bolo_client_close(bolo_client* client);
 
-/* One line on the last error of this handle, or on what stands in the way after BOLO_CLIENT_ENDED; of this thread's
- * last call without a handle where client is NULL. Good until the next call. */
+/* The handle's last error in one line, or what prevents frames after BOLO_CLIENT_ENDED; for client NULL, the error of
+ * this thread's last call without a handle. Valid until the next call. */
 BOLO_CLIENT_API const char* bolo_client_error(const bolo_client* client);
 
 /* Properties of the stream. Never NULL; good until BOLO_CLIENT_RESTARTED or close. */
@@ -175,35 +172,34 @@ BOLO_CLIENT_API const struct bolo_client_info* bolo_client_get_info(const bolo_c
 /* Present state of daemon and camera. Never NULL; good until the next call of this function, or close. */
 BOLO_CLIENT_API const struct bolo_client_state* bolo_client_get_state(bolo_client* client);
 
-/* Waits for the next frame in order. Frames that were overwritten before this handle came to them are skipped, to the
- * middle of the ring, and counted in frame->missed.
+/* Waits for the next frame in order. Where frames were overwritten before this handle read them, it skips to the middle
+ * of the ring and counts them in frame->missed.
  *
- * OK, TIMEOUT, ENDED; RESTARTED: another daemon has taken the name, all that is still in the old ring was given, and
- * info is filled anew: check that its geometry and scale still suit you, then call again. Frames count from 0 again.
- * Frames given before, and their pointers, are gone then, but those under bolo_client_hold(). */
+ * OK, TIMEOUT, ENDED. RESTARTED: another daemon has taken the name, and the old ring is read out. info is filled anew:
+ * check that its geometry and scale still suit you, then call again. Frame numbers start at 0 again; earlier frames and
+ * their pointers are invalid, except those under bolo_client_hold_new(). */
 BOLO_CLIENT_API int bolo_client_next(bolo_client* client, int timeout_ms, struct bolo_client_frame* frame);
 
-/* The same with the newest frame that this handle has not given yet; those before it count as missed. */
+/* As bolo_client_next(), but gives the newest frame not given yet; the frames skipped count as missed. */
 BOLO_CLIENT_API int bolo_client_latest(bolo_client* client, int timeout_ms, struct bolo_client_frame* frame);
 
-/* 1 when the planes were the frame's during all that was read of them before this call; 0 when the daemon has begun to
- * overwrite them: what was made of them since the last 1 is to be thrown away. Any thread. */
+/* 1 if everything read from the planes before this call belonged to the frame; 0 if the daemon has begun to overwrite
+ * them: discard what was computed since the last 1. Any thread. */
 BOLO_CLIENT_API int bolo_client_valid(const struct bolo_client_frame* frame);
 
-/* Copies width * height values of each plane; NULL leaves one out. OK; OVERWRITTEN: what was copied is worthless;
- * BAD_ARGUMENT. Any thread. */
+/* Copies width * height values a plane; NULL skips one. OK; OVERWRITTEN: invalid copy; BAD_ARGUMENT. Any thread. */
 BOLO_CLIENT_API int bolo_client_copy(const struct bolo_client_frame* frame, uint16_t* raw, uint16_t* deblurred);
 
-/* Copies the frame's motion: of the whole picture and of its motion_across * motion_down blocks; NULL leaves one out.
- * OK; NO_MOTION: it has none; OVERWRITTEN: what was copied is worthless; BAD_ARGUMENT. Any thread. */
+/* Copies the frame's motion: of the whole picture and of its motion_across * motion_down blocks; NULL skips one. OK;
+ * NO_MOTION: it has none; OVERWRITTEN: the copy is invalid; BAD_ARGUMENT. Any thread. */
 BOLO_CLIENT_API int bolo_client_copy_motion(const struct bolo_client_frame* frame, struct bolo_shm_motion* motion,
                                             struct bolo_shm_block_motion* blocks);
 
-/* Values of a plane of this stream to kelvin. UNSUPPORTED: it is in counts. */
+/* Converts values of this stream's planes to kelvin. UNSUPPORTED: the stream is in counts. */
 BOLO_CLIENT_API int bolo_client_kelvin(bolo_client* client, const uint16_t* values, size_t count, float* kelvin);
 
-/* Solves `count` points of frame `number` from the raw planes in the ring, here, in this process: bit for bit what the
- * deblurred plane holds there. Kelvin, or counts where info->unit is BOLO_UNIT_COUNT.
+/* Solves `count` points of frame `number` in this process, from the raw planes in the ring: bit for bit the values of
+ * the deblurred plane. Kelvin, or counts where info->unit is BOLO_UNIT_COUNT.
  *
  * The newest frame that can be solved is state->published - 1 - info->lookahead.
  * OK, NOT_YET, OVERWRITTEN, WARM_UP (nothing is written to `values` then); BAD_ARGUMENT: a point outside the frame;
@@ -212,12 +208,12 @@ BOLO_CLIENT_API int bolo_client_kelvin(bolo_client* client, const uint16_t* valu
 BOLO_CLIENT_API int bolo_client_points(bolo_client* client, uint64_t number, const struct bolo_client_point* points,
                                        size_t count, float* values);
 
-/* Keeps the ring that is mapped now, and with it all pointers into it, until released: across restarts and close. Its
- * frames may still be overwritten while its daemon lives. NULL when there is no memory. */
+/* Keeps the present ring mapped, and all pointers into it valid, until released: across restarts and close. Its frames
+ * may still be overwritten while its daemon lives. NULL when there is no memory. */
 typedef struct bolo_client_hold bolo_client_hold;
 BOLO_CLIENT_API bolo_client_hold* bolo_client_hold_new(const bolo_client* client);
 
-/* NULL is fine. Any thread. */
+/* NULL is allowed. Any thread. */
 BOLO_CLIENT_API void bolo_client_hold_free(bolo_client_hold* hold);
 
 /* NOLINTEND(readability-identifier-naming,modernize-*) */

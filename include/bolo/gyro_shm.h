@@ -1,5 +1,5 @@
-/* The layout of a gyro's samples for bolod ([motion] gyro = "shm:NAME"): POSIX object "/bolo-gyro.NAME", which any
- * program of bolod's user, of root or of the user in bolod's environment BOLO_USER makes and writes. C11 and C++.
+/* Layout of a gyro's samples for bolod ([motion] gyro = "shm:NAME"): POSIX object "/bolo-gyro.NAME", created and
+ * written by a program of bolod's user, of root or of the user in bolod's environment variable BOLO_USER. C11 and C++.
  *
  *   offset 0     struct bolo_gyro_header
  *   offset 64    struct bolo_gyro_sample, header.capacity of them: sample n (0, 1, 2 ...) lies in place n % capacity
@@ -23,16 +23,15 @@
 struct bolo_gyro_header {
   uint64_t magic;
   uint32_t version;
-  uint32_t capacity; /* samples that the object has room for; a second of them is plenty */
+  uint32_t capacity; /* room for so many samples; a second of them is plenty */
   uint64_t written;  /* samples written so far */
   uint64_t reserved[5];
 };
 
-/* Rates about the camera's axes: x to the right, y down, z into the picture, each positive as a right-handed screw: a
- * camera that turns to the right has a positive y, one that tilts up a positive x, one that rolls clockwise a positive
- * z. */
+/* Rates about the camera's axes, x to the right, y down, z into the picture, each positive as a right-handed screw:
+ * turning right is a positive y, tilting up a positive x, rolling clockwise a positive z. */
 struct bolo_gyro_sample {
-  int64_t time_ns; /* CLOCK_MONOTONIC of the moment that it was measured, rising */
+  int64_t time_ns; /* CLOCK_MONOTONIC of the measurement, strictly rising */
   double rate[3];  /* rad/s */
 };
 /* NOLINTEND(readability-identifier-naming) */

@@ -6,17 +6,16 @@
  *   header.slots_offset            slot 0: struct bolo_shm_slot, raw plane, deblurred plane, motion, padding
  *   + header.slot_stride           slot 1 ...                 (header.slot_count slots)
  *
- * The motion of the scene lies in slots where header.motion_offset is not 0 (solver "motion"): struct bolo_shm_motion,
- * then header.motion_across * motion_down of struct bolo_shm_block_motion, row-major. It is the frame's own, written
- * and read with its planes, where the slot's motion_blocks is that number; where it is 0, it is not known for the
- * frame.
+ * The motion of the scene lies in the slots if header.motion_offset is not 0 (solver "motion"): struct bolo_shm_motion,
+ * then header.motion_across * motion_down of struct bolo_shm_block_motion, row-major. It belongs to the slot's frame,
+ * and is written and read with its planes, if the slot's motion_blocks is that number; 0: not known for the frame.
  *
  * All values little-endian, as the machine stores them. Planes are row-major uint16 without padding between rows;
  * kelvin = scale * value + offset when unit is BOLO_UNIT_KELVIN.
  *
  * Frame number n (0, 1, 2 ...: publication order, not the camera's frame id) lies in slot n % slot_count.
- * header.published is the count of frames published: the newest is published - 1. Counters and latencies are stored
- * before it, so that a reader who loads it first (acquire) sees none that is behind it.
+ * header.published counts published frames: the newest is published - 1. Counters and latencies are stored before it,
+ * so a reader that loads it first (acquire) finds them at least as new.
  *
  * Reading frame n without locks (tests/models tries every order of it). The writer never waits:
  *
@@ -28,31 +27,31 @@
  *   W4 header.published = n + 1    (release)
  *   W5 header.wake += 1, futex wake
  *
- * A reader that copied any word of a later frame m in R2 has, by that acquire, W1 of m before its R3, sees an odd or
- * higher sequence there, and throws the copy away. On x86-64 and with 64-bit words acquire and release cost nothing.
+ * A reader that copied any word of a later frame m in R2 has, by that acquire, W1 of m before its R3: it sees an odd or
+ * higher sequence there and discards the copy. On x86-64 acquire and release of 64-bit words cost nothing.
  *
- * To wait for a frame: read header.wake, check published, and FUTEX_WAIT (shared, not private) on header.wake with
- * the value read, for a frame's period or so: whoever maps the object can move its waiters to a futex of his own, where
- * nobody wakes them. A process that can't use futexes polls published.
+ * To wait for a frame: read header.wake, check published, and FUTEX_WAIT (shared, not private) on header.wake with the
+ * value read, for about a frame period at most: any process that maps the object can requeue its waiters onto its own
+ * futex, where nobody wakes them. A process that can't use futexes polls published.
  *
- * A writer that ends orderly stores BOLO_SHM_CLOSED in header.state and unlinks the name. A writer that starts under a
- * name that is taken by a dead writer unlinks the old object, so a reader without new frames checks whether the name
- * stands for another object by now (stat: its inode), and maps that. The object is never resized while it has a name.
+ * A writer that ends in order stores BOLO_SHM_CLOSED in header.state and unlinks the name. A writer that starts under
+ * the name of a dead writer unlinks the old object. So a reader that gets no new frames checks whether the name now
+ * belongs to another object (stat: its inode), and maps that. The object is never resized while it has a name.
  *
- * Solving a pixel on demand. Frame n was estimated from the raw planes of the frames of its window, which ends
- * lookahead frames after n: frames that the window's rules (camera_ns, frame_id, frame_period_s) place there, at most
- * `window` of them. A reader that solves a pixel's samples in them with bolo_shm_settings gets the deblurred plane's
- * bits (drivers/shm/point_reader.hpp does): better ones where the slot's flags show less effort.
- * Not where BOLO_SETTINGS_UNDONE is set. Where BOLO_SETTINGS_MAPS is set it
- * needs the same maps file besides: maps are not in the shared memory. For BOLO_METHOD_MMAE, BOLO_METHOD_MOTION and
- * BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the slot's noise_k: these use a pixel's surroundings.
- * (BOLO_METHOD_MOTION with measured noise: to a count, for motions are found with the noise of their own frames.)
+ * Solving a pixel on demand. Frame n was estimated from the raw planes of its window, which ends lookahead frames after
+ * n and holds at most `window` frames: those that the window's rules (camera_ns, frame_id, frame_period_s) place there.
+ * A reader that solves a pixel's samples in them with bolo_shm_settings gets the deblurred plane's bits
+ * (drivers/shm/point_reader.hpp does), or better ones where the slot's flags show less effort. Not possible with
+ * BOLO_SETTINGS_UNDONE. With BOLO_SETTINGS_MAPS the reader also needs the same maps file, which is not in the shared
+ * memory. For BOLO_METHOD_MMAE, BOLO_METHOD_MOTION and BOLO_SETTINGS_AUTO_LAMBDA it needs whole planes and the slot's
+ * noise_k, because these use a pixel's surroundings. (BOLO_METHOD_MOTION with measured noise is equal to a count:
+ * motions are found with the noise of their own frames.)
  *
- * The writer holds flock(LOCK_EX) on /dev/shm/bolo-lock.NAME for its life: that is how a second writer of the same name
- * is refused, whatever process namespace it runs in. Only its user can open that file: a reader's lock would keep the
+ * The writer holds flock(LOCK_EX) on /dev/shm/bolo-lock.NAME while it lives, so that a second writer of the same name
+ * is refused, whatever its process namespace. Only the writer's user can open that file: a reader's lock would keep the
  * next writer out. Readers take no lock.
  *
- * Anybody may make a file of any name in /dev/shm: a reader checks its owner (fstat) before trusting it.
+ * Anybody can create a file of any name in /dev/shm: a reader checks its owner (fstat) before trusting it.
  *
  * For readers in other languages, the header's bytes (Python: struct.unpack_from of the first 312, then the rest live):
  *   "<QIIIIIIQQQQddddIIII64s64s64sq"  magic .. start_ns        at   0
@@ -62,13 +61,12 @@
  * and a slot's: "<QQqqqIIdqqq" at 0, 128 bytes, then the planes at raw_offset and deblurred_offset, and at
  * motion_offset "<6d", from byte 64 of it on "<3f" for each block.
  *
- * Times. camera_ns is the camera's own clock, host_ns and receive_ns the host's CLOCK_MONOTONIC, utc_ns the same
- * moment in UTC. Monotonic times and camera times never step; where somebody sets the host's clock, utc_ns does, and
- * header.clock_steps counts it. Sensor row r of a frame (stored row r / row_step) is sampled r * header.row_delay_s
- * after the frame's time, in all of them.
+ * Times. camera_ns is the camera's own clock, host_ns and receive_ns the host's CLOCK_MONOTONIC, utc_ns the same moment
+ * in UTC. Monotonic and camera times never step; utc_ns steps when the host's clock is set: header.clock_steps counts
+ * that. In all of them, sensor row r (stored row r / row_step) is sampled r * header.row_delay_s after the frame.
  *
- * Versions: a reader takes its own alone. 3 has UTC and row_delay_s, and slots of 128 bytes before their planes; 2 has
- * motion; 1 had not, and a header of 2,048 bytes.
+ * Versions. A reader accepts only its own. 3 added UTC, row_delay_s and slots of 128 bytes before their planes; 2 added
+ * motion; 1 had a header of 2,048 bytes.
  */
 #ifndef BOLO_SHM_LAYOUT_H
 #define BOLO_SHM_LAYOUT_H
@@ -80,7 +78,7 @@
 #define BOLO_SHM_VERSION 3u
 #define BOLO_SHM_LOSS_CAUSES 16u
 #define BOLO_SHM_LATENCY_BUCKETS 192u
-#define BOLO_SHM_STALE_NS 2000000000LL /* a heartbeat older than this belongs to a dead or stopped writer */
+#define BOLO_SHM_STALE_NS 2000000000LL /* an older heartbeat belongs to a dead or stopped writer */
 
 /* Names as C has them. NOLINTBEGIN(readability-identifier-naming) */
 enum bolo_shm_state { BOLO_SHM_STARTING = 0, BOLO_SHM_RUNNING = 1, BOLO_SHM_CLOSED = 2 };
@@ -89,13 +87,13 @@ enum bolo_shm_unit { BOLO_UNIT_KELVIN = 0, BOLO_UNIT_COUNT = 1 };
 enum bolo_shm_flag {
   BOLO_FLAG_GAP = 1u << 0,       /* a frame of this frame's window was lost */
   BOLO_FLAG_WARM_UP = 1u << 1,   /* no full window yet: the deblurred plane is the raw one */
-  BOLO_FLAG_NUC = 1u << 2,       /* the camera was correcting */
+  BOLO_FLAG_NUC = 1u << 2,       /* the camera was correcting (NUC, shutter closed) */
   BOLO_FLAG_SATURATED = 1u << 3, /* raw values at the end of the range */
   BOLO_FLAG_JITTER = 1u << 4,    /* camera timestamp off the frame grid */
-  /* Less was spent on this frame, for too many were waiting; at most one of these: */
-  BOLO_FLAG_REDUCED = 1u << 5, /* by a cheaper solver */
-  BOLO_FLAG_INVERSE = 1u << 6, /* by the inverse filter, which knows no prior: noisier */
-  BOLO_FLAG_RAW = 1u << 7      /* not at all: the deblurred plane is the raw one */
+  /* Less effort was spent on this frame because too many were waiting; at most one of these: */
+  BOLO_FLAG_REDUCED = 1u << 5, /* cheaper solver */
+  BOLO_FLAG_INVERSE = 1u << 6, /* inverse filter, without a prior: noisier */
+  BOLO_FLAG_RAW = 1u << 7      /* no solver: the deblurred plane is the raw one */
 };
 
 struct bolo_shm_header {
@@ -105,7 +103,7 @@ struct bolo_shm_header {
 
   uint32_t width;
   uint32_t height;
-  uint32_t slot_count; /* at least a window, so that a reader can solve any pixel on demand */
+  uint32_t slot_count; /* at least a window, so that readers can solve any pixel on demand */
   uint32_t unit;       /* enum bolo_shm_unit */
   uint64_t slots_offset;
   uint64_t slot_stride;
@@ -113,7 +111,7 @@ struct bolo_shm_header {
   uint64_t deblurred_offset; /* from the slot's start */
   double scale;              /* kelvin a count */
   double offset;             /* kelvin */
-  double frame_period_s;     /* that frames are solved with. Live: the camera's clock may show another than it states */
+  double frame_period_s; /* used by the solver. Live: corrected if the camera's clock differs from its stated period */
   double tau_s;
   uint32_t window;    /* frames a window */
   uint32_t lookahead; /* frames */
@@ -121,23 +119,23 @@ struct bolo_shm_header {
   uint32_t writer_pid;
   char camera_model[64];
   char camera_serial[64];
-  char solver[64];          /* method, iterations, lambda, instruction set, in words; cut to fit, as the other texts */
-  int64_t start_ns;         /* CLOCK_MONOTONIC, when the writer made the object */
+  char solver[64];  /* method, iterations, lambda, instruction set as text; truncated to fit, like other texts */
+  int64_t start_ns; /* CLOCK_MONOTONIC, when the writer made the object */
   uint64_t settings_offset; /* of struct bolo_shm_settings, between header and slots; 0: none */
 
   /* Written while running. 64-byte aligned from here. */
   uint64_t published __attribute__((aligned(64)));
   uint32_t wake;         /* futex word: changes with every published frame */
   uint32_t state;        /* enum bolo_shm_state */
-  uint64_t heartbeat_ns; /* CLOCK_MONOTONIC of the writer's last sign of life; at least every 250 ms while running */
+  uint64_t heartbeat_ns; /* CLOCK_MONOTONIC of the writer's heartbeat; at least every 250 ms while running */
 
-  uint64_t received; /* frames that came from the camera whole */
+  uint64_t received; /* complete frames from the camera */
   uint64_t restarts; /* windows emptied */
   uint64_t warm_up;
   uint64_t gap_frames;
-  uint64_t deblur_ns;                         /* summed over published frames */
-  uint64_t lost[BOLO_SHM_LOSS_CAUSES];        /* by cause: incomplete, missing, pool_exhausted, queue_full, bad_frame,
-                                                 driver, out_of_order */
+  uint64_t deblur_ns;                  /* summed over published frames */
+  uint64_t lost[BOLO_SHM_LOSS_CAUSES]; /* by cause: incomplete, missing, pool_exhausted, queue_full, bad_frame, driver,
+                                          out_of_order */
   uint64_t latency[BOLO_SHM_LATENCY_BUCKETS]; /* receive -> publish. Bucket b < 8: b us. Else, with e = b / 8 and
                                                  m = b % 8: from (8 + m) << (e - 1) to (9 + m) << (e - 1) us */
 
@@ -149,8 +147,8 @@ struct bolo_shm_header {
 
   /* Written while running. */
   uint64_t clock_synchronised; /* 1: the host's clock is disciplined, according to the kernel */
-  int64_t clock_error_ns;      /* of the host's UTC, at most, as the kernel knows it; 16 s: nothing bounds it */
-  uint64_t clock_steps;        /* times that somebody set the host's clock */
+  int64_t clock_error_ns;      /* bound of the error of the host's UTC, as the kernel knows it; 16 s: unbounded */
+  uint64_t clock_steps;        /* times the host's clock was set */
   uint64_t reserved[2];
 };
 
@@ -164,11 +162,11 @@ struct bolo_shm_slot {
   uint32_t motion_blocks; /* motion_across * motion_down; 0: the scene's motion is not known for this frame */
   double noise_k;         /* temporal noise that the frame was solved with, K (counts without kelvin); 0: not used */
   int64_t host_ns; /* camera_ns on the host's CLOCK_MONOTONIC: when the camera took the frame; 0: not known. Its error
-                      is the shortest way from camera to host, constant and well below a frame's period */
+                      is the shortest latency from camera to host: constant, and well below a frame period */
   int64_t utc_ns;  /* host_ns in UTC, or receive_ns where that is not known: ns since 1970; 0: not known */
-  int64_t utc_uncertainty_ns; /* of utc_ns, at most: the host clock's error as the kernel knows it, and that of
-                                 host_ns: the way from camera to host, a frame's period and its jitter. 16 s and more:
-                                 nothing disciplines the host's clock, and nothing bounds its error */
+  int64_t utc_uncertainty_ns; /* bound of the error of utc_ns: the host clock's error as the kernel knows it, plus that
+                                 of host_ns: the latency from camera to host, a frame period and its jitter. 16 s and
+                                 more: the host's clock is not disciplined, and its error unbounded */
   uint64_t reserved[6];
 };
 
@@ -183,8 +181,8 @@ struct bolo_shm_motion {
 struct bolo_shm_block_motion {
   float x; /* px a frame */
   float y;
-  float confidence; /* 0: nothing is known of it, x and y are the whole picture's; to 1. 1 / (1 + (s / 0.25 px)^2), s
-                       the standard error of the velocity, and less where the two frames do not match */
+  float confidence; /* 0 (unknown: x and y are the whole picture's) to 1: 1 / (1 + (s / 0.25 px)^2), s the standard
+                       error of the velocity, and less where the two frames do not match */
 };
 
 enum bolo_shm_method {
@@ -199,11 +197,11 @@ enum bolo_shm_method {
 enum bolo_shm_settings_flag {
   BOLO_SETTINGS_AUTO_LAMBDA = 1u << 0, /* lambda is chosen from noise and motion */
   BOLO_SETTINGS_MAPS = 1u << 1,        /* pixels or rows have parameters of their own, which are not here */
-  BOLO_SETTINGS_UNDONE = 1u << 2       /* frames are changed before or after the solver: raw planes are not its input */
+  BOLO_SETTINGS_UNDONE = 1u << 2       /* corrections act before or after the solver: raw planes are not its input */
 };
 
-/* Settings of the solver, besides tau_s, frame_period_s, window, lookahead and scale of the header. Written
- * before magic, never changed. As asked for: 0 iterations are as many as the accuracy needs. */
+/* Settings of the solver, besides tau_s, frame_period_s, window, lookahead and scale of the header. Written before
+ * magic, never changed. As configured: 0 iterations means as many as the accuracy needs. */
 struct bolo_shm_settings {
   uint32_t bytes;  /* sizeof(struct bolo_shm_settings) of the writer */
   uint32_t method; /* enum bolo_shm_method */
@@ -214,45 +212,45 @@ struct bolo_shm_settings {
   double kappa;
   double lambda;
   double noise_k; /* given; 0: measured */
-  char isa[16];   /* instruction set of the kernels: others round differently */
+  char isa[16];   /* instruction set of the kernels: other sets round differently */
 };
 
 enum bolo_shm_camera_state {
-  BOLO_CAMERA_IDLE = 0,      /* none, or not watched: a capture that is replayed */
+  BOLO_CAMERA_IDLE = 0,      /* no camera, or not watched: a capture is replayed */
   BOLO_CAMERA_STREAMING = 1, /* frames arrive */
   BOLO_CAMERA_STALLED = 2,   /* connected, but frames have stopped */
-  BOLO_CAMERA_LOST = 3,      /* being opened again */
+  BOLO_CAMERA_LOST = 3,      /* being reopened */
   BOLO_CAMERA_CORRECTING = 4 /* shutter closed: NUC */
 };
 
 #define BOLO_SHM_LOST_CAUSES 8u
 
-/* State of the writer's camera. Live: written while running, each word for itself, with every frame and at least
- * every 250 ms without frames. Times are CLOCK_MONOTONIC, counts are since the writer's start. */
+/* State of the writer's camera. Live: each word is written by itself while running, with every frame and at least every
+ * 250 ms without frames. Times are CLOCK_MONOTONIC, counts are since the writer's start. */
 struct bolo_shm_camera {
   uint64_t bytes;                      /* sizeof(struct bolo_shm_camera) of the writer */
   uint64_t state;                      /* enum bolo_shm_camera_state */
-  int64_t since_ns;                    /* when it came to this state */
-  uint64_t lost[BOLO_SHM_LOST_CAUSES]; /* times that it was given up: control lost, no answer, stalled */
+  int64_t since_ns;                    /* start of this state */
+  uint64_t lost[BOLO_SHM_LOST_CAUSES]; /* times it was given up: control lost, no answer, stalled */
   uint64_t reopened;
   uint64_t stalls;
-  uint64_t outage_frames;  /* would have come while it was lost; not among header.lost */
-  uint64_t corrections;    /* NUCs that were asked for */
+  uint64_t outage_frames;  /* frames that it would have sent while lost; not among header.lost */
+  uint64_t corrections;    /* NUCs requested */
   int64_t correction_ns;   /* the last one; 0: none */
   int64_t clock_offset_ns; /* host's clock - camera's; 0: not known yet */
-  double clock_drift_ppm;  /* by how much the camera's clock is slower */
-  double clock_jitter_ns;  /* of the way from camera to host, rms over its shortest */
+  double clock_drift_ppm;  /* positive: the camera's clock is slower */
+  double clock_jitter_ns;  /* of the latency from camera to host, rms above its shortest */
   uint64_t clock_jumps;
   uint64_t received_packets;
   uint64_t missing_packets;
   uint64_t resent_packets;
   double temperature_k;     /* of the camera; 0: unknown */
   char control_socket[112]; /* path of the writer's control socket; empty: none. Written before magic, never changed */
-  uint64_t ptp;             /* port state of its PTP clock, as IEEE 1588 numbers them (9: slave); 0: off, or unknown */
-  int64_t ptp_offset_ns;    /* of its clock from its PTP master, as it reckons */
+  uint64_t ptp;             /* port state of its PTP clock, numbered as in IEEE 1588 (9: slave); 0: off, or unknown */
+  int64_t ptp_offset_ns;    /* of its clock from its PTP master, by its own estimate */
 };
 
-/* Its size in writers before `ptp`. */
+/* sizeof(struct bolo_shm_camera) in writers before `ptp`. */
 #define BOLO_SHM_CAMERA_BYTES_FIRST 304u
 
 #ifdef __cplusplus

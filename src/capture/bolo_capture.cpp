@@ -1,4 +1,4 @@
-// Reading "bolo-capture" version 1, item by item, in the order of the table in docs/formats.md.
+// Reads "bolo-capture" version 1, item by item, in the order of the table in docs/formats.md.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,7 +15,7 @@ using h5::text;
 constexpr double kVersion = 1.0;
 constexpr double kMostRowStep = 65536.0;
 const std::string kFormatName = "bolo-capture";
-// Frames at the end that may be missing: more than a writer leaves uncommitted; more than an hour's.
+// Frames that may be missing at the end: more than a writer leaves uncommitted; more than an hour's.
 constexpr std::size_t kMostUncommitted = 4096;
 constexpr std::size_t kMostDamaged = std::size_t{1} << 20;
 
@@ -54,7 +54,7 @@ Result<std::string> string_or_empty(const h5::Owner& root, const char* name) {
   return h5::has_attribute(root, name) ? h5::string_attribute(root, name) : Result<std::string>("");
 }
 
-// Serial numbers are often written as numbers.
+// Serial numbers are often stored as numbers.
 Result<std::string> serial_or_empty(const h5::Owner& root, const char* name) {
   const Result<double> number = h5::number_attribute(root, name);
   if (!number) return string_or_empty(root, name);
@@ -62,7 +62,7 @@ Result<std::string> serial_or_empty(const h5::Owner& root, const char* name) {
   return whole ? std::to_string(static_cast<std::int64_t>(*number)) : text(*number);
 }
 
-// Counts carry no scale, so a file of counts need not have one.
+// Counts have no scale, so a file of counts need not state one.
 Result<LinearScale> read_scale(const h5::Owner& root) {
   const Result<std::string> unit = h5::string_attribute(root, "unit");
   if (!unit) return bad_input(unit.error().message + "; expected 'kelvin' or 'count'");
@@ -93,7 +93,7 @@ Status read_attributes(const h5::Owner& root, CaptureInfo& info) {
 
 h5::Expect expect_of(Trust trust) { return trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart; }
 
-// `values`: of a pixel, where they have an axis of their own; 0: a plain picture.
+// `values` per pixel, if they have an axis of their own; 0: a plain picture.
 Result<FrameStore> open_frames(hid_t file, const std::string& path, Trust trust, hsize_t values = 0) {
   Result<FrameStore> frames =
       FrameStore::open(file, path, FrameOrder::kFrameMajor, expect_of(trust), FrameStore::kBlockBytes, values);
@@ -114,7 +114,7 @@ Status read_frames(hid_t file, Trust trust, Contents& contents) {
   return {};
 }
 
-// Float32 planes that may be there; those of a damaged file may be beyond reading.
+// Optional float32 planes; those of a damaged file may be unreadable.
 Status open_optional(hid_t file, const char* group, const char* path, Trust trust, hsize_t values,
                      std::vector<std::string>& warnings, std::optional<FrameStore>& store) {
   if (!h5::exists(file, group)) return {};
@@ -154,7 +154,7 @@ Status read_series(hid_t file, Trust trust, Contents& contents) {
   return {};
 }
 
-// /t_host and /t_utc are of use together only.
+// /t_host and /t_utc are useful only together.
 Status read_other_times(hid_t file, Trust trust, Contents& contents) {
   const bool has_host = h5::exists(file, "/t_host");
   const bool has_utc = h5::exists(file, "/t_utc");
@@ -176,7 +176,7 @@ Status read_other_times(hid_t file, Trust trust, Contents& contents) {
   return {};
 }
 
-// Neither need rise: the host may have been started anew, its clock been set.
+// Neither must rise: the host may have been rebooted, or its clock been set.
 Status check_other_times(Contents& contents) {
   if (!contents.info.has_times) {
     contents.t_host.clear();
@@ -207,7 +207,7 @@ Status check_lengths(const Contents& contents) {
   return good;
 }
 
-// A recording that was killed while its lengths were being written: what all datasets have is whole.
+// For a recording that was killed while its lengths were being written: frames that all datasets have are complete.
 Status cut_to_shortest(Contents& contents) {
   std::size_t frames = std::min({contents.info.frames, contents.t.size(), contents.frame_id.size()});
   if (contents.info.has_times) frames = std::min({frames, contents.t_host.size(), contents.t_utc.size()});
@@ -228,7 +228,7 @@ Status cut_to_shortest(Contents& contents) {
   return {};
 }
 
-// Of a damaged file: up to the first time or number that doesn't rise.
+// For a damaged file: up to the first time or number that does not rise.
 void cut_to_rising(Contents& contents) {
   std::size_t frames = 0;
   const auto rises = [&](std::size_t i) {
@@ -316,8 +316,6 @@ Result<Contents> read_bolo_capture(hid_t file, Trust trust) {
   check_plausible(contents);
   return contents;
 }
-
-// Rules that both file formats and the writer share.
 
 Status check_times(const std::vector<double>& t) {
   for (std::size_t i = 0; i < t.size(); ++i) {

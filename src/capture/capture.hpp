@@ -1,4 +1,4 @@
-// Captures: HDF5 files of raw frames ("bolo-capture" version 1, docs/formats.md has the table), and the authors' `.mat`
+// Captures: HDF5 files of raw frames ("bolo-capture" version 1; table in docs/formats.md), and the authors' `.mat`
 // version 7.3 files, read through the same interface.
 #pragma once
 
@@ -26,26 +26,24 @@ struct Event {
 
 // A frame's time on clocks other than the camera's.
 struct FrameTimes {
-  double host_s = 0.0;  // CLOCK_MONOTONIC of the host that recorded it
-  double utc_s = 0.0;   // UTC, since 1970
-  double uncertainty_s =
-      0.0;  // of utc_s, at most; written: root attribute utc_uncertainty_s has the largest. 0: unknown
+  double host_s = 0.0;         // CLOCK_MONOTONIC of the host that recorded it
+  double utc_s = 0.0;          // UTC, since 1970
+  double uncertainty_s = 0.0;  // bound of the error of utc_s; attribute utc_uncertainty_s has the largest; 0: unknown
 };
 
-// A pixel of the camera's frame: column and row.
 struct Point {
   int x = 0;
   int y = 0;
   bool operator==(const Point&) const = default;
 };
 
-// The scene before the camera during a capture: the `/stimulus` group. Times in s from `/t[0]`, temperatures in K,
-// lengths in stored pixels.
+// The scene before the camera: the `/stimulus` group. Times in s from `/t[0]`, temperatures in K, lengths in stored
+// pixels.
 struct NoStimulus {  // a field recording
   bool operator==(const NoStimulus&) const = default;
 };
 
-// Accuracy of a bench's temperatures where it states none: standard deviation, K.
+// Accuracy of a bench's temperatures if it states none: standard deviation, K.
 inline constexpr double kLevelAccuracyK = 0.5;
 
 struct Uniform {  // closed shutter or flat black body
@@ -103,8 +101,8 @@ enum class FileFormat {
 
 // Trust in the lengths that a file states.
 enum class Trust {
-  kWhole,       // all of it must be there
-  kUnfinished,  // a ".part": a writer's last commit, perhaps with lengths that differ by what it left open
+  kWhole,       // all of it must be present
+  kUnfinished,  // a ".part": a writer's last commit; lengths may differ by what was left open
   kDamaged,     // anything may be missing
 };
 
@@ -115,13 +113,13 @@ struct Attribute {
 };
 bool is_own_attribute(std::string_view name);  // one of the format's
 
-// Reads one capture. Every item is checked on open; the error names the file, the item and what is expected there.
+// Reads one capture. Every item is checked on open; errors name the file, the item and what is expected there.
 // Thread: any one at a time (the HDF5 library is serialised).
 class CaptureReader {
  public:
   static Result<CaptureReader> open(const std::filesystem::path& file);
-  // Takes from a damaged file what is whole: frames from the first one up to where times, numbers and pixels are all
-  // there. Single frames in between may still fail to be read.
+  // Reads the sound part of a damaged file: frames from the first one up to where times, numbers and pixels are all
+  // present. Single frames in between may still fail to be read.
   static Result<CaptureReader> salvage(const std::filesystem::path& file);
   CaptureReader(CaptureReader&&) noexcept;
   CaptureReader& operator=(CaptureReader&&) noexcept;
@@ -130,17 +128,17 @@ class CaptureReader {
   const CaptureInfo& info() const noexcept;
   const std::vector<double>& t() const noexcept;                // s, strictly rising
   const std::vector<std::uint64_t>& frame_id() const noexcept;  // strictly rising
-  const std::vector<double>& t_host() const noexcept;           // s, of the recording host's CLOCK_MONOTONIC, and
-  const std::vector<double>& t_utc() const noexcept;            // s since 1970; empty where has_times is not set
+  const std::vector<double>& t_host() const noexcept;           // s, CLOCK_MONOTONIC of the recording host, and
+  const std::vector<double>& t_utc() const noexcept;            // s since 1970; both empty unless has_times
   const std::vector<Event>& events() const noexcept;
-  // Root attributes beyond the format's own, by name; those that are neither number nor string are left out.
+  // Root attributes beyond the format's own, by name; only numbers and strings.
   Result<std::vector<Attribute>> attributes() const;
-  // Odd but readable, one line each: a frame period that the times contradict, a recording that was cut off.
+  // Odd but readable, one line each: a frame period that contradicts the times, a recording that was cut off.
   const std::vector<std::string>& warnings() const noexcept;
   FileFormat file_format() const noexcept;
   // Errors (kBadInput): what is wrong with /stimulus; warnings() has it too.
   Result<Stimulus> stimulus() const;
-  // /points: where the pixels of a capture of single points stand in the camera's frame; empty for a picture.
+  // /points: places of a single-point capture's pixels in the camera's frame; empty for a picture.
   Result<std::vector<Point>> points() const;
 
   // One frame, row-major, in the stored type: `out` has plane_bytes(info().format.geometry, info().format.type) bytes.
@@ -157,7 +155,7 @@ class CaptureReader {
   std::unique_ptr<Impl> impl_;
 };
 
-// Nothing where the capture has none. Thread: any.
+// Nothing if the capture has no such times. Thread: any.
 inline std::optional<FrameTimes> times_of(const CaptureReader& reader, std::size_t index) {
   if (!reader.info().has_times) return std::nullopt;
   return FrameTimes{reader.t_host()[index], reader.t_utc()[index]};
@@ -166,16 +164,16 @@ inline std::optional<FrameTimes> times_of(const CaptureReader& reader, std::size
 struct WriterOptions {
   bool truth = false;     // a /truth/frames plane comes with every frame
   int deflate_level = 0;  // 0: no compression; 1..9 gzip with byte shuffle
-  // Commits go on to the disk, on a thread of their own: a cut of power finds one too, a kill always the last.
+  // Commits also go to the disk, on a thread of their own: a power cut leaves one of them, a kill always the last.
   bool survives_power_cut = false;
-  Replace replace = Replace::kNothing;  // of the file of the final name, and of a ".part" that somebody left there
-  bool motion = false;                  // /motion is written: the scene's motion in every frame, as far as known
+  Replace replace = Replace::kNothing;  // a file of the final name, and a ".part" that was left there
+  bool motion = false;                  // /motion is written: the scene's motion in every frame, where known
   bool times = false;                   // /t_host and /t_utc come with every frame
 };
 
-// Writes a capture frame by frame, and commits them twice a second of frames. Whatever was appended before a failure
-// stays readable; a killed process leaves the last commit. The file is written under its final name's ".part", with
-// its commits beside it (".part.journal", ".part.live"), and renamed by close(). Without a frame nothing of it stays.
+// Writes a capture frame by frame, and commits every half second of frames. Frames appended before a failure stay
+// readable; a killed process leaves the last commit. The file is written under its final name plus ".part", with its
+// commits beside it (".part.journal", ".part.live"), and renamed by close(). Without a frame no file remains.
 // Thread: any one at a time.
 class CaptureWriter {
  public:
@@ -185,31 +183,29 @@ class CaptureWriter {
   CaptureWriter& operator=(CaptureWriter&&) noexcept;
   ~CaptureWriter();
 
-  // `plane` in info.format.type; `truth` (K) exactly when options.truth; `motion`, of motion_blocks() of the frame,
-  // only when options.motion: null is not known, and written as zeros; `times` exactly when options.times. t_s and
-  // frame_id must rise.
+  // `plane` in info.format.type; `truth` (K) exactly when options.truth; `motion`, motion_blocks() of the frame, only
+  // when options.motion: null means unknown, written as 0; `times` exactly when options.times. t_s and frame_id rise.
   Status append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth = nullptr,
                 const BlockMotion* motion = nullptr, const FrameTimes* times = nullptr);
   Status write_stimulus(const Stimulus& stimulus);
   Status add_event(const Event& event);
-  // /points/x and /points/y, int32: one for each pixel of the frames, which are one row. Once.
+  // Writes /points/x and /points/y, int32: one for each pixel of the frames, which are one row. Once.
   Status write_points(const std::vector<Point>& points);
-  // A root attribute beyond the format's own: settings of a deblurring run and the like.
+  // Writes a root attribute beyond the format's own, such as settings of a deblurring run.
   Status write_attribute(const std::string& name, const std::variant<double, std::string>& value);
   Status write_attributes(const std::vector<Attribute>& attributes);
-  // Another frame period, s, than the info's: found once frames came.
+  // Replaces the info's frame period, s, by one found from the frames.
   Status state_period(double period_s);
 
-  // Commits what was appended since the last commit: for sources that pause.
+  // Commits the frames appended since the last commit: for sources that pause.
   Status commit();
 
-  // Nothing is appended after this; a killed process leaves the whole capture as a ".part" from here on. Does not wait
-  // for the disk.
+  // Ends appending; from here on a killed process leaves the complete capture as a ".part". Does not wait for the disk.
   Status complete();
-  // Completes, waits for the disk, renames. Without it the destructor leaves the ".part" file behind, readable. Thread:
-  // any once it is complete, beside other captures; else any one at a time.
+  // Completes, waits for the disk, renames. Without it the destructor leaves the ".part" file, readable. Thread: any
+  // once it is complete, beside other captures; otherwise any one at a time.
   Status close();
-  // Closes and removes it.
+  // Closes and removes the file.
   void discard();
 
  private:
@@ -218,7 +214,7 @@ class CaptureWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// A lone still: dataset `image_k` (H, W) float32, kelvin, as the scene files have it.
+// A single still: dataset `image_k` (H, W) float32, kelvin, as in scene files.
 struct StillImage {
   int width = 0;
   int height = 0;
@@ -226,7 +222,7 @@ struct StillImage {
 };
 Result<StillImage> read_still(const std::filesystem::path& file);
 
-// --- Saving what an interrupted recording or a damaged file holds.
+// --- Recovery of interrupted recordings and damaged files.
 
 struct Recovered {
   std::uint64_t frames = 0;      // saved
@@ -236,14 +232,14 @@ struct Recovered {
   std::vector<std::string> remarks;  // what is missing, one line each
 };
 
-// Copies what is whole in `damaged` (a ".part", or a capture that is cut off or damaged) to the new capture `out`;
-// `damaged` stays as it is. `progress` is called with frames done and frames there are, and ends the copy with false.
-// Errors: nothing can be saved (kBadInput), `out` cannot be written. Thread: any one at a time.
+// Copies the readable part of `damaged` (a ".part", or a capture that is cut off or damaged) to the new capture `out`;
+// `damaged` stays as it is. `progress` is called with the frames done and their total, and ends the copy by returning
+// false. Errors: nothing can be saved (kBadInput), `out` cannot be written. Thread: any one at a time.
 Result<Recovered> recover_copy(const std::filesystem::path& damaged, const OutputFile& out,
                                const std::function<bool(std::uint64_t, std::uint64_t)>& progress);
 
-// Finishes a ".part" itself under the name `out`, without a copy: its last commit is made whole in the file. Errors: it
-// isn't whole after that (kBadInput; recover_copy() saves the rest). Thread: any one at a time.
+// Finishes a ".part" in place and names it `out`, without a copy: completes its last commit in the file. Errors: it is
+// damaged nevertheless (kBadInput; recover_copy() saves the rest). Thread: any one at a time.
 Result<Recovered> recover_in_place(const std::filesystem::path& part, const OutputFile& out);
 
 }  // namespace bolo::capture

@@ -10,9 +10,9 @@ namespace {
 
 constexpr double kMostPlaces = 1 << 20;  // columns or rows of any camera
 
-// MATLAB has no frame counter: whole periods that are missing in t are lost frames.
+// MATLAB files have no frame counter: whole periods missing in t are lost frames.
 std::vector<std::uint64_t> ids_from_times(const std::vector<double>& t, double period_s) {
-  constexpr double kMostPeriods = 1e15;  // keeps the rounding in range whatever t holds
+  constexpr double kMostPeriods = 1e15;  // keeps the rounding in range, whatever t contains
   std::vector<std::uint64_t> id(t.size());
   for (std::size_t i = 1; i < t.size(); ++i) {
     const double periods = std::clamp(std::round((t[i] - t[i - 1]) / period_s), 1.0, kMostPeriods);
@@ -21,8 +21,8 @@ std::vector<std::uint64_t> ids_from_times(const std::vector<double>& t, double p
   return id;
 }
 
-// The authors' `.mat` version 7.3 (HDF5 after 512 bytes of MATLAB's own): `t` 1 x n (s), `frames` n x width x height
-// (kelvin) as MATLAB shows them; HDF5 lists dimensions in reverse, so `/frames` is (height, width, n) here.
+// The authors' `.mat` version 7.3 (HDF5 after 512 bytes of MATLAB's own): in MATLAB `t` is 1 x n (s), `frames` n x
+// width x height (kelvin); HDF5 lists dimensions in reverse, so `/frames` is (height, width, n) here.
 bool is_matlab_capture(hid_t file) {
   const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
   return !h5::has_attribute({group.get(), "root"}, "format") && !h5::exists(file, "/frame_id") &&
@@ -57,7 +57,7 @@ Result<Contents> read_matlab_capture(hid_t file) {
 
 struct CaptureReader::Impl {
   std::string name;
-  h5::Handle file;  // closed last: the stores hold datasets in it
+  h5::Handle file;  // closed last: the stores hold its datasets
   Contents contents;
   Trust trust;
 
@@ -110,7 +110,7 @@ const std::vector<std::string>& CaptureReader::warnings() const noexcept { retur
 Result<Stimulus> CaptureReader::stimulus() const {
   const Result<Stimulus>& read = impl_->contents.stimulus;
   if (!read) return at(impl_->name, read.error());
-  return *read;  // a copy of the Result itself is noexcept: without memory for it the process would end
+  return *read;  // copying the Result itself is noexcept: lack of memory would end the process
 }
 
 Result<std::vector<Attribute>> CaptureReader::attributes() const {

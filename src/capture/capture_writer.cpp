@@ -1,10 +1,9 @@
-// Writing "bolo-capture" version 1.
+// Writes "bolo-capture" version 1.
 //
-// To survive a kill or a power cut, all datasets are brought to the same length and committed twice a second of frames;
-// CrashSafeFile keeps the file at the last commit in spite of HDF5's writes in between and of a cut within a commit.
-// SWMR mode keeps its order only towards readers on the same machine, not towards the disk, and allows neither
-// attributes nor events to be added. The oldest file format is kept: newer ones mark a file as "open for writing" and
-// refuse it afterwards.
+// To survive a kill or a power cut, all datasets are brought to the same length and committed every half second of
+// frames; CrashSafeFile keeps the file at the last commit in spite of HDF5's writes in between and of a cut within a
+// commit. SWMR mode guarantees its order only to readers on the same machine, not on disk, and forbids new attributes
+// and events. The oldest file format is used: newer ones mark a file as "open for writing", and refuse it afterwards.
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -59,7 +58,7 @@ std::size_t frames_between_commits(double frame_period_s) {
   return static_cast<std::size_t>(frames);
 }
 
-// A killed process leaves such a capture, which nobody misses.
+// A killed process may leave such a capture, which may be replaced.
 bool is_without_frames(const std::filesystem::path& part) {
   const auto reader = CaptureReader::open(part);
   return !reader && reader.error().message.ends_with(kNoFrameStored);
@@ -68,7 +67,7 @@ bool is_without_frames(const std::filesystem::path& part) {
 }  // namespace
 
 struct CaptureWriter::Impl {
-  // A dataset with a plane a frame; none where it was not asked for.
+  // A dataset with one plane per frame; none if not requested.
   struct Planes {
     h5::Handle dataset;
     hid_t type = H5T_NATIVE_FLOAT;
@@ -77,28 +76,28 @@ struct CaptureWriter::Impl {
   std::filesystem::path final_name;
   std::filesystem::path part_name;
   HeldFolder folder;
-  std::filesystem::path part;  // what has part_name, in the held folder
+  std::filesystem::path part;  // the file part_name, in the held folder
   CaptureInfo info;
   WriterOptions options;
-  std::shared_ptr<DrivenFile> driven;  // none once it has its name, or was given up
+  std::shared_ptr<DrivenFile> driven;  // none once it has its final name, or was given up
   h5::Handle file;
   Planes frames;
   Planes truth;
   Planes motion;
-  std::vector<BlockMotion> no_motion;  // of a frame
+  std::vector<BlockMotion> no_motion;  // one frame's
   h5::Handle t;
   h5::Handle frame_id;
   h5::Handle t_host;
   h5::Handle t_utc;
 
-  std::size_t written = 0;  // frames in /frames; those of them in /t and /frame_id are `written - pending_t.size()`
+  std::size_t written = 0;  // frames in /frames; of these, `written - pending_t.size()` are in /t and /frame_id
   std::size_t commit_frames = 1;
   std::vector<double> pending_t;
   std::vector<std::uint64_t> pending_id;
   std::vector<double> pending_host;
   std::vector<double> pending_utc;
-  double uncertainty_s = 0.0;         // of UTC, the largest
-  double stated_uncertainty_s = 0.0;  // as the attribute has it
+  double uncertainty_s = 0.0;         // largest of UTC
+  double stated_uncertainty_s = 0.0;  // value of the attribute
   std::vector<Event> pending_events;
   double last_t_s = -std::numeric_limits<double>::infinity();
   std::uint64_t last_id = 0;
@@ -112,7 +111,7 @@ struct CaptureWriter::Impl {
     ASSIGN_OR_RETURN(auto created, at(part_name.string(), CrashSafeFile::create(part, survives, replace)));
     driven = std::make_shared<DrivenFile>();
     driven->file = std::move(created);
-    // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages found no room.
+    // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages do not fit on the disk.
     if (Status good = driven->file->reserve(frame_bytes()); !good)
       return at(part_name.string(), std::move(good.error()));
     ASSIGN_OR_RETURN(file, at(part_name.string(), create_hdf5(part, driven)));
@@ -161,8 +160,8 @@ struct CaptureWriter::Impl {
     return {};
   }
 
-  // Everything that the next commit writes must fit, so that the commit cannot fail for want of room. A file that was
-  // cut off would grow again, with a hole in it.
+  // Reserves room for all that the next commit writes. (A file truncated by another program would grow again, with a
+  // hole.)
   Status make_room(std::uint64_t bytes) {
     RETURN_IF_ERROR(check_file());
     hsize_t size = 0;
@@ -196,7 +195,7 @@ struct CaptureWriter::Impl {
 
   bool is_ours() const { return folder.is_folder_of(final_name) && driven->file->is_ours(); }
 
-  // Checked before each frame and commit, not only at the end: all later frames would be lost, too.
+  // Checked before each frame and commit, not only at the end: otherwise all later frames would be lost, too.
   Status check_file() const {
     if (is_ours()) return {};
     return failed(part_name.string() + ": was removed, renamed or cut off by another program");
@@ -224,7 +223,7 @@ struct CaptureWriter::Impl {
       }
       pending_t.clear();
       pending_id.clear();
-      pending_host.clear();  // all together: each has a value for every pending frame
+      pending_host.clear();  // all together: each has one value per pending frame
       pending_utc.clear();
     }
     if (!pending_events.empty()) {
@@ -248,7 +247,7 @@ struct CaptureWriter::Impl {
     return state_again("utc_uncertainty_s", uncertainty_s);
   }
 
-  // On failure the file is given up, as its last commit left it.
+  // On failure the file is given up, in the state of its last commit.
   Status close_file() {
     driven->ending = true;
     for (h5::Handle* dataset : {&frames.dataset, &truth.dataset, &motion.dataset, &t, &frame_id, &t_host, &t_utc})
@@ -306,7 +305,7 @@ Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, c
   impl->info = info;
   impl->options = options;
   impl->commit_frames = frames_between_commits(info.format.frame_period_s);
-  // Room for a frame's numbers is there before the frame is: one without the other would be laid to a wrong frame.
+  // Room for a frame's numbers is reserved before its planes are written: otherwise numbers could shift against frames.
   for (auto* pending : {&impl->pending_t, &impl->pending_host, &impl->pending_utc})
     pending->reserve(impl->commit_frames);
   impl->pending_id.reserve(impl->commit_frames);
@@ -416,7 +415,7 @@ Status CaptureWriter::complete() {
   return w.close_file();
 }
 
-// The file is on the disk before it gets its name.
+// The file is on disk before it gets its name.
 Status CaptureWriter::close() {
   Impl& w = *impl_;
   if (w.file) {
@@ -430,7 +429,7 @@ Status CaptureWriter::close() {
   }
   Status published = publish(w.folder, w.part_name, {w.final_name, w.options.replace});
   if (published) remove_records(w.part);
-  w.driven.reset();  // and with it the lock: its next holder finds that the name is gone
+  w.driven.reset();  // also releases the lock: its next holder finds that the name is gone
   return published;
 }
 

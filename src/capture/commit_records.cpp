@@ -21,8 +21,8 @@ namespace bolo::capture {
 namespace {
 
 constexpr std::uint64_t kMagic = 0x314c4e4a4f4c4f42ULL;            // "BOLOJNL1"
-constexpr std::uint64_t kMostPages = std::uint64_t{1} << 18;       // 1 GiB: far beyond what one commit changes
-constexpr std::uint64_t kLastPage = (std::uint64_t{1} << 50) - 1;  // offsets stay below 2^62
+constexpr std::uint64_t kMostPages = std::uint64_t{1} << 18;       // 1 GiB: far beyond the changes of one commit
+constexpr std::uint64_t kLastPage = (std::uint64_t{1} << 50) - 1;  // keeps offsets below 2^62
 
 struct Head {
   std::uint64_t magic = kMagic;
@@ -46,18 +46,18 @@ std::uint64_t checksum_of(const PageRecord& record) {
 
 struct Records {
   PageRecord journal;
-  PageRecord live;  // its sequence is 0 when it doesn't count
+  PageRecord live;  // sequence 0: not valid
 };
 
 UniqueFd open_to_read(const std::filesystem::path& file) {
   return UniqueFd(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
 }
 
-// Counts the disks that were put in since the computer was started.
+// Sequence number of the disk since the computer was booted.
 std::string number_of_disk(dev_t device) {
   const std::string block = "/sys/dev/block/" + std::to_string(major(device)) + ":" + std::to_string(minor(device));
   const std::string whole = first_line(block + "/diskseq");
-  return whole.empty() ? first_line(block + "/../diskseq") : whole;  // that of the disk of a partition
+  return whole.empty() ? first_line(block + "/../diskseq") : whole;  // a partition has that of its disk
 }
 
 PageRecord read_live(const std::filesystem::path& file) {
@@ -83,7 +83,7 @@ std::filesystem::path real_name(const std::filesystem::path& file) {
   return error ? file : real;
 }
 
-// A live record that is older than the journal's lacks later writes to the file, so it is ignored.
+// A live record older than the journal's lacks later writes to the file, and is ignored.
 Records read_both(const std::filesystem::path& name) {
   const std::filesystem::path file = real_name(name);
   Records records;
@@ -219,13 +219,12 @@ void LiveRecord::write(const PageRecord& record) {
 
 Pages read_records(const std::filesystem::path& file) {
   Records records = read_both(file);
-  records.live.pages.merge(records.journal.pages);  // the live one's where both have a page
+  records.live.pages.merge(records.journal.pages);  // the live one's if both have a page
   return std::move(records.live.pages);
 }
 
-// The journal must be on the disk before the file follows it: a kill may have come before that. The live
-// record doesn't survive a cut of power, so it goes through the journal too, when the pages that this had are in the
-// file.
+// The journal must be on disk before the file follows it, because a kill may have come before that. The live record
+// does not survive a power cut, so it goes through the journal too, once the journal's own pages are in the file.
 bool apply_records(const std::filesystem::path& file) {
   constexpr std::uint64_t kNoEnd = std::numeric_limits<std::uint64_t>::max();
   const UniqueFd to(::open(file.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW));

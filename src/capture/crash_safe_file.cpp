@@ -63,7 +63,7 @@ Status check_only_names(const std::filesystem::path& file, Replace replace) {
   return check_only_name(live_of(file));
 }
 
-// As has_one_name(), of what was opened: the name may have got another file since it was looked at. False with errno.
+// As has_one_name(), for the opened file: the name may belong to another file since it was checked. False with errno.
 bool opened_only_name(const UniqueFd& file, struct stat& info) {
   if (!file || ::fstat(file.get(), &info) != 0) return false;
   if (S_ISREG(info.st_mode) && info.st_nlink <= 1) return true;
@@ -71,7 +71,7 @@ bool opened_only_name(const UniqueFd& file, struct stat& info) {
   return false;
 }
 
-// A record of an earlier file must not be laid over this one, not even after a cut of power.
+// A record of an earlier file must not be applied to this one, not even after a power cut.
 UniqueFd create_journal(const std::filesystem::path& file, bool power) {
   UniqueFd journal(::open(journal_of(file).c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666));
   struct stat info {};
@@ -82,13 +82,13 @@ UniqueFd create_journal(const std::filesystem::path& file, bool power) {
 }
 
 constexpr std::uint64_t kReserveSlack = std::uint64_t{1} << 20;
-constexpr std::uint64_t kReserveStep = std::uint64_t{8} << 20;  // asked for at once, to ask seldom
+constexpr std::uint64_t kReserveStep = std::uint64_t{8} << 20;  // reserved at once, to ask seldom
 
 tl::unexpected<Error> no_room(int error) {
   return failed(std::string("no room to write: ") + std::strerror(error) + "; free some space or record elsewhere");
 }
 
-// The limit of `ulimit -f` doesn't bind fallocate() beyond the file's end, but it will bind the write.
+// fallocate() beyond the file's end ignores the limit of `ulimit -f`; the write will not.
 bool within_size_limit(std::uint64_t end) {
   rlimit limit{};
   return getrlimit(RLIMIT_FSIZE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY || end <= limit.rlim_cur;
@@ -108,7 +108,7 @@ int allocate(int descriptor, std::uint64_t begin, std::uint64_t end) {
   return space.f_bavail * space.f_frsize < end - begin ? ENOSPC : 0;
 }
 
-// Without room for the record the pages are written unprotected: frames are worth more.
+// If there is no room for the record, the pages are written unprotected: frames are worth more.
 bool write_journal(int journal, const PageRecord& record, bool power) {
   const std::vector<std::byte> bytes = to_bytes(record);
   const bool written = write_all(journal, 0, bytes.size(), bytes.data());  // C2
@@ -116,8 +116,7 @@ bool write_journal(int journal, const PageRecord& record, bool power) {
   return (errno == ENOSPC || errno == EDQUOT || errno == EFBIG) && ::ftruncate(journal, 0) == 0;
 }
 
-// The writer that held the lock until now may have given the file its final name. An error where nothing is known (a
-// network's file system that does not answer).
+// False if the lock's previous holder gave the file its final name. An error if a network file system does not answer.
 Result<bool> still_named(int descriptor, const std::filesystem::path& file) {
   struct stat opened {};
   struct stat named {};
@@ -133,7 +132,7 @@ Status check_unfinished(const std::filesystem::path& file) {
   return std::filesystem::exists(std::filesystem::symlink_status(file, ignored)) ? is_there(file) : Status{};
 }
 
-// Nothing of a file that another writer holds is touched. The records are emptied before the file is.
+// A file that another writer holds is not touched. The records are emptied before the file.
 Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesystem::path& file, SurvivesCut survives,
                                                              Replace replace) {
   RETURN_IF_ERROR(check_only_names(file, replace));
@@ -145,7 +144,7 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesyst
   const Result<bool> ours = still_named(made->descriptor(), file);
   if (ours && !*ours) return bad_input(kIsBeingWritten);
   if (Status begun = ours ? made->begin(survives) : tl::unexpected(ours.error()); !begun) {
-    if (replace == Replace::kNothing) {  // it was made here, and would be taken for an unfinished recording
+    if (replace == Replace::kNothing) {  // created here; it would be taken for an unfinished recording
       remove_records(file);
       ::unlink(file.c_str());
     }
@@ -186,7 +185,7 @@ Status CrashSafeFile::reserve(std::uint64_t end) {
   end += kReserveSlack;
   if (end <= reserved_) return {};
   if (!within_size_limit(end)) return no_room(EFBIG);
-  // A full step first; near the end of the disk or of the size limit, just what is needed.
+  // A full step first; near the end of the disk or of the size limit, only what is needed.
   std::uint64_t to = end + kReserveStep;
   int error = within_size_limit(to) ? allocate(file_.get(), reserved_, to) : ENOSPC;
   if (error != 0) {
@@ -198,7 +197,7 @@ Status CrashSafeFile::reserve(std::uint64_t end) {
   return {};
 }
 
-// The newest first: what waits, then what is on its way to the disk. Null: as it is in the file.
+// The newest version of a page: waiting, then on its way to the disk. Null: as in the file.
 const Page* CrashSafeFile::in_memory(std::uint64_t number) const {
   if (const auto page = waiting_.find(number); page != waiting_.end()) return &page->second;
   const auto page = on_way_.pages.find(number);
@@ -256,15 +255,15 @@ bool CrashSafeFile::defer_write(std::uint64_t offset, std::size_t bytes, const s
 bool CrashSafeFile::commit(std::uint64_t end) {
   end_ = end;
   size_ = std::max(size_, end);
-  if (size_ > length_ && !resize(size_)) return false;  // pages that wait may reach beyond
+  if (size_ > length_ && !resize(size_)) return false;  // waiting pages may reach beyond it
   ++sequence_;
   if (!(power_ ? commit_for_power() : commit_here())) return false;
   committed_pages_ = (size_ + kPageBytes - 1) / kPageBytes;
   return true;
 }
 
-// C1 to C4; without the syncs where only the death of the process is to be survived. 0, or an errno; then it can be
-// called again. Thread: the disk's while it is under way, else the writer's.
+// C1 to C4; without syncs if only the process may die. 0, or an errno; then it can be called again. Thread: the disk's
+// while it is under way, otherwise the writer's.
 int CrashSafeFile::write_commit(const PageRecord& record, std::uint64_t end) try {
   if (power_) {
     names_durable_ = names_durable_ || sync_folder_of(name_);
@@ -292,24 +291,24 @@ bool CrashSafeFile::commit_for_power() {
   const bool ended = disk_.valid() && disk_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
   if (disk_.valid() && (too_much || ended) && !end_disk()) return false;
   PageRecord record{sequence_, waiting_};
-  record.pages.insert(on_way_.pages.begin(), on_way_.pages.end());  // where a page is in both, the one that waits
+  record.pages.insert(on_way_.pages.begin(), on_way_.pages.end());  // keeps waiting versions
   live_.write(record);                                              // P
   if (!disk_.valid()) begin_disk();
   return true;
 }
 
-// If no thread can be started the pages wait for the next commit.
+// If no thread can be started, the pages wait for the next commit.
 void CrashSafeFile::begin_disk() {
   on_way_ = {sequence_, std::move(waiting_)};
   waiting_.clear();
   try {
     disk_ = std::async(std::launch::async, [this, end = size_] { return write_commit(on_way_, end); });
-  } catch (const std::exception&) {  // for want of memory or threads
+  } catch (const std::exception&) {  // for lack of memory or threads
     waiting_.swap(on_way_.pages);
   }
 }
 
-// Waits for the commit on its way to the disk. If it failed, its pages wait again unless newer ones do.
+// Waits for the commit on its way to the disk. If it failed, its pages wait again, except those with a newer version.
 bool CrashSafeFile::end_disk() {
   const int error = disk_.get();
   if (error != 0) waiting_.merge(on_way_.pages);
@@ -318,7 +317,7 @@ bool CrashSafeFile::end_disk() {
   return error == 0;
 }
 
-// A file system that cannot be asked just now (NFS) proves nothing.
+// A file system that cannot be asked at present (NFS) proves nothing.
 bool CrashSafeFile::is_ours() const {
   struct stat opened {};
   struct stat named {};
@@ -328,7 +327,7 @@ bool CrashSafeFile::is_ours() const {
          static_cast<std::uint64_t>(opened.st_size) >= length_;
 }
 
-// Truncating to the size that the file has frees what was reserved beyond.
+// Truncating to the file's own size frees the space reserved beyond it.
 bool CrashSafeFile::finish() {
   if (disk_.valid() && !end_disk()) return false;
   ++sequence_;

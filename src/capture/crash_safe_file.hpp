@@ -1,13 +1,13 @@
 // A file that grows and is rewritten in places. A killed process leaves exactly the state of the last commit, a power
-// cut that of the last commit that reached the disk, whichever later writes had reached it.
+// cut that of the last commit that reached the disk, regardless of later writes that had reached it.
 //
 // Pages that existed at the last commit are not overwritten before it is durable: such writes wait in memory. Writes
 // beyond them go out at once, since the committed state does not include them. Each commit() is one for the process
-// (P), and begins one for the disk (C) of all waiting pages when none is under way, on a thread of its own: the writer
+// (P), and, if none is under way, begins one for the disk (C) of all waiting pages on a thread of its own: the writer
 // never waits for the disk, however slow it is.
 //
 // - P:  pages that wait or are on their way to the disk go to FILE.live, in one record with a checksum, without a
-//       sync: the kernel keeps what was written. From here on a kill leaves the new state.
+//       sync: the kernel keeps the writes. From here on a kill leaves the new state.
 // - C1: the file is synced: data beyond the committed pages is durable, and so is C4 of the previous commit.
 // - C2: the pages on their way go to FILE.journal, in one record with a checksum.
 // - C3: the journal is synced. From here on a power cut leaves the new state.
@@ -16,13 +16,13 @@
 //   writer: P1 begin ... P2 ... P3 ... P4: C has ended, begin ... P5 ...
 //   disk:      C1 ------- C2 C3 ---- C4                 C1 ------- C2 ...
 //
-// A cut before C3 leaves a torn journal, or the previous one, which changes nothing: C1 made its C4 durable. A cut
-// after C3 leaves a whole journal; opening writes its pages over the file, however far C4 had come. The live record
-// names the boot that wrote it and is ignored by any other: the writes that it builds on are gone. After a kill,
-// opening lays the last P's record, never older than the pages of C4, over journal and file. A kill within P leaves the
-// record of the previous P, and the file as that left it but for C4's pages, which the record has.
+// A power cut before C3 leaves a torn journal, or the previous one, which changes nothing: C1 made its C4 durable. A
+// cut after C3 leaves a complete journal; opening writes its pages over the file, however far C4 had come. The live
+// record names its boot and is ignored after another: the writes that it builds on are lost. After a kill, opening
+// applies the record of the last P, never older than the pages of C4, over journal and file. A kill within P leaves the
+// record of the previous P, and the file in its state except for C4's pages, which the record has.
 //
-// Files that need only survive the process do C2 and C4 themselves, in place of P.
+// Files that need to survive only the death of the process do C2 and C4 themselves, in place of P.
 #pragma once
 
 #include <cstddef>
@@ -41,37 +41,34 @@ namespace bolo::capture {
 
 enum class SurvivesCut { kProcess, kPower };
 
-// Refuses a name under which there is a file already, as CrashSafeFile::create() does: an unfinished recording. Errors:
-// kBadInput, to be put after the file's name. Thread: any.
+// Refuses an existing file (an unfinished recording), as create() does. Errors: kBadInput, without its name.
+// Thread: any.
 Status check_unfinished(const std::filesystem::path& file);
 
 class CrashSafeFile {
  public:
-  // Creates the file and its records, or empties one that may be replaced, and locks it. A link in the place of any of
-  // them is refused, and what it stands for not touched. Errors: kBadInput with the cause; what was made is gone then.
-  // Thread: setup.
+  // Creates the file and its records, or empties one that may be replaced, and locks it. A link in place of any of them
+  // is refused, and its target not touched. Errors: kBadInput with the cause; created files are removed. Thread: setup.
   static Result<std::unique_ptr<CrashSafeFile>> create(const std::filesystem::path& file, SurvivesCut survives,
                                                        Replace replace);
-  // For reading, as the last commit left it. Thread: setup.
+  // Opens for reading, in the state of the last commit. Thread: setup.
   static Result<std::unique_ptr<CrashSafeFile>> open(const std::filesystem::path& file);
   ~CrashSafeFile() = default;  // waits for the disk
 
-  // The file may grow to `end` bytes, and somewhat beyond for HDF5's own structures: "disk full" is learnt before a
-  // write fails half-way and leaves the structure torn. Errors: kFailed with the cause (disk full, quota, file size
-  // limit); what was reserved before stays. Thread of this and all below: any one at a time.
+  // Lets the file grow to `end` bytes, and somewhat beyond for HDF5's own structures: "disk full" is reported before a
+  // write fails half-way and tears the structure. Errors: kFailed with the cause (disk full, quota, file size limit);
+  // earlier reservations stay. Thread of this and all below: any one at a time.
   Status reserve(std::uint64_t end);
 
-  // False on failure, with errno. Bytes beyond size() read as zeros; a file opened for reading that was cut off since
-  // is a failure.
+  // False on failure, with errno. Bytes beyond size() read as zeros; a file truncated since open() is a failure.
   bool read(std::uint64_t offset, std::size_t bytes, void* out) const;
   bool write(std::uint64_t offset, std::size_t bytes, const void* data);
-  // The file is at least `end` bytes long afterwards. Also reports what failed on the disk since the last commit; can
-  // be called again after a failure.
+  // The file then has at least `end` bytes. Also reports earlier failures on the disk; can be called again after one.
   bool commit(std::uint64_t end);
-  // Makes the last commit durable in the file itself, which then needs no records, and frees space reserved beyond it.
+  // Makes the last commit durable in the file itself, which then needs no records, and frees reserved space beyond it.
   bool finish();
 
-  // False once another program removed the file, gave its name to another, or cut it off.
+  // False once another program has removed or truncated the file, or given its name to another.
   bool is_ours() const;
   std::uint64_t size() const noexcept { return size_; }
   int descriptor() const noexcept { return file_.get(); }
@@ -92,19 +89,19 @@ class CrashSafeFile {
   const std::filesystem::path name_;
   UniqueFd file_;
   UniqueFd journal_;  // none when reading
-  LiveRecord live_;   // none but for SurvivesCut::kPower
+  LiveRecord live_;   // none except for SurvivesCut::kPower
   bool power_ = false;
   std::uint64_t reserved_ = 0;
   std::uint64_t size_ = 0;
-  std::uint64_t length_ = 0;        // of the file itself: without what waits
-  std::uint64_t opened_bytes_ = 0;  // that the file had; 0 when writing
+  std::uint64_t length_ = 0;        // of the file itself, without waiting pages
+  std::uint64_t opened_bytes_ = 0;  // at open; 0 when writing
   std::uint64_t end_ = 0;           // of the last commit
   std::uint64_t committed_pages_ = 0;
   std::uint64_t sequence_ = 0;
-  Pages waiting_;               // of a file that is read: what the records lay over it
+  Pages waiting_;               // when reading: pages of the records, which supersede the file's
   PageRecord on_way_;           // to the disk; both threads read it until end_disk()
   bool names_durable_ = false;  // of write_commit()
-  std::future<int> disk_;       // of C1 to C4, while they are under way: 0 or an errno. Last: it ends first
+  std::future<int> disk_;       // C1 to C4, while they are under way: 0 or an errno. Last member: destroyed first
 };
 
 }  // namespace bolo::capture

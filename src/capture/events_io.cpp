@@ -36,13 +36,12 @@ h5::Handle kind_of_fixed_length() {
   return type;
 }
 
-// Type of member `name`, nothing when there is none.
 h5::Handle member_type(hid_t compound, const char* name) {
   const int index = H5Tget_member_index(compound, name);
   return index < 0 ? h5::Handle() : h5::Handle(H5Tget_member_type(compound, static_cast<unsigned>(index)));
 }
 
-// HDF5 1.10 does not check it.
+// HDF5 1.10 does not check this.
 bool member_inside(hid_t compound, const char* name) {
   const int index = H5Tget_member_index(compound, name);
   const std::size_t offset = H5Tget_member_offset(compound, static_cast<unsigned>(index));

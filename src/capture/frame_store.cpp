@@ -30,7 +30,7 @@ bool is_filtered(hid_t dataset) {
   return H5Pget_nfilters(properties.get()) != 0;
 }
 
-// Bytes of all chunks that one frame touches; 0 for data without chunks.
+// Bytes of all chunks that one frame touches; 0 for unchunked data.
 std::size_t chunks_of_a_frame(const h5::Dims& dims, const h5::Dims& chunk, std::size_t frame_axis, std::size_t bytes) {
   if (chunk.empty()) return 0;
   h5::Dims touched{bytes};
@@ -42,8 +42,8 @@ std::size_t chunks_of_a_frame(const h5::Dims& dims, const h5::Dims& chunk, std::
   return h5::product(touched).value_or(kMostCache);
 }
 
-// Reopens the dataset with a chunk cache that holds whole frames: the default of 1 MiB would decompress the same chunk
-// again for each frame in it.
+// Reopens the dataset with a chunk cache that holds whole frames: with the default of 1 MiB the same chunk would be
+// decompressed again for each frame in it.
 h5::Handle with_cache(hid_t file, const std::string& path, std::size_t cache_bytes) {
   const h5::Handle access(H5Pcreate(H5P_DATASET_ACCESS));
   constexpr std::size_t kSlots = 4099;          // prime, more than the chunks held
@@ -60,7 +60,6 @@ void pick_frame(const std::byte* block, std::size_t count, std::size_t at, std::
   for (std::size_t i = 0; i < pixels; ++i) to[i] = from[i * count + at];
 }
 
-// `values` of a pixel, 0: a plain picture.
 Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder order, h5::Expect expect, hsize_t values) {
   const char* expected = order == FrameOrder::kFrameMajor ? "(n, height, width)" : "(height, width, n)";
   if (values > 0 && (dims.size() != 4 || dims[3] != values)) {
@@ -149,8 +148,7 @@ h5::Dims FrameStore::corner(std::size_t index) const {
   return at;
 }
 
-// HDF5 reads a frame that a torn index does not lead to "successfully", leaving the buffer as it was: detected by two
-// different buffers.
+// HDF5 "reads" frames missing in a torn index, and leaves the buffer unchanged: detected with two different buffers.
 bool FrameStore::is_stored(std::size_t index) {
   hsize_t bytes = 0;
   if (!contiguous_ && (H5Dget_chunk_storage_size(dataset_.get(), corner(index).data(), &bytes) < 0 || bytes == 0))
@@ -172,7 +170,7 @@ Status FrameStore::drop_missing_end(std::size_t most) {
   return {};
 }
 
-// HDF5 1.10 believes the size that the index states and reads beyond its buffer when that is wrong.
+// HDF5 1.10 trusts the size stated by the index, and reads beyond its buffer if that is wrong.
 bool FrameStore::chunk_fits(std::size_t index) const {
   hsize_t bytes = 0;
   return H5Dget_chunk_storage_size(dataset_.get(), corner(index).data(), &bytes) >= 0 &&

@@ -14,20 +14,19 @@ enum class FrameOrder {
   kMatlab,      // (height, width, n): MATLAB's n x width x height, which HDF5 lists in reverse
 };
 
-// Values leave in `type()`: uint16 stays, everything else becomes float32. Thread: any one at a time.
+// Values are returned as `type()`: uint16 stays, everything else becomes float32. Thread: any one at a time.
 class FrameStore {
  public:
   static constexpr std::size_t kBlockBytes = std::size_t{64} << 20;
 
-  // Any number type; stricter callers check stored_type(). `block_bytes`: memory for turning MATLAB's order over.
-  // `values`: the dataset is (n, height, width, values), and a "frame" is `values` times as wide as it is stored.
-  // Errors: kBadInput naming `path`.
+  // Any number type; stricter callers check stored_type(). `block_bytes`: memory for transposing MATLAB's order.
+  // `values`: the dataset is (n, height, width, values), and "frames" are `values` times as wide. Errors: kBadInput
+  // naming `path`.
   static Result<FrameStore> open(hid_t file, const std::string& path, FrameOrder order,
                                  h5::Expect expect = h5::Expect::kWhole, std::size_t block_bytes = kBlockBytes,
                                  hsize_t values = 0);
 
-  // Of a dataset opened with Expect::kPart: drops the frames at the end that never reached the file. More than `most`
-  // of them are an error.
+  // After Expect::kPart: drops frames at the end that never reached the file. More than `most` of them are an error.
   Status drop_missing_end(std::size_t most);
 
   std::size_t frames() const noexcept { return frames_; }
@@ -54,9 +53,9 @@ class FrameStore {
   std::size_t frames_ = 0;
   h5::Dims one_frame_;  // its shape in the file, first axis 1
   bool contiguous_ = false;
-  bool checks_chunk_ = false;  // one uncompressed chunk a frame: its stored size is known
+  bool checks_chunk_ = false;  // one uncompressed chunk per frame: its stored size is known
 
-  // MATLAB's order keeps a pixel's whole history together, so frames are read by the block and turned over.
+  // MATLAB's order keeps a pixel's whole history together, so frames are read in blocks and transposed.
   std::size_t block_frames_ = 1;
   std::size_t block_begin_ = 0;
   std::size_t block_count_ = 0;

@@ -11,11 +11,11 @@
 namespace bolo::capture::h5 {
 namespace {
 
-// The best ratio deflate can reach is 1032; shuffle and scale-offset don't go beyond by much.
+// The best ratio of deflate is 1032; shuffle and scale-offset do not exceed it by much.
 constexpr std::size_t kMostCompression = 2048;
 
 // Before any other call of the library: at exit it would try to close objects of a damaged file that it could not open,
-// and print errors. All that is written here is closed here.
+// and print errors. Everything written here is closed here.
 [[maybe_unused]] const herr_t kLeftAlone = H5dont_atexit();
 
 constexpr const char* kNoMemory = "not enough memory";
@@ -24,10 +24,10 @@ herr_t keep_first(unsigned, const H5E_error2_t* error, void* out) {
   auto& message = *static_cast<std::string*>(out);
   if (error->desc != nullptr) message = error->desc;
   if (error->maj_num == H5E_RESOURCE && error->min_num == H5E_NOSPACE) message = kNoMemory;
-  return 1;  // stop: the innermost comes first
+  return 1;  // stop: the innermost error comes first
 }
 
-// Values of numbers and strings may be stored as a scalar or as an array of one.
+// Numbers and strings may be stored as a scalar or as an array of one.
 bool holds_one(hid_t attribute) {
   const Handle space(H5Aget_space(attribute));
   return space && H5Sget_simple_extent_npoints(space.get()) == 1;
@@ -85,8 +85,8 @@ Status check_filters(hid_t properties, const std::string& path) {
   return {};
 }
 
-// Values must be in the file itself. Elsewhere is wherever its maker wrote: any file that only the reader may read, a
-// pipe that nobody feeds, or this same dataset, round and round.
+// Values must be in the file itself. Another place could be anything: a file that only this reader may read, a pipe
+// that nobody feeds, or this same dataset, recursively.
 Status check_place(hid_t properties, const std::string& path) {
   if (H5Pget_layout(properties) != H5D_VIRTUAL && H5Pget_external_count(properties) <= 0) return {};
   return bad_input(path + " has its values in other files, which are not read; write them into this one");
@@ -105,8 +105,8 @@ std::optional<std::size_t> allocated_values(hid_t properties, const Dims& dims) 
   return product(allocated);
 }
 
-// Refuses a shape for which the file doesn't hold the data, and chunks of other sizes than stated: HDF5 1.10 believes
-// a damaged index, reads beyond its buffers or spends minutes on a chunk that never was.
+// Refuses a shape whose data the file does not hold, and chunks of other sizes than stated: HDF5 1.10 trusts a damaged
+// index, reads beyond its buffers or spends minutes on a chunk that does not exist.
 Status check_stored(hid_t dataset, hid_t properties, const std::string& path) {
   const Dims dims = shape(dataset);
   const Handle type(H5Dget_type(dataset));
@@ -131,7 +131,6 @@ Status check_stored(hid_t dataset, hid_t properties, const std::string& path) {
   return {};
 }
 
-// False unless the first `rows` values (all of them for a MATLAB row or column) could be read.
 bool read_rows(hid_t dataset, hid_t memory_type, std::size_t rows, bool all, void* out) {
   if (rows == 0) return true;
   if (all) return H5Dread(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out) >= 0;
@@ -145,7 +144,7 @@ hsize_t series_chunk(hid_t dataset) {
   return chunk;
 }
 
-// The values in the chunks that can be read, from the first on.
+// The values of the chunks that can be read, from the first on.
 template <typename T>
 std::vector<T> read_readable_part(hid_t dataset, hid_t memory_type, std::size_t values, std::size_t value_bytes) {
   const hsize_t chunk = series_chunk(dataset);
@@ -186,7 +185,7 @@ bool write_attribute_of(hid_t owner, const std::string& name, hid_t type, const 
   return attribute && H5Awrite(attribute.get(), type, value) >= 0;
 }
 
-// The block as a selection in the dataset's space; nothing when it lies outside.
+// The block as a selection in the dataset's space; nothing if it lies outside.
 Handle selection(hid_t dataset, const Dims& start, const Dims& count) {
   Handle space(H5Dget_space(dataset));
   const bool good = H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) >= 0;
@@ -201,12 +200,12 @@ Handle simple_space(const Dims& dims) {
 
 bool has_memory_for_a_file() noexcept {
   constexpr std::size_t kOfAFile = std::size_t{4} << 20;
-  void* volatile memory = std::malloc(kOfAFile);  // volatile: or the compiler leaves both calls out
+  void* volatile memory = std::malloc(kOfAFile);  // volatile: otherwise the compiler removes both calls
   std::free(memory);
   return memory != nullptr;
 }
 
-// Any call of the library clears its errors, closing too.
+// Every call of the library clears its errors, closing included.
 bool Handle::close() noexcept {
   if (id_ < 0) return true;
   const hid_t id = std::exchange(id_, H5I_INVALID_HID);
@@ -239,7 +238,7 @@ std::string because() {
 
 tl::unexpected<Error> not_read(const std::string& what) {
   std::string message = cause();
-  if (!has_memory_for_a_file()) message = kNoMemory;  // a filter does not say so, and the errors themselves take memory
+  if (!has_memory_for_a_file()) message = kNoMemory;  // a filter does not say so, and errors themselves take memory
   const std::string line = what + " cannot be read" + (message.empty() ? "" : ": " + message);
   return message == kNoMemory ? failed(line) : bad_input(line);
 }
@@ -331,7 +330,7 @@ bool write_attribute(hid_t owner, const std::string& name, std::int64_t value) {
   return write_attribute_of(owner, name, H5T_NATIVE_INT64, &value);
 }
 
-// Of fixed length: MATLAB and every version of h5py read it.
+// Of fixed length, which MATLAB and every version of h5py read.
 bool write_attribute(hid_t owner, const std::string& name, const std::string& value) {
   const Handle type(H5Tcopy(H5T_C_S1));
   H5Tset_size(type.get(), value.size() + 1);
@@ -407,7 +406,7 @@ Handle create_growing(hid_t file, const std::string& path, hid_t type, const Dim
   }
   const Handle links(H5Pcreate(H5P_LINK_CREATE));
   H5Pset_create_intermediate_group(links.get(), 1);
-  // Frames are whole chunks: kept in HDF5's cache they would take room on the disk that nobody has asked for.
+  // Frames are whole chunks: in HDF5's cache they would later need disk space that was not reserved.
   const Handle access(H5Pcreate(H5P_DATASET_ACCESS));
   if (rank > 1) H5Pset_chunk_cache(access.get(), 0, 0, 1.0);
   return Handle(H5Dcreate2(file, path.c_str(), type, space.get(), links.get(), properties.get(), access.get()));

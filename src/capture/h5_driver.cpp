@@ -19,7 +19,7 @@ namespace {
 
 constexpr haddr_t kMostAddress = (haddr_t{1} << 62U) - 1;
 
-// The access list's property for open_file().
+// Property of the access list for open_file().
 struct Access {
   const std::shared_ptr<DrivenFile>* driven = nullptr;
 };
@@ -28,7 +28,7 @@ struct Access {
 struct Driven {
   H5FD_t common;
   std::shared_ptr<DrivenFile> shared;
-  haddr_t end = 0;  // of what HDF5 has allocated
+  haddr_t end = 0;  // of HDF5's allocation
 };
 
 Driven& self(H5FD_t* file) { return *reinterpret_cast<Driven*>(file); }
@@ -52,7 +52,7 @@ bool within_memory(Use&& use) {
   }
 }
 
-// The outcome as HDF5 is to see it: after the end has begun a failure is noted instead.
+// The outcome reported to HDF5: once the end has begun, a failure is noted instead.
 bool outcome(DrivenFile& driven, bool good) {
   driven.erred |= !good;
   if (good || !driven.ending) return good;
@@ -60,7 +60,7 @@ bool outcome(DrivenFile& driven, bool good) {
   return true;
 }
 
-// HDF5 first asks for a file to create as if it was there, to see whether it is open already: it never is.
+// HDF5 first tries to open a file to be created, to see whether it is open already: it never is.
 H5FD_t* open_file(const char*, unsigned flags, hid_t access_list, haddr_t) {
   const auto* access = static_cast<const Access*>(H5Pget_driver_info(access_list));
   if (access == nullptr || ((flags & H5F_ACC_CREAT) != 0) != (*access->driven)->writes) return nullptr;
@@ -123,10 +123,10 @@ herr_t write_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t b
   return done_or_why(outcome(driven, good), "cannot be written");
 }
 
-// Until the end: a later commit only grows the file.
+// Postponed to the end: a later commit only grows the file.
 herr_t truncate_file(H5FD_t*, hid_t, hbool_t) { return 0; }
 
-// As HDF5's own driver does with "ignore when disabled".
+// Like HDF5's own driver with "ignore when disabled".
 herr_t lock_file(H5FD_t* file, hbool_t exclusive) {
   const int how = (exclusive != 0 ? LOCK_EX : LOCK_SH) | LOCK_NB;
   const bool good = flock(self(file).shared->file->descriptor(), how) == 0 || errno == ENOSYS || errno == ENOLCK;
@@ -162,8 +162,7 @@ H5FD_class_t driver_class() {
   return driver;
 }
 
-// File access through the driver; it locks where the file system can lock and goes without where it can't (some network
-// mounts). Nothing on failure.
+// File access through the driver; locks, except where the file system (some network mounts) cannot. Nothing on failure.
 h5::Handle file_access(const std::shared_ptr<DrivenFile>& driven) {
   static const H5FD_class_t driver = driver_class();
   static const hid_t id = H5FDregister(&driver);
@@ -175,7 +174,6 @@ h5::Handle file_access(const std::shared_ptr<DrivenFile>& driven) {
 
 constexpr std::string_view kOldMatlab = "MATLAB 5.0 MAT-file";
 
-// Readable and a regular file; fills `head` with the first bytes.
 Status read_head(const std::filesystem::path& file, std::array<char, 128>& head) {
   const UniqueFd descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!descriptor) return bad_input(std::string("cannot be opened: ") + std::strerror(errno));
@@ -194,7 +192,7 @@ Result<h5::Handle> create_hdf5(const std::filesystem::path& name, const std::sha
   if (!h5::has_memory_for_a_file()) return failed("cannot be created: not enough memory");
   const h5::Handle access = file_access(driven);
   h5::Handle file(access ? H5Fcreate(name.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()) : H5I_INVALID_HID);
-  if (!file) return failed("cannot be created" + h5::because());  // before `access` is closed, which forgets the reason
+  if (!file) return failed("cannot be created" + h5::because());  // before `access` is closed, which clears the cause
   return file;
 }
 

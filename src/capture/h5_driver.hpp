@@ -10,29 +10,29 @@
 namespace bolo::capture {
 
 // Shared by HDF5's handle of a file and its writer. HDF5 crashes after a file that it could not close. So, once
-// `ending` is set, a failed write (a full disk) is noted here and hidden from HDF5; nothing more is committed: the file
-// stays at the commit before.
+// `ending` is set, a failed write (a full disk) is noted here and hidden from HDF5; the file stays at the previous
+// commit.
 struct DrivenFile {
   std::unique_ptr<CrashSafeFile> file;
   bool writes = false;
   bool salvages = false;
   bool ending = false;
   bool erred = false;  // a read or a write failed: HDF5's state may be inconsistent
-  int error = 0;       // errno of what failed since `ending`
-  int read_error = 0;  // errno of a read that the disk failed at since check_reads()
+  int error = 0;       // errno of a failure since `ending`
+  int read_error = 0;  // errno of a failed disk read since check_reads()
 };
 
-// A new HDF5 file of that name, which `driven` has open for writing and keeps when HDF5 has closed it: its owner has to
+// A new HDF5 file of that name. `driven` holds it open for writing, also after HDF5 has closed it: its owner must
 // finish it. Errors (without the file's name): no memory, no room. Thread: any one at a time.
 Result<h5::Handle> create_hdf5(const std::filesystem::path& name, const std::shared_ptr<DrivenFile>& driven);
 
-// With what the records beside it lay over the file. `salvage`: a file that is shorter than its structure says opens
-// too, reading what is gone fails. Errors (kBadInput, without the file's name): not there, not HDF5 (what it is, where
-// that shows), cut off, being written by another program. Thread: any one at a time.
+// Opens a file with the pages of the records beside it. `salvage`: also a file shorter than its structure states;
+// reading the missing part fails. Errors (kBadInput, without the file's name): missing, not HDF5 (with its kind, if
+// recognised), cut off, being written by another program. Thread: any one at a time.
 Result<h5::Handle> open_hdf5(const std::filesystem::path& file, bool salvage = false);
 
-// HDF5 takes what the disk fails to give (a bad sector, a network) for what is not there: after looking for what need
-// not be there this says whether that is so. Errors (kBadInput, without the file's name). Thread: any one at a time.
+// HDF5 takes data that the disk fails to deliver (a bad sector, a network) for absent: after looking for optional items
+// this tells whether a read failed. Errors (kBadInput, without the file's name). Thread: any one at a time.
 Status check_reads(hid_t file);
 
 }  // namespace bolo::capture

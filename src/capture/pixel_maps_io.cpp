@@ -13,7 +13,7 @@ constexpr int kMostPixelsASide = 1 << 15;
 constexpr double kLongestTau_s = 1.0;
 
 bool good_tau(double v) { return v > 0.0 && v < kLongestTau_s; }
-// False for no numbers, and where frames would become none.
+// False for NaN and infinities, and where frames would become such.
 bool good_gain(double v) { return v > 0.0 && v <= 1e6; }
 bool good_offset(double v) { return std::abs(v) <= 1e9; }
 bool good_flag(double v) { return v == 0.0 || v == 1.0; }
@@ -50,10 +50,9 @@ Status check_shape(hid_t dataset, const Rule& rule, Geometry geometry) {
   return h5::check_numbers(dataset, rule.path);
 }
 
-// Leaves `values` empty when the dataset is not there.
 template <typename T>
 Status read_map(hid_t file, const Rule& rule, hid_t memory_type, Geometry geometry, std::vector<T>& values) {
-  if (H5Lexists(file, rule.path, H5P_DEFAULT) <= 0) return {};  // a link that leads nowhere is no missing map
+  if (H5Lexists(file, rule.path, H5P_DEFAULT) <= 0) return {};  // a dangling link is not a missing map
   ASSIGN_OR_RETURN(const h5::Handle dataset, h5::open_dataset(file, rule.path));
   if (Status good = check_shape(dataset.get(), rule, geometry); !good) return good;
   values.resize(geometry.pixels());
@@ -131,7 +130,7 @@ Status write_maps(hid_t file, const model::PixelMaps& maps) {
   });
 }
 
-// Made in memory: HDF5 does not survive a disk that is full.
+// Built in memory, because HDF5 does not survive a full disk.
 Result<std::string> to_bytes(const model::PixelMaps& maps) {
   constexpr std::size_t kStep = std::size_t{1} << 20;
   if (!h5::has_memory_for_a_file()) return failed("cannot be made in memory: not enough memory");

@@ -12,7 +12,6 @@
 namespace bolo::capture {
 namespace {
 
-// Opens the capture as it is if it is sound, else salvages it.
 Result<CaptureReader> open_damaged(const std::filesystem::path& file, std::vector<std::string>& remarks) {
   Result<CaptureReader> reader = CaptureReader::open(file);
   if (reader) return reader;
@@ -101,8 +100,8 @@ Result<Recovered> write_copy(const std::filesystem::path& damaged, const std::fi
   return done;
 }
 
-// Beside `out` and not under its name: the ".part" of that name may be the damaged file. Of this process alone, so that
-// what another one left is not in the way.
+// Beside `out`, not under its name, because that name's ".part" may be the damaged file. With this process's id, so
+// that another one's leftovers are not in the way.
 std::filesystem::path copy_name(const std::filesystem::path& out) {
   const std::string process = std::to_string(::getpid());
   return out.parent_path() / (out.stem().string() + ".recovering-" + process + out.extension().string());

@@ -1,4 +1,4 @@
-// The `/stimulus` group: one row of the table in docs/formats.md a kind.
+// The `/stimulus` group: each kind is a row of the table in docs/formats.md.
 #include <algorithm>
 #include <cmath>
 #include <concepts>
@@ -55,13 +55,12 @@ void each_field(auto& fields, Of<SceneStimulus> auto& s) {
   fields.series("y_px", s.y_px);
 }
 
-// Keeps the first error.
 class FieldReader {
  public:
   FieldReader(hid_t file, hid_t group) : file_(file), owner_{group, kGroup} {}
 
   void number(const char* name, double& out) { take(h5::number_attribute(owner_, name), out); }
-  // Stays as it is where the file has none.
+  // Keeps the default if the file has none.
   void accuracy(const char* name, double& out) {
     if (H5Aexists(owner_.id, name) > 0) number(name, out);
   }
@@ -92,7 +91,6 @@ class FieldReader {
 
 struct FieldWriter {
   void number(const char* name, double value) { good = good && h5::write_attribute(group, name, value); }
-  // Written only if it differs from the default.
   void accuracy(const char* name, double value) {
     if (value != kLevelAccuracyK) number(name, value);
   }
@@ -108,10 +106,10 @@ struct FieldWriter {
   bool good = true;
 };
 
-// What a bench shows, and more: beyond, squares and ratios of these numbers overflow in who reckons with them.
+// Limits well beyond any bench: squares and ratios of larger numbers would overflow in later computations.
 constexpr double kMostKelvin = 1e4;
 constexpr double kLeastAccuracy_k = 1e-6;
-constexpr double kFarthest_px = 1e9;  // also a second, and a row
+constexpr double kFarthest_px = 1e9;  // also per second, and per row
 constexpr double kLeastPeriod_px = 1e-3;
 
 bool is_within(double value, double most) { return std::abs(value) <= most; }
@@ -135,7 +133,6 @@ Status absolute_temperature(const char* name, double kelvin) {
                    text(kMostKelvin));
 }
 
-// The first status that is an error, if any.
 template <typename... Statuses>
 Status first_error(Statuses... statuses) {
   Status out;
@@ -214,7 +211,6 @@ Status check(const SceneStimulus& s) {
   return {};
 }
 
-// False: `kind` is another one.
 template <typename Kind>
 bool read_as(const std::string& kind, FieldReader& fields, Stimulus& stimulus) {
   if (kind != name_of(static_cast<Kind*>(nullptr))) return false;

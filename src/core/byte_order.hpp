@@ -14,8 +14,7 @@ constexpr std::uint16_t swap_bytes(std::uint16_t value) noexcept {
   return static_cast<std::uint16_t>(value << 8 | value >> 8);
 }
 
-// Big-endian words of a datagram, byte by byte: no alignment assumed. The caller has checked that they lie inside.
-// Thread: any.
+// Big-endian words of a datagram, of any alignment. The caller has checked the bounds. Thread: any.
 constexpr std::uint16_t load_u16(const auto& bytes, std::size_t at) noexcept {
   return static_cast<std::uint16_t>(static_cast<unsigned>(bytes[at]) << 8U | static_cast<unsigned>(bytes[at + 1]));
 }
@@ -35,8 +34,7 @@ constexpr void store_u32(std::span<std::uint8_t> bytes, std::size_t at, std::uin
   store_u16(bytes, at + 2, value & 0xffffU);
 }
 
-// 16-bit values from bytes in big-endian or little-endian order. The loop becomes vector shuffles. `from` need not be
-// aligned. Thread: any.
+// 16-bit values from big- or little-endian bytes; becomes vector shuffles. `from` need not be aligned. Thread: any.
 inline void copy_values(const std::byte* from, bool big_endian, std::uint16_t* to, std::size_t count) noexcept {
   if (big_endian == (std::endian::native == std::endian::big)) {
     std::memcpy(to, from, count * sizeof *to);

@@ -12,7 +12,7 @@ namespace bolo {
 namespace {
 
 constexpr std::int64_t kReadEveryNs = 1'000'000'000;
-constexpr int kTries = 5;  // one of these reads is not interrupted
+constexpr int kTries = 5;  // so that at least one is not interrupted
 
 }  // namespace
 
@@ -47,7 +47,7 @@ std::string utc_text(std::int64_t utc_ns) {
   return std::string(date.data()) + rest.data();
 }
 
-// Reads UTC between two reads of CLOCK_MONOTONIC: the closer they are, the smaller the error.
+// Reads UTC between two reads of CLOCK_MONOTONIC; half their distance bounds the error.
 UtcClock::Reading UtcClock::read() const noexcept {
   Reading best;
   for (int i = 0; i < kTries; ++i) {

@@ -1,4 +1,4 @@
-// Time as the pipeline counts it: nanoseconds of CLOCK_MONOTONIC.
+// Times in the pipeline: nanoseconds of CLOCK_MONOTONIC.
 #pragma once
 
 #include <chrono>
@@ -8,7 +8,7 @@
 
 namespace bolo {
 
-// std::chrono::steady_clock is CLOCK_MONOTONIC on Linux, so other processes can compare. Thread: any.
+// std::chrono::steady_clock is CLOCK_MONOTONIC on Linux: comparable across processes. Thread: any.
 inline std::int64_t monotonic_ns() noexcept {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
       .count();
@@ -19,24 +19,24 @@ inline constexpr double kMsPerNs = 1e-6;
 inline constexpr std::int64_t kNsPerMs = 1'000'000;
 inline constexpr std::int64_t kNsPerUs = 1000;
 
-// Bound of a clock's times that differences are taken of, 73 years: they do not overflow.
+// Bound of clock times, 73 years: differences of times within it do not overflow.
 inline constexpr std::int64_t kMostClockNs = std::int64_t{1} << 61U;
 
 // To the nearest nanosecond. Thread: any.
 inline std::int64_t to_ns(double seconds) noexcept { return std::llround(seconds * kNsPerSecond); }
 
-// --- UTC of times on CLOCK_MONOTONIC, and how far it can be trusted.
+// --- UTC for times of CLOCK_MONOTONIC, with its uncertainty.
 
-// The error of a clock that nothing disciplines has no bound. The kernel's word for that is its largest, 16 s.
+// Error of an undisciplined clock: unbounded, which the kernel reports as its largest value, 16 s.
 inline constexpr std::int64_t kUnboundedClockErrorNs = 16'000'000'000;
 
 // The kernel's state of CLOCK_REALTIME (adjtimex), set by whatever disciplines it: an NTP client, phc2sys, a receiver.
 struct ClockState {
   bool synchronised = false;
-  std::int64_t error_ns = kUnboundedClockErrorNs;  // of UTC, at most, as that one claims; without it unbounded
+  std::int64_t error_ns = kUnboundedClockErrorNs;  // bound of the UTC error, as the disciplining program claims
 };
 
-// One system call, which a sandbox may refuse: not synchronised then. Thread: any.
+// One system call; where a sandbox refuses it, the clock counts as not synchronised. Thread: any.
 ClockState read_clock_state() noexcept;
 
 // CLOCK_REALTIME, ns since 1970. Thread: any.
@@ -48,25 +48,25 @@ std::int64_t thread_cpu_ns() noexcept;
 // "2026-11-23T19:31:02.123Z": ISO 8601, cut to the millisecond. Thread: any.
 std::string utc_text(std::int64_t utc_ns);
 
-// A change of UTC against CLOCK_MONOTONIC by more than this is a step: somebody has set the clock. Smaller ones are the
-// error of looking. (What slews the clock moves both alike.)
+// A larger change of UTC against CLOCK_MONOTONIC is a step: the clock was set. Smaller changes are reading errors.
+// (Slewing moves both clocks alike.)
 inline constexpr std::int64_t kClockStepNs = 1'000'000;
 
-// The clocks that UtcClock reads; others in tests.
+// Clocks that UtcClock reads; replaced in tests.
 struct HostClocks {
   std::int64_t (*monotonic)() noexcept = monotonic_ns;
   std::int64_t (*realtime)() noexcept = realtime_ns;
   ClockState (*state)() noexcept = read_clock_state;
 };
 
-// The offset from CLOCK_MONOTONIC to UTC. It changes only when the clock is set, so two frames' UTC differ exactly as
-// their monotonic times do, but across a step. Thread: one at a time. No allocation.
+// Offset from CLOCK_MONOTONIC to UTC. It changes only when the clock is set, so that two frames differ by the same time
+// in UTC and monotonic, except across a step. Thread: one at a time. No allocation.
 class UtcClock {
  public:
   explicit UtcClock(HostClocks clocks = {}) noexcept : clocks_(clocks) {}
 
-  // Reads the clock once, and once a second with care and with its state. now_ns: CLOCK_MONOTONIC, just read. True
-  // when the clock has stepped since the last call.
+  // Reads the clock once; once a second it reads more carefully, and the clock's state. now_ns: CLOCK_MONOTONIC, just
+  // read. True if the clock has stepped since the last call.
   bool update(std::int64_t now_ns) noexcept;
 
   std::int64_t at(std::int64_t monotonic) const noexcept { return monotonic + offset_ns_; }

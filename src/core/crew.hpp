@@ -5,12 +5,11 @@
 
 namespace bolo {
 
-// How finely rows are divided: one part a worker where parts cost something beside their rows; else several, so that
-// one who is held up holds up none.
+// One part per worker where parts have a cost of their own, or several, so that a delayed worker delays nobody.
 enum class Parts { kOneEach, kMany };
 
-// Calls work(self, begin, end) for parts of [0, rows) that together are all of it, at the same time or one after the
-// other, and returns when all are done. A row's result must not depend on its part. Thread: pipeline.
+// Calls work(self, begin, end) for parts that together cover [0, rows), concurrently or in turn, and returns when all
+// are done. A row's result must not depend on the split. Thread: pipeline.
 class Crew {
  public:
   using Work = void (*)(void* self, int begin, int end) noexcept;
@@ -18,7 +17,6 @@ class Crew {
   virtual void run(int rows, Parts parts, Work work, void* self) noexcept = 0;
 };
 
-// The calling thread alone.
 class Alone final : public Crew {
  public:
   void run(int rows, Parts /*parts*/, Work work, void* self) noexcept override { work(self, 0, rows); }
@@ -35,7 +33,6 @@ void for_parts(Crew& crew, int rows, Work&& work, Parts parts = Parts::kOneEach)
       &work);
 }
 
-// work(row) for each of [0, rows).
 template <typename Work>
 void for_rows(Crew& crew, int rows, Work&& work) noexcept {
   auto each = [&](int begin, int end) {

@@ -6,8 +6,6 @@
 
 namespace bolo {
 
-// --- The size of a frame and the meaning of its values.
-
 // Planes are stored row-major without padding: pixel (x, y) is element y * width + x.
 struct Geometry {
   int width = 0;
@@ -35,7 +33,6 @@ enum class Unit {
   kCount,   // uncalibrated camera counts: scale and offset carry no meaning
 };
 
-// Conversion of stored values to temperatures.
 struct LinearScale {
   Unit unit = Unit::kKelvin;
   double scale = 0.01;  // K a count; 10 mK is the A655sc's TemperatureLinear10mK
@@ -61,28 +58,22 @@ struct FrameMeta {
   std::int64_t camera_ns = 0;   // the camera's clock
   std::int64_t receive_ns = 0;  // host CLOCK_MONOTONIC, when the frame's first byte arrived
   std::uint32_t flags = kFlagNone;
-  std::int64_t host_ns =
-      0;  // camera_ns on the host's CLOCK_MONOTONIC, as a watched camera's source estimates it; 0: not
-  // Of host_ns, or of receive_ns where that is not known; the pipeline fills it in. ns since 1970; 0: not known.
+  std::int64_t host_ns = 0;  // camera_ns on the host's CLOCK_MONOTONIC, estimated by a live source; 0: not known
+  // UTC of host_ns, or of receive_ns if that is 0; filled in by the pipeline. ns since 1970; 0: not known.
   std::int64_t utc_ns = 0;
-  std::int64_t utc_uncertainty_ns = 0;  // at most; see bolo_shm_slot
+  std::int64_t utc_uncertainty_ns = 0;  // bound of the error of utc_ns; see bolo_shm_slot
 };
 
-// When the frame was taken, on the host's CLOCK_MONOTONIC: where the camera's clock is not mapped, when it came.
-// Thread: any.
+// Time of the frame on the host's CLOCK_MONOTONIC: its arrival if the camera's clock is not mapped. Thread: any.
 inline std::int64_t host_time_ns(const FrameMeta& meta) noexcept {
   return meta.host_ns != 0 ? meta.host_ns : meta.receive_ns;
 }
-
-// --- A run of a frame's pixels.
 
 // Pixels [begin, end) of a frame, row-major.
 struct PixelRange {
   std::size_t begin = 0;
   std::size_t end = 0;
 };
-
-// --- A frame's values without their storage: what kernels read and sinks copy.
 
 enum class PixelType {
   kUint16,   // cameras and shared memory

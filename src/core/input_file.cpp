@@ -35,7 +35,7 @@ std::string describe_size(std::uint64_t bytes) {
 }  // namespace
 
 Result<UniqueFd> open_input(const std::filesystem::path& file) {
-  // Checked before it is opened, which may already affect a device. A pipe put there meanwhile does not block the open.
+  // Checked before opening, because opening can affect a device. O_NONBLOCK: a pipe put there meanwhile does not block.
   struct stat info {};
   if (::stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return no_file(file, info.st_mode);
   UniqueFd opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
@@ -46,7 +46,7 @@ Result<UniqueFd> open_input(const std::filesystem::path& file) {
 
 Result<std::ifstream> stream_input(const std::filesystem::path& file) {
   ASSIGN_OR_RETURN(const UniqueFd opened, open_input(file));
-  // The file that was checked, even if its name now belongs to another.
+  // Opens the file that was checked, even if its name now belongs to another.
   std::ifstream stream("/proc/self/fd/" + std::to_string(opened.get()), std::ios::binary);
   if (!stream) return unreadable(file, errno);
   return stream;

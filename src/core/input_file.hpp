@@ -1,5 +1,5 @@
-// One rule for every file that a program of ours reads, captures and maps (which HDF5 reads) aside: a regular one, or a
-// link to one. A pipe would be waited for without end, a device be read without end. No error is ever a wait.
+// The rule for every file that our programs read, except captures and maps (read by HDF5): a regular file, or a link to
+// one. A pipe could block without end, a device be read without end. An error is reported at once.
 #pragma once
 
 #include <cstdint>
@@ -12,18 +12,18 @@
 
 namespace bolo {
 
-inline constexpr std::uint64_t kMostTextBytes = std::uint64_t{256} << 20U;  // of a table: millions of lines
+inline constexpr std::uint64_t kMostTextBytes = std::uint64_t{256} << 20U;  // limit for a table: millions of lines
 
-// Open for reading, at its begin. Errors (kBadInput) name the file. Thread: any.
+// Opens for reading, at the beginning. Errors (kBadInput) name the file. Thread: any.
 Result<UniqueFd> open_input(const std::filesystem::path& file);
 
-// The same as a stream, for what is read piece by piece. Thread: any.
+// The same as a stream, for reading piece by piece. Thread: any.
 Result<std::ifstream> stream_input(const std::filesystem::path& file);
 
-// All of it. Errors: also one that is larger, which grows meanwhile, or that the disk does not give. Thread: any.
+// The whole file. Errors also: larger than `most_bytes`, growing meanwhile, or a read error. Thread: any.
 Result<std::string> read_input(const std::filesystem::path& file, std::uint64_t most_bytes = kMostTextBytes);
 
-// The first line of a small file of the kernel's; empty when it cannot be read. Thread: any.
+// First line of a small kernel file; empty when it cannot be read. Thread: any.
 std::string first_line(const std::filesystem::path& file);
 
 }  // namespace bolo

@@ -19,7 +19,7 @@ struct IpAddress {
   bool loopback = false;
 };
 
-// Of "127.0.0.1" or "::1", with a port; nothing of any other text. Thread: any.
+// Parses "127.0.0.1" or "::1", with a port; nothing for any other text. Thread: any.
 inline std::optional<IpAddress> ip_address(const std::string& text, std::uint16_t port = 0) {
   IpAddress address;
   auto& v4 = reinterpret_cast<sockaddr_in&>(address.place);
@@ -39,12 +39,11 @@ inline std::optional<IpAddress> ip_address(const std::string& text, std::uint16_
   return address;
 }
 
-// A TCP socket that does not block; none, and errno, where it can't be had. `only_v6`: an IPv6 address takes no clients
-// of IPv4. Thread: setup.
+// A non-blocking listening TCP socket; on failure none, with errno set. `only_v6`: no IPv4 clients. Thread: setup.
 inline UniqueFd listen_on(const IpAddress& address, int backlog, bool only_v6) {
   UniqueFd fd(socket(address.place.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int on = 1;
-  if (fd) setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);  // after a program that has just ended
+  if (fd) setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);  // after a program that just ended
   if (fd && only_v6) setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &on, sizeof on);
   const bool listens = fd && bind(fd.get(), reinterpret_cast<const sockaddr*>(&address.place), address.bytes) == 0 &&
                        listen(fd.get(), backlog) == 0;

@@ -1,4 +1,4 @@
-// Files of numbers that people write: a row a line, with commas between.
+// Hand-written files of numbers: one row per line, separated by commas.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@
 
 namespace bolo {
 
-// Exactly N finite numbers; nothing of any other line. Thread: any.
+// Exactly N finite numbers; nothing for any other line. Thread: any.
 template <std::size_t N>
 std::optional<std::array<double, N>> numbers_of(std::string_view line) {
   std::array<double, N> values{};
@@ -29,12 +29,12 @@ std::optional<std::array<double, N>> numbers_of(std::string_view line) {
   return values;
 }
 
-// Calls take(line, first) for each line but empty ones and those that begin with #; `first` may be a header. Errors of
-// take get the file and line. Thread: any.
+// Calls take(line, first) for each line except empty ones and those that begin with #; the `first` may be a header.
+// Errors of take are prefixed with file and line. Thread: any.
 template <typename Take>
 Status read_rows(const std::filesystem::path& file, const Take& take) {
   ASSIGN_OR_RETURN(std::string whole, read_input(file));
-  if (whole.starts_with("\xef\xbb\xbf")) whole.erase(0, 3);  // which spreadsheets write before UTF-8
+  if (whole.starts_with("\xef\xbb\xbf")) whole.erase(0, 3);  // byte order mark that spreadsheets write before UTF-8
   std::istringstream in(std::move(whole));
   std::string text;
   bool first = true;

@@ -18,16 +18,16 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kMostNames = 1000;
-constexpr std::size_t kMostLetters = NAME_MAX - (sizeof ".new-4194304-999" - 1);  // what is written beside has a name
+constexpr std::size_t kMostLetters = NAME_MAX - (sizeof ".new-4194304-999" - 1);  // room for a suffix
 
 fs::path folder_of(const fs::path& file) { return file.has_parent_path() ? file.parent_path() : fs::path("."); }
 
-// A name for what this process has open, which its children can use, too.
+// Path of an open descriptor of this process, usable by its children too.
 fs::path own_descriptor(int descriptor) {
   return fs::path("/proc") / std::to_string(::getpid()) / "fd" / std::to_string(descriptor);
 }
 
-// Device and inode; the same through every name and link. Nothing where there is no such file.
+// Device and inode: the same through every name and link. Nothing if there is no such file.
 using FileId = std::pair<dev_t, ino_t>;
 std::optional<FileId> id_of(const fs::path& file) {
   struct stat info {};
@@ -40,8 +40,8 @@ bool is_one_of(const std::set<FileId>& files, const fs::path& file) {
   return id && files.contains(*id);
 }
 
-// True if the name may be replaced: a file, or a link to one. Replacing any other link would lose it: one to a folder
-// or a device, or to a file that a process has open (/dev/stdout).
+// True if the name may be replaced: a file, or a link to one. Replacing any other link would lose it: to a folder, a
+// device, or a file that a process has open (/dev/stdout).
 bool is_file(const fs::path& there) {
   std::error_code error;
   const fs::file_status status = fs::status(there, error);
@@ -49,7 +49,7 @@ bool is_file(const fs::path& there) {
   return !fs::read_symlink(there, error).native().starts_with("/proc/");
 }
 
-// Bad input where another name would help, else a failure.
+// Bad input if another name would help, otherwise a failure.
 tl::unexpected<Error> not_written(const fs::path& file, int error) {
   const std::string line = file.string() + ": cannot be written: " + std::strerror(error);
   for (const int place : {ENOENT, ENOTDIR, EACCES, EPERM, EROFS, ENAMETOOLONG, ELOOP, EISDIR, EINVAL}) {
@@ -58,10 +58,10 @@ tl::unexpected<Error> not_written(const fs::path& file, int error) {
   return failed(line);
 }
 
-// Some file systems and folders cannot be flushed (EINVAL): there is nothing more to do then.
+// Some file systems and folders cannot be flushed (EINVAL): not an error.
 bool flush(int descriptor) { return descriptor >= 0 && (::fsync(descriptor) == 0 || errno == EINVAL); }
 
-// Network file systems that cannot rename so give a second name, which replaces nothing either.
+// Fallback for network file systems without RENAME_NOREPLACE: a hard link, which replaces nothing either.
 int rename_to_free_name(const fs::path& from, const fs::path& to) {
   if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
   if (errno != EINVAL && errno != ENOSYS) return errno;
@@ -69,7 +69,7 @@ int rename_to_free_name(const fs::path& from, const fs::path& to) {
   return ::unlink(from.c_str()) == 0 ? 0 : errno;
 }
 
-// 0, or an errno; EEXIST where the name was taken meanwhile.
+// 0, or an errno; EEXIST: the name was taken meanwhile.
 int give_name(const HeldFolder& folder, const fs::path& written, const OutputFile& output) {
   const fs::path from = folder.place_of(written);
   const fs::path to = folder.place_of(output.path);
@@ -113,7 +113,7 @@ Result<OutputFolder> OutputFolder::make(const fs::path& folder) {
 }
 
 OutputFolder::~OutputFolder() {
-  for (const fs::path& folder : made_) ::rmdir(folder.c_str());  // refused unless it is empty
+  for (const fs::path& folder : made_) ::rmdir(folder.c_str());  // fails unless it is empty
 }
 
 HeldFolder::HeldFolder(const fs::path& file)
@@ -153,7 +153,7 @@ Status check_outputs(const std::vector<fs::path>& outputs, const std::vector<fs:
   for (const fs::path& input : inputs) {
     if (const auto id = id_of(input)) read.insert(*id);
   }
-  std::set<std::pair<std::optional<FileId>, std::string>> names;  // with their folders
+  std::set<std::pair<std::optional<FileId>, std::string>> names;  // with the folder of each
   for (const fs::path& output : outputs) {
     if (output.empty()) continue;
     const std::string name = output.string();
@@ -205,7 +205,7 @@ fs::path FileBeside::opened() const {
 
 Status FileBeside::publish() {
   const int error = give_name(folder_, path_, output_);
-  if (error == 0 || error == EEXIST) file_ = UniqueFd();  // it is whole, and stays
+  if (error == 0 || error == EEXIST) file_ = UniqueFd();  // complete, and kept
   return to_status(error, path_, output_);
 }
 

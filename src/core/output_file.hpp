@@ -1,6 +1,6 @@
-// One rule for every file that a program of ours writes: no output is an input, nothing that exists is replaced without
-// the user's leave, and a file gets its name only when it is whole and on the disk. So neither a kill nor a full disk
-// costs a file that was there before.
+// The rule for every file that our programs write: no output is an input, nothing existing is replaced without the
+// user's permission, and a file gets its name only when complete and on disk. So neither a kill nor a full disk costs a
+// file.
 #pragma once
 
 #include <filesystem>
@@ -28,11 +28,10 @@ struct OutputFile {
   Replace replace = Replace::kNothing;
 };
 
-// The folder of outputs, made where it is not there. Errors: kBadInput. Thread: any.
+// Creates the folder of outputs if it does not exist. Errors: kBadInput. Thread: any.
 Status make_folder(const std::filesystem::path& folder);
 
-// The same of a verb that may still be refused: in the end, folders that were made and have nothing in them are gone.
-// Thread: any one at a time.
+// The same for a verb that may still be refused: the destructor removes its empty folders. Thread: any one at a time.
 class OutputFolder {
  public:
   static Result<OutputFolder> make(const std::filesystem::path& folder);
@@ -42,20 +41,20 @@ class OutputFolder {
 
  private:
   OutputFolder() = default;
-  std::vector<std::filesystem::path> made_;  // the innermost first
+  std::vector<std::filesystem::path> made_;  // innermost first
 };
 
-// Nothing stands in the way of `output`: it is a name in a folder that takes files, no folder or device has it, nor a
-// link to one, and no file that is not to be replaced. Errors: kBadInput. Thread: any.
+// Checks that `output` can be written: its folder takes files, and its name belongs to no folder or device, nor to a
+// link to one, nor to a file that may not be replaced. Errors: kBadInput. Thread: any.
 Status check_output(const OutputFile& output);
 
-// The folder of a file, held open: what others put in the place of the folder meanwhile, a link to another one for
-// instance, gets nothing and loses nothing. Thread: any.
+// The folder of a file, held open: if the folder's name is given to something else meanwhile, a link for instance,
+// nothing is written there or removed from there. Thread: any.
 class HeldFolder {
  public:
   HeldFolder() = default;
   explicit HeldFolder(const std::filesystem::path& file);
-  // The file, or one beside it, in the held folder. Its name as given where the folder or /proc is not there.
+  // The file, or one beside it, in the held folder; its name as given if the folder or /proc is missing.
   std::filesystem::path place_of(const std::filesystem::path& file) const;
   // False once another folder, or none, has the name.
   bool is_folder_of(const std::filesystem::path& file) const;
@@ -64,22 +63,20 @@ class HeldFolder {
   UniqueFd folder_;
 };
 
-// For a verb, before any work: each output may be written, is none of the inputs (by inode, so through links too) and
-// none of the others; neither is what is written meanwhile under an output's name and ".part", and beside it. Empty
-// names are passed over. Errors: kBadInput. Thread: any.
+// For a verb, before any work: each output can be written, is none of the inputs (by inode, so through links too) and
+// none of the other outputs; nor is any temporary file, under an output's name and ".part" or beside it. Empty names
+// are skipped. Errors: kBadInput. Thread: any.
 Status check_outputs(const std::vector<std::filesystem::path>& outputs,
                      const std::vector<std::filesystem::path>& inputs, Replace replace);
 
-// Gives `written` (closed, in the same folder, which is `folder`) the name of `output` once it is on the disk. A name
-// that was taken meanwhile is left alone unless it may be replaced: `written` then stays, whole, with an error, as it
-// does where the folder is another one now. Thread: any.
+// Renames `written` (closed, in the same folder, which is `folder`) to `output` once it is on disk. If the name was
+// taken meanwhile and may not be replaced, or the folder changed, `written` stays, with an error. Thread: any.
 Status publish(const HeldFolder& folder, const std::filesystem::path& written, const OutputFile& output);
 
-// Makes names durable that were given or taken in the file's folder. False on failure. Thread: any.
+// Makes names given or removed in the file's folder durable. False on failure. Thread: any.
 bool sync_folder_of(const std::filesystem::path& file);
 
-// A file beside an output, to be filled through its name or its descriptor. Without publish() it is gone at the end.
-// Thread: any one at a time.
+// A temporary file beside an output, filled by name or descriptor; publish() keeps it. Thread: any one at a time.
 class FileBeside {
  public:
   // Errors: check_output()'s; a folder that takes no file (kBadInput); a full disk (kFailed).
@@ -89,12 +86,12 @@ class FileBeside {
   ~FileBeside();
 
   const std::filesystem::path& path() const { return path_; }
-  // For those who open it by a name: it leads to the file itself, also in a child, whatever has path() by then.
+  // A path that leads to the file itself, also in a child process, even if path() now belongs to another.
   std::filesystem::path opened() const;
   int descriptor() const { return file_.get(); }
   // Appends. Errors: a disk that takes only a part (kFailed).
   Status write(std::string_view content);
-  // Once; all other users of the file have closed it.
+  // Call once, after all other users of the file have closed it.
   Status publish();
 
  private:
@@ -104,10 +101,10 @@ class FileBeside {
   HeldFolder folder_;
   OutputFile output_;
   std::filesystem::path path_;
-  UniqueFd file_;  // none once it was published
+  UniqueFd file_;  // none after publish()
 };
 
-// A whole file at once. Errors as of FileBeside; kFailed when the disk takes only a part. Thread: any.
+// Writes a whole file. Errors: FileBeside's; kFailed when the disk takes only a part. Thread: any.
 Status write_file(const OutputFile& output, std::string_view content);
 
 }  // namespace bolo

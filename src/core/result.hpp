@@ -9,7 +9,6 @@
 
 namespace bolo {
 
-// Kinds of failures, one exit code each.
 enum class ErrorKind {
   kFailed,    // something broke while running: exit code 1
   kBadInput,  // usage, configuration, file or device the user can put right: exit code 2
@@ -38,7 +37,7 @@ inline tl::unexpected<Error> failed(std::string message) {
   return tl::unexpected<Error>(Error{ErrorKind::kFailed, std::move(message)});
 }
 
-// The same error with the place put before it: "FILE: message". Thread: any.
+// Prefixes an error with its place: "FILE: message". Thread: any.
 inline tl::unexpected<Error> at(std::string_view where, Error error) {
   error.message.insert(0, std::string(where) + ": ");
   return tl::unexpected<Error>(std::move(error));
@@ -58,11 +57,11 @@ Result<T> at(std::string_view where, Result<T> answer) {
   if (!result) return tl::unexpected<bolo::Error>(std::move(result).error()); \
   target = *std::move(result)
 
-// Gives `target`, a variable or a declaration, the value of a Result; an error ends the function and is its result:
+// Assigns the value of a Result to `target`, a variable or a declaration; an error is returned from the function:
 //   ASSIGN_OR_RETURN(const auto reader, CaptureReader::open(file));
 #define ASSIGN_OR_RETURN(target, ...) BOLO_ASSIGN_OR_RETURN(BOLO_LINE_NAME(result_, __LINE__), target, __VA_ARGS__)
 
-// The same of a Status, or of a Result whose value does not matter.
+// The same for a Status, or a Result whose value does not matter.
 #define RETURN_IF_ERROR(...) BOLO_RETURN_IF_ERROR(BOLO_LINE_NAME(status_, __LINE__), __VA_ARGS__)
 #define BOLO_RETURN_IF_ERROR(status, ...) \
   if (auto status = (__VA_ARGS__); !status) return tl::unexpected<bolo::Error>(std::move(status).error())

@@ -12,10 +12,9 @@ inline constexpr int kMotionBlock = 8;  // px a side
 
 // Blocks that cover so many pixels.
 constexpr int motion_blocks(int pixels) { return (pixels + kMotionBlock - 1) / kMotionBlock; }
-// Across and down.
 constexpr Geometry motion_blocks(Geometry frame) { return {motion_blocks(frame.width), motion_blocks(frame.height)}; }
 
-// Of one block: px a frame, to the right and down; confidence from 0, unknown, to 1.
+// One block's motion: px a frame, to the right and down; confidence from 0, unknown, to 1.
 struct BlockMotion {
   float x = 0.0F;
   float y = 0.0F;

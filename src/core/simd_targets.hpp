@@ -2,9 +2,8 @@
 #pragma once
 
 #define HWY_COMPILE_ALL_ATTAINABLE
-// arm64: Highway's NEON takes the AES extension along, which the Raspberry Pi 4 lacks, unless it cannot ask the system
-// for the processor's features. NEON is then the baseline. SVE's vectors have no size at compile time: structures
-// cannot hold them, as those of the kernels do.
+// arm64: Highway's NEON target requires the AES extension, which the Raspberry Pi 4 lacks, unless Highway cannot query
+// the processor: then NEON is the baseline. SVE vectors have no size at compile time: structures cannot hold them.
 #define TOOLCHAIN_MISS_SYS_AUXV_H
 #define BOLO_NO_SVE (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
 #ifdef BOLO_FEW_TARGETS  // sanitizers: one set beside the baseline is enough

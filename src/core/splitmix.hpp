@@ -1,5 +1,5 @@
-// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014): a good random number for
-// every counter, so that any part of a random thing can be made alone.
+// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014): one random number per
+// counter, so that any part of a random sequence can be generated on its own.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +14,12 @@ constexpr std::uint64_t mix(std::uint64_t z) noexcept {
   return z ^ (z >> 31);
 }
 
-// One key from another and a counter. Thread: any.
+// Derives a key from another key and a counter. Thread: any.
 constexpr std::uint64_t key(std::uint64_t above, std::uint64_t counter) noexcept {
   return mix(above + (counter + 1) * kGolden);
 }
 
-// The top 53 bits as [0, 1). Thread: any.
+// Maps the top 53 bits to [0, 1). Thread: any.
 constexpr double unit(std::uint64_t random) noexcept { return static_cast<double>(random >> 11) * 0x1p-53; }
 
 }  // namespace bolo::splitmix

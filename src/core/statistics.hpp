@@ -9,11 +9,11 @@
 
 namespace bolo {
 
-// A Gaussian's standard deviation over its median absolute deviation, and the other way round.
+// Standard deviation over median absolute deviation of a Gaussian, and the inverse.
 inline constexpr double kSigmaOfMad = 1.4826;
 inline constexpr double kMadOfSigma = 0.6745;
 
-// The value that `share` of the others lie below: of sorted values the one at floor(share (n - 1)); T{} of nothing.
+// The quantile `share`: of the sorted values the one at floor(share (n - 1)); T{} if there are none.
 template <typename T>
 T quantile(std::vector<T> values, double share) {
   if (values.empty()) return T{};
@@ -22,7 +22,7 @@ T quantile(std::vector<T> values, double share) {
   return *at;
 }
 
-// The upper median; T{} of nothing.
+// The upper median; T{} if there are none.
 template <typename T>
 T median(std::vector<T> values) {
   if (values.empty()) return T{};
@@ -31,7 +31,7 @@ T median(std::vector<T> values) {
   return *middle;
 }
 
-// The sum of the values, or of what `of` makes of each, in their order.
+// Sum of `of` applied to each value (default: the value itself), in their order.
 template <typename Range, typename Of = std::identity>
 double sum_of(const Range& values, Of of = {}) {
   double sum = 0.0;
@@ -47,7 +47,7 @@ auto mapped(const Range& values, Of of) {
   return out;
 }
 
-// The places among `count` of which something holds, rising.
+// Indices below `count` for which holds(index), ascending.
 template <typename Place = std::size_t, typename Holds>
 std::vector<Place> places_where(std::size_t count, Holds holds) {
   std::vector<Place> all;
@@ -57,7 +57,7 @@ std::vector<Place> places_where(std::size_t count, Holds holds) {
   return all;
 }
 
-// A straight line through points that come one by one, by least squares.
+// Least-squares line through points added one by one.
 class Line {
  public:
   void add(double x, double y) {
@@ -69,12 +69,12 @@ class Line {
     syy_ += y * y;
   }
   double count() const { return n_; }
-  // n^2 times the variance of x: without it there is no slope.
+  // n^2 times the variance of x; if 0, there is no slope.
   double width() const { return n_ * sxx_ - sx_ * sx_; }
   double slope() const { return (n_ * sxy_ - sx_ * sy_) / width(); }
   double level(double slope) const { return (sy_ - slope * sx_) / n_; }  // y at x = 0 of a line with this slope
   double at(double x) const { return (sy_ - slope() * (sx_ - n_ * x)) / n_; }
-  // Squared scatter of y about its mean, and of x and y together.
+  // Sums of squared deviations from the mean: of y, of x, and of their products.
   double scatter_y() const { return syy_ - sy_ * sy_ / n_; }
   double scatter_x() const { return sxx_ - sx_ * sx_ / n_; }
   double scatter_xy() const { return sxy_ - sx_ * sy_ / n_; }

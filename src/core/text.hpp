@@ -18,9 +18,8 @@
 
 namespace bolo {
 
-// Bytes of the character that begins `text`: 0 where it is no whole UTF-8 character, or one that moves a cursor instead
-// of showing something (C0, DEL, C1, and U+2028 to U+202E and U+2066 to U+2069, which break lines or turn them round).
-// Thread: any.
+// Bytes of the first character of `text`; 0 if it is no complete UTF-8 character, or a control character: C0, DEL, C1,
+// and U+2028 to U+202E and U+2066 to U+2069, which break lines or change the writing direction. Thread: any.
 inline std::size_t printable_character(std::string_view text) {
   const auto byte = [&](std::size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U; };
   const unsigned first = byte(0);
@@ -38,7 +37,7 @@ inline std::size_t printable_character(std::string_view text) {
   return shortest && !surrogate && code <= 0x10ffffU && !moves ? length : 0;
 }
 
-// The text on one line, unprintable characters replaced by '?', so that a terminal obeys none of it. Names of files,
+// The text on one line, unprintable characters replaced by '?', so that it cannot control a terminal. Names of files,
 // shared memory and devices, and texts of cameras and other programs, are untrusted. Thread: any.
 inline std::string printable(std::string_view text) {
   std::string shown;
@@ -55,16 +54,12 @@ inline std::string printable(std::string_view text) {
   return shown;
 }
 
-// --- Numbers in messages, scripts and captures' attributes.
-
 // The fewest digits that read back as the same number. Thread: any.
 inline std::string shortest(double value) {
   std::array<char, 32> text{};
   const auto [end, error] = std::to_chars(text.data(), text.data() + text.size(), value);
   return error == std::errc() ? std::string(text.data(), end) : std::string("?");
 }
-
-// --- Durations, for the log and for people.
 
 // "1.5 s". Thread: any.
 inline std::string seconds_text(std::int64_t ns, int decimals = 1) {
@@ -73,16 +68,14 @@ inline std::string seconds_text(std::int64_t ns, int decimals = 1) {
   return text;
 }
 
-// --- Numbers in what people write.
-
-// Without the blanks around it. Thread: any.
+// The text without leading and trailing blanks. Thread: any.
 inline std::string_view trimmed(std::string_view text) {
   const std::size_t first = text.find_first_not_of(" \t\r");
   if (first == std::string_view::npos) return {};
   return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
 }
 
-// The finite number that the whole text is. Thread: any.
+// The whole text as a finite number. Thread: any.
 inline std::optional<double> number_of(std::string_view text) {
   double value = 0.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -90,7 +83,7 @@ inline std::optional<double> number_of(std::string_view text) {
   return value;
 }
 
-// The whole number that the whole text is. Thread: any.
+// The whole text as an integer. Thread: any.
 template <typename Number>
 std::optional<Number> whole_number(std::string_view text, int base = 10) {
   Number value{};
@@ -98,9 +91,7 @@ std::optional<Number> whole_number(std::string_view text, int base = 10) {
   return error == std::errc() && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
 }
 
-// --- Suggestions for misspelt words.
-
-// Letters to change, to add or to leave out to make one of the other: Levenshtein's distance, row by row. Thread: any.
+// Levenshtein distance, row by row. Thread: any.
 inline std::size_t edit_distance(std::string_view word, std::string_view other) {
   std::vector<std::size_t> row(other.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t{0});
@@ -115,7 +106,7 @@ inline std::size_t edit_distance(std::string_view word, std::string_view other) 
   return row.back();
 }
 
-// The one of `words` with the fewest letters to change; the first of equals. Thread: any.
+// The word with the smallest edit distance; the first of equals. Thread: any.
 inline std::string nearest(std::string_view word, std::span<const std::string_view> words) {
   const auto distance = [word](std::string_view candidate) { return edit_distance(word, candidate); };
   const auto best = std::ranges::min_element(words, {}, distance);

@@ -11,8 +11,8 @@
 namespace bolo {
 namespace {
 
-// Whether a thread's stack is what a limit on memory refused: pthread_create() has one error for all. Other threads'
-// stacks may have gone meanwhile, so there is to be room for several.
+// True if a memory limit refused a thread's stack: pthread_create() reports every refusal by the same error. Other
+// threads' stacks may have been freed meanwhile, so room for several is required.
 bool no_memory_for_a_stack() {
   constexpr std::size_t kStacks = 8;
   std::size_t bytes = 0;
@@ -43,7 +43,7 @@ std::string describe_exception(const std::exception& e) {
   rlimit limit{};
   getrlimit(RLIMIT_STACK, &limit);
   const std::size_t bytes = std::min<std::size_t>(kBytes, limit.rlim_cur / 4);
-  void* volatile memory = std::malloc(kBytes);  // volatile: or the compiler leaves both calls out
+  void* volatile memory = std::malloc(kBytes);  // volatile: otherwise the compiler removes both calls
   std::free(memory);
   if (memory == nullptr) throw std::bad_alloc();
   auto* const block = static_cast<volatile char*>(__builtin_alloca(bytes));

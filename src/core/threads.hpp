@@ -1,4 +1,4 @@
-// Work shared out among threads, their stacks, and error messages for memory and threads that the system refuses.
+// Parallel loops, the main thread's stack, and error messages for memory and threads that the system refuses.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@
 
 namespace bolo {
 
-// work(i) for each i < count, begun in order, on at most `threads` threads: the calling one, and as many others as the
-// system gives. The first exception that it throws ends the work and is thrown here. Thread: any.
+// Calls work(i) for each i < count, started in order, on at most `threads` threads: the calling one, and as many others
+// as the system grants. The first exception ends the loop and is rethrown here. Thread: any.
 template <typename Work>
 void share_out(std::size_t count, std::size_t threads, Work&& work) {
   std::atomic<std::size_t> next{0};
@@ -33,17 +33,17 @@ void share_out(std::size_t count, std::size_t threads, Work&& work) {
   try {
     while (team.size() + 1 < std::min(count, threads)) team.emplace_back(run);
   } catch (const std::system_error&) {
-    // Those that are there do it all.
+    // The threads that exist do all of it.
   }
   run();
   team.clear();
   if (thrown) std::rethrow_exception(thrown);
 }
 
-// Message of a library's exception; for refused memory and threads, one that helps. Thread: any.
+// Message of a library's exception; refused memory and threads get a helpful one. Thread: any.
 std::string describe_exception(const std::exception& e);
 
-// The Status or Result of step(), or of what it threw: where no exception may go further. Thread: any.
+// Calls step() and turns its exceptions into errors, for boundaries that no exception may cross. Thread: any.
 template <typename Step>
 auto tried(Step&& step) -> decltype(step()) {
   try {
@@ -53,8 +53,7 @@ auto tried(Step&& step) -> decltype(step()) {
   }
 }
 
-// False where step() threw, for want of memory: a thread whose next step may make up for it goes on, and with it the
-// process. Thread: any.
+// False if step() threw, for lack of memory: for threads whose next step may succeed. Thread: any.
 template <typename Step>
 bool attempt(Step&& step) noexcept {
   try {
@@ -65,8 +64,8 @@ bool attempt(Step&& step) noexcept {
   }
 }
 
-// Grows the main thread's stack to what deep calls may need: where a limit leaves no memory for it later, the kernel
-// ends the process. Throws std::bad_alloc where there is none. Thread: main, when it begins.
+// Grows the main thread's stack in advance to what deep calls may need: if a limit leaves no memory for it later, the
+// kernel kills the process. Throws std::bad_alloc if there is no memory now. Thread: main, at its start.
 void grow_stack();
 
 }  // namespace bolo

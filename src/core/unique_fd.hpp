@@ -18,7 +18,7 @@ class UniqueFd {
     std::swap(fd_, other.fd_);
     return *this;
   }
-  // Leaves errno as it was, so that a failure before it can still be reported.
+  // Preserves errno, so that an earlier failure can still be reported.
   ~UniqueFd() {
     if (fd_ < 0) return;
     const int why = errno;
@@ -33,10 +33,8 @@ class UniqueFd {
   int fd_ = -1;
 };
 
-// --- Standard input, output and error of a process that was started without some of them.
-
-// Call before anything is opened: a file that took the place of a closed stream would receive printed text, in the
-// middle of a recording. The stand-ins refuse reads and writes as closed streams do. Thread: setup.
+// Opens placeholders for closed standard streams. Call before anything is opened: a file that took such a number would
+// receive printed text. The placeholders refuse reads and writes as closed streams do. Thread: setup.
 inline void hold_standard_streams() noexcept {
   for (int stream = 0; stream <= 2; ++stream) {
     if (::fcntl(stream, F_GETFD) >= 0 || errno != EBADF) continue;

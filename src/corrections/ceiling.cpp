@@ -1,4 +1,4 @@
-// Values from the camera's ceiling on are flagged, not corrected: what was clipped is gone.
+// Values from the camera's ceiling on are flagged, not corrected: the clipped part is lost.
 #include <algorithm>
 #include <cmath>
 

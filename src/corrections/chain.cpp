@@ -5,7 +5,7 @@
 
 namespace bolo::corrections {
 
-// Each in the file of its name.
+// Each is defined in the file of its name.
 Made repeated_frames(const Setup& setup, const StreamFormat& input);
 Made frame_filter(const Setup& setup, const StreamFormat& input);
 Made common_offset(const Setup& setup, const StreamFormat& input);
@@ -18,7 +18,7 @@ Made ceiling(const Setup& setup, const StreamFormat& input);
 
 namespace {
 
-// The reverse of the camera's order. Maps commute with filter and slow pole, and are small enough for the curves.
+// The reverse of the camera's order. Maps commute with filter and slow pole, and are too small to matter to the curves.
 constexpr Made (*kTable[])(const Setup&, const StreamFormat&) = {
     &repeated_frames,  &frame_filter, &common_offset, &radiometry, &slow_pole,
     &pixel_correction, &scene_nuc,    &conduction,    &ceiling,
@@ -80,7 +80,7 @@ void Chain::apply(std::size_t pass, PixelRange pixels) noexcept {
   }
 }
 
-// The first correction reads the raw frame, unless it measures the whole frame first.
+// The first correction reads the raw frame itself, unless it measures the whole frame first.
 void Chain::load(PixelRange pixels) noexcept {
   if (samples_.front()->hooks().whole_frame) return to_float(raw_, input_.type, plane_, pixels);
   samples_.front()->load(raw_, input_.type, plane_, pixels);

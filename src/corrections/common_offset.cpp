@@ -1,6 +1,6 @@
-// One number a frame: the centre of the differences from the frame before over a lattice of pixels, by a mean that
-// leaves out what moves (beyond 2.5 sigma of the noise). Steps are added up (jumps), the rest as far as it changes
-// within a few frames (flicker); what changes slowly stays, the scene's own.
+// One number a frame: the centre of the differences from the frame before over a lattice of pixels, a mean that
+// excludes moving content (beyond 2.5 sigma of the noise). Steps are summed up (jumps), the rest as far as it changes
+// within a few frames (flicker); slow changes belong to the scene, and stay.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -12,14 +12,14 @@ namespace bolo::corrections {
 namespace {
 
 constexpr std::size_t kLattice = 4096;
-constexpr double kClip = 2.5;         // sigma of a difference: beyond it something moves
-constexpr double kStill = 0.6;        // of the pixels that must not move for a frame's offset to be known
-constexpr double kJump = 1.0;         // sigma of a difference: the least step of all pixels that is one
-constexpr double kFirstUsual = 0.1;   // of sigma, before anything is known
+constexpr double kClip = 2.5;         // sigma of a difference: beyond it the scene moves
+constexpr double kStill = 0.6;        // share of pixels that must not move for a frame's offset to be known
+constexpr double kJump = 1.0;         // sigma of a difference: least step of all pixels that counts as a jump
+constexpr double kFirstUsual = 0.1;   // of sigma: initial usual change
 constexpr double kUnusual = 6.0;      // times the usual change of a frame
-constexpr double kJumpShare = 0.5;    // of the pixels that must have made it
-constexpr double kFlickerKept = 0.8;  // of what is taken out, from frame to frame
-constexpr double kTrendTaken = 0.05;  // of a frame's difference
+constexpr double kJumpShare = 0.5;    // of the pixels that must have made the step
+constexpr double kFlickerKept = 0.8;  // of the flicker removed, from frame to frame
+constexpr double kTrendTaken = 0.05;  // of a frame's difference, added to the trend
 
 class CommonOffset final : public Correction {
  public:
@@ -38,7 +38,7 @@ class CommonOffset final : public Correction {
 
   void begin(std::uint64_t periods) noexcept override { first_ = periods == 0; }
 
-  // Steps are distinguished from motion by its spread in the frame before, which motion does not change at once.
+  // Steps are distinguished from motion by the spread of the frame before, which motion does not change at once.
   void measure(const float* plane) noexcept override {
     for (std::size_t i = 0; i < lattice_.size(); ++i) now_[i] = plane[lattice_[i]];
     double difference = first_ ? 0.0 : centre();
@@ -74,7 +74,7 @@ class CommonOffset final : public Correction {
     for (std::size_t i = pixels.begin; i < pixels.end; ++i) plane[i] -= offset;
   }
 
-  // The common difference between this frame and the one before: from their median on, means of what is within reach.
+  // The common difference between this frame and the one before: their median, refined by means of the values near it.
  private:
   double centre() noexcept {
     for (std::size_t i = 0; i < lattice_.size(); ++i) difference_[i] = now_[i] - sample_[i];
@@ -100,7 +100,6 @@ class CommonOffset final : public Correction {
     return static_cast<double>(std::ranges::count_if(difference_, near)) / static_cast<double>(difference_.size());
   }
 
-  // Of difference_, which it puts in another order.
   double median() noexcept {
     const auto middle = difference_.begin() + static_cast<std::ptrdiff_t>(difference_.size() / 2);
     std::nth_element(difference_.begin(), middle, difference_.end());
@@ -115,11 +114,11 @@ class CommonOffset final : public Correction {
   std::vector<float> difference_;
   bool first_ = true;
   double sigma_ = 1.0;    // of a difference, values
-  double spread_ = 1.0;   // of the differences in the frame before, at least sigma_
-  double usual_ = 0.0;    // how far the centre goes from frame to frame
-  double jumped_ = 0.0;   // steps so far
-  double flicker_ = 0.0;  // what is taken out beyond them
-  double trend_ = 0.0;    // of the differences: motion
+  double spread_ = 1.0;   // of the differences in the frame before; at least sigma_
+  double usual_ = 0.0;    // usual change of the centre from frame to frame
+  double jumped_ = 0.0;   // sum of the steps so far
+  double flicker_ = 0.0;  // removed beyond the steps
+  double trend_ = 0.0;    // of the differences: motion of the scene
   float offset_ = 0.0F;
 };
 

@@ -1,6 +1,6 @@
-// Heat that flows between neighbours. A pixel with the coupling c to them follows tau dy/dt + y = x + c sum (y_n - y),
-// so the solver's estimate is x + c sum (y_n - y), and x is it less that sum of the frame itself: no inversion, and
-// hardly any noise (c sqrt(20) of the frame's). Neighbours beyond the border count as the pixel itself.
+// Heat flow between neighbours. A pixel with the coupling c to them follows tau dy/dt + y = x + c sum (y_n - y). The
+// solver's estimate is therefore x + c sum (y_n - y), and x follows by subtracting that sum of the frame itself: no
+// inversion, and hardly any noise (c sqrt(20) of the frame's). Neighbours beyond the border count as the pixel itself.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -24,7 +24,7 @@ class Conduction final : public Correction {
   }
 
  private:
-  struct Reach {  // how far the neighbours are, 0: there is none
+  struct Reach {  // distances of the neighbours in the plane; 0: there is none
     std::size_t left;
     std::size_t right;
     std::size_t up;
@@ -44,7 +44,7 @@ class Conduction final : public Correction {
     for_each<T>(frame, [kelvin, scale = scale_](std::size_t i, float flow) { kelvin[i] += scale * flow; });
   }
 
-  // change(i, what has flowed off) for each of the frame's values.
+  // Calls change(i, outflow) for each of the frame's values.
   template <typename T, typename Change>
   void for_each(const Deblurred& frame, const Change& change) const noexcept {
     constexpr std::size_t kMost = 256;
@@ -55,7 +55,7 @@ class Conduction final : public Correction {
     for (std::size_t p = frame.first_pixel; p < end;) {
       const std::size_t x = p % width_;
       const Reach to{x > 0 ? 1U : 0U, x + 1 < width_ ? 1U : 0U, p >= width_ ? width_ : 0U, p < last_row ? width_ : 0U};
-      const bool inner = x > 0 && x + 1 < width_;  // up to the last column but one they are alike
+      const bool inner = x > 0 && x + 1 < width_;  // up to the last column but one, all have the same neighbours
       const std::size_t count = inner ? std::min({kMost, width_ - 1 - x, end - p}) : 1;
       heat_flow(plane, p, count, to, flow.data());
       for (std::size_t i = 0; i < count; ++i) change(frame.values.begin + (p - frame.first_pixel) + i, flow[i]);
@@ -76,7 +76,7 @@ class Conduction final : public Correction {
   }
 
   const float coupling_;
-  const float scale_;  // kelvin a value
+  const float scale_;  // kelvin per value
   const std::size_t width_;
   const std::size_t pixels_;
 };

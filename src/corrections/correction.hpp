@@ -1,6 +1,5 @@
-// Effects of a camera beyond the inertia of its pixels are corrected around the solver. Each correction is
-// one file here; the table in chain.cpp makes them and has their order. Values are as stored: counts, or kelvin by the
-// stream's scale.
+// Effects of a camera beyond its pixels' inertia are corrected around the solver, each in one file here; the table in
+// chain.cpp creates them and defines their order. Values are as stored: counts, or kelvin by the stream's scale.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +13,6 @@
 
 namespace bolo::corrections {
 
-// Inputs to the making of corrections.
 struct Setup {
   model::Undo undo;
   deblur::Settings settings;  // period_s and the nominal tau_s
@@ -22,8 +20,7 @@ struct Setup {
   double noise_k = 0.03;  // of one pixel, K (counts without kelvin)
 };
 
-// Deblurred values: values[i] of `out`, of the output type, is pixel `first_pixel` + i of the frame whose plane, as the
-// solver got it, is `plane`.
+// values[i] of `out`, of the output type, is pixel `first_pixel` + i of the frame that the solver got as `plane`.
 struct Deblurred {
   PixelType type = PixelType::kUint16;
   void* out = nullptr;
@@ -32,7 +29,7 @@ struct Deblurred {
   std::size_t first_pixel = 0;
 };
 
-// They stay in the first cache from correction to correction.
+// So many pixels stay in the first-level cache from correction to correction.
 inline constexpr std::size_t kPixelsAtOnce = 4096;
 
 // Raw values of these pixels, in single precision. Thread: worker.
@@ -43,7 +40,7 @@ inline void to_float(const void* raw, PixelType type, float* plane, PixelRange p
   type == PixelType::kUint16 ? copy(static_cast<const std::uint16_t*>(raw)) : copy(static_cast<const float*>(raw));
 }
 
-// The functions that a correction overrides: no others are called.
+// The functions that a correction overrides; no others are called.
 struct Hooks {
   bool frames = false;       // drops()
   bool samples = false;      // begin(), apply(), load(), finish()
@@ -52,7 +49,7 @@ struct Hooks {
   bool saturation = false;   // saturated()
 };
 
-// Nothing is allocated once it is made.
+// Nothing is allocated after construction.
 class Correction {
  public:
   virtual ~Correction() = default;
@@ -61,23 +58,23 @@ class Correction {
   // True for a frame that counts as lost. Thread: pipeline.
   virtual bool drops(const void* /*raw*/) noexcept { return false; }
 
-  // A frame `periods` after the one before; 0: nothing of before is remembered. Thread: pipeline.
+  // A frame `periods` after the one before; 0: discard what was learnt before. Thread: pipeline.
   virtual void begin(std::uint64_t /*periods*/) noexcept {}
-  // Measures the whole frame, as the corrections before it left it, before apply(). Thread: pipeline.
+  // Measures the whole frame before apply(), after the corrections before it. Thread: pipeline.
   virtual void measure(const float* /*plane*/) noexcept {}
   // Changes pixels of the whole plane in place; disjoint between concurrent calls. Thread: worker.
   virtual void apply(float* /*plane*/, PixelRange) noexcept {}
-  // The same for the first correction of all, of pixels that are still raw. Thread: worker.
+  // The same for the first correction, on raw pixels. Thread: worker.
   virtual void load(const void* raw, PixelType type, float* plane, PixelRange pixels) noexcept {
     to_float(raw, type, plane, pixels);
     apply(plane, pixels);
   }
-  // After all corrections of all of the frame's pixels. Thread: pipeline.
+  // Called after all corrections of all of the frame's pixels. Thread: pipeline.
   virtual void finish(float* /*plane*/) noexcept {}
 
   // Changes deblurred values in place; `plane_type` is that of the solver's planes. Thread: worker.
   virtual void restore(const Deblurred&, PixelType /*plane_type*/) const noexcept {}
-  // True when a raw value is beyond what the camera can show. Thread: worker.
+  // True if a raw value is beyond the camera's range. Thread: worker.
   virtual bool saturated(const void* /*raw*/, PixelRange) const noexcept { return false; }
 
  protected:
@@ -87,7 +84,7 @@ class Correction {
   Hooks hooks_;
 };
 
-// Null where there is nothing to correct. Curves of temperature need a stream in kelvin, maps its size: else bad input.
+// Null if there is nothing to correct. Temperature curves need a stream in kelvin, maps its size; otherwise bad input.
 using Made = Result<std::unique_ptr<Correction>>;
 
 }  // namespace bolo::corrections

@@ -1,7 +1,7 @@
-// Inverts the camera's average of frames: y was sent, x read, w is the weight of the new frame.
+// Inverts the camera's temporal filter: y was sent, x read, w is the weight of the new frame.
 //   recursive: x_k = (y_k - (1 - w) y_{k-1}) / w; box: x_k = (y_k - (1 - w) x_{k-1}) / w.
-// Exact. Noise from before the filter comes back as it was; rounding to counts grows by sqrt(1 + (1 - w)^2) / w, of a
-// box by 1 / sqrt(2 w - 1). A y_{k-1} that was lost on its way is interpolated from the last one received.
+// Exact. Noise from before the filter is restored as it was; rounding to counts grows by sqrt(1 + (1 - w)^2) / w, for a
+// box by 1 / sqrt(2 w - 1). A y_{k-1} lost on its way is interpolated from the last one received.
 #include <vector>
 
 #include "src/corrections/correction.hpp"
@@ -29,7 +29,7 @@ class FrameFilterInverse final : public Correction {
   }
 
  private:
-  // x = y + (1 - w) / w (y - before): small numbers are subtracted, not 30,000 counts.
+  // x = y + (1 - w) / w (y - before): subtracts small numbers, not 30,000 counts.
   template <typename T>
   void invert(const T* from, float* to, PixelRange pixels) noexcept {
     float* const before = before_.data();
@@ -52,9 +52,9 @@ class FrameFilterInverse final : public Correction {
 
   const bool box_;
   const float ratio_;          // (1 - w) / w
-  std::vector<float> before_;  // y_{k-1}, or x_{k-1} of a box
+  std::vector<float> before_;  // y_{k-1}; for a box x_{k-1}
   bool first_ = true;
-  float weight_ = 0.0F;  // over the periods since the frame before
+  float weight_ = 0.0F;  // ratio_ divided by the periods since the frame before
 };
 
 }  // namespace

@@ -10,8 +10,8 @@ namespace bolo::corrections {
 namespace {
 
 constexpr double kLongestTau = 1.0;       // s, as in Settings
-constexpr std::uint64_t kForgotten = 64;  // periods without a frame after which it begins anew
-constexpr std::size_t kMostSources = 64;  // of a dead pixel; a ring with more is thinned out evenly
+constexpr std::uint64_t kForgotten = 64;  // periods without a frame after which it restarts
+constexpr std::size_t kMostSources = 64;  // of a dead pixel; of a ring with more, evenly spaced ones are used
 
 // "maps: tau_s in row 3, column 17 is nan, must be ..."
 template <typename T>

@@ -1,18 +1,16 @@
-// Corrections of single pixels (model::PixelMaps), frame by frame before the window: gain and offset, thermal
-// inertia of the pixel's own, and dead pixels.
+// Corrections of single pixels (model::PixelMaps), before the window: gain and offset, own thermal inertia, dead
+// pixels.
 //
 // Thermal inertia. A pixel of time constant tau reaches y_{+g} = a^g y + (1 - a^g) x over g frame periods of constant
-// input x (paper eq. 7; a = exp(-T / tau)). The samples that a pixel of the nominal tau (decay a_0) would have given
-// for the same input are
+// input x (paper eq. 7; a = exp(-T / tau)). A pixel of the nominal tau (decay a_0) would have given for the same input
 //   y'_{+g} = a_0^g y' + (1 - a_0^g) (y_{+g} - a^g y) / (1 - a^g).
 // With e = y' - y that is e_{+g} = a_0^g e + c_g (y_{+g} - y), c_g = (a^g - a_0^g) / (1 - a^g): small numbers only, so
-// that single precision loses nothing at 300 K. The solver then takes every pixel for one of the nominal tau. This is
-// exact for inputs that are constant between received samples, the most that samples determine; the noise of the camera
-// goes through the same filter. e begins at 0: wrong by the first frames' difference from rest, an error that decays as
-// a_0^g, which is just what the solver takes out of a window's first sample (Y of design).
+// that single precision loses nothing at 300 K. The solver can then treat every pixel as nominal. This is exact for
+// inputs that are constant between received samples, the most that samples determine; the camera's noise passes through
+// the same filter. e starts at 0: it is wrong by the first frames' difference from rest, an error that decays as a_0^g,
+// which is exactly what the solver removes with a window's first sample (Y of design).
 //
-// Dead pixels become the mean of the good ones among their 8 neighbours, each corrected; with none good, of the next
-// wider square ring that has one.
+// Dead pixels become the mean of the good ones of their 8 neighbours, corrected, or of the next square ring with any.
 #pragma once
 
 #include <cstdint>
@@ -22,20 +20,19 @@
 
 namespace bolo::corrections {
 
-// Use, per frame: begin(); apply() on all of its pixels; finish().
+// Use, per frame: begin(); apply() on all pixels; finish().
 class PixelCorrection final : public Correction {
  public:
-  // Maps of another size than the frame's, numbers that are none, time constants that are not positive, and frames
-  // without a good pixel are bad input. Values are those that `input` stores, in single precision. Thread: setup.
+  // Maps of another size than the frame's, NaN and infinities, time constants that are not positive, and frames without
+  // a good pixel are bad input. Values are those that `input` stores, in single precision. Thread: setup.
   static Result<PixelCorrection> create(const deblur::Settings& settings, const StreamFormat& input,
                                         const model::PixelMaps& maps);
 
-  // False when the maps correct no single pixels: there is nothing to call. Thread: any.
+  // False if the maps correct no single pixels: there is nothing to call. Thread: any.
   bool changes_samples() const noexcept { return !gain_.empty() || !lag_.empty() || !dead_.empty(); }
 
   void begin(std::uint64_t periods) noexcept override;
   void apply(float* plane, PixelRange pixels) noexcept override;
-  // Fills dead pixels.
   void finish(float* plane) noexcept override;
 
  private:
@@ -55,9 +52,9 @@ class PixelCorrection final : public Correction {
   };
 
   double ratio_ = 0.0;          // T / tau, nominal
-  std::uint64_t periods_ = 0;   // of this frame
-  float nominal_decay_ = 0.0F;  // over them
-  // Of each pixel; empty: none.
+  std::uint64_t periods_ = 0;   // since the frame before
+  float nominal_decay_ = 0.0F;  // over periods_
+  // By pixel; empty: none.
   std::vector<float> gain_;  // stored value -> gain * value + offset
   std::vector<float> offset_;
   std::vector<float> lag_;    // c_1

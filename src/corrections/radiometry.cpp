@@ -1,4 +1,4 @@
-// From temperature to the radiance that the pixels follow, in kelvin-like units, before the solver; after it back, and
+// Before the solver, from temperature to the radiance that the pixels follow, in kelvin-like units; after it back, and
 // from the apparent temperature to that of the object, B(T) = (B(T') - (1 - e) B(T_reflected)) / e.
 #include <algorithm>
 #include <cmath>
@@ -12,9 +12,8 @@ namespace {
 
 constexpr double kColdestK = 150.0;
 constexpr double kHottestK = 650.0;
-constexpr int kPieces = 2000;  // of a quarter of a kelvin: off by less than 0.1 mK
+constexpr int kPieces = 2000;  // a quarter of a kelvin each: error below 0.1 mK
 
-// By straight pieces of equal width.
 class Curve {
  public:
   Curve() = default;
@@ -77,9 +76,9 @@ class Radiometry final : public Correction {
     return model::band_temperature((model::band_radiance(kelvin) - reflected) / undo.emissivity);
   }
 
-  Curve to_radiance_;                    // of stored values
-  Curve to_temperature_;                 // of kelvin
-  std::vector<std::uint16_t> finished_;  // of each stored value, when the output is uint16
+  Curve to_radiance_;                    // from stored values
+  Curve to_temperature_;                 // from kelvin
+  std::vector<std::uint16_t> finished_;  // by stored value, if the output is uint16
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A frame that equals the one before bit for bit is a lost one.
+// A frame that equals the one before bit for bit counts as lost.
 #include <cstring>
 #include <vector>
 

@@ -1,5 +1,5 @@
-// Subtracts the fixed pattern that is learnt while the scene moves (src/motion/fixed_pattern.hpp). The residual
-// pattern, or the one added where there was none, is .2 to .8 of a pixel's noise after 300 frames.
+// Subtracts the fixed pattern, learnt while the scene moves (src/motion/fixed_pattern.hpp). The residual pattern, or
+// the one added where there was none, is .2 to .8 of a pixel's noise after 300 frames.
 #include <algorithm>
 #include <cmath>
 
@@ -9,8 +9,8 @@
 namespace bolo::corrections {
 namespace {
 
-constexpr double kMemoryS = 300.0;      // in which the pattern of an uncooled camera becomes another
-constexpr double kSpreadOfNoise = 3.0;  // the pattern to be expected, in units of a pixel's noise
+constexpr double kMemoryS = 300.0;      // time constant of an uncooled camera's pattern
+constexpr double kSpreadOfNoise = 3.0;  // expected pattern, in units of a pixel's noise
 constexpr double kLeastNoise = 0.3;     // counts: rounding alone
 
 motion::PatternSettings settings_of(const Setup& setup, const StreamFormat& input) {

@@ -1,6 +1,6 @@
-// A share a of the pixels' answer follows a second, slow time constant. With z the answer of tau alone and s that of
-// slow_tau, y = (1 - a) z + a s, both to the input that is constant between samples: that input follows from y, and z
-// goes on. Noise gain 1 / (1 - a).
+// A share a of the pixels' response follows a second, slow time constant. With z the response of tau alone and s that
+// of slow_tau, y = (1 - a) z + a s, both to an input that is constant between samples: the input follows from y, and z
+// is passed on. Noise gain 1 / (1 - a).
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -39,7 +39,7 @@ class SlowPole final : public Correction {
       std::copy(plane + pixels.begin, plane + pixels.end, slow + pixels.begin);
     }
     for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
-      // About the value itself, so that single precision loses nothing: u is input less value.
+      // Relative to the value itself, so that single precision loses nothing: u is input less value.
       const float value = plane[i];
       const float f = fast[i] - value;
       const float s = slow[i] - value;
@@ -57,7 +57,6 @@ class SlowPole final : public Correction {
     float per_input = 1.0F;
   };
 
-  // Constants over `periods`.
   void set_gap(std::uint64_t periods) noexcept {
     gap_ = periods;
     const double passed_s = static_cast<double>(periods) * period_s_;

@@ -9,7 +9,7 @@ namespace {
 using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxDenseBins, kMaxDenseBins>;
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxSlots, kMaxDenseBins>;
 
-// A ridge this small moves the start by less than single precision and keeps it defined when samples are few.
+// A ridge this small moves the start by less than single precision, and keeps it defined when samples are few.
 constexpr double kRidge = 1e-9;
 
 double haar_at(int coefficient, int bin, int bins) {
@@ -66,7 +66,7 @@ Square inverse_of(const Rows& s, double ridge) noexcept {
   return inverse;
 }
 
-// Index of the coefficient in the matrices' order: coarse to fine, each level from the window's begin.
+// Index of the coefficient in the matrices' order: coarse to fine, each level from the window's beginning.
 std::size_t ordered(int i, int bins) {
   const int support = support_of(i, bins);
   return static_cast<std::size_t>(i == 0 ? 0 : bins / support + i / support);

@@ -1,4 +1,4 @@
-// ADMM from the dual that the sweeps leave: one iteration, of which only the published value is computed.
+// ADMM started from the dual of the sweeps: one iteration, of which only the published value is computed.
 //
 // D = c - Q t and u = t / rho give w = D + u, z = soft(w) and u = clip(w); the x-update that follows (below) is
 // linear in the samples and z - u, so each bin's x is a row of weights.
@@ -22,13 +22,13 @@ struct DensePlan {
   int bins = 0;
   int iterations = 0;
   float alpha = 1.0F;
-  float lambda = 0.0F;     // lambda_half of pixels that bring none of their own, in the units of the values
+  float lambda = 0.0F;     // lambda_half, in the values' units, for pixels without one of their own
   float threshold = 0.0F;  // for a lambda_half of 1
   float inverse_count = 0.0F;
   int samples = 0;
   std::array<int, kMaxSlots> slot{};
   std::array<std::array<float, kMaxDenseBins>, kMaxSlots> data{};   // [sample][coefficient]
-  std::array<std::array<float, kMaxDenseBins>, kMaxSlots> start{};  // least squares: where the iteration begins
+  std::array<std::array<float, kMaxDenseBins>, kMaxSlots> start{};  // least squares: start of the iteration
   std::array<std::array<float, kMaxDenseBins>, kMaxDenseBins> feedback{};
   std::array<std::array<float, kMaxDenseBins>, kMaxDenseBins> basis{};  // [bin][coefficient]: x of a bin is basis . D
 };

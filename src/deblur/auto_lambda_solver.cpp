@@ -12,7 +12,7 @@
 namespace bolo::deblur {
 namespace {
 
-constexpr std::size_t kDraws = 2048;  // of each model: its risks are known to some 3 %
+constexpr std::size_t kDraws = 2048;  // per model: determines its risks to some 3 %
 
 // Samples of one model in packed planes, noise of variance 1, and the truth.
 struct Draws {
@@ -22,9 +22,8 @@ struct Draws {
   explicit Draws(int slots) : planes(static_cast<std::size_t>(slots), std::vector<float>(kDraws)) {}
 };
 
-// Standard normal values, bit for bit those of libstdc++'s std::normal_distribution (Marsaglia's polar method). That
-// takes logarithms of long double for each of them where the compiler is clang: a third of the time of the daemon's
-// tests under a sanitizer.
+// Standard normal values, bit for bit those of libstdc++'s std::normal_distribution (Marsaglia's polar method), which
+// under clang takes a long double logarithm each: a third of the time of the daemon's tests under a sanitizer.
 class Normal {
  public:
   double operator()(std::mt19937_64& random) {
@@ -44,7 +43,7 @@ class Normal {
   }
 
  private:
-  // Of [-1, 1).
+  // Uniform on [-1, 1).
   static double even(std::mt19937_64& random) {
     return 2.0 * std::min(0x1p-64 * static_cast<double>(random()), 1.0 - 0x1p-53) - 1.0;
   }
@@ -81,18 +80,18 @@ double mean_square(const std::vector<float>& estimate, const std::vector<float>&
   return sum / kDraws;
 }
 
-// The stream of the table: values in units of the noise, in a window as long as the models'.
+// The stream that the table is made for: values in units of the noise, in a window as long as the models'.
 StreamTask table_task(const StreamTask& task, int slots) {
   StreamTask result = task;
   result.settings.window = slots;
   result.input.type = PixelType::kFloat32;
   result.input.scale = {Unit::kKelvin, 1.0, 0.0};
   result.output = PixelType::kFloat32;
-  if (result.settings.method == Method::kExact) result.settings.method = Method::kAdmm;  // too long
+  if (result.settings.method == Method::kExact) result.settings.method = Method::kAdmm;  // kExact would take too long
   return result;
 }
 
-// The method's plan is made for this lambda_half, K: as many iterations as the largest choices want in usual noise.
+// The method's plan is made for this lambda_half, K: as many iterations as the largest choices need in usual noise.
 constexpr double kPlannedLambda = 0.5;
 
 StreamTask planned(StreamTask task) {
@@ -101,7 +100,7 @@ StreamTask planned(StreamTask task) {
   return task;
 }
 
-// The sample itself, as run() would have written an estimate.
+// Publishes the sample itself, as run() would write an estimate.
 void publish_raw(const PixelRun& run, const void* plane, std::size_t pixel) noexcept {
   const bool count = run.input == PixelType::kUint16;
   const std::uint16_t raw = count ? static_cast<const std::uint16_t*>(plane)[pixel] : std::uint16_t{0};

@@ -20,8 +20,8 @@ using Float = hn::ScalableTag<float>;
 using Vec = hn::Vec<Float>;
 
 inline constexpr std::size_t kLanes = hn::MaxLanes(Float());
-// Two vectors side by side: the eliminations of the interior point wait for their own results, so one would leave the
-// processor idle half of the time.
+// Two vectors side by side: an elimination of the interior point depends on the one before, so that a single vector
+// would leave the processor idle half of the time.
 inline constexpr std::size_t kBlock = 2 * kLanes;
 
 // Memory of one block: a row of kBlock floats for each bin or sample.
@@ -44,13 +44,11 @@ HWY_INLINE Pair operator-(Pair x, Pair y) { return {hn::Sub(x.a, y.a), hn::Sub(x
 HWY_INLINE Pair operator*(Vec k, Pair x) { return {hn::Mul(k, x.a), hn::Mul(k, x.b)}; }
 HWY_INLINE Pair operator*(Pair x, Pair y) { return {hn::Mul(x.a, y.a), hn::Mul(x.b, y.b)}; }
 HWY_INLINE Pair operator/(Pair x, Pair y) { return {hn::Div(x.a, y.a), hn::Div(x.b, y.b)}; }
-// k x + y
 HWY_INLINE Pair fma(Vec k, Pair x, Pair y) { return {hn::MulAdd(k, x.a, y.a), hn::MulAdd(k, x.b, y.b)}; }
-// y - k x
 HWY_INLINE Pair fnma(Vec k, Pair x, Pair y) { return {hn::NegMulAdd(k, x.a, y.a), hn::NegMulAdd(k, x.b, y.b)}; }
 HWY_INLINE Vec fma(Vec k, Vec x, Vec y) { return hn::MulAdd(k, x, y); }
 HWY_INLINE Vec fnma(Vec k, Vec x, Vec y) { return hn::NegMulAdd(k, x, y); }
-// Unnormalised Haar: sum and difference, its own inverse but for a factor of 2.
+// Unnormalised Haar step: sum and difference; its own inverse up to a factor of 2.
 HWY_INLINE void butterfly(Pair& x, Pair& y) {
   const Pair sum = x + y;
   y = x - y;
@@ -61,7 +59,6 @@ HWY_INLINE void butterfly(Vec& x, Vec& y) {
   y = hn::Sub(x, y);
   x = sum;
 }
-// x limited to [-limit, limit]
 HWY_INLINE Pair clip(Pair x, Pair limit) {
   return {hn::Min(hn::Max(x.a, hn::Neg(limit.a)), limit.a), hn::Min(hn::Max(x.b, hn::Neg(limit.b)), limit.b)};
 }
@@ -76,7 +73,7 @@ HWY_INLINE Vec widen(const std::uint16_t* from) {
   return hn::ConvertTo(Float(), hn::PromoteTo(whole, hn::LoadU(half, from)));
 }
 
-// Rounded and limited to uint16; NaN becomes 0.
+// Rounded and clamped to uint16; NaN becomes 0.
 HWY_INLINE void narrow(Vec x, std::uint16_t* to) {
   const hn::Rebind<std::uint16_t, Float> half;
   const Vec number = hn::IfThenElseZero(hn::Eq(x, x), x);
@@ -105,11 +102,10 @@ HWY_INLINE Vec load_lanes(const void* plane, std::size_t at, std::size_t count) 
   const T* from = static_cast<const T*>(plane) + at;
   if (HWY_LIKELY(count == kLanes)) return load_vector_of(from);
   HWY_ALIGN T padded[kLanes] = {};
-  std::copy_n(from, std::min(count, kLanes), padded);  // GCC sees no bound, else
+  std::copy_n(from, std::min(count, kLanes), padded);  // gives GCC the bound
   return load_vector_of(padded);
 }
 
-// The same, a block of them.
 template <typename T>
 HWY_INLINE Pair load_pixels(const void* plane, std::size_t at, std::size_t count) {
   const std::size_t first = std::min(count, kLanes);
@@ -122,7 +118,7 @@ HWY_INLINE Pair load_pixels(const PixelRun& run, int slot, std::size_t at, std::
                                          : load_pixels<float>(plane, at, count);
 }
 
-// lambda_half of the block's pixels; `common` where they bring none of their own.
+// lambda_half of the block's pixels; `common` for a run without its own.
 HWY_INLINE Pair load_lambda(const PixelRun& run, float common, std::size_t at, std::size_t count) {
   return run.lambda == nullptr ? pair(common) : load_pixels<float>(run.lambda, at, count);
 }
@@ -141,20 +137,17 @@ HWY_INLINE void store_lanes(const PixelRun& run, Vec x, std::size_t at, std::siz
   std::copy_n(values, std::min(count, kLanes), to);
 }
 
-// The first `count` of a vector's estimates, from pixel `at`.
 HWY_INLINE void store_lanes(const PixelRun& run, Vec x, std::size_t at, std::size_t count) {
   run.output == PixelType::kUint16 ? store_lanes<std::uint16_t>(run, x, at, count)
                                    : store_lanes<float>(run, x, at, count);
 }
 
-// The same, a block of them.
 HWY_INLINE void store_pixels(const PixelRun& run, Pair x, std::size_t at, std::size_t count) {
   const std::size_t first = std::min(count, kLanes);
   store_lanes(run, x.a, at, first);
   store_lanes(run, x.b, at + first, count - first);
 }
 
-// Calls solve(at, count) for every block of the run.
 template <typename Solve>
 HWY_INLINE void for_each_block(const PixelRun& run, const Solve& solve) {
   for (std::size_t at = run.begin; at < run.end; at += kBlock) solve(at, std::min(kBlock, run.end - at));

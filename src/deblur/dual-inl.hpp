@@ -1,5 +1,4 @@
-// Coordinate descent with over-relaxation on the dual (dual_plan.hpp), from the state of dual_state-inl.hpp. Included
-// once for every instruction set.
+// Coordinate descent with over-relaxation on the dual (dual_plan.hpp). Included once for every instruction set.
 #if defined(BOLO_DEBLUR_DUAL_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_DUAL_INL
 #undef BOLO_DEBLUR_DUAL_INL
@@ -13,7 +12,6 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
-// Constants of an update.
 struct Weights {
   Vec keep;
   Vec left;
@@ -29,7 +27,7 @@ HWY_INLINE Weights weights_of(const DualPlan& plan, int i, int level, const Dual
   return {all(row.keep), all(row.left), all(row.right), all(row.middle), bound_of(i, level)};
 }
 
-// One coefficient; returns how far it moved. In the first sweep t is still zero.
+// Updates one coefficient and returns its change. In the first sweep t is still zero.
 template <bool kFirst, int kBins>
 HWY_INLINE Vec move(const Weights& w, int i, Vec pull, std::size_t v, Dual<kBins>& m) {
   const Vec old = kFirst ? hn::Zero(Float()) : at(m.t(i) + v);
@@ -39,7 +37,7 @@ HWY_INLINE Vec move(const Weights& w, int i, Vec pull, std::size_t v, Dual<kBins
   return kFirst ? next : hn::Sub(next, old);
 }
 
-// Moves a wavelet and the jumps at its ends and, where it is kept, in its middle.
+// Updates a wavelet and the jumps at its ends and, if that is kept, in its middle.
 template <bool kFirst, int kBins>
 HWY_INLINE void move_wavelet(const Weights& w, int i, std::size_t v, Dual<kBins>& m, Vec& left, Vec& right) {
   const Vec moved = move<kFirst>(w, i, hn::Add(left, right), v, m);
@@ -64,7 +62,7 @@ HWY_INLINE void move_sum(const Weights& w, std::size_t v, Dual<kBins>& m, Vec& b
   end = hn::MulAdd(w.right, moved, end);
 }
 
-// The wavelets of kTree neighbouring stretches of kStride bins; their jumps stay in registers.
+// Sweeps the wavelets of kTree neighbouring stretches of kStride bins; their jumps stay in registers.
 template <int kBins, int kTree, int kStride, bool kFirst, typename T>
 HWY_INLINE void sweep_tree(const DualPlan& plan, int begin, Dual<kBins, T>& m) {
   constexpr int kLevel = log2_of(kTree * kStride) - 1;
@@ -114,7 +112,7 @@ HWY_INLINE void sweep_tree(const DualPlan& plan, int begin, Dual<kBins, T>& m) {
   }
 }
 
-// The trees of one size over the window, every other one first: neighbours wait for each other's jumps.
+// Sweeps the trees of one size over the window, every other one first, because neighbours depend on each other's jumps.
 template <int kBins, int kSpan, int kTree, bool kFirst, typename T>
 HWY_INLINE void sweep_levels(const DualPlan& plan, Dual<kBins, T>& m) {
   constexpr int kStride = kSpan / kTree;
@@ -125,7 +123,7 @@ HWY_INLINE void sweep_levels(const DualPlan& plan, Dual<kBins, T>& m) {
   if constexpr (kStride > 1) sweep_levels<kBins, kStride, 4, kFirst>(plan, m);
 }
 
-// Only the trees that hold the bins which are published.
+// Sweeps only the trees that contain the published bins.
 template <int kBins, int kSpan, int kTree, typename T>
 HWY_INLINE void sweep_near_levels(const DualPlan& plan, const Published& bins, Dual<kBins, T>& m) {
   constexpr int kStride = kSpan / kTree;
@@ -135,7 +133,7 @@ HWY_INLINE void sweep_near_levels(const DualPlan& plan, const Published& bins, D
   if constexpr (kStride > 1) sweep_near_levels<kBins, kStride, 4>(plan, bins, m);
 }
 
-// The coefficient that is constant over the window: it has no middle.
+// Updates the coefficient that is constant over the window: it has no middle.
 template <int kBins, bool kFirst, typename T>
 HWY_INLINE void sweep_sum(const DualPlan& plan, Dual<kBins, T>& m) {
   const auto w = weights_of(plan, 0, log2_of(kBins) - 1, m);
@@ -153,7 +151,7 @@ constexpr int first_tree() {
   return log2_of(kBins) % 2 == 1 ? 2 : 4;
 }
 
-// Not inlined: it would be compiled for admm and dual alike.
+// Not inlined: otherwise it would be compiled for admm and dual separately.
 template <int kBins, bool kFirst, typename T>
 HWY_NOINLINE void sweep(const DualPlan& plan, Dual<kBins, T>& m) {
   sweep_sum<kBins, kFirst>(plan, m);
@@ -166,8 +164,8 @@ HWY_NOINLINE void sweep_near(const DualPlan& plan, const Published& bins, Dual<k
   sweep_near_levels<kBins, kBins, first_tree<kBins>()>(plan, bins, m);
 }
 
-// Moves lost samples before sweep `next`, counted from 0, or after the last (kLast), then those of pairs only, which no
-// sweep sets. Before the first sweep these are right. Those out of sweep_near()'s reach have converged before it.
+// Moves lost samples before sweep `next`, counted from 0, or after the last (kLast), then only those of pairs, which no
+// sweep sets; before the first sweep these are right. Samples out of sweep_near()'s reach have converged before it.
 template <int kBins>
 HWY_NOINLINE void balance(const DualRun& run, int next, Dual<kBins>& m) {
   const DualPlan& plan = run.plan;
@@ -190,7 +188,6 @@ HWY_NOINLINE void balance(const DualRun& run, int next, Dual<kBins>& m) {
   }
 }
 
-// Adds the terms of t and of the jumps to the estimate.
 template <int kBins>
 HWY_INLINE void finish_dual(const DualRun& run, std::size_t first, const Dual<kBins>& m) {
   const std::size_t terms = run.estimate.terms;
@@ -203,7 +200,7 @@ HWY_INLINE void finish_dual(const DualRun& run, std::size_t first, const Dual<kB
   }
 }
 
-// Calls finish(first pixel, memory) for each part of the run, its dual near the optimum.
+// Calls finish(first pixel, memory) for each part of the run once its dual is near the optimum.
 template <int kBins, typename T = float, typename Finish>
 HWY_INLINE void for_each_dual(const DualRun& run, const Finish& finish) {
   Dual<kBins, T> m{};

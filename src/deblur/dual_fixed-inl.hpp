@@ -1,5 +1,4 @@
-// The sweeps' moves in int16 (dual_fixed.cpp says in which units, and why nothing overflows). Included once for every
-// instruction set.
+// The sweeps' updates in int16 (dual_fixed.cpp: units, overflow). Included once for every instruction set.
 #if defined(BOLO_DEBLUR_DUAL_FIXED_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_DUAL_FIXED_INL
 #undef BOLO_DEBLUR_DUAL_FIXED_INL
@@ -13,7 +12,7 @@ HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_SCALAR
-using Short = float;  // without vectors nothing is gained
+using Short = float;  // without vectors int16 gains nothing
 #else
 using Short = std::int16_t;
 using ShortVec = hn::Vec<hn::ScalableTag<Short> >;
@@ -31,10 +30,10 @@ HWY_INLINE void set_bounds(const DualPlan& plan, std::size_t v, Vec lambda, Dual
   put(hn::Div(all(1.0F), unit), m.inverse + v);
 }
 
-// Two vectors of floats, rounded and limited, take turns in one of int16.
+// Two vectors of floats, rounded and clamped, are interleaved into one of int16.
 template <int kBins>
 HWY_INLINE void put_c(const DualPlan& plan, int i, std::size_t v, Pair c, Dual<kBins, Short>& m) {
-  constexpr float kRounds = 0x1.8p23F;  // from here on a float's last bit is 1
+  constexpr float kRounds = 0x1.8p23F;  // from here on a float's last bit has the value 1
   const hn::ScalableTag<std::int32_t> whole;
   const hn::ScalableTag<Short> half;
   const Vec weight = all(plan.row[static_cast<std::size_t>(i)].right);
@@ -56,7 +55,7 @@ struct ShortWeights {
   ShortVec begin;
   ShortVec low;
   ShortVec high;
-  bool first;  // the jump at its begin is the window's
+  bool first;  // its first jump is the one at the window's beginning
 
   HWY_INLINE ShortVec left(ShortVec jump) const { return first ? hn::MulFixedPoint15(begin, jump) : jump; }
 };
@@ -109,7 +108,6 @@ HWY_INLINE void move_sum(const ShortWeights& w, std::size_t v, Dual<kBins, Short
   end = hn::Add(end, moved);
 }
 
-// Adds the terms of t and of the jumps to the estimate.
 template <int kBins>
 HWY_INLINE void finish_dual(const DualRun& run, std::size_t first, const Dual<kBins, Short>& m) {
   const std::size_t terms = run.estimate.terms;

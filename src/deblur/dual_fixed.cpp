@@ -1,14 +1,14 @@
 // The sweeps in int16.
 //
-// t_i stands times right_i, by which it moves jumps, so that jumps are sums and differences of t; the one at the
-// window's begin stands divided by p. All is in units of lambda: the bounds of t are constants of the plan, whatever
-// the samples, and with them the largest value of
-//   a jump                 -t_i of those wavelets that begin or end there, 2 t_i of the one with its middle there,
-//   what jumps do to t_i   their sum, or that of one and the other less the middle, times pull_i,
-//   t_i without its bound  this, keep_i t_i, and c_i:
-// all but c_i are sums of t, so that the largest one is the sum of its factors times the bounds.
-// c_i alone has no bound of its own. It saturates, and so does the sum with it: neither shows, as t_i is at its bound
-// whenever one of them does. The unit is as small as these largest values let it be.
+// t_i is stored times right_i, by which it moves jumps, so that jumps are sums and differences of t; the jump at the
+// window's beginning is stored divided by p. All values are in units of lambda: the bounds of t are constants of the
+// plan, whatever the samples, and so is the largest value of
+//   a jump                 -t_i of the wavelets that begin or end there, 2 t_i of the one with its middle there,
+//   jumps' effect on t_i   their sum, or that of the outer ones less the middle, times pull_i,
+//   t_i before clipping    this, keep_i t_i, and c_i:
+// all but c_i are sums of t, whose largest value is the sum of its factors times the bounds. c_i alone has no bound of
+// its own. It saturates, as does the sum with it, without effect: t_i is at its bound whenever one of them saturates.
+// The unit is as small as these largest values allow.
 #include <algorithm>
 #include <cmath>
 
@@ -17,15 +17,15 @@
 namespace bolo::deblur {
 namespace {
 
-constexpr double kLargest = 32700.0;        // what rounding adds stays below the rest of int16
-constexpr double kRoundingOfT = 0.55;       // rms, units: of c_i and of two or three products
-constexpr double kMostRounding_k = 3.0e-3;  // rms in the estimate, K: with what the sweeps leave, less than 5 mK
+constexpr double kLargest = 32700.0;        // the rest of int16 is for rounding
+constexpr double kRoundingOfT = 0.55;       // rms, units: of c_i and two or three products
+constexpr double kMostRounding_k = 3.0e-3;  // rms in the estimate, K: less than 5 mK with the sweeps' own error
 
 std::int16_t fixed(double value) { return static_cast<std::int16_t>(std::lround(32768.0 * value)); }
 
-using Form = std::array<double, kMaxDualBins>;  // what each t counts in a sum
+using Form = std::array<double, kMaxDualBins>;  // factor of each t in a sum
 
-// The largest value of any of them, in units of a lambda_half of 1.
+// The largest value of any quantity, in units of a lambda_half of 1.
 double largest(const DualPlan& plan, const Form& bound) noexcept {
   std::array<Form, kMaxDualBins + 1> jump{};
   const auto bins = static_cast<std::size_t>(plan.bins);
@@ -59,8 +59,7 @@ double largest(const DualPlan& plan, const Form& bound) noexcept {
   return most;
 }
 
-// Rms of what the rounding of t does to the last bin, in units. All its t move the jump at the window's end, the last
-// term, by as much.
+// Rms effect of t's rounding on the last bin, in units. Every t moves the last term, the window's end jump, by as much.
 double rounding(const DualPlan& plan) noexcept {
   const Estimate e = fixed_estimate(plan, {plan.bins - 1, plan.bins - 1});
   const double jump = std::abs(static_cast<double>(e.term[e.terms - 1].weight));

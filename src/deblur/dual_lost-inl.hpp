@@ -12,10 +12,10 @@ HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
 inline constexpr int kLast = 1000;     // after the last sweep
-inline constexpr int kMostSteps = 20;  // along a line of lost samples' values
+inline constexpr int kMostSteps = 20;  // along the line of a lost sample's value
 inline constexpr float kFar = 1e20F;
 
-// Addresses of the pixels' values for one part (LostMove::Part).
+// Addresses of a part's (LostMove::Part) values, by pixel.
 struct PartRows {
   const float* t;
   float* c;
@@ -25,17 +25,17 @@ struct PartRows {
   const float* low;
   const float* high;
   float keep;
-  float twice;  // 2 where the part has a middle
+  float twice;  // 2 if the part has a middle
 
-  // The next value of t without its bound.
+  // The next value of t before clipping.
   HWY_INLINE Vec unbounded(std::size_t v) const {
     const Vec rest = hn::MulAdd(all(keep), at(t + v), at(c + v));
     return hn::Add(rest, hn::NegMulAdd(all(twice), at(middle + v), hn::Add(at(begin + v), at(end + v))));
   }
 };
 
-// State of the line search over lost samples' values, for a few vectors of pixels: y, the position on the line, and its
-// bracket [low, high]; each t without its bound at y = 0 (rest), and its slope over y (move).
+// State of the line search over lost samples' values, for a few vectors of pixels: y, the position on the line; its
+// bracket [low, high]; for each t its unclipped value at y = 0 (rest) and its slope over y (move).
 template <int kBins>
 struct Steps {
   static constexpr std::size_t kPixels = std::min(2 * kLanes, Dual<kBins>::kPixels);
@@ -57,7 +57,7 @@ struct Steps {
       const std::size_t bound = lost.part[k].bound;
       const int half = i == 0 ? kBins : i & -i;
       float* const end = m.jump(i == 0 ? kBins : i + half);
-      const bool kept = half > 1;  // the sum's end counts as its middle
+      const bool kept = half > 1;  // the sum's end serves as its middle
       part[k] = {m.t(i),
                  m.c[i],
                  m.jump(i == 0 ? 0 : i - half),
@@ -77,8 +77,7 @@ HWY_INLINE Vec move_of(const LostMove& lost, std::size_t k, std::size_t v, const
   return kTwo ? at(s.move[k] + v) : all(lost.part[k].move);
 }
 
-// Starts at the sample's present value, or, the first time, at the median of the zeros of the three parts with the
-// largest weights.
+// Starts at the sample's present value or, the first time, at the median zero of the three parts of largest weight.
 template <int kBins>
 HWY_INLINE bool begin_one(const DualRun& run, const LostMove& lost, bool first, std::size_t from, std::size_t v,
                           const Dual<kBins>& m, Steps<kBins>& s) {
@@ -96,8 +95,8 @@ HWY_INLINE bool begin_one(const DualRun& run, const LostMove& lost, bool first, 
   return true;
 }
 
-// Starts at Newton's step for two samples, which gives the line's direction; slopes count the t within their bounds.
-// Pixels whose equations hold are not moved. Returns false if all hold.
+// Starts at Newton's step for two samples, which gives the line's direction; only t within their bounds count in
+// slopes. Pixels whose equations hold are not moved. Returns false if all hold.
 template <int kBins>
 HWY_INLINE bool begin_two(const DualRun& run, const LostMove& lost, std::size_t from, std::size_t v,
                           const Dual<kBins>& m, Steps<kBins>& s) {
@@ -135,8 +134,7 @@ HWY_INLINE bool begin_two(const DualRun& run, const LostMove& lost, std::size_t 
   return !hn::AllFalse(Float(), off);
 }
 
-// A zero of some part's t between y and the bracket's end: the nearest for one sample, a weighted mean for two; the
-// bracket's middle if there is none.
+// A zero of a part's t between y and the bracket's end: the nearest, for two samples a weighted mean, else the middle.
 template <bool kTwo, int kBins>
 HWY_INLINE Vec hop(const LostMove& lost, hn::Mask<Float> below, std::size_t v, const Steps<kBins>& s) {
   const Vec y = at(s.y + v);
@@ -167,8 +165,8 @@ HWY_INLINE Vec hop(const LostMove& lost, hn::Mask<Float> below, std::size_t v, c
   return hn::IfThenElse(hn::And(hn::Gt(next, low), hn::Lt(next, high)), next, halfway);
 }
 
-// A step of Newton's method in the pixels from `from`; hop() replaces a step that leaves the bracket or has slope 0.
-// Pixels whose equation holds are not moved. Returns false if all hold.
+// A Newton step for the pixels from `from` on; hop() replaces a step that leaves the bracket or has slope 0. Pixels
+// whose equation holds are not moved. Returns false if all hold.
 template <bool kTwo, int kBins>
 HWY_INLINE bool step(const LostMove& lost, std::size_t from, Steps<kBins>& s) {
   constexpr std::size_t kVectors = Steps<kBins>::kVectors;
@@ -217,7 +215,7 @@ template <bool kTwo, int kBins>
 HWY_INLINE void solve_lost(const DualRun& run, const LostMove& lost, int next, Dual<kBins>& m) {
   const bool first = next == run.plan.first_balance;
   Steps<kBins> s(run.plan, lost, m);
-  // Unused vectors of the last group hold old values, which is harmless.
+  // Unused vectors of the last group hold stale values, which is harmless.
   for (std::size_t from = 0; from < m.end; from += Steps<kBins>::kPixels) {
     for (std::size_t k = 0; k < lost.parts; ++k) {
       const PartRows& part = s.part[k];

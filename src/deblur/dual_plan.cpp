@@ -8,14 +8,13 @@ namespace {
 
 // Tolerance of a lost sample's equation, in lambdas: more is visible in the estimate beside it.
 constexpr double kTolerance = 0.001;
-// Share of its slope that a t at its bound keeps in the equations of two samples: enough for a direction where too few
-// are free.
+// Share of its slope that a t at its bound keeps in two samples' equations: gives a direction if too few are free.
 constexpr double kBoundSlope = 1e-4;
-// Overlap of two lost samples' coefficients from which on they move together: neighbours but one, and those whose
+// Overlap of two lost samples' coefficients from which on they move together: next-but-one neighbours, and those whose
 // coefficients reach each other, overlap by 0.37 and more, all others by less than 0.24.
 constexpr double kShared = 0.3;
 
-// Q_ii: a wavelet's squared jumps are 1 + 4 + 1; the one at the begin of the window counts 1 - a.
+// Q_ii: a wavelet's squared jumps are 1 + 4 + 1; the jump at the window's beginning counts 1 - a.
 double curvature_of(int i, int bins, double decay) {
   const double c = decay / ((1.0 - decay) * (1.0 - decay));
   const int support = support_of(i, bins);
@@ -26,7 +25,7 @@ double curvature_of(int i, int bins, double decay) {
 
 int level_of(int i, int bins) { return static_cast<int>(std::lround(std::log2(support_of(i, bins)))) - 1; }
 
-// Weight of bin `bin` in coefficient i, without normalisation: 1, -1 or 0.
+// Unnormalised weight of bin `bin` in coefficient i: 1, -1 or 0.
 double sign_of(int i, int bin, int bins) {
   if (bin >= bins) return 0.0;
   if (i == 0) return 1.0;
@@ -42,7 +41,6 @@ bool stays_in_bound(const Grid& grid) {
   return std::tanh(grid.ratio / 2.0) * sum < std::sqrt(0.5);
 }
 
-// Fills a plan's lost samples and their moves.
 class GapBuilder {
  public:
   GapBuilder(DualPlan& plan, const Grid& grid)
@@ -51,7 +49,7 @@ class GapBuilder {
     plan_.moves = 0;
   }
 
-  // Of pairs first.
+  // Samples of pairs are added first.
   void add(int slot, const SlotValue& value, bool pair) noexcept {
     LostSample& lost = plan_.gap[plan_.lost];
     lost = {slot, value, pair, {}};
@@ -64,7 +62,7 @@ class GapBuilder {
     ++plan_.lost;
   }
 
-  // Each alone, except those in no pair that overlap much: every two of them together.
+  // Each sample moves alone, except strongly overlapping ones outside pairs: every two of these move together.
   void add_moves() noexcept {
     std::size_t pairs = 0;
     for (; pairs < plan_.lost && plan_.gap[pairs].pair; ++pairs) add_move(pairs, pairs);
@@ -94,7 +92,7 @@ class GapBuilder {
     return std::abs(move) < 1e-9 ? 0.0 : move;
   }
 
-  // Overlap of two lost samples' coefficients; of one with itself: their weight.
+  // Overlap of two lost samples' coefficients; for one with itself: their weight.
   double shared(std::size_t first, std::size_t second) const noexcept {
     double sum = 0.0;
     for (int i = 0; i < plan_.bins; ++i) {
@@ -103,7 +101,7 @@ class GapBuilder {
     return sum;
   }
 
-  // Moves lost sample k, of a pair, along with the newest, so that the pair's coefficient stays.
+  // Lets lost sample k, of a pair, move along with the newest, so that the pair's coefficient does not change.
   void add_along(std::size_t k) noexcept {
     const int i = plan_.gap[k].slot;
     const double by = -move_of(i, plan_.lost) / move_of(i, k);
@@ -154,9 +152,9 @@ class GapBuilder {
   std::array<Bins, kMostLost> shifts_;
 };
 
-// Moves and sweeps converge together, slower where several samples move, or one is near the published time or at the
-// window's begin. One needs no extra sweep if it is moved early enough and a full sweep replaces one over the near
-// bins; far from these, the last of two full ones may be near instead. Found by search, as tuning.cpp's tables.
+// Moves and sweeps converge together, slower if several samples move, or one near the published time or the window's
+// beginning. A single sample needs no extra sweep if it moves early enough and a full sweep replaces one over the near
+// bins; far from these, the second of two full sweeps may be a near one. Found by search, like tuning.cpp's tables.
 void balance_sweeps(DualPlan& plan, const Pattern& pattern) noexcept {
   const auto lost = [&](int slot) { return !pattern.received[static_cast<std::size_t>(slot)]; };
   bool near = false;
@@ -182,8 +180,8 @@ void balance_sweeps(DualPlan& plan, const Pattern& pattern) noexcept {
   plan.first_balance = several || pairs_only || late ? 1 : 0;
 }
 
-// A window that begins at a later sample has neither input nor residual before it: the jump to its first bin has the
-// weight of the one at the whole window's begin.
+// A window that begins at a later sample has neither input nor residual before it: the jump to its first bin gets the
+// weight of the jump at the whole window's beginning.
 void begin_at(DualPlan& plan, int first) noexcept {
   const float p = 1.0F / plan.inverse_p;
   if (first == 1) {
@@ -292,7 +290,7 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
   }
   gap.add_moves();
   balance_sweeps(plan, pattern);
-  // With look-ahead, one for each beside the published time or after it.
+  // With look-ahead, one more sweep for each lost sample beside or after the published time.
   for (int slot = std::max(0, pattern.target - 1); slot < pattern.slots && pattern.target + 1 < pattern.slots; ++slot) {
     plan.sweeps += pattern.received[static_cast<std::size_t>(slot)] ? 0 : 1;
   }

@@ -1,10 +1,9 @@
-// Working memory of the sweeps on the dual (dual-inl.hpp) for a few vectors of pixels, and how it is loaded.
-// Included once for every instruction set.
+// Working memory of the sweeps (dual-inl.hpp) for a few vectors of pixels. Included once for every instruction set.
 //
 //   c_i        transform of p times the inverse filter's x
 //   t_i        dual variable of Haar coefficient i, times p / gain_i
 //   v          H^T of the dual
-//   jump[j]    p c (v_{2j-1} - v_{2j}), the jump at the begin of bin 2j; the first and the last are those at the
+//   jump[j]    p c (v_{2j-1} - v_{2j}), the jump at the beginning of bin 2j; the first and the last are those at the
 //              window's ends. A jump between two bins of a pair moves with its wavelet alone and is not kept.
 #if defined(BOLO_DEBLUR_DUAL_STATE_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_DUAL_STATE_INL
@@ -27,7 +26,7 @@ constexpr std::size_t vectors_of(int bins) {
 constexpr std::size_t state_rows(int bins) { return static_cast<std::size_t>(bins + bins / 2 + 1); }
 constexpr int log2_of(int n) { return n <= 1 ? 0 : 1 + log2_of(n / 2); }
 
-// The bounds of t, of each pixel.
+// Bounds of t, by pixel.
 template <int kBins, std::size_t kPixels, typename T>
 struct Limits {
   static constexpr std::size_t kBounds = 2 * log2_of(kBins) + 1;
@@ -47,7 +46,7 @@ struct Dual : Limits<kBins, vectors_of(kBins) * hn::MaxLanes(hn::ScalableTag<T>(
   HWY_ALIGN Wide state[state_rows(kBins)];  // t, then the jumps
   HWY_ALIGN Wide c[std::size_t{kBins}];
   HWY_ALIGN float estimate[kPixels];  // the samples' part
-  std::size_t end = 0;                // of the pixels in use, whole vectors
+  std::size_t end = 0;                // of the pixels in use, in whole vectors
 
   HWY_INLINE T* t(int i) { return state[i]; }
   HWY_INLINE T* jump(int bin) { return state[kBins + bin / 2]; }
@@ -70,8 +69,8 @@ struct DualRun {
   const PixelRun& pixels;
   const Estimate& estimate;
   HWY_ALIGN float weight[kMaxSlots][kLanes];  // of each sample in the estimate
-  HWY_ALIGN float term[kMostTerms][kLanes];   // and of the state's rows
-  float lost[std::size_t{kMostLost}];         // change of the estimate with each lost sample
+  HWY_ALIGN float term[kMostTerms][kLanes];   // of the state's rows in the estimate
+  float lost[std::size_t{kMostLost}];         // change of the estimate per lost sample
 
   // True if a sample of the move is next to the bins of sweep_near().
   bool near(const LostMove& move) const {
@@ -111,7 +110,7 @@ HWY_INLINE void put_c(const DualPlan& /*plan*/, int i, std::size_t v, Vec c, Dua
   put(c, m.c[i] + v);
 }
 
-// Four neighbouring bins' transform; returns their sum.
+// Transform of four neighbouring bins; returns their sum.
 template <typename V, typename Put>
 HWY_INLINE V transform_near(V a, V b, V c, V d, int i, const Put& put_at) {
   butterfly(a, b);
@@ -123,13 +122,13 @@ HWY_INLINE V transform_near(V a, V b, V c, V d, int i, const Put& put_at) {
   return a;
 }
 
-// c, the mean, and the samples' part of the estimate, of the pixels of one load that begin at `pixel` of the planes.
+// Loads c, the mean and the samples' part of the estimate for the pixels of one load, from `pixel` on.
 template <typename P, int kBins, typename T>
 HWY_INLINE void load_vector(const DualRun& run, const P* const* planes, std::size_t pixel, std::size_t v,
                             Dual<kBins, T>& m) {
   using V = typename Dual<kBins, T>::Loaded;
   constexpr int kSums = kBins < 4 ? 1 : kBins / 4;
-  constexpr bool kEstimates = std::is_same_v<T, float>;  // of all samples, as admm's; else of the few that dual's takes
+  constexpr bool kEstimates = std::is_same_v<T, float>;  // of all samples, for admm; else of dual's few
   const DualPlan& plan = run.plan;
   const Vec decay = all(plan.decay);
   V y;
@@ -162,7 +161,7 @@ HWY_INLINE void load_vector(const DualRun& run, const P* const* planes, std::siz
     HWY_UNROLL(16) for (int k = 0; k < kSums; k += 2 * half) butterfly(sums[k], sums[k + half]);
   }
   HWY_UNROLL(16) for (int n = 1; n < kSums; ++n) put_at(4 * n, sums[n]);
-  // c_0 = p sum + a last - first, so that the samples' sum is at hand.
+  // c_0 = p sum + a last - first: gives the samples' sum without another pass.
   V sum = all(plan.inverse_p) * fnma(decay, y, sums[0] + first);
   for (std::size_t k = 0; k < plan.lost; ++k) {
     load_values(planes[plan.gap[k].slot] + pixel, y);
@@ -221,7 +220,6 @@ HWY_INLINE void load_pixels(const DualRun& run, std::size_t first, std::size_t c
   m.end += kLoaded;
 }
 
-// The vectors of up to kPixels pixels that begin at `first`.
 template <int kBins, typename T>
 HWY_NOINLINE void load_block(const DualRun& run, std::size_t first, Dual<kBins, T>& m) {
   const std::size_t count = std::min(Dual<kBins, T>::kPixels, run.pixels.end - first);

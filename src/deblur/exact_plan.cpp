@@ -19,14 +19,14 @@ constexpr Eigen::Index kPathSteps = 20;  // times the number of columns: far mor
 
 double soft(double x, double limit) { return x - std::clamp(x, -limit, limit); }
 
-// End of a straight piece of the path: a coefficient joins or leaves, or lambda is reached (neither).
+// End of a straight piece of the path: a coefficient joins or leaves; neither: lambda is reached.
 struct PathEvent {
   double length = 0.0;
   Eigen::Index joins = -1;
   Eigen::Index leaves = -1;
 };
 
-// The coefficients that are not zero on a piece of the path, with their signs.
+// The non-zero coefficients on a piece of the path, with their signs.
 class ActiveSet {
  public:
   explicit ActiveSet(Eigen::Index columns) : signs_(Coefficients::Zero(columns)) {}
@@ -43,7 +43,7 @@ class ActiveSet {
     count_ = std::remove(order_.begin(), end, column) - order_.begin();
   }
 
-  // Change of the coefficients for each unit that lambda falls: Q_AA w = sign. False when the columns are dependent.
+  // Change of the coefficients per unit that lambda falls: Q_AA w = sign. False if the columns are dependent.
   bool direction(const Gram& gram, Coefficients& result) const {
     Gram part(count_, count_);
     Coefficients values(count_);
@@ -70,7 +70,7 @@ class ActiveSet {
       }
       if (i == dropped) continue;
       for (const double sign : {1.0, -1.0}) {
-        const double closing = 1.0 - sign * rate(i);  // how fast |gradient| and lambda approach each other
+        const double closing = 1.0 - sign * rate(i);  // rate at which |gradient| and lambda approach each other
         const double length = std::max(0.0, level - sign * gradient(i)) / closing;
         if (closing > kRounding && length < event.length) event = {length, i, -1};
       }
@@ -116,7 +116,6 @@ class Builder {
 
   int columns() const { return plan_.bins + (plan_.within.used ? frames_ : 0); }
 
-  // Response of the sample at `slot` to every column.
   void fill_row(int slot, Columns& z, int row) const {
     for (int frame = pattern_.first; frame < slot; ++frame) {
       const double decay = std::exp(-ratio_ * (slot - 1 - frame));
@@ -135,8 +134,8 @@ class Builder {
   double ratio_;
 };
 
-// Adds `weight` times the input in a bin of the grid. A frame has 2^(level + 1) of them when its wavelet is used: that
-// is positive in the last but one and negative in the last.
+// Adds `weight` times the input in a bin of the grid. If wavelets within frames are used, a frame has 2^(level + 1)
+// bins: its wavelet is positive in the last but one and negative in the last.
 void add_input(const ExactPlan& plan, int bin, double weight, Coefficients& publish) noexcept {
   const int parts = plan.within.used ? 2 << plan.within.level : 1;
   const int frame = bin / parts;
@@ -288,7 +287,7 @@ double subtract_mean(std::span<double> y) {
   return mean;
 }
 
-// The reference: one pixel after another, double precision, to convergence.
+// The reference method: pixel by pixel, in double precision, to convergence.
 class ExactMethod final : public PixelMethod {
  public:
   explicit ExactMethod(const StreamTask& task) : task_(task) {}

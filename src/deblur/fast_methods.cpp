@@ -1,5 +1,4 @@
-// The methods that run on the vector kernels: ADMM, the dual with what stands in for it, the interior point and
-// the inverse filter.
+// The methods that run on the vector kernels: ADMM, dual and its fallback, interior point, inverse filter.
 #include <algorithm>
 #include <cmath>
 
@@ -9,8 +8,8 @@
 namespace bolo::deblur {
 namespace {
 
-// One iteration from the dual's sweeps; for bins longer than a frame, more than three lost frames or more iterations,
-// from least squares, with full matrices.
+// One iteration, started from the dual's sweeps. For bins longer than a frame, more than three lost frames or more
+// iterations: full matrices, started from least squares.
 class AdmmMethod final : public PixelMethod {
  public:
   explicit AdmmMethod(const StreamTask& task)
@@ -53,7 +52,7 @@ class AdmmMethod final : public PixelMethod {
   bool started_ = false;
 };
 
-// ADMM solves the patterns of lost frames that the sweeps do not apply to, or, with three, leave something to do.
+// Falls back to ADMM for patterns of lost frames that the sweeps do not support, or, with three, do not finish.
 class DualMethod final : public PixelMethod {
  public:
   DualMethod(const StreamTask& task, const Grid& grid, const DualTuning& tuning)
@@ -81,7 +80,7 @@ class DualMethod final : public PixelMethod {
 
  private:
   static std::unique_ptr<PixelMethod> admm(StreamTask task) {
-    task.settings.iterations = 0;  // those that were asked for are sweeps
+    task.settings.iterations = 0;  // the number asked for is of sweeps
     return make_admm(task);
   }
 
@@ -135,9 +134,8 @@ void add_interval(InversePlan& plan, const Grid& grid, const Pattern& pattern, i
   add_tap(plan, end, weight + back);
 }
 
-// The published value is linear between centres of frame intervals (grid.hpp), each at the input of the gap that
-// it lies in; intervals before the first sample or after the last take the nearest gap's. `delay`: of the row, in frame
-// periods.
+// The published value is linear between centres of frame intervals (grid.hpp), each with the input of the gap that
+// contains it; intervals before the first or after the last sample take the nearest gap's. `delay`: the row's, periods.
 InversePlan make_inverse_plan(const Grid& grid, const Pattern& pattern, double delay = 0.0) noexcept {
   const double last = pattern.slots - 2;
   const double q = pattern.target - delay - 0.5;

@@ -14,19 +14,19 @@ namespace {
 using motion::Affine;
 using motion::PaddedPlane;
 
-constexpr int kWindow = 32;           // px a side of a window with one error of the motion
-constexpr int kFirst = 4;             // frames before the first of a pair: its instrument's, and its blur's
-constexpr int kApart = 4;             // frames of a pair at least: then they share no noise, nor do their instruments
-constexpr std::size_t kPairs = 8;     // of the hundreds that a burst has
-constexpr double kFarthest = 40.0;    // px that the picture may move between a pair's frames
-constexpr double kOfHeight = 0.3;     // or this share of the picture
-constexpr int kBorder = 6;            // px, whose smoothed values are not the picture's alone
-constexpr double kLeastChange = 0.3;  // px^2, of a pair: errors of the motion are a tenth of it
-constexpr double kMostUncertain = 0.011;   // of tau; fast motion determines it poorly, and with a bias
-constexpr double kMostUnexplained = 0.05;  // of the two frames' difference: else the motion was not found
+constexpr int kWindow = 32;               // px a side of a window with one error of the motion
+constexpr int kFirst = 4;                 // frames before the first of a pair, for its instrument and its blur
+constexpr int kApart = 4;                 // frames of a pair at least: so they share no noise, nor do their instruments
+constexpr std::size_t kPairs = 8;         // of the hundreds in a burst
+constexpr double kFarthest = 40.0;        // px that the picture may move between a pair's frames
+constexpr double kOfHeight = 0.3;         // or this share of the picture's height, vertically
+constexpr int kBorder = 6;                // px whose smoothed values include more than the picture
+constexpr double kLeastChange = 0.3;      // px^2, of a pair: errors of the motion are a tenth of it
+constexpr double kMostUncertain = 0.011;  // of tau; fast motion determines it poorly, and with a bias
+constexpr double kMostUnexplained = 0.05;  // of the two frames' difference: above it the motion was not found
 constexpr int kWeighings = 3;              // iterations of the windows' weights
 
-// Variance of the age of an innovation's content, which is at most one period old.
+// Variance of the age of an innovation's content, whose age is at most one period.
 double own_variance(const motion::Inertia& inertia) {
   const double tau = inertia.tau;
   const double square = 2.0 * tau * tau - (1.0 + 2.0 * tau) * inertia.rho * inertia.gain();
@@ -71,7 +71,6 @@ void GapMeter::innovate(int frame, motion::Pyramid& to) {
   motion::find_innovation(kernels_, inertia_, work_[0], work_[1], alone, work_[2], to);
 }
 
-// From each frame to the next.
 void GapMeter::follow() {
   Alone alone;
   innovate(1, pyramids_[1]);
@@ -82,7 +81,6 @@ void GapMeter::follow() {
   moved_[1] = moved_[2];
 }
 
-// The pairs whose blur differs most.
 std::vector<GapMeter::Pair> GapMeter::choose() const {
   std::array<Affine, kFrames> place;
   std::array<Affine, kFrames> blur;  // the velocity that blurred a frame
@@ -113,7 +111,7 @@ std::vector<GapMeter::Pair> GapMeter::choose() const {
   return chosen;
 }
 
-// to += share * a smoothed frame, moved.
+// to += share * the frame, smoothed and moved by `by`.
 void GapMeter::add(int frame, const Affine& by, float share, PaddedPlane& to) {
   const Geometry g = task_.input.geometry;
   load(frame, work_[0]);
@@ -169,11 +167,11 @@ void GapMeter::compare(const Pair& pair) {
   }
 }
 
-// The part of a due to motion within the two frames: half the variance of each frame's trail, which differ, times the
-// second derivatives of (1 - rho) x, which is z.
+// Subtracts from a the effect of motion within the two frames: half the difference of their trails' variances, times
+// the second derivatives of (1 - rho) x, which is z.
 void GapMeter::take_own_blur(const Pair& pair) {
   const double own = own_variance(inertia_);
-  const auto velocity = [&](int k, std::size_t axis) {  // in the middle of frame k, which its innovation is of
+  const auto velocity = [&](int k, std::size_t axis) {  // in the middle of frame k, which its innovation shows
     const std::size_t next = std::min(static_cast<std::size_t>(k) + 1, moved_.size() - 1);
     return 0.5 * (moved_[static_cast<std::size_t>(k)].p[axis] + moved_[next].p[axis]);
   };
@@ -215,7 +213,7 @@ void GapMeter::sum_up(const Region& part, std::size_t window) {
     }
   }
   const double count = s[kMean][kMean];
-  for (std::size_t p = 0; p <= kMean; ++p) {  // what the others have beside the first three
+  for (std::size_t p = 0; p <= kMean; ++p) {  // projects the first three out of the others
     const double pivot = s[p][p] + 1e-9 * count;
     for (std::size_t i = p + 1; i < kTerms; ++i) {
       for (std::size_t j = i; j < kTerms; ++j) s[i][j] -= s[p][i] * s[p][j] / pivot;

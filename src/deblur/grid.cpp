@@ -7,8 +7,8 @@
 
 namespace bolo::deblur {
 
-// ||D||_1 over K coefficients is sqrt(K / bins) times that over `bins`, because a step function has the same norm in
-// both bases but its values are repeated K / bins times.
+// ||D||_1 over K coefficients is sqrt(K / bins) times that over `bins`: a step function has the same norm in both
+// bases, but its values are repeated K / bins times.
 Grid reduce(const Settings& settings, double lambda_half) {
   Grid grid;
   const int all = 1 << settings.levels;

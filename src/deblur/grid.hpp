@@ -1,4 +1,4 @@
-// Unknowns of the problem, and samples that were received.
+// Unknowns of the problem, and received samples.
 #pragma once
 
 #include <array>
@@ -8,25 +8,24 @@
 
 namespace bolo::deblur {
 
-inline constexpr int kMaxSlots = 65;  // frames of a window
+inline constexpr int kMaxSlots = 65;  // frames in a window
 
 // The bins of the reduced problem: minimise 1/2 ||M (G x - Y)||^2 + lambda ||H x||_1 over x, H orthonormal Haar of size
 // `bins`. It has exactly the optimum of the problem with 2^levels bins (design: exact reduction).
 struct Grid {
   int frames = 16;            // N: frame intervals of the window
   int bins = 16;              // unknowns, a power of two
-  int parts = 1;              // bins of one frame interval; 1 when a bin is longer
-  int frames_per_bin = 1;     // frame intervals of one bin; 1 when a bin is shorter
+  int parts = 1;              // bins per frame interval; 1 if bins are longer
+  int frames_per_bin = 1;     // frame intervals per bin; 1 if bins are shorter
   double lambda = 0.0;        // of the reduced problem, in the units of lambda_half
   double lambda_scale = 1.0;  // lambda = lambda_scale * lambda_half
   double ratio = 0.0;         // T / tau
 };
 
-// lambda_half: the weight in 1/2 ||.||^2 + lambda_half ||D||_1 over 2^levels coefficients, in the units of the values.
-// Thread: setup.
+// lambda_half: weight in 1/2 ||.||^2 + lambda_half ||D||_1, 2^levels coefficients, in the values' units. Thread: setup.
 Grid reduce(const Settings& settings, double lambda_half);
 
-// The wavelet that ends with its frame and is 2^level times narrower: the only one of the frame that can be non-zero.
+// The wavelet at the end of its frame, 2^level times narrower: the only one within the frame that can be non-zero.
 struct WithinFrame {
   bool used = false;
   int level = 0;
@@ -51,14 +50,13 @@ struct Pattern {
   int after(int slot) const;
 };
 
-// The pattern of a window without lost frames. Thread: any.
+// Pattern of a window without lost frames. Thread: any.
 Pattern whole_pattern(const Settings& settings) noexcept;
 
 // Thread: any.
 Pattern pattern_of(const WindowView& window) noexcept;
 
-// The published value: weight_before * x[before] + weight_after * x[after]. Twice the last bin, or the mean of those
-// before and after the target's time. Thread: any.
+// weight_before * x[before] + weight_after * x[after]: the last bin, or around the target's time. Thread: any.
 struct Published {
   int before = 0;
   int after = 0;
@@ -67,20 +65,20 @@ struct Published {
 };
 Published published_bins(const Grid& grid, int slots, int target) noexcept;
 
-// --- Bins that are published for a row that is sampled later than its frame's time.
+// --- Bins published for a row that is sampled later than its frame's time.
 //
 // Every row has a window of the same shape on its own sample times: sample s of a row with delay d lies at s T + d. The
-// frame's time is that of its target's row 0, so it lies d before the row's own target sample. The published value is
-// the estimated input there, linear between the centres of the intervals over which it is constant (bins; frame
-// intervals where a bin is longer), and limited to the first and the last of them:
-//   position in intervals of width T / parts:  q = parts (target - d / T) - 1/2,  before = floor(q), after = before +
-//   1, weight_after = q - before.
+// frame's time is that of row 0 of its target, so it lies d before the row's own target sample. The published value is
+// the estimated input there, linear between the centres of the intervals over which it is constant (bins, or frame
+// intervals where bins are longer), and clamped to the first and the last:
+//   position in intervals of width T / parts:  q = parts (target - d / T) - 1/2,  before = floor(q),
+//   after = before + 1,  weight_after = q - before.
 // Without delay that is the mean of the bins before and after the target's time, and at the window's end the last bin.
 
 // delay: in frame periods; negative for rows that are sampled before the frame's time. Thread: any.
 Published published_bins(const Grid& grid, int slots, int target, double delay) noexcept;
 
-// As if the window ended with the last received slot: of bins beyond it no sample says anything. Thread: any.
+// As if the window ended with the last received slot: no sample depends on later bins. Thread: any.
 Published published_bins(const Grid& grid, const Pattern& pattern, double delay) noexcept;
 
 }  // namespace bolo::deblur

@@ -1,15 +1,15 @@
-// An interior point on the dual of interior_plan.hpp: Newton's method, its bounds smoothed less from step to step.
+// Interior point on the dual of interior_plan.hpp: Newton's method on bounds that are smoothed less from step to step.
 //
 //   v       the dual's variable, in units of lambda_s; h, x, f and all multipliers in units of `size`
-//   q       lambda_s / size: what v weighs beside h
+//   q       lambda_s / size: weight of v relative to h
 //   Bound   |t| <= b, with its multiplier c: t = psi^T v for a wavelet psi = (1 .. 1, -1 .. -1) or the sum, t = v_i for
 //           a leaf
-//   tau     smooths it: c (b^2 - t^2) / 2 = tau t; for tau = 0: c = 0, or t is at the bound
-//   room, pull, push   its equation for Newton: room c = push + pull (step of t), room = (b^2 - t^2) / 2, push = tau t,
-//           pull = tau + t c, without t c where their signs differ: it stays positive
+//   tau     smooths it: c (b^2 - t^2) / 2 = tau t; at tau = 0: c = 0, or t is at the bound
+//   room, pull, push   its Newton equation: room c = push + pull (step of t), room = (b^2 - t^2) / 2, push = tau t,
+//           pull = tau + t c, without t c where their signs differ, so that it stays positive
 //   alpha, beta  of a subtree: the sum of its steps is alpha + beta y for a common force y on all its leaves
 //
-// A multiplier for each side of a bound, and slacks that are kept beside t, cost twice the work and more steps.
+// A multiplier for each side of a bound, and slacks kept beside t, cost twice the work and more steps.
 #include "src/deblur/interior_plan.hpp"
 
 #include "src/core/simd_targets.hpp"
@@ -25,22 +25,22 @@ HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
 constexpr float kBegin = 0.3F;  // tau
-constexpr float kFall = 0.95F;  // of tau, where a step goes its whole way
+constexpr float kFall = 0.95F;  // of tau, for a whole step
 constexpr float kLeastTau = 1e-7F;
-constexpr float kBack = 0.998F;   // of the way to the nearest bound
-constexpr float kEdge = 2.5e-7F;  // of a bound that t stays off it
+constexpr float kBack = 0.998F;   // share of the way to the nearest bound
+constexpr float kEdge = 2.5e-7F;  // share of a bound that t keeps away from it
 constexpr float kLeastSize = 1e-6F;
 
 struct Bound {
   HWY_ALIGN Row t;
-  HWY_ALIGN Row c;     // on the way to the leaves: y
-  HWY_ALIGN Row step;  // of t; on the way to the sum: alpha of its subtree
+  HWY_ALIGN Row c;     // on the way down to the leaves: y
+  HWY_ALIGN Row step;  // of t; on the way up to the sum: alpha of its subtree
   HWY_ALIGN Row beta;
 };
 
 struct Wavelet {
   Bound bound;
-  HWY_ALIGN Row room;  // room, pull and push over room + pull (beta_left + beta_right); of the sum room + pull beta
+  HWY_ALIGN Row room;  // room, pull and push over room + pull (beta_left + beta_right); sum: over room + pull beta
   HWY_ALIGN Row pull;
   HWY_ALIGN Row push;
 };
@@ -52,7 +52,7 @@ struct Leaf {
   HWY_ALIGN Row rest;  // h + e_i - a e_{i-1} - q Q v
 };
 
-// Of a unit of the border's multiplier.
+// Response to one unit of the border's multiplier.
 struct Border {
   HWY_ALIGN Row alpha[2][kMaxDualBins];  // leaves; wavelets
   HWY_ALIGN Row step[2][kMaxDualBins];
@@ -75,7 +75,7 @@ HWY_INLINE Pair min(Pair x, Pair y) { return {hn::Min(x.a, y.a), hn::Min(x.b, y.
 HWY_INLINE Pair fma(Pair k, Pair x, Pair y) { return {hn::MulAdd(k.a, x.a, y.a), hn::MulAdd(k.b, x.b, y.b)}; }
 HWY_INLINE Pair fnma(Pair k, Pair x, Pair y) { return {hn::NegMulAdd(k.a, x.a, y.a), hn::NegMulAdd(k.b, x.b, y.b)}; }
 HWY_INLINE Pair newton(Pair x, Pair r) { return r * fnma(x, r, pair(2.0F)); }
-// Good to 12 bits on every processor: with the 8 that ARM gives, some pixels end kelvins off.
+// Good to 12 bits on every processor: with ARM's 8 bits some pixels end kelvins off.
 HWY_INLINE Pair rough_reciprocal(Pair x) {
   const Pair r{hn::ApproximateReciprocal(x.a), hn::ApproximateReciprocal(x.b)};
   return HWY_ARCH_X86 ? r : newton(x, r);
@@ -184,7 +184,7 @@ HWY_INLINE Bound& right_of(int i, Interior& m) {
   return half == 1 ? m.leaf[i].bound : m.wavelet[i + half / 2].bound;
 }
 
-// Calls on(i, half) for all wavelets, from the leaves to the whole window; on_way_down: the other way round.
+// Calls on(i, half) for all wavelets, from the leaves to the whole window; on_way_down() in reverse order.
 template <typename On>
 HWY_INLINE void on_way_up(int bins, const On& on) {
   for (int half = 1; half < bins; half *= 2) {
@@ -243,7 +243,7 @@ HWY_INLINE void substitute_leaf(const InteriorPlan& plan, int i, Pair y, Interio
   store(held + c - force, leaf.lost);
 }
 
-// The steps and the multipliers, from the sum to the leaves.
+// Computes the steps and the multipliers, from the sum down to the leaves.
 HWY_INLINE void substitute(const InteriorPlan& plan, Interior& m) {
   Wavelet& sum = m.wavelet[0];
   const Bound& whole = m.wavelet[plan.bins / 2].bound;
@@ -275,7 +275,7 @@ HWY_INLINE void substitute(const InteriorPlan& plan, Interior& m) {
   });
 }
 
-// One lost sample: its multiplier, so that v_j = a v_{j+1} after the whole step, and the steps with it.
+// One lost sample: its multiplier, such that v_j = a v_{j+1} after the whole step, and its effect on the steps.
 HWY_INLINE void solve_border(const InteriorPlan& plan, Interior& m) {
   const Vec a = all(plan.decay);
   Border& b = m.border;
@@ -330,7 +330,7 @@ HWY_INLINE void solve_border(const InteriorPlan& plan, Interior& m) {
   }
 }
 
-// The largest share of the way to a bound that a whole step would go.
+// The largest share of its way to a bound that a whole step would go.
 HWY_INLINE Pair reach(float limit, const Bound& b, Pair largest) {
   const Pair step = load(b.step);
   return max(largest, magnitude(step) * rough_reciprocal(fnma(sign(step), load(b.t), pair(limit))));
@@ -341,14 +341,13 @@ HWY_INLINE void move(Pair part, float limit, Bound& b) {
   store(clip(fma(part, load(b.step), load(b.t)), all(-edge), all(edge)), b.t);
 }
 
-// The steps of Newton, whole.
 HWY_INLINE void find_step(const InteriorPlan& plan, Interior& m) {
   eliminate(plan, m);
   substitute(plan, m);
   if (plan.border >= 0) solve_border(plan, m);
 }
 
-// As far along them as all t stay within their bounds.
+// Moves along the steps as far as all t stay within their bounds.
 HWY_INLINE void move(const InteriorPlan& plan, Interior& m) {
   Pair largest = pair(kBack);
   for (int i = 0; i < plan.bins; ++i) {
@@ -377,7 +376,7 @@ HWY_INLINE Pair input_at(const InteriorPlan& plan, const Interior& m, int bin) {
   return load(m.size) * fma(within, load(m.leaf[frame].bound.c), x);
 }
 
-// In the table of kernels.cpp.
+// Part of the table in kernels.cpp.
 void solve_interior(const InteriorPlan& plan, const PixelRun& run) noexcept {
   Interior m;
   for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
@@ -388,7 +387,7 @@ void solve_interior(const InteriorPlan& plan, const PixelRun& run) noexcept {
       find_step(plan, m);
     }
     const Pair sum = load(m.sum);
-    const Pair mean = fma(all(plan.inverse_count), sum, sum - sum);  // a sample that is not a number shows
+    const Pair mean = fma(all(plan.inverse_count), sum, sum - sum);  // keeps NaN and infinite samples visible
     const Pair late = fma(all(run.published.weight_after), input_at(plan, m, run.published.after), mean);
     store_pixels(run, fma(all(run.published.weight_before), input_at(plan, m, run.published.before), late), at, count);
   });

@@ -5,12 +5,12 @@
 namespace bolo::deblur {
 namespace {
 
-// Found by search (tests/deblur: inputs): of samples that jump between the ends of the range fewer leave more than 50
-// mK, of all others nine are enough; more gain nothing in single precision.
+// Found by search (tests/deblur: inputs): for samples that jump between the ends of the range fewer steps leave more
+// than 50 mK, for all others nine are enough; more gain nothing in single precision.
 constexpr int kSteps = 11;
 
-// Weight of a lost row in place of its sample's: a leaf held only through others would be lost in single precision. It
-// delays the leaf after it by a^2 of this, and is gone when the steps have become small.
+// Weight of a lost row in place of its sample's: a leaf coupled only through others would be lost in single precision.
+// It delays the leaf after it by a^2 of this, and vanishes as the steps become small.
 constexpr float kHold = 10.0F;
 
 }  // namespace

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <string>
 
-// Built in: AVX3 (AVX-512), AVX2, SSE4 (on arm64: NEON) and plain scalar code. Sets between them would only lengthen
-// the build.
+// Built in: AVX3 (AVX-512), AVX2, SSE4 (on arm64: NEON) and scalar code. Sets between them only lengthen the build.
 #include "src/core/simd_targets.hpp"
 
 #undef HWY_TARGET_INCLUDE
@@ -28,7 +27,7 @@ namespace bolo::deblur::HWY_NAMESPACE {
 //   w                  D + u, from which z = soft(w) and u = clip(w) follow
 //   z - u              w - 2 clip(w): input of the x-update
 
-// An iteration, with the constants of all its pixels, a vector a coefficient.
+// An iteration with the constants that all its pixels share, one vector per coefficient.
 template <int kBins>
 struct Iteration {
   static constexpr std::size_t kLevels = log2_of(kBins);
@@ -61,7 +60,7 @@ struct Iteration {
   }
 };
 
-// The wavelets of support kSpan between the jumps `left` and `right`, and all finer ones below them.
+// Adds the wavelets of support kSpan between the jumps `left` and `right`, and all finer ones below them.
 template <int kBins, int kSpan>
 HWY_INLINE Vec add_tree(const Iteration<kBins>& k, const Dual<kBins>& m, int begin, std::size_t v, Vec left, Vec right,
                         Vec estimate) {
@@ -120,7 +119,7 @@ HWY_INLINE void add_sample(int bins, const std::array<float, kMaxDenseBins>& wei
   }
 }
 
-// b and the least-squares start of w, both zero so far; returns the samples' mean.
+// Computes b and the least-squares start of w, both zero before; returns the samples' mean.
 HWY_INLINE Pair begin_dense(const DensePlan& plan, const PixelRun& run, std::size_t at, std::size_t count, Dense& m) {
   Pair sum = pair(0.0F);
   for (int i = 0; i < plan.samples; ++i) {
@@ -185,8 +184,6 @@ void solve_dense(const DensePlan& plan, const PixelRun& run) noexcept {
     store_pixels(run, estimate, at, count);
   });
 }
-
-// --- The inverse filter.
 
 void solve_inverse(const InversePlan& plan, const PixelRun& run) noexcept {
   for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {

@@ -16,7 +16,7 @@ struct InteriorPlan;
 
 // The first-order inverse filter on the samples next to the published time.
 //
-// Over a gap of g frames without samples the input is taken as constant: x = (y_1 - a^g y_0) / (1 - a^g). Written with
+// Over a gap of g frames without samples the input is constant: x = (y_1 - a^g y_0) / (1 - a^g). Written with
 // differences from the target's sample, so that no precision is lost at 300 K:
 //   estimate = y_t + sum over taps of weight (y_slot - y_t).
 struct InversePlan {
@@ -29,12 +29,12 @@ struct InversePlan {
   std::array<Tap, 4> tap{};
 };
 
-// A run of pixels [begin, end) of a window's planes, and the destination of their estimates. Planes may stand at any
-// address; nothing outside the run is read or written.
+// A run of pixels [begin, end) of a window's planes, and the destination of their estimates. Planes need no alignment;
+// nothing outside the run is read or written.
 struct PixelRun {
   const void* const* planes = nullptr;
   PixelType input = PixelType::kUint16;
-  bool whole = false;  // float input that was uint16: its substitutes are rounded, for the same bits
+  bool whole = false;  // float input that was uint16: substitutes for lost samples are rounded, for the same bits
   PixelType output = PixelType::kUint16;
   float scale = 1.0F;  // of float output: scale * value + offset
   float offset = 0.0F;
@@ -47,8 +47,8 @@ struct PixelRun {
   double delay = 0.0;  // of the row's sample after the frame's time, periods (grid.hpp)
 };
 
-// One instruction set's kernels. NaN in a float plane makes that pixel's estimate NaN (0 as uint16) for as long as it
-// is in the window, and no other pixel's. Thread: worker.
+// One instruction set's kernels. A NaN in a float plane makes that pixel's estimate NaN (0 as uint16) while it is in
+// the window, and no other pixel's. Thread: worker.
 struct Kernels {
   std::string_view isa;
   void (*admm)(const AdmmPlan& plan, const PixelRun& run) noexcept;
@@ -58,7 +58,7 @@ struct Kernels {
   void (*interior)(const InteriorPlan& plan, const PixelRun& run) noexcept;
 };
 
-// The best this processor has, or the one forced. Thread: setup.
+// The best kernels for this processor, or the forced ones. Thread: setup.
 const Kernels& best_kernels();
 
 }  // namespace bolo::deblur

@@ -23,7 +23,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
-// Vectors that one block of 8 columns takes, and blocks that one vector holds.
+// Vectors per block of 8 columns, and blocks per vector.
 inline constexpr std::size_t kBlockColumns = kStatBlock;
 inline constexpr std::size_t kVectorsPerBlock = kLanes < kBlockColumns ? kBlockColumns / kLanes : 1;
 inline constexpr std::size_t kBlocksPerVector = kLanes > kBlockColumns ? kLanes / kBlockColumns : 1;
@@ -45,8 +45,7 @@ HWY_INLINE Vec load_values(const T* from, std::size_t count) {
 
 inline constexpr float kLargestDifference = 1e7F;  // noises
 
-// Differences in time of one unit of columns, in units of the noise: d[row][difference][lane]. Rows that are not there
-// are 0.
+// Differences in time of one unit of columns, in units of the noise: d[row][difference][lane]. Missing rows are 0.
 struct Differences {
   HWY_ALIGN float d[kStatRows][kMostSamples - 1][kUnit];
 };
@@ -60,13 +59,13 @@ HWY_INLINE void load_differences(const BlockSamples& in, const ModelTables& tabl
       const std::size_t at = column + v;
       const auto columns = static_cast<std::size_t>(in.columns);
       const std::size_t count = at < columns ? std::min(kLanes, columns - at) : 0;
-      // Samples lie whole frames apart, where hardware does not prefetch.
+      // Samples lie whole frames apart, where the hardware does not prefetch.
       for (int i = 0; i <= last + 1; ++i) hwy::Prefetch(static_cast<const T*>(in.values[r][i]) + at + kStatColumns);
       Vec before = load_values(static_cast<const T*>(in.values[r][0]) + at, count);
       for (int i = 0; i <= last; ++i) {
         const Vec value = load_values(static_cast<const T*>(in.values[r][i + 1]) + at, count);
         const Vec d = hn::Mul(inverse_noise, hn::Sub(value, before));
-        // A NaN says nothing of its block's motion.
+        // A NaN carries no information about its block's motion.
         const Vec usable = hn::IfThenElseZero(hn::Lt(hn::Abs(d), all(kLargestDifference)), d);
         hn::Store(usable, Float(), to.d[r][i] + v);
         before = value;
@@ -82,7 +81,7 @@ HWY_INLINE void load_differences(const BlockSamples& in, const ModelTables& tabl
   for (int r = in.rows; r < kStatRows; ++r) std::fill_n(to.d[r][0], std::size(to.d[r]) * kUnit, 0.0F);
 }
 
-// Eight vectors of per-column sums -> for each block of the unit its eight sums, side by side.
+// Sums eight vectors of per-column sums to eight sums for each block of the unit, side by side.
 HWY_INLINE void store_block_sums(const Vec* pair, float (*moments)[kMostPairs], std::size_t p) {
 #if HWY_TARGET == HWY_SCALAR
   for (std::size_t q = 0; q < 8; ++q) moments[0][p + q] = hn::GetLane(pair[q]);
@@ -142,7 +141,7 @@ inline constexpr std::size_t kModelVectors = kModels / kLanes;
 inline constexpr std::size_t kChunk = kModelVectors < 4 ? kModelVectors : 4;  // vectors of models in registers at once
 inline constexpr int kTogether = kLanes >= 16 ? 4 : 2;                        // blocks in registers at once
 
-// Scores of `kTogether` blocks: every entry of the table is loaded once for all of them.
+// Scores of kTogether blocks at once: every entry of the table is loaded once for all of them.
 HWY_INLINE void add_scores(const ModelTables& tables, const float (*moments)[kMostPairs], float (*score)[kModels]) {
   const int late = tables.differences() - tables.split;
   const int pairs = (tables.split * (tables.split + 1) + late * (late + 1)) / 2;
@@ -202,8 +201,7 @@ void find_posteriors(const ModelTables& tables, const BlockSamples& in, float in
   for (int b = 0; b < blocks; ++b) normalise(out.of[b]);
 }
 
-// Of some blocks at once, as far as registers go, so that no sum waits for the one before it; blocks that are not there
-// do no harm.
+// Several blocks at once, as registers allow, so that no sum waits for the one before; missing blocks are harmless.
 void mix_weights(const ModelTables& tables, int offset, const Posteriors& posteriors, int blocks, BlockWeights& out,
                  int at) noexcept {
   const auto& models = tables.weights[static_cast<std::size_t>(offset)].tap;
@@ -232,7 +230,7 @@ void mix_weights(const ModelTables& tables, int offset, const Posteriors& poster
   }
 }
 
-// Of all blocks at once, so that no sum waits for the one before it; blocks that are not there do no harm.
+// All blocks at once, so that no sum waits for the one before it; missing blocks are harmless.
 void mix_risks(const RiskTable& table, const Posteriors& posteriors, BlockRisks& risk) noexcept {
   for (std::size_t at = 0; at < kChoices; at += kLanes) {
     Vec sum[kStatBlocks];
@@ -260,7 +258,7 @@ HWY_INLINE void store_values(const FilterRow& row, Vec x, std::size_t at, std::s
   }
 }
 
-// Positions of a vector's pixels between the centres of blocks, for a vector that begins `phase` pixels after one.
+// Positions of a vector's pixels between the centres of blocks, for a vector that begins `phase` pixels after a centre.
 struct Places {
   HWY_ALIGN std::int32_t cell[kLanes];
   HWY_ALIGN float share[kLanes];
@@ -350,7 +348,7 @@ HWY_INLINE void add_squares(const void* const* planes, int order, std::size_t fi
       for (int i = 0; i <= order; ++i) hwy::Prefetch(static_cast<const T*>(planes[i]) + pixel + kStatColumns);
       const Vec base = load_values(static_cast<const T*>(planes[0]) + pixel, count);
       Vec difference = hn::Zero(Float());
-      for (int i = 1; i <= order; ++i) {  // less the first sample, which the weights (sum 0) do not see
+      for (int i = 1; i <= order; ++i) {  // relative to the first sample, which drops out: the weights sum to 0
         const Vec value = load_values(static_cast<const T*>(planes[i]) + pixel, count);
         difference = hn::MulAdd(all(weight[static_cast<std::size_t>(i)]), hn::Sub(value, base), difference);
       }

@@ -12,12 +12,12 @@ namespace bolo::deblur {
 inline constexpr int kStatBlock = 8;                         // pixels a side of a block with one posterior
 inline constexpr int kStatRowStep = 2;                       // every other row is used
 inline constexpr int kStatRows = kStatBlock / kStatRowStep;  // rows of a block that are used
-inline constexpr int kStatBlocks = 8;                        // blocks side by side that are done at once
+inline constexpr int kStatBlocks = 8;                        // blocks side by side that are processed together
 inline constexpr std::size_t kStatColumns = std::size_t{kStatBlock} * kStatBlocks;  // their pixels
 inline constexpr int kCellColumns = 640;                                            // pixels filtered at once
 inline constexpr int kWeightStride = kCellColumns / kStatBlock + 2 + 30;  // blocks around them, padded to whole vectors
 
-// The samples of some pixels of neighbouring rows: rows[r][i] is the first of `columns` values of sample i in row r.
+// The samples of pixels of neighbouring rows: rows[r][i] is the first of `columns` values of sample i in row r.
 struct BlockSamples {
   PixelType type = PixelType::kUint16;
   int rows = 0;
@@ -25,12 +25,12 @@ struct BlockSamples {
   const void* values[kStatRows][kMostSamples] = {};
 };
 
-// Models' posterior probabilities, one row a block.
+// Posterior probabilities of the models, one row a block.
 struct Posteriors {
   alignas(64) float of[kStatBlocks][kModels];
 };
 
-// Risks of some choices, by model, and by block.
+// Risks of the choices, by model and by block.
 inline constexpr int kChoices = 16;
 struct RiskTable {
   alignas(64) float of[kModels][kChoices] = {};
@@ -39,7 +39,7 @@ struct BlockRisks {
   alignas(64) float of[kStatBlocks][kChoices];
 };
 
-// Weights of the samples, by block: [tap][block]; at the end the mean square errors (ModelTables::Weights).
+// Weights of the samples: [tap][block]; the last row has the mean square errors (ModelTables::Weights).
 struct BlockWeights {
   alignas(64) float tap[kMostSamples + 1][kWeightStride];
 };
@@ -63,15 +63,14 @@ struct MmaeKernels {
   // Posteriors of the blocks that `samples` covers (the last may be narrower). Thread: worker.
   void (*posteriors)(const ModelTables& tables, const BlockSamples& samples, float inverse_noise,
                      Posteriors& out) noexcept;
-  // weights = sum over models of posterior * model's weights, for `blocks` blocks from column `at` of `out`. Thread:
-  // worker.
+  // weights = sum over models of posterior * weights, for `blocks` blocks from column `at` of `out` on. Thread: worker.
   void (*mix)(const ModelTables& tables, int offset, const Posteriors& posteriors, int blocks, BlockWeights& out,
               int at) noexcept;
   // risk[b] = sum over models of posterior * that model's risks. Thread: worker.
   void (*risks)(const RiskTable& table, const Posteriors& posteriors, BlockRisks& risk) noexcept;
   // Thread: worker.
   void (*filter)(int samples, const FilterRow& row, const BlockWeights& upper, const BlockWeights& lower) noexcept;
-  // Estimated values as a row's output: of `row` count only columns and what it says of the output. Thread: worker.
+  // Writes estimated values as a row's output; uses only `row`'s columns and output fields. Thread: worker.
   void (*write)(const float* values, const FilterRow& row) noexcept;
   // For every column the sum over `rows` rows of the squared difference of the given order in time of `order` + 1
   // planes; rows lie `stride` values apart. Adds to out[columns]. Thread: pipeline.
@@ -79,7 +78,7 @@ struct MmaeKernels {
                                   std::size_t stride, int columns, float* out) noexcept;
 };
 
-// The kernels of the instruction set that best_kernels() uses. Thread: setup.
+// The kernels for the instruction set of best_kernels(). Thread: setup.
 const MmaeKernels& best_mmae_kernels();
 
 }  // namespace bolo::deblur

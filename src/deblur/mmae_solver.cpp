@@ -11,10 +11,10 @@ constexpr int kHalf = kStatBlock / 2;
 
 }  // namespace
 
-// The blocks whose weights some columns need: those at both sides of them.
+// The blocks whose weights some columns need: those on both sides.
 struct MmaeSolver::Columns {
-  int first = 0;  // may be -1: the frame's first block stands in for it
-  int last = 0;   // may be one too many: the frame's last block stands in
+  int first = 0;  // may be -1: the frame's first block replaces it
+  int last = 0;   // may be one too many: the frame's last block replaces it
 };
 
 MmaeSolver::MmaeSolver(const StreamTask& task) : task_(task), posterior_(task) {}
@@ -50,7 +50,7 @@ void MmaeSolver::solve_points(const WindowView& window, std::span<const std::uin
   }
 }
 
-// Rows from centre to centre of the blocks, so that each row of blocks is processed once.
+// Processes rows from block centre to block centre, so that each row of blocks is processed once.
 void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std::byte* out, std::size_t stride,
                                float* errors) const noexcept {
   const Columns columns{(part.x + kHalf) / kStatBlock - 1, (part.x + part.width - 1 + kHalf) / kStatBlock};
@@ -71,7 +71,7 @@ void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std
   find_weights(window, upper, columns, *above);
   for (int y = part.y; y < part.y + part.height; ++upper) {
     if (upper < 0 || upper + 1 >= posterior_.blocks_down()) {
-      *below = *above;  // beyond the frame its first or last row stands in
+      *below = *above;  // beyond the frame, its first or last row of blocks is used
     } else {
       find_weights(window, upper + 1, columns, *below);
     }
@@ -93,7 +93,6 @@ void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std
   }
 }
 
-// One row, from `pixel` on.
 void MmaeSolver::filter_row(const WindowView& window, std::size_t pixel, FilterRow& row, const BlockWeights& above,
                             const BlockWeights& below) const noexcept {
   const ModelTables& tables = posterior_.tables();

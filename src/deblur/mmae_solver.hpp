@@ -1,4 +1,4 @@
-// Multiple-model adaptive estimation: every pixel is filtered in time with weights that suit the motion around it.
+// Multiple-model adaptive estimation: every pixel is filtered in time with weights for the motion around it.
 #pragma once
 
 #include "src/deblur/motion_posterior.hpp"
@@ -6,9 +6,9 @@
 
 namespace bolo::deblur {
 
-// Each block of 8 x 8 pixels weighs the models by how well they explain its samples (MotionPosterior). Its filter is
-// the models' best linear unbiased filters so weighted; between the centres of blocks the filters are interpolated.
-// Other pixels choose the weights, but no other pixel's value enters an estimate: nothing is smoothed in space.
+// Each block of 8 x 8 pixels weights the models by how well they explain its samples (MotionPosterior). Its filter is
+// the mean, so weighted, of the models' best linear unbiased filters, interpolated between block centres. Other pixels
+// affect the weights, but no other pixel's value enters an estimate: nothing is smoothed in space.
 class MmaeSolver final : public Solver {
  public:
   explicit MmaeSolver(const StreamTask& task);
@@ -16,8 +16,8 @@ class MmaeSolver final : public Solver {
   void prepare(const WindowView& window, Crew& crew) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
   void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels, void* out) const noexcept override;
-  // As solve(); also the mean square errors that the estimate should have, in units of the noise's variance, of the
-  // blocks of 8 x 8 pixels whose first row is in `part`: errors[row of blocks * blocks across + column].
+  // As solve(); also the expected mean square errors of the estimate, in units of the noise's variance, of the blocks
+  // of 8 x 8 pixels whose first row is in `part`: errors[row of blocks * blocks across + column].
   void solve(const WindowView& window, const Region& part, void* out, float* errors) const noexcept;
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return kernels().isa; }

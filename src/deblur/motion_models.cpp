@@ -9,7 +9,7 @@
 namespace bolo::deblur {
 namespace {
 
-// Half a decade between speeds, from a frame's noise averaging out before anything moves to a trail of half the frame.
+// Half a decade between speeds, from one where a frame's noise averages out first to a trail of half the frame.
 constexpr std::array kSpeeds = {10.0, 30.0, 80.0, 180.0, 400.0, 1000.0, 2800.0};  // px/s
 constexpr int kVariances = 9;
 constexpr double kSmallestVariance = 0.1;    // in units of the noise's
@@ -17,19 +17,18 @@ constexpr double kVarianceStep = 0.8;        // decades
 constexpr double kCorrelationLength = 10.0;  // px
 static_assert(static_cast<int>(kSpeeds.size()) * kVariances + 1 == kModels);
 
-// Neighbouring pixels see the same scene, so they are worth fewer than their number.
+// Neighbouring pixels see the same scene, and so count for less than their number.
 constexpr double kTemper = 0.4;
-// A still scene is more common than any one motion.
 constexpr double kStillPrior = 3.0;
 
-// Without look-ahead the newest input weighs most and the models extrapolate. For fast motion, whose spectrum is least
-// like the models', they lean towards the inverse filter, the more the less of the error is noise.
+// Without look-ahead the newest input weighs most, and the models extrapolate. For fast motion, whose spectrum they fit
+// least, they lean towards the inverse filter, the more the smaller the noise's share of the error.
 constexpr double kHedge = 0.3;
 constexpr double kHedgedSpeed = 300.0;  // px/s and faster
 
-// The scene's autocovariance at distance r, 1 at 0: exp(-|r| / length) seen through a pixel, a triangle of half width
-// 1 px on both sides. The triangle is a sum of points, so that this is an autocovariance to the last digit: variances
-// of 10^5 noises leave no room for a quadrature's error.
+// The scene's autocovariance at distance r, 1 at 0: exp(-|r| / length) seen through a pixel, a triangle of half width 1
+// px on both sides. The triangle is a sum of points, so that this is an autocovariance to the last digit: variances of
+// 10^5 noises tolerate no quadrature error.
 class SceneCovariance {
  public:
   SceneCovariance() {
@@ -61,8 +60,8 @@ class SceneCovariance {
   double tail_ = 0.0;
 };
 
-// Thermal inertia in discrete time, y(t) = sum over a of (1 - e) e^a x(t - (a + 1/2) h): again exact for a process that
-// is sampled so, whatever the step h. No camera has more than 64 frames in a time constant, so none has a finer one.
+// Thermal inertia in discrete time, y(t) = sum over a of (1 - e) e^a x(t - (a + 1/2) h): also exact for a process
+// sampled this way, whatever the step h. No camera has more than 64 frames in a time constant, hence no finer step.
 class Inertia {
  public:
   Inertia(double tau_s, double period_s)
@@ -200,7 +199,7 @@ void MotionModels::prepare_model(ModelTables& tables, int model) const noexcept 
   for (int i = 0; i < differences; ++i) {
     for (int j = i; j < tables.end_of_part(i); ++j) {
       double entry = inverse(i, j);
-      if (tables.split < differences) {  // two differences are halves of their sum and of what they differ by
+      if (tables.split < differences) {  // each pair of differences is replaced by sum and difference: halves
         const double mirrored = inverse(i, differences - 1 - j);
         entry = 0.5 * (i < tables.split ? entry + mirrored : entry - mirrored);
       }

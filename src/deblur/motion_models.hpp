@@ -1,5 +1,4 @@
-// The models that multiple-model adaptive estimation chooses among: scenes that move past a pixel at some speed, seen
-// through its thermal inertia and with noise.
+// The models of multiple-model estimation: scenes that move past a pixel, seen through its thermal inertia, with noise.
 //
 // A model is a Gaussian process of the pixel's input x(t): the scene's autocovariance exp(-|r| / 10 px), smoothed by
 // one pixel's width, with r = v t, times a variance given in units of the noise's. Seven speeds and nine variances, and
@@ -24,24 +23,23 @@ inline constexpr int kMostSamples = 17;  // the newest of the window; older ones
 inline constexpr int kMostPairs = (kMostSamples - 1) * kMostSamples / 2;
 inline constexpr int kTapStride = 32;  // weights of a model, padded to whole vectors
 
-// The models for one pattern of lost frames, as the kernels read them.
+// The models for one pattern of lost frames, in the kernels' layout.
 struct ModelTables {
   Pattern pattern;  // of the whole window
   int samples = 0;
   std::array<int, kMostSamples> slot{};  // of each sample, oldest first
-  // Where the samples lie alike from both ends, the log likelihood falls apart into a part of the sums of each two
-  // differences that are as far from the ends, in place of the earlier one, and one of what these two differ by, in
-  // place of the later: `split` is where the latter begin. Else there is one part, of the differences themselves.
+  // If the samples lie symmetrically in time, the log likelihood splits into a part of the sums of every two
+  // differences equally far from the ends, in place of the earlier ones, and a part of their differences, in place of
+  // the later, which begin at `split`. Otherwise there is one part, of the differences themselves.
   int split = 0;
   int differences() const { return samples - 1; }
-  int end_of_part(int i) const { return i < split ? split : differences(); }  // that difference i is in
+  int end_of_part(int i) const { return i < split ? split : differences(); }  // end of the part that difference i is in
   // log likelihood, tempered: sum_p score[p][k] M_p + n per_pixel[k] + prior[k]; p runs over pairs i <= j of each part
   // row by row, M in units of the noise's variance.
   alignas(64) std::array<std::array<float, kModels>, kMostPairs> score{};
   alignas(64) std::array<float, kModels> per_pixel{};
   alignas(64) std::array<float, kModels> prior{};
-  // Of each model the weights, and in place kMostSamples the mean square error that they have, in units of the noise's
-  // variance.
+  // For each model the weights, and at kMostSamples their mean square error, in units of the noise's variance.
   struct Weights {
     alignas(64) std::array<std::array<float, kTapStride>, kModels> tap{};
   };
@@ -50,18 +48,18 @@ struct ModelTables {
 
 class MotionModels {
  public:
-  // The estimate is x at `offsets_s` before the target's sample (0: at the sample; rows that are read out later have
-  // their frame's time behind them). Thread: setup.
+  // The estimate is x at `offsets_s` before the target's sample (0: at the sample; for rows read out later, the frame's
+  // time lies before their sample). Thread: setup.
   MotionModels(const Settings& settings, std::vector<double> offsets_s);
 
-  // Takes the memory. Thread: setup.
+  // Allocates the memory. Thread: setup.
   ModelTables make_tables() const;
   // No allocation. Some 0.5 ms. Thread: pipeline.
   void prepare(ModelTables& tables, const Pattern& pattern) const noexcept;
 
-  // Samples of model `model` together with the truth: the lower Cholesky factor of the covariance of
-  // (y_0 .. y_slots-1 without noise, x at the first offset), row-major, size slots + 1, for unit noise variance.
-  // For tables of an estimator's result on each model. Thread: setup.
+  // Samples of model `model` together with the truth: the lower Cholesky factor of the covariance of (y_0 .. y_slots-1
+  // without noise, x at the first offset), row-major, size slots + 1, for unit noise variance. For tables of an
+  // estimator's result on each model. Thread: setup.
   std::vector<double> joint_factor(int model) const;
   int slots() const noexcept { return slots_; }
 
@@ -74,7 +72,7 @@ class MotionModels {
   void prepare_model(ModelTables& tables, int model) const noexcept;
 
   int window_;
-  int slots_;   // of the window's newest frames that are used
+  int slots_;   // number of the window's newest frames that are used
   int target_;  // among them
   double decay_;
   std::vector<double> offsets_s_;

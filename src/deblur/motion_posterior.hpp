@@ -17,12 +17,11 @@ class MotionPosterior {
   // has one entry for each row of blocks, or one for all where rows are sampled together. Thread: setup.
   explicit MotionPosterior(const StreamTask& task);
 
-  // Measures the noise and makes ready for the pattern of lost frames: windows with one lost frame at most are prepared
-  // in advance, others cost some 0.5 ms when their pattern changes. No allocation. Thread: pipeline.
+  // Measures the noise and prepares for the pattern of lost frames: windows with at most one lost frame are prepared in
+  // advance, others cost some 0.5 ms when their pattern changes. No allocation. Thread: pipeline.
   void prepare(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
 
-  // Of `count` blocks (at most kStatBlocks) from `first` on in a row of blocks. A block's result does not depend on the
-  // others. Thread: worker.
+  // Posteriors of `count` blocks (up to kStatBlocks) from `first` on, each independent of the others. Thread: worker.
   void find(const WindowView& window, int block_row, int first, int count, Posteriors& out) const noexcept;
 
   const MotionModels& models() const noexcept { return models_; }
@@ -30,7 +29,7 @@ class MotionPosterior {
   const MmaeKernels& kernels() const noexcept { return kernels_; }
   int blocks_across() const noexcept { return (geometry_.width + kStatBlock - 1) / kStatBlock; }
   int blocks_down() const noexcept { return (geometry_.height + kStatBlock - 1) / kStatBlock; }
-  // Which of tables().weights belongs to a row of blocks. Thread: any.
+  // Index in tables().weights for a row of blocks. Thread: any.
   int weights_of(int block_row) const noexcept { return delays_rows_ ? block_row : 0; }
   double noise() const noexcept { return noise_.noise(); }  // in the values' unit
   double measured_noise() const noexcept { return noise_.measured(); }
@@ -46,7 +45,7 @@ class MotionPosterior {
   MotionModels models_;
   NoiseMeter noise_;
   const MmaeKernels& kernels_;
-  std::vector<ModelTables> tables_;  // the first kept_ stay, the others are used in turn
+  std::vector<ModelTables> tables_;  // the first kept_ stay, the others are reused in turn
   std::size_t kept_ = 0;
   std::size_t next_ = 0;
   std::size_t current_ = 0;

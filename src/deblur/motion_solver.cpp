@@ -10,20 +10,19 @@
 namespace bolo::deblur {
 namespace {
 
-constexpr double kLargestDifference = 31.6;  // K, bound of innovations that are matched
+constexpr double kLargestDifference = 31.6;  // K, bound of the innovations' differences in matching
 constexpr float kMovesItself = 0.5F;         // px a frame
-constexpr double kCut = 2.0;                 // px that half of the picture is off
-constexpr double kTimesNext = 4.0;           // as far off as those next to it leave it
-constexpr int kBefore = 3;                   // displacements, that one which does not match is held against
-constexpr double kUnconfirmed = 12.0;        // px a frame: faster motion must be seen twice
-constexpr double kAbrupt = 0.9;              // of Path::steady: above it nothing stopped just now
-// Where the frame between is not what it was made to be by e, the displacement found is (1 + rho) e beyond the true
-// one, which itself is about twice e beyond the one foretold, as changes add up. The second of two made frames is three
-// times e off.
+constexpr double kCut = 2.0;                 // px, residual of half of the picture
+constexpr double kTimesNext = 4.0;           // times the residual of the neighbouring displacements
+constexpr int kBefore = 3;             // number of earlier displacements that one without a match is compared with
+constexpr double kUnconfirmed = 12.0;  // px a frame: faster motion must be seen twice
+constexpr double kAbrupt = 0.9;        // of Path::steady: above it, nothing has just stopped
+// If the extrapolated frame in between is off by e, the displacement found exceeds the true one by (1 + rho) e, and
+// that exceeds the extrapolated one by about 2 e (changes add up). A second extrapolated frame is off by 3 e.
 constexpr double kTimesFurther = 2.0;
-constexpr double kSuspicious = 0.5;  // share of what is beyond, that counts where a stop is looked for
+constexpr double kSuspicious = 0.5;  // share of Displacement::beyond that counts in the search for a stop
 
-// As the task, in the values' own unit and float.
+// The same task in the values' own unit, with float output.
 StreamTask in_values(StreamTask task) {
   task.settings.noise_k /= task.input.scale.unit == Unit::kKelvin ? std::abs(task.input.scale.scale) : 1.0;
   task.settings.method = Method::kMmae;
@@ -70,7 +69,7 @@ bool MotionSolver::usable() const noexcept {
   return weighed && std::min(task_.input.geometry.width, task_.input.geometry.height) >= motion::kLeastSide;
 }
 
-// Size of the frames whose motion is estimated; a single block where none is, as the padding of low ones outgrows them.
+// Size of the frames whose motion is estimated; one block if none is: padding would outgrow low frames.
 Geometry MotionSolver::followed() const noexcept {
   return usable() ? task_.input.geometry : Geometry{motion::kBlock, motion::kBlock};
 }
@@ -85,7 +84,7 @@ void MotionSolver::forget() noexcept {
   defects_.forget();
 }
 
-// Split like the kernels that read it, so that each row comes from memory once.
+// Split like the kernels that read it, so that each row is fetched from memory once.
 void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) const noexcept {
   for_rows(crew, to.blocks_down(), [&](int block_row) {
     const auto [begin, end] = to.rows_of(block_row);
@@ -95,9 +94,8 @@ void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) 
   to.mirror_ends();
 }
 
-// Makes a lost frame, or the second of two, as it would have been had the motion gone on: its innovation is the one
-// before, moved. It stands in for the first estimate after it alone. False where the three frames before the first do
-// not tell their motion.
+// Extrapolates a lost frame, or the second of two, as if the motion had continued: its innovation is the one before,
+// moved. Only the first estimate after it uses it. False if the three frames before the first do not give their motion.
 bool MotionSolver::bridge(Crew& crew) noexcept {
   const bool second = frame(1).lost;
   if (second && (!frame(1).there || frame(2).lost)) return false;
@@ -123,7 +121,7 @@ bool MotionSolver::bridge(Crew& crew) noexcept {
   return true;
 }
 
-// The next period's frame; null: lost.
+// Takes in the next period's frame; null: lost.
 void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   ++taken_;
   Frame& now = frame(0);
@@ -157,7 +155,7 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   }
 }
 
-// False for displacements of lost frames, and, but for those of the estimate itself, those that bridge one.
+// False for displacements of lost frames, and for those that bridge one, except the estimated frame's own.
 bool MotionSolver::is_found(int back) noexcept {
   const Displacement& d = displacement(back);
   return d.there && (d.bridged == 0 || back <= task_.settings.lookahead);
@@ -172,14 +170,14 @@ bool MotionSolver::is_cut(int at, int from, int to) noexcept {
   return is_found(at) && displacement(at).misfit > std::max(kCut, kTimesNext * least);
 }
 
-// Number of displacements up to that of the period `newest` before the newest within one scene.
+// Number of displacements, back from that of the period `newest` before the newest, within one scene.
 int MotionSolver::scene_length(int newest) noexcept {
   int length = 1;
   while (length < motion::kHistory && !is_cut(newest + length, newest, newest + length)) ++length;
   return length;
 }
 
-// True if there is another displacement within its scene: repeated texture matches far away, too.
+// True if another displacement in the scene is known: repeated texture matches far away, too.
 bool MotionSolver::is_confirmed(int newest) noexcept {
   const int length = scene_length(newest);
   for (int i = 1; i < length; ++i) {
@@ -188,7 +186,7 @@ bool MotionSolver::is_confirmed(int newest) noexcept {
   return false;
 }
 
-// True if history() has to find displacements between known ones.
+// True if history() has to interpolate displacements between known ones.
 bool MotionSolver::has_gaps(int newest) noexcept {
   const int length = scene_length(newest);
   for (int i = 1; i < length; ++i) {
@@ -197,9 +195,9 @@ bool MotionSolver::has_gaps(int newest) noexcept {
   return false;
 }
 
-// The displacements from that of period `newest` (before the newest) on, less the gyro's. Those that are not known lie
-// on the parabola through the one after and the two before them; before a cut, and before the first, the last is kept.
-// `bridged`: those that bridge a lost frame are known, too; two lost frames, if the newest does.
+// The displacements from period `newest` (before the newest) on, less the gyro's. Unknown ones lie on the parabola
+// through the one after and the two before them; before a cut, and before the first, the last is kept. `bridged`: those
+// that bridge a lost frame count as known, and two lost frames if the newest does so.
 motion::Displacements MotionSolver::history(int newest, const motion::GyroMotions& by_gyro, bool bridged) noexcept {
   motion::Displacements left;
   const auto length = static_cast<std::size_t>(scene_length(newest));
@@ -247,7 +245,7 @@ bool MotionSolver::use_gyro(const FrameMeta& meta, int newest, motion::Displacem
   return true;
 }
 
-// False when the estimated frame's own displacement is not known.
+// False if the estimated frame's own displacement is not known.
 bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ahead) noexcept {
   const int target = task_.settings.lookahead;
   gyro_use_.reset();
@@ -261,7 +259,7 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   const double uncertainty = displacement(newest).uncertainty;
   const motion::GyroMotions* const gyro = knows ? &by_gyro : nullptr;
   path = motion::path_of(inertia_, left, ahead, uncertainty, gyro);
-  if (has_gaps(newest)) {  // between those that are known a stop would be smoothed away
+  if (has_gaps(newest)) {  // interpolation between known displacements would smooth a stop away
     motion::Displacements all = history(newest, knows ? by_gyro : motion::GyroMotions{}, true);
     all[0] = all[0] + displacement(newest).beyond * kSuspicious;
     path.steady = motion::path_of(inertia_, all, ahead, uncertainty, gyro).steady;
@@ -277,8 +275,8 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   return true;
 }
 
-// While the gyro shows rest, each innovation is the scene itself: the mean over `rests` frames is averaged with
-// per-pixel estimates that assume motion, in blocks that do not move by themselves.
+// While the gyro shows rest, each innovation is the scene itself: the mean over `rests` frames is averaged with the
+// per-pixel estimates, which assume motion, in blocks that do not move by themselves.
 void MotionSolver::use_rest(int rests, const motion::VectorField& deviation) noexcept {
   const int target = task_.settings.lookahead;
   const int count = std::min(rests, 2);  // the innovations that the displacement is of
@@ -315,7 +313,7 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   solve_per_pixel(window, crew);
   const auto slots = static_cast<std::uint64_t>(window.planes.size());
   if (usable()) {
-    const std::uint64_t steps = window.newest - newest_;  // wraps round when time went back
+    const std::uint64_t steps = window.newest - newest_;  // wraps round if time went back
     const bool follows = newest_ != 0 && window.newest > newest_ && steps <= kFirst;
     if (!follows) forget();
     const std::uint64_t first = slots - (follows ? steps : std::min<std::uint64_t>(kFirst, slots));
@@ -341,8 +339,8 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   for (const std::uint32_t pixel : defects) estimate_[pixel] = per_pixel_[pixel];
 }
 
-// The blocks' deviations from the whole picture's displacement. A block that goes its own way is not where a made frame
-// has it: by its deviation for each frame made, and what the innovation then has too much.
+// The blocks' deviations from the whole picture's displacement. An extrapolated frame misplaces a block with its own
+// motion: by its deviation for each frame extrapolated, and by the resulting excess of the innovation.
 const motion::VectorField& MotionSolver::deviations(const motion::Affine& whole, Crew& crew) noexcept {
   const int target = task_.settings.lookahead;
   const Displacement& newest = displacement(target);
@@ -358,8 +356,7 @@ const motion::VectorField& MotionSolver::deviations(const motion::Affine& whole,
   return found;
 }
 
-// Fills defects in the planes that the estimate is made of, or puts back what later displacements are to be found from:
-// those depend on their own frames alone.
+// Fills defects in the estimate's planes, or restores them: later displacements must depend on their own frames alone.
 void MotionSolver::without_defects(bool fill) noexcept {
   std::span<float> left(covered_);
   const auto change = [&](motion::PaddedPlane& plane) {
@@ -380,7 +377,7 @@ void MotionSolver::estimate_along_motion(const motion::Path& path, bool ahead, c
   in.now = &frame(target).values;
   in.innovation = &innovation(target).values;
   const int newest = ahead ? 0 : target;
-  const int length = scene_length(newest);  // no cut can be detected where the history ends
+  const int length = scene_length(newest);  // no cut can be detected at the end of the history
   const int of_scene = length < motion::kHistory ? newest + length : motion::kPast + target;
   for (int j = 0; j < motion::kPast; ++j) {
     Frame& past = frame(target + 1 + j);
@@ -400,7 +397,7 @@ void MotionSolver::estimate_along_motion(const motion::Path& path, bool ahead, c
   estimators_[ahead ? 1 : 0].find(kernels_, in, crew, estimate_.data());
 }
 
-// Takes what frames soon after a cut still show of the scene before out of the estimate's.
+// Removes from the estimate's frames the remains of the scene before a cut.
 void MotionSolver::without_old_scene(int newest, motion::EstimateInputs& in, Crew& crew) noexcept {
   const int length = scene_length(newest);
   const int base = newest + length + 1;
@@ -432,7 +429,7 @@ void MotionSolver::solve_points(const WindowView& /*window*/, std::span<const st
   for (std::size_t i = 0; i < pixels.size(); ++i) write(pixels[i], 1, i, out);
 }
 
-// So many values from a pixel on, into `out` from `to` on.
+// Writes `count` values from `pixel` on to `out`, from value `to` on.
 void MotionSolver::write(std::size_t pixel, std::size_t count, std::size_t to, void* out) const noexcept {
   const PixelRun run = run_for(task_);
   FilterRow row;

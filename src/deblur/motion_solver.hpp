@@ -20,10 +20,10 @@
 namespace bolo::deblur {
 
 // prepare() estimates the whole frame; solve() copies it. mmae's estimate replaces it pixel by pixel where the motion
-// does not explain the frames, and for whole frames without a motion: frames before are lost that cannot be made up
+// does not explain the frames, and for whole frames without a motion: too many frames before are lost
 // (MotionSolver::bridge), or the picture is too small.
 //
-// Memory of earlier windows holds only values that this one would give again: each displacement is that of three
+// The memory of earlier windows holds only values that this window would give again: each displacement is that of three
 // frames, all of them in the window (and, where it is measured, the noise, as in mmae).
 class MotionSolver final : public Solver {
  public:
@@ -40,12 +40,12 @@ class MotionSolver final : public Solver {
   std::optional<GyroUse> gyro_use() const noexcept override { return gyro_use_; }
 
  private:
-  static constexpr int kFrames = motion::kPast + 2;              // of an estimate, with the one after it
-  static constexpr int kBridge = 5;                              // frames before two lost ones that they are made of
-  static constexpr int kFirst = motion::kHistory + 3 + kBridge;  // the newest frames, which its path is made of
+  static constexpr int kFrames = motion::kPast + 2;  // of an estimate, including the one after it
+  static constexpr int kBridge = 5;                  // frames before two lost ones from which these are extrapolated
+  static constexpr int kFirst = motion::kHistory + 3 + kBridge;  // the newest frames, from which the path is computed
   struct Frame {
     bool there = false;
-    bool lost = false;  // there, but made of the frames before
+    bool lost = false;  // there, but extrapolated from the frames before
     motion::PaddedPlane values;
   };
   struct Innovation {
@@ -55,9 +55,9 @@ class MotionSolver final : public Solver {
   };
   struct Displacement {
     bool there = false;
-    int bridged = 0;  // lost frames before or between its own: too uncertain for later paths, and to be told
+    int bridged = 0;  // lost frames before or between its own: too uncertain for later paths, and not published
     motion::Affine motion;
-    motion::Affine beyond;  // what was found beyond it, for a lost frame that was not what it was made to be
+    motion::Affine beyond;  // part of the displacement found that the extrapolated frame's error explains
     double uncertainty = 0.0;
     double misfit = 0.0;
   };
@@ -84,7 +84,7 @@ class MotionSolver final : public Solver {
   void use_rest(int rests, const motion::VectorField& deviation) noexcept;
   void write(std::size_t pixel, std::size_t count, std::size_t to, void* out) const noexcept;
   void solve_per_pixel(const WindowView& window, Crew& crew) noexcept;
-  // Of `back` periods before the newest.
+  // `back`: periods before the newest.
   Frame& frame(int back) noexcept { return frames_[place(back, frames_.size())]; }
   Innovation& innovation(int back) noexcept { return innovations_[place(back, innovations_.size())]; }
   Displacement& displacement(int back) noexcept { return displacements_[place(back, displacements_.size())]; }
@@ -108,10 +108,10 @@ class MotionSolver final : public Solver {
   motion::VectorField field_;
   motion::BlockMotions block_motions_;
   motion::Defects defects_;
-  std::vector<float> covered_;    // what stood in their place in each plane
-  bool tells_motion_ = false;     // of the last prepare()
+  std::vector<float> covered_;    // saved values of defects, by plane
+  bool tells_motion_ = false;     // in the last prepare()
   std::uint64_t taken_ = 0;       // periods taken in
-  std::uint64_t newest_ = 0;      // WindowView::newest of the last of them; 0: none
+  std::uint64_t newest_ = 0;      // WindowView::newest of the last period; 0: none
   std::vector<float> row_delay_;  // of the middle of each row of blocks; empty: none
   std::vector<float> per_pixel_;
   std::vector<float> per_pixel_error_;

@@ -17,10 +17,10 @@ constexpr int kBlockRows = 4;
 constexpr int kBlockColumns = 8;
 constexpr int kRowStep = 2 * kBlockRows;  // every other row of blocks is used
 constexpr double kQuantile = 0.05;
-constexpr double kRise = 1.002;       // a frame
-constexpr double kFall = 0.2;         // of the way, a frame
-constexpr double kMostNoise = 1e7;    // in values; products of variances stay in a float's range
-constexpr double kFloatFloor = 1e-3;  // K: of a float capture without noise
+constexpr double kRise = 1.002;       // per frame
+constexpr double kFall = 0.2;         // of the way, per frame
+constexpr double kMostNoise = 1e7;    // in values; products of variances stay within a float's range
+constexpr double kFloatFloor = 1e-3;  // K: for a float capture without noise
 
 // The 5 % quantile of chi^2 with `freedom` degrees over its mean (Wilson and Hilferty, 1931).
 double low_quantile(double freedom) {
@@ -48,7 +48,7 @@ void widen(const T* row, std::size_t width, Ends& ends) {
   ends = {std::min(ends.low, static_cast<float>(low)), std::max(ends.high, static_cast<float>(high))};
 }
 
-// An infinite sum leaves its block out.
+// Marks blocks that contain an extreme value: an infinite sum leaves its block out.
 template <typename T>
 void leave_out(const T* row, std::size_t width, const Ends& ends, float* sums) {
   for (std::size_t x = 0; x < width; ++x) {
@@ -89,10 +89,10 @@ void NoiseMeter::update(const WindowView& window, const Pattern& pattern, Crew& 
   }
 }
 
-// 0 when no block shows any difference: a frozen or synthetic picture.
+// 0 if no block shows any difference: a frozen or synthetic picture.
 double NoiseMeter::measure(const void* const* planes, int order, Crew& crew) noexcept {
   const double calm = calmest(planes, order, true, crew);
-  return calm > 0.0 ? calm : calmest(planes, order, false, crew);  // a picture of few values is all ends
+  return calm > 0.0 ? calm : calmest(planes, order, false, crew);  // a picture of few values consists of extremes
 }
 
 double NoiseMeter::calmest(const void* const* planes, int order, bool without_ends, Crew& crew) noexcept {
@@ -114,7 +114,7 @@ double NoiseMeter::calmest(const void* const* planes, int order, bool without_en
     const float* const columns = column_.data() + static_cast<std::size_t>(strip) * stride;
     for (int x = 0; x + width <= g.width; x += width) {
       const float sum = std::accumulate(columns + x, columns + x + width, 0.0F);
-      if (sum > 0.0F && std::isfinite(sum)) block_.push_back(sum);  // none at all: dead or saturated
+      if (sum > 0.0F && std::isfinite(sum)) block_.push_back(sum);  // no noise at all: dead or saturated
     }
   }
   if (block_.empty()) return 0.0;

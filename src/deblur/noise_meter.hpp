@@ -10,11 +10,11 @@
 
 namespace bolo::deblur {
 
-// The sixth difference in time of a pixel's samples has 924 times the variance of their noise and next to none of a
+// The sixth difference in time of a pixel's samples has 924 times the variance of their noise, and next to none of a
 // scene that is smooth over seven frames. Of its mean square over blocks of 4 x 8 pixels the 5 % quantile is taken: the
-// calmest places of the frame, corrected for what the quantile of pure noise would be. Where everything moves even
-// those overestimate, so the measure falls within a few frames and rises by 0.2 % a frame at most. Blocks that hold the
-// frame's lowest or highest value are left out: what is cut off at the end of a camera's range has less noise or none.
+// calmest places of the frame, corrected for the quantile's value for pure noise. Where everything moves even those
+// overestimate, so the measure falls within a few frames and rises by at most 0.2 % a frame. Blocks that contain the
+// frame's lowest or highest value are left out: clipping at the end of a camera's range reduces or removes noise.
 class NoiseMeter {
  public:
   struct Ends {  // lowest and highest value
@@ -28,11 +28,10 @@ class NoiseMeter {
   // Measures the newest frames of a window. No allocation. Thread: pipeline.
   void update(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept;
 
-  // Standard deviation in the values' unit: the settings' if they give one, else the measured, at least that of
-  // quantisation. Thread: pipeline.
+  // Standard deviation, values' unit: as set, or measured, at least that of quantisation. Thread: pipeline.
   double noise() const noexcept;
 
-  // The measured, whatever the settings say; 0 before anything is. Thread: pipeline.
+  // The measured noise, whatever the settings say; 0 before the first measurement. Thread: pipeline.
   double measured() const noexcept;
 
  private:

@@ -8,11 +8,11 @@
 namespace bolo::deblur {
 namespace {
 
-constexpr double kLeastTau_s = 1e-6;   // far below any pixel's; period / tau stays a number
-constexpr double kLittleLeft = 0.05;   // of a frame in the next one
-constexpr double kNothingLeft = 1e-4;  // below which no more of it is told
+constexpr double kLeastTau_s = 1e-6;   // far below any pixel's; keeps period / tau finite
+constexpr double kLittleLeft = 0.05;   // of a frame that remains in the next one
+constexpr double kNothingLeft = 1e-4;  // below it the remainder is not stated more exactly
 constexpr float kLargestValue = 1e7F;  // far above any temperature and count
-constexpr int kModelLookahead = 15;    // the models see 17 frames
+constexpr int kModelLookahead = 15;    // the models cover 17 frames
 
 // Collects one sentence for every value out of range.
 class Complaints {
@@ -58,7 +58,7 @@ Result<Method> method_from_name(std::string_view text) {
 
 Status validate(const Settings& settings) {
   Complaints complaints;
-  const int rows = std::clamp(settings.window, 0, 100) - 1;  // any number may stand there, and is refused below
+  const int rows = std::clamp(settings.window, 0, 100) - 1;  // may be any number here; it is refused below
   complaints.unless(settings.tau_s >= kLeastTau_s && settings.tau_s < 1.0, "tau_s", settings.tau_s,
                     "at least 0.000001 and below 1 s");
   complaints.unless(between(settings.period_s, 1e-5, 10.0), "period_s", settings.period_s, "0.00001 to 10 s");
@@ -73,7 +73,7 @@ Status validate(const Settings& settings) {
                     "0 (automatic) to 1000");
   complaints.unless(settings.lookahead >= 0 && settings.lookahead < rows, "lookahead", settings.lookahead,
                     "0 to window - 2 frames");
-  // The models account for motion between frames themselves.
+  // The models account for the motion between frames themselves.
   const bool far_apart = settings.period_s > kLongestRatioToLookAhead * settings.tau_s;
   complaints.unless(!far_apart || settings.lookahead == 0 || settings.method == Method::kMmae, "lookahead",
                     settings.lookahead, "0 where frames are more than 2 tau apart: it would show two frames in one");

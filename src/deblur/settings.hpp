@@ -1,4 +1,4 @@
-// Settings of the deblurring; the same for live and offline work.
+// Settings of the deblurring, for live and offline work.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@ enum class Method {
   kExact,    // the paper's problem to convergence, double precision: the reference
   kInverse,  // first-order inverse filter: x = (y_1 - a y_0) / (1 - a), a = exp(-T / tau); no prior
   kMmae,     // multiple-model adaptive estimation: linear smoothers for many motions, weighted by how well each fits
-  kMotion,   // along the scene's own motion, estimated from the frames; kMmae where that does not explain them
+  kMotion,   // along the scene's own motion, estimated from the frames; kMmae where it does not explain them
 };
 
 // Names as the command line and configuration spell them. Thread: any.
@@ -42,31 +42,28 @@ struct Settings {
   double kappa = 0.1;
   double lambda = 0.001;     // in kelvin, or in counts for a capture that has no kelvin
   bool auto_lambda = false;  // lambda follows the measured noise and motion, block by block; `lambda` is not used
-  double noise_k = 0.0;      // temporal noise for auto_lambda, kMmae and kMotion, K (counts as lambda); 0: measured
+  double noise_k = 0.0;      // temporal noise for auto_lambda, kMmae and kMotion, K (counts like lambda); 0: measured
   int iterations = 0;        // ADMM, or sweeps of kDual; 0: as many as the accuracy needs at this lambda
   int lookahead = 0;         // L: the window ends L frames after the frame that is estimated
-  Gyro* gyro = nullptr;      // of kMotion; outlives the solver. Null: none
+  Gyro* gyro = nullptr;      // for kMotion; outlives the solver. Null: none
   GyroSetup gyro_setup{};
 
   // lambda in units of 1/2 ||.||^2 + lambda ||D||_1.
   constexpr double half_square_lambda() const { return lambda / (2.0 * kappa); }
 };
 
-// Every wrong value is named with its range. Thread: setup.
+// Names every wrong value with its range. Thread: setup.
 Status validate(const Settings& settings);
 
-// Refuses a gyro with methods that have no use for one. Thread: setup.
+// Refuses a gyro with methods that cannot use one. Thread: setup.
 Status check_gyro(const Settings& settings);
 
 // T / tau above which a look-ahead is refused: the inputs before and after a frame's time then have little in common,
 // and their mean would show both (a hand twice).
 inline constexpr double kLongestRatioToLookAhead = 2.0;
 
-// A remark for users where so little of a frame is left in the next that deblurring changes hardly anything; else
-// empty. Thread: setup.
+// Tells users if so little of a frame remains in the next that deblurring hardly matters; else empty. Thread: setup.
 std::string weak_inertia_warning(const Settings& settings);
-
-// --- The stream's properties that every method needs.
 
 struct StreamTask {
   Settings settings;
@@ -78,10 +75,10 @@ struct StreamTask {
   double row_delay(int row) const { return row * row_period; }
   bool delays_rows() const { return row_period != 0.0; }
 
-  // Row y of a raw plane; NaN, and values beyond any temperature, become the value before.
+  // Row y of a raw plane; NaN and values beyond any temperature are replaced by the value before.
   void load_row(const void* plane, int y, float* to) const noexcept;
 
-  // Kelvin a unit of the values; camera counts are taken for 10 mK, as in the A655sc's linear modes.
+  // Kelvin per unit of the values; camera counts are taken as 10 mK, as in the A655sc's linear modes.
   double kelvin_per_value() const;
   // A difference of values in the unit that users see: K, or counts.
   double in_kelvin(double value) const;
@@ -89,7 +86,7 @@ struct StreamTask {
   double lambda_half() const;
 };
 
-// lambda_half in K for which iterations are counted: with automatic lambda, the largest that scenes get.
+// lambda_half in K for which iterations are tuned: with automatic lambda, the largest that scenes get.
 double lambda_to_tune(const StreamTask& task);
 
 }  // namespace bolo::deblur

@@ -15,9 +15,9 @@
 namespace bolo::deblur {
 namespace {
 
-constexpr std::size_t kPacked = 256;  // points at a time: their samples stay in the first two caches
+constexpr std::size_t kPacked = 256;  // points at a time: their samples fit the first two caches
 
-// The samples of single pixels beside each other, a row of floats for each received frame of a window.
+// The samples of single pixels side by side, a row of floats for each received frame of a window.
 class PackedSamples {
  public:
   PackedSamples() noexcept {
@@ -44,7 +44,7 @@ class PackedSamples {
   std::array<const void*, kMaxSlots> planes_;
 };
 
-// Brings pixels and their samples to a method: parts of the frame and single points.
+// Passes pixels and their samples to a method: parts of the frame and single points.
 class PlaneSolver final : public Solver {
  public:
   PlaneSolver(const StreamTask& task, std::unique_ptr<PixelMethod> method)
@@ -78,7 +78,7 @@ class PlaneSolver final : public Solver {
     for (std::size_t done = 0; done < pixels.size();) {
       std::span<const std::uint32_t> some = pixels.subspan(done, std::min(kPacked, pixels.size() - done));
       const int row = row_of(some.front());
-      if (task_.delays_rows()) {  // what is published differs from row to row
+      if (task_.delays_rows()) {  // the published bins differ from row to row
         const auto other = std::find_if(some.begin(), some.end(), [&](std::uint32_t p) { return row_of(p) != row; });
         some = some.first(static_cast<std::size_t>(other - some.begin()));
       }

@@ -18,10 +18,10 @@ namespace bolo::deblur {
 struct WindowView {
   std::span<const void* const> planes;  // settings.window entries, each a whole plane of the stream's format
   int target = 0;                       // the entry whose time is estimated: window - 1 - lookahead; never null
-  // Period number of the window's newest entry in its stream, from which a solver derives how far the window advanced.
-  // 0: unknown, nothing of earlier windows can be used.
+  // Period number in the stream of the window's newest entry, from which a solver derives how far the window has
+  // advanced. 0: unknown, nothing of earlier windows can be used.
   std::uint64_t newest = 0;
-  FrameMeta meta{};  // of the target: its times, for a gyro's sake
+  FrameMeta meta{};  // of the target: its times, for the gyro
 };
 
 class Solver {
@@ -35,8 +35,8 @@ class Solver {
   static Result<std::unique_ptr<Solver>> create(const Settings& settings, const StreamFormat& input, PixelType output,
                                                 double row_delay_s = 0.0);
 
-  // Prepares for the pattern of lost frames in this window; cheap when it did not change. The result does not depend on
-  // the crew, bit for bit. No allocation. Thread: pipeline, before the workers.
+  // Prepares for this window's pattern of lost frames; cheap if unchanged. The result does not depend on the crew, bit
+  // for bit. No allocation. Thread: pipeline, before the workers.
   virtual void prepare(const WindowView& window, Crew& crew) noexcept = 0;
   void prepare(const WindowView& window) noexcept {
     Alone alone;
@@ -44,8 +44,7 @@ class Solver {
   }
 
   // Estimates the pixels of `part` into the same pixels of `out`, a whole plane of the output type. `part` lies inside
-  // the frame. A pixel's result does not depend on the part. No allocation. Thread: worker, parts disjoint between
-  // concurrent calls.
+  // the frame; a pixel's result does not depend on it. No allocation. Thread: worker, concurrent parts disjoint.
   virtual void solve(const WindowView& window, const Region& part, void* out) const noexcept = 0;
 
   // The same for single pixels, row-major indices in any order, into pixels.size() values of `out`: bit for bit as
@@ -53,17 +52,15 @@ class Solver {
   virtual void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels,
                             void* out) const noexcept = 0;
 
-  // Iterations a pixel; 1 for the filters, 0 when it runs to convergence. Thread: any.
+  // Iterations per pixel; 1 for the filters, 0 for a run to convergence. Thread: any.
   virtual int iterations() const noexcept = 0;
   // The instruction set chosen at run time: "AVX3", "AVX2", "SSE4", "scalar" ... Thread: any.
   virtual std::string_view isa() const noexcept = 0;
-  // Temporal noise that the last prepare() worked with, K (counts for a stream without kelvin); 0 where the method does
-  // not use it. Thread: pipeline.
+  // Temporal noise used by the last prepare(), K (counts without kelvin); 0 if the method uses none. Thread: pipeline.
   virtual double noise_k() const noexcept { return 0.0; }
-  // The same as the frames show it, also where the settings tell another; 0: not known. Thread: pipeline.
+  // Temporal noise measured in the frames, even if the settings give another; 0: not known. Thread: pipeline.
   virtual double measured_noise_k() const noexcept { return 0.0; }
-  // Motion up to the frame that was solved last; null where the method does not estimate it, or could not.
-  // Good until the next prepare(). Thread: pipeline.
+  // Motion up to the last solved frame, until the next prepare(); null: not estimated. Thread: pipeline.
   virtual const SceneMotion* motion() const noexcept { return nullptr; }
   // Use of the gyro in the last prepare(); nothing without a gyro or without motion. Thread: pipeline.
   virtual std::optional<GyroUse> gyro_use() const noexcept { return std::nullopt; }

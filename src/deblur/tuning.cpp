@@ -8,15 +8,14 @@ namespace bolo::deblur {
 namespace {
 
 // Found by search on steps, 20 K noise, 300 K pulses, defects, pans, saturated and constant values (tests/deblur:
-// inputs), for 5 mK rms and 50 mK at most of the exact optimum in the last two bins, in the worst of the inputs.
+// inputs), for 5 mK rms and at most 50 mK from the exact optimum in the last two bins, in the worst of the inputs.
 //  - Sweeps of the dual: 1.1 is the best over-relaxation almost everywhere, 1.0 and 1.2 cost up to one sweep in five.
-//  As
-//    many are needed for 8 to 64 frames. The last two need to reach the published bins only.
-//  - ADMM from there: its rate is the best with rho = p^2, alpha = 1.6 (p = 1 - exp(-T / tau), so that p^2 is near the
-//    smallest eigenvalue of G^T G); one iteration takes up to two thirds off what the sweeps leave, and 0.4 to 1.4 mK
-//    rms remain on a street. Without such a start, where bins are longer than frames, it needs kNeeded.
-//  - Lost frames that the sweeps cannot do without leave directions that only lambda pulls at; such windows need many
-//    iterations.
+//    8 to 64 frames need as many. The last two need to reach only the published bins.
+//  - ADMM from there: its rate is best with rho = p^2, alpha = 1.6 (p = 1 - exp(-T / tau), so that p^2 is near the
+//    smallest eigenvalue of G^T G); one iteration removes up to two thirds of the sweeps' error, and 0.4 to 1.4 mK rms
+//    remain on a street. Without such a start, where bins are longer than frames, it needs kNeeded.
+//  - Lost frames that the sweeps do not support leave directions that only lambda determines; such windows need
+//    many iterations.
 constexpr std::array kRatios = {0.05, 0.1, 0.2, 0.4545, 1.0, 2.0};              // T / tau
 constexpr std::array kLambdas = {0.0005, 0.005, 0.05, 0.5, 5.0, 50.0};          // K, half-square, 2^7 coefficients
 using Table = std::array<std::array<double, kLambdas.size()>, kRatios.size()>;  // iterations
@@ -33,7 +32,7 @@ constexpr Table kNeeded = {{{17, 64, 81, 110, 92, 67},
                             {1, 3, 4, 8, 18, 23},
                             {1, 2, 2, 5, 7, 8}}};
 
-// Position of `value` between entries of an ascending axis, on a logarithmic scale; limited to the axis.
+// Position of `value` between entries of an ascending axis, on a logarithmic scale; clamped to the axis.
 template <std::size_t kSize>
 double place(const std::array<double, kSize>& axis, double value) {
   for (std::size_t i = 0; i + 1 < kSize; ++i) {
@@ -62,7 +61,7 @@ double needed(const Table& table, double ratio, double lambda) {
 DualTuning tune_dual(const Grid& grid, double lambda_half_k) {
   const double sweeps = std::ceil(needed(kSweeps, grid.ratio, std::max(lambda_half_k, 1e-6)) - 0.05);
   DualTuning tuning;
-  const bool near = grid.bins > 8;  // so few bins are all near
+  const bool near = grid.bins > 8;  // all of so few bins are near
   tuning.near_sweeps = !near ? 0 : sweeps > 3.0 ? 2 : sweeps > 2.0 ? 1 : 0;
   tuning.sweeps = static_cast<int>(sweeps) - tuning.near_sweeps;
   return tuning;

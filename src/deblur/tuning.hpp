@@ -9,20 +9,20 @@ namespace bolo::deblur {
 struct DualTuning {
   double omega = 1.1;  // over-relaxation
   int sweeps = 3;
-  int near_sweeps = 2;  // after those, over what reaches into the published bins
+  int near_sweeps = 2;  // further ones, over what affects the published bins
 };
 
 struct Tuning {
   double rho = 0.1;    // penalty
   double alpha = 1.6;  // over-relaxation
   int iterations = 1;
-  DualTuning start;  // sweeps on the dual before a single iteration
+  DualTuning start;  // sweeps on the dual, before a single iteration
 };
 
 // `lambda_half_k`: in K. Thread: setup.
 DualTuning tune_dual(const Grid& grid, double lambda_half_k);
 
-// `bridged`: nothing is lost, or no more than the sweeps do without. Thread: setup.
+// `bridged`: no frame is lost, or only frames that the sweeps support. Thread: setup.
 Tuning tune(const Grid& grid, double lambda_half_k, bool bridged);
 
 }  // namespace bolo::deblur

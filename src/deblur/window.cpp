@@ -6,13 +6,13 @@
 namespace bolo::deblur {
 namespace {
 
-// A camera's time stamps jitter by its clock's steps and its firmware's haste. A tenth of a period moves a sample by
-// less than the error that one frame of noise makes at 10 K of contrast; beyond it the frame is flagged.
+// A camera's time stamps jitter by its clock's resolution and its firmware's delays. A tenth of a period moves a sample
+// by less than the error of one frame's noise at 10 K of contrast; beyond it the frame is flagged.
 constexpr double kGridTolerance = 0.1;
-constexpr double kMostJitter = 1.0;  // periods by which a clock may err: stamps of a busy host
-constexpr int kScatterSteps = 16;    // of a clock, that its scatter is the mean of
-constexpr int kDriftSteps = 20;  // that a wrong period is told by: one of 0.5 % leaves the grid's tolerance in these
-constexpr int kSteadySteps = 4;  // that it is given to begin with: one late stamp is no scatter
+constexpr double kMostJitter = 1.0;  // periods by which a clock may err: time stamps of a busy host
+constexpr int kScatterSteps = 16;    // steps over which the clock's scatter is averaged
+constexpr int kDriftSteps = 20;  // steps that reveal a wrong period: one of 0.5 % leaves the grid's tolerance in these
+constexpr int kSteadySteps = 4;  // steady steps assumed at the start: one late stamp is no scatter
 constexpr double kBeyondChance = 5;  // mean distances: four standard deviations
 
 }  // namespace
@@ -88,13 +88,13 @@ bool Window::next(Ready& ready) noexcept {
   return false;
 }
 
-// Frames that wait for their look-ahead are shown first, then the window empties.
+// Frames that wait for their look-ahead are published first, then the window is emptied.
 void Window::finish_window() noexcept {
   drain_left_ = places_.size() - 1 - target_;
   if (drain_left_ == 0) clear();
 }
 
-// One period on: the oldest place leaves, the newest is empty.
+// Advances by one period: the oldest place leaves, the newest is empty.
 void Window::advance() noexcept {
   Place& oldest = places_[oldest_];
   if (oldest.taken) released_.push_back(oldest.frame.token);

@@ -1,4 +1,4 @@
-// The sliding window: places frames on the grid of frame times, leaves lost ones empty, and starts again after a break.
+// The sliding window: places frames on the grid of frame times, leaves lost ones empty, and restarts after a break.
 #pragma once
 
 #include <cstdint>
@@ -11,24 +11,23 @@
 
 namespace bolo::deblur {
 
-// Periods from each frame to the next; below 1 where time does not go on. From the camera's clock and its counter. When
-// they disagree, the clock is right as long as it shows a whole number of periods (cameras lose frames without a jump
-// in the counter), or a longer pause than counter and jitter explain (NUC, reconnect: frames that never were are not
-// counted); else the counter is. A clock that scatters (stamps of a busy host, or in coarse steps) must differ by more
-// than its scatter to be right. Frames that were dropped because they repeat the one before are counted or not,
-// whichever the clock is closer to: a shutter that held takes their places, a camera that is read too fast never took
-// them.
+// Periods from each frame to the next, from the camera's clock and its counter; below 1 if time does not advance. If
+// they disagree, the clock is right if it shows a whole number of periods (cameras lose frames without a jump in the
+// counter), or a longer pause than counter and jitter explain (NUC, reconnect: frames that never were are not counted);
+// otherwise the counter is. A clock that scatters (stamps of a busy host, or in coarse steps) must differ by more than
+// its scatter to be right. Frames dropped as repeats of the one before are counted or not, whichever is closer to the
+// clock: those of a closed shutter take up periods, those of a camera that is read too fast do not.
 class FrameSteps {
  public:
-  // Since the frame of the last call; undefined for the first. `off_grid`: the clock shows no whole number of periods
-  // as taken, or leaves the grid step by step: the period is another one. `repeats`: frames before it that were dropped
-  // as repeats. Thread: pipeline.
+  // Since the frame of the last call; undefined for the first. `off_grid`: the clock does not show the whole number of
+  // periods returned, or drifts off the grid, because the period is another one. `repeats`: frames before it that were
+  // dropped as repeats. Thread: pipeline.
   std::int64_t next(const FrameMeta& frame, std::uint64_t repeats, double period_s, bool& off_grid) noexcept;
 
  private:
   FrameMeta last_;
   double scatter_ = 0.0;  // periods, mean distance of the clock's steps from the grid
-  int count_ = 0;         // steps in it, up to so many
+  int count_ = 0;         // steps in the mean, up to a limit
   double drift_ = 0.0;    // periods a step, mean of the steps that fit the grid
 };
 
@@ -37,7 +36,7 @@ struct WindowFrame {
   FrameMeta meta;
   const void* plane = nullptr;
   std::uint32_t token = 0;
-  std::uint64_t repeats = 0;  // frames between the last one pushed and this one that were dropped as repeats
+  std::uint64_t repeats = 0;  // frames since the last one pushed that were dropped as repeats
 };
 
 // Use, all on the pipeline thread:
@@ -51,18 +50,18 @@ class Window {
   explicit Window(const Settings& settings);
 
   struct Ready {
-    WindowFrame frame;  // the frame to publish; meta.flags has gap and warm-up set as they apply
+    WindowFrame frame;  // the frame to publish; meta.flags has gap and warm-up set where they apply
     WindowView view;    // valid when `full`; otherwise publish the raw plane
-    bool full = false;  // a whole window lies behind (and `lookahead` frames before) this frame
+    bool full = false;  // a whole window lies behind this frame (and `lookahead` frames before it)
   };
 
-  // Places a frame by its counter and its camera time (FrameSteps); flagged as jitter where it stands off the
-  // grid, or where the grid's period is not the clock's. With `restart`, or when the frame is further from the last one
-  // than the window is long, or goes back in time, the window is emptied first; frames that still waited for their
-  // look-ahead become ready without it. Returns true when the window was emptied. Thread: pipeline.
+  // Places a frame by its counter and its camera time (FrameSteps); flagged as jitter if it is off the grid, or if the
+  // grid's period is not the clock's. With `restart`, or if the frame is further from the last one than the window is
+  // long, or goes back in time, the window is emptied first; frames that still waited for their look-ahead become ready
+  // without it. Returns true if the window was emptied. Thread: pipeline.
   bool push(const WindowFrame& frame, bool restart) noexcept;
 
-  // The source's true period. For frames pushed from now on: give the next one with `restart`. Thread: pipeline.
+  // The source's true period, for frames pushed from now on: push the next one with `restart`. Thread: pipeline.
   void set_period(double period_s) noexcept {
     period_s_ = period_s;
     steps_ = {};
@@ -78,7 +77,7 @@ class Window {
   // valid until the next push() or finish(). Thread: pipeline.
   std::span<const std::uint32_t> released() const noexcept { return released_; }
 
-  // The most planes it ever holds at once: the window and the frame on its way in.
+  // The most planes held at once: the window and the incoming frame.
   int slots() const noexcept { return static_cast<int>(places_.size()) + 1; }
 
  private:
@@ -101,8 +100,8 @@ class Window {
   std::size_t covered_ = 0;    // periods since the window was emptied, at most places_.size()
   FrameSteps steps_;
   WindowFrame incoming_;
-  std::int64_t steps_left_ = 0;      // until incoming_ stands in the newest place
-  std::size_t drain_left_ = 0;       // steps until no frame waits for its look-ahead any more; then the window empties
+  std::int64_t steps_left_ = 0;      // until incoming_ is in the newest place
+  std::size_t drain_left_ = 0;       // steps until no frame waits for its look-ahead; then the window is emptied
   std::vector<const void*> planes_;  // of Ready::view
   std::vector<std::uint32_t> released_;
 };

@@ -22,7 +22,7 @@ constexpr double kReferenceK = 300.0;
 constexpr double kColdestK = 100.0;
 constexpr double kHottestK = 1500.0;
 
-// To a factor; Simpson's rule over 26 steps is good to a millionth from 100 K on.
+// Radiance over the band, up to a constant factor. Simpson's rule over 26 steps is good to a millionth from 100 K on.
 class PlanckBand {
  public:
   PlanckBand() noexcept {
@@ -74,9 +74,8 @@ int strongest_wavelet_level(double period_s, double tau_s) {
   }
 }
 
-// A wavelet inside frame i changes the samples after it by c a^(j - i), as any input inside that frame does: its column
-// of V H^T is a multiple of G e_i, and G e_i = (G H^T) (H e_i) is a combination of the frame-level columns with the
-// weights H e_i.
+// A wavelet inside frame i changes later samples by c a^(j - i), as any input inside that frame does: its column of V
+// H^T is a multiple of G e_i, and G e_i = (G H^T) (H e_i) combines the frame-level columns with the weights H e_i.
 double fine_column_bound(int frames, double period_s, double tau_s) {
   const double parts = std::exp2(strongest_wavelet_level(period_s, tau_s));  // wavelets side by side in a frame
   const double edge = std::expm1(-period_s / (2.0 * parts * tau_s));

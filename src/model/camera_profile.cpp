@@ -33,7 +33,7 @@ void declare(KeyTable& keys, const UndoKey& key, Undo& undo) {
   }
 }
 
-// Measured values have no more digits than these; sums of products leave rounding errors behind them.
+// Rounds to seven digits, more than measured values have: sums of products leave rounding errors.
 void round_numbers(CameraProfile& profile) {
   const auto round = [](double& value) {
     std::array<char, 32> text{};

@@ -18,18 +18,17 @@
 
 namespace bolo::model {
 
-// --- A camera's effects on its frames beyond the inertia of its pixels, as far as they can be corrected: constants,
-// not maps. Each has a key in the camera's profile; src/corrections says how it is undone, and what that costs in
-// noise.
+// --- Effects of a camera on its frames beyond thermal inertia that can be corrected by constants (not maps). Each is a
+// key of the camera's profile; src/corrections describes how it is undone, and its cost in noise.
 
-// The camera's averaging of frames before it sends them; x read, y sent, w the new frame's weight.
+// The camera's temporal filter: x read, y sent, w the new frame's weight.
 enum class FrameFilter {
   kNone,
   kRecursive,  // y_k = w x_k + (1 - w) y_{k-1}
   kBox,        // y_k = w x_k + (1 - w) x_{k-1}
 };
 
-// Standard values undo nothing.
+// The defaults undo nothing.
 struct Undo {
   FrameFilter filter = FrameFilter::kNone;
   double filter_weight = 1.0;  // w
@@ -49,7 +48,7 @@ struct Undo {
   bool operator==(const Undo&) const = default;
 };
 
-// A value's key in a profile, and the effects of the catalogue whose parameter it is; "": that there is one.
+// A value's key in a profile, and the effects of the catalogue whose parameter it is; "": the effect itself.
 struct UndoKey {
   std::string_view section;
   std::string_view key;
@@ -98,14 +97,11 @@ inline const std::vector<UndoKey>& undo_keys() {
   return kKeys;
 }
 
-// The value of an effect's parameter, or any number for "" where the effect is there; else empty.
+// Value of an effect's parameter; for parameter "" any number if the effect is present; otherwise empty.
 using EffectValue = std::function<std::optional<double>(std::string_view effect, std::string_view parameter)>;
 
-// Sets the corrections of the effects that `value_of` knows, if they have one parameter: not frame filters.
-// Thread: any.
+// Sets the corrections of effects known to `value_of` with a single parameter (not frame filters). Thread: any.
 void undo_effects(Undo& undo, const EffectValue& value_of);
-
-// --- Maps of single pixels and rows of one camera.
 
 // Maps are row-major over the whole frame; an empty one means the nominal value everywhere. Corrections apply in this
 // order: value -> gain * value + offset -> thermal inertia with the pixel's own tau_s. "Value" is a temperature in K,
@@ -115,7 +111,7 @@ struct PixelMaps {
   std::vector<float> tau_s;        // thermal time constant, s
   std::vector<float> gain;         // 1: unchanged
   std::vector<float> offset;       // in the unit of the frames: K, or counts where they have no kelvin
-  std::vector<std::uint8_t> dead;  // 1: no signal; it is filled from its neighbours
+  std::vector<std::uint8_t> dead;  // 1: no signal; filled from its neighbours
   double row_delay_s = 0.0;        // sensor row r is sampled r * row_delay_s after the frame's time; s
 
   bool empty() const { return tau_s.empty() && gain.empty() && offset.empty() && dead.empty() && row_delay_s == 0.0; }
@@ -130,8 +126,8 @@ struct CameraProfile {
   double quantisation_k = 0.01;  // K a count
   double row_delay_s = 0.0;      // from the sample of one sensor row to that of the next
   std::filesystem::path maps;    // per-pixel parameters (capture/pixel_maps_io.hpp); empty: none
-  GyroSetup gyro;                // what a gyro beside the camera needs
-  Undo undo;                     // what else the camera does to its frames
+  GyroSetup gyro;                // parameters for a gyro beside the camera
+  Undo undo;                     // other effects of the camera to undo
 
   // Frame transport: configurable because it was not proven on every camera.
   bool big_endian_pixels = false;  // Mono16 byte order on the wire
@@ -145,14 +141,13 @@ KeyTable profile_keys(CameraProfile& profile);
 // key. Only the keys given replace the defaults. Thread: setup.
 Result<CameraProfile> read_profile(const std::filesystem::path& file);
 
-// Words by key: "measured, 95 % interval ...".
+// Explanations by key: "measured, 95 % interval ...".
 using Origins = std::map<std::string, std::string, std::less<>>;
 
-// A complete commented profile with the present values of `profile`, numbers to seven digits; `origins` says where
-// values come from. Thread: any.
+// A complete commented profile of `profile`, numbers to seven digits; `origins`: where values come from. Thread: any.
 std::string document_profile(CameraProfile profile, const Origins& origins = {});
 
-// "tau_s = 0.0121": the keys of `after` that are written otherwise than those of `before`. Thread: any.
+// Keys of `after` whose text differs from `before`, each as "tau_s = 0.0121". Thread: any.
 std::vector<std::string> changes(CameraProfile before, CameraProfile after);
 
 }  // namespace bolo::model

@@ -11,8 +11,8 @@ namespace bolo::model {
 namespace {
 
 constexpr std::uintmax_t kMaxFileBytes = 1U << 20;
-constexpr std::size_t kMostDots = 32;        // of a key
-constexpr std::size_t kLongestGuessed = 80;  // key that may be a slip
+constexpr std::size_t kMostDots = 32;        // in a key
+constexpr std::size_t kLongestGuessed = 80;  // longest key that is taken for a misspelling
 
 std::string position(const std::filesystem::path& file, std::int64_t line, std::int64_t column) {
   return file.string() + ":" + std::to_string(line) + ":" + std::to_string(column) + ": ";
@@ -24,8 +24,7 @@ Result<std::string> slurp(const std::filesystem::path& file) {
   return read_input(file, kMaxFileBytes);
 }
 
-// The first line with a key of more parts than any has, or 0: the library reads and frees tables in tables one within
-// the other, until there is no stack left.
+// Line of the first key with too many parts, or 0: the TOML library recurses into nested tables, without limit.
 std::int64_t line_of_deep_key(std::string_view text) {
   std::int64_t line = 1;
   std::size_t dots = 0;
@@ -57,7 +56,7 @@ std::string_view last_part(std::string_view path) {
   return dot == std::string_view::npos ? path : path.substr(dot + 1);
 }
 
-// State of one read(). Values are stored only when the whole file is right.
+// State of one read(). Values are stored only if the whole file is valid.
 struct KeyTable::Reading {
   KeyTable& keys;
   std::vector<Commit> commits;
@@ -81,7 +80,7 @@ struct KeyTable::Reading {
     return numbers;
   }
 
-  // A relative file name is meant from the settings file's folder; an empty one stays empty.
+  // Resolves a relative file name against the settings file's folder; an empty one stays empty.
   Value resolved(Value value) const {
     auto* name = std::get_if<std::string>(&value);
     if (name != nullptr && !name->empty()) *name = (keys.file_.parent_path() / *name).string();
@@ -159,7 +158,7 @@ bool KeyTable::has_section(std::string_view path) const {
          std::any_of(sections_.begin(), sections_.end(), [path](const Section& s) { return s.name == path; });
 }
 
-// "; did you mean '...'?" for a slip of a third of the letters or less, or a key under the wrong section.
+// "; did you mean '...'?" for a misspelling of at most a third of the letters, or a key under the wrong section.
 std::string KeyTable::nearest(std::string_view path) const {
   if (path.size() > kLongestGuessed) return "";
   std::string_view best;

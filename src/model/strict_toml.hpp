@@ -1,4 +1,4 @@
-// Settings files whose keys are declared once: the declaration reads the file, refuses what is wrong, and documents.
+// Settings files whose keys are declared once: the declaration reads, validates and documents them.
 //
 //   KeyTable keys;
 //   keys.number("deblur.lambda", settings.lambda, {0.0, 1000.0, "K"}, "Weight of the prior");
@@ -68,22 +68,22 @@ class KeyTable {
   // the number of others. The variables keep their values when anything is wrong. Thread: setup.
   Status read(const std::filesystem::path& file);
 
-  // A word on a declared key that document() prints beside its default.
+  // A note on a declared key that document() prints beside its default.
   void mark(std::string_view path, std::string_view word);
   // Replaces "default" and the value in document()'s line for a key.
   void explain(std::string_view path, std::string_view words);
 
-  // Each key's value at declaration, as TOML; empty for one without a value. For variables that were read: the file's
-  // value. By path.
+  // Each key's value at declaration, as TOML, by path; empty for a key without a value. For variables that were read
+  // before: the file's value.
   std::map<std::string, std::string, std::less<>> texts() const;
 
-  // "FILE:LINE:COLUMN: " of a key that the file has, "FILE: " of one that it has not: for errors between keys.
+  // "FILE:LINE:COLUMN: " of a key that the file has, otherwise "FILE: ": for errors that involve several keys.
   std::string where(std::string_view path) const;
 
   // A TOML text with every key, its meaning, unit, range and value; a key without a value is commented out.
   std::string document() const;
 
-  // A value in a file, and the key's check of it: how to store it, or what is wrong (" must be ...").
+  // A value in a file, and a key's check of it: how to store it, or what is wrong (" must be ...").
   struct WrongType {};
   using Value = std::variant<std::int64_t, double, bool, std::string, std::vector<std::int64_t>, WrongType>;
   using Commit = std::function<void()>;
@@ -116,14 +116,14 @@ class KeyTable {
     Place place;
     std::string message;
   };
-  struct Reading;  // one read(): what it found, and what is wrong with it
+  struct Reading;  // state of one read()
 
   void add(Key key);
   Key* find(std::string_view path);
   bool has_section(std::string_view path) const;
   std::string nearest(std::string_view path) const;
 
-  // The choices' names as text, so that one function not depending on Enum does the work; `store` gets the index.
+  // Choices as text, so that one function independent of Enum does the work; `store` gets the index.
   void add_choice(std::string_view key, const std::vector<std::string>& names, std::optional<std::size_t> present,
                   std::function<void(std::size_t)> store, std::string_view meaning);
 

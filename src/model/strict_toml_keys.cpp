@@ -23,7 +23,7 @@ std::string float_text(double value) {
   return text;
 }
 
-// As people write it: whole numbers without a point.
+// Human-readable: whole numbers without a point.
 std::string plain_text(double value) {
   std::string text = float_text(value);
   if (text.ends_with(".0")) text.resize(text.size() - 2);
@@ -68,7 +68,7 @@ using Check = KeyTable::Check;
 
 tl::unexpected<std::string> wrong(std::string what) { return tl::unexpected<std::string>(std::move(what)); }
 
-// The checks below serve a plain variable and an optional one alike: both are assigned the bare value.
+// The checks below serve plain and optional variables alike: both are assigned the bare value.
 template <typename Target>
 Check number_check(Target& target, Range range) {
   return [&target, range](const Value& given) -> Checked {

@@ -14,8 +14,8 @@ AfterCut::AfterCut(Geometry geometry, int frames)
   for (VectorField& f : back_) f = VectorField(blocks_over(geometry.width), blocks_over(geometry.height));
 }
 
-// The base would be the scene's mean over exponential ages: its innovation, half a period after the base, moved back by
-// kAges equally likely ones.
+// Predicts the base for the new scene alone: the scene's mean over exponential ages, here its innovation (half a period
+// after the base) moved back by kAges equally likely ages.
 void AfterCut::find(const Kernels& kernels, const Inertia& inertia, std::uint64_t number, const PaddedPlane& base,
                     const PaddedPlane& first, const Affine& d, Crew& crew) noexcept {
   if (number_ == number) return;

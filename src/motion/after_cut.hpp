@@ -1,5 +1,5 @@
-// After a cut, pixels cool down from the scene before: frame k shows rho^n of it, n frames after the last of the old
-// ones. Here frames are made as if the new scene had always been there.
+// After a cut, pixels relax from the scene before: n frames after its last frame, a frame still shows rho^n of it. This
+// class computes frames as if the new scene had always been there.
 #pragma once
 
 #include <array>
@@ -18,13 +18,13 @@ class AfterCut {
   // Room for so many frames after a cut. Thread: setup.
   AfterCut(Geometry geometry, int frames);
 
-  // `base`: the last frame before the first whose innovation is of the new scene, `number` its own among all; `first`:
-  // that one; `d`: displacement of the new scene a frame. All extended. What was made for the same number is kept. No
-  // allocation. Thread: pipeline.
+  // `base`: the last frame before the first whose innovation shows the new scene; `number`: of `base`; `first`: the
+  // next frame; `d`: displacement of the new scene, px a frame. All extended. Kept for the same number. No allocation.
+  // Thread: pipeline.
   void find(const Kernels& kernels, const Inertia& inertia, std::uint64_t number, const PaddedPlane& base,
             const PaddedPlane& first, const Affine& d, Crew& crew) noexcept;
 
-  // The frame `n` periods after `base`, 1 to the number there is room for. Valid until the next cut. Thread: pipeline.
+  // The frame `n` periods after `base`, n from 1 to `frames`. Valid until the next cut. Thread: pipeline.
   const PaddedPlane& without_old(const Inertia& inertia, const PaddedPlane& frame, int n, Crew& crew) noexcept;
 
  private:
@@ -36,8 +36,8 @@ class AfterCut {
 
   std::optional<std::uint64_t> number_;
   PaddedPlane innovation_;
-  PaddedPlane less_;    // what the base would be, less what it is
-  PaddedPlane smooth_;  // the same without its noise
+  PaddedPlane less_;    // predicted base less the base
+  PaddedPlane smooth_;  // the same, smoothed
   std::array<VectorField, kAges> back_;
   std::vector<Made> made_;
 };

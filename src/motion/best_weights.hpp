@@ -7,12 +7,12 @@
 
 namespace bolo::motion {
 
-// For values with the covariances `scene` (of a scene of variance 1, scaled to `variance`) and `noise`, the covariances
-// `truth` with the estimated value, and the coefficients `sums` of the unit sum. Thread: any.
+// Weights for values with the covariances `scene` (of a scene of variance 1, scaled to `variance`) and `noise`, the
+// covariances `truth` with the estimated value, and the coefficients `sums` of the unit sum. Thread: any.
 template <typename Matrix, typename Vector>
 void best_weights(const Matrix& scene, const Matrix& noise, const Vector& truth, const Vector& sums, double variance,
                   FilterWeights& out) {
-  constexpr double kModelError = 1e-6;  // of the scene's variance: interpolation, and errors of the model
+  constexpr double kModelError = 1e-6;  // of the scene's variance: interpolation and model errors
   Matrix all = variance * scene + noise;
   all.diagonal().array() += kModelError * variance + 1e-9;
   const Eigen::LDLT<Matrix> factors(all);

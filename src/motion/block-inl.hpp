@@ -1,4 +1,4 @@
-// Position and values of a moved block's source. Included once for every instruction set.
+// Source position and values of a displaced block. Included once for every instruction set.
 #if defined(BOLO_MOTION_BLOCK_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_MOTION_BLOCK_INL
 #undef BOLO_MOTION_BLOCK_INL
@@ -32,14 +32,13 @@ HWY_INLINE float sum(Vec x) { return hn::GetLane(hn::SumOfLanes(Float(), x)); }
 HWY_INLINE Vec between(Vec a, Vec b, Vec share) { return hn::MulAdd(share, hn::Sub(b, a), a); }
 HWY_INLINE Vec count_from(float first) { return hn::Iota(Float(), first); }
 
-// Blocks of a row of blocks are read one after the other, and their rows of pixels are too many for the hardware to
-// foresee: asks for `rows` of those that come next.
+// Prefetches `rows` rows of the blocks that come next: a block's rows are too many streams for the hardware to predict.
 HWY_INLINE void prefetch_next(const float* block, std::ptrdiff_t stride, int rows) {
   constexpr std::ptrdiff_t kNext = 4 * kBlock;
   for (int r = 0; r < rows; ++r) hwy::Prefetch(block + r * stride + kNext);
 }
 
-// A block's source: the whole part as an offset from the block, bilinear weights for the rest.
+// A block's source: the whole part as an offset from the block, bilinear weights for the fraction.
 struct Source {
   std::ptrdiff_t offset;
   float w00;
@@ -48,8 +47,7 @@ struct Source {
   float w11;
 };
 
-// Beyond the rim a block of 12 x 12 around (x0, y0) would see the repeated border only: positions are clamped there.
-// NaN becomes the lowest.
+// Clamps positions: a block of 12 x 12 around (x0, y0) further out would see only the border. NaN becomes the lowest.
 HWY_INLINE float lowest(int first) { return static_cast<float>(2 - kRim - first); }
 HWY_INLINE float highest(int first, int blocks) {
   return static_cast<float>(blocks * kBlock + kRim - kBlock - 4 - first);
@@ -71,13 +69,13 @@ HWY_INLINE Whole whole_of(const PaddedPlane& plane, int x0, int y0, float sx, fl
   return {limited(ix, x0, plane.blocks_across()), limited(iy, y0, plane.blocks_down()), sx - ix, sy - iy};
 }
 
-// Of p + s for the pixels p of the block at (x0, y0).
+// Source of the pixels p + s, p in the block at (x0, y0).
 HWY_INLINE Source source_at(const PaddedPlane& plane, int x0, int y0, float sx, float sy) {
   const Whole s = whole_of(plane, x0, y0, sx, sy);
   return {s.y * plane.stride() + s.x, (1 - s.fx) * (1 - s.fy), s.fx * (1 - s.fy), (1 - s.fx) * s.fy, s.fx * s.fy};
 }
 
-// The values of one vector's width of a moved block, row by row; every pixel is read once.
+// Values of a displaced block, one vector wide, row by row; every pixel is read once.
 struct Sampler {
   const float* at;
   std::ptrdiff_t stride;
@@ -88,7 +86,7 @@ struct Sampler {
   Vec left;
   Vec right;
 
-  // `from`: the block's first row, before it is moved.
+  // `from`: the block's first row, not displaced.
   HWY_INLINE Sampler(const float* from, std::ptrdiff_t row, const Source& s)
       : at(from + s.offset),
         stride(row),
@@ -107,8 +105,8 @@ struct Sampler {
   }
 };
 
-// How values `step` apart are interpolated, kReach of them on both sides of a block's pixels. Linear interpolation
-// would blur what the weights sharpen; further away, where weights are small, it will do.
+// Interpolation of values `step` apart, kReach of them on both sides of a block's pixels. Linear interpolation would
+// blur what the weights sharpen; further away, where weights are small, it suffices.
 struct Taps {
   std::ptrdiff_t offset[kTaps];
   const float* of_row[kTaps];     // weights along a row; null where the value lies on a column
@@ -125,7 +123,7 @@ struct Taps {
     const auto part = [](int j, float step_along, int first, int blocks, int& whole) HWY_ATTR {
       const float s = static_cast<float>(j - kReach) * step_along;
       const float in_reach = std::min(std::max(-1.0F * kReach, s), 1.0F * kReach);  // NaN becomes the lowest
-      const auto parts = static_cast<int>((in_reach + kReach) * kParts + 0.5F);     // positive: whole parts are floors
+      const auto parts = static_cast<int>((in_reach + kReach) * kParts + 0.5F);     // positive: truncation is floor
       whole = limited(static_cast<float>(parts / kParts - kReach), first, blocks);
       const auto row = static_cast<std::size_t>(parts % kParts);
       return row == 0 ? nullptr : kKriging.of(values_of(j), row);

@@ -7,13 +7,13 @@ namespace bolo::motion {
 namespace {
 
 constexpr float kBlockPixels = kBlock * kBlock;
-constexpr float kIndependentSamples = 36.0F;         // independent ones in 24 x 24 smoothed pixels
-constexpr float kGradientNoise = 0.5F / kSmoothing;  // squared gradient of smoothed noise, of its variance
-constexpr float kHalfSure = 0.25F;                   // px: the standard error at a confidence of a half
+constexpr float kIndependentSamples = 36.0F;         // independent samples in 24 x 24 smoothed pixels
+constexpr float kGradientNoise = 0.5F / kSmoothing;  // squared gradient of smoothed noise, in units of its variance
+constexpr float kHalfSure = 0.25F;                   // px: standard error at a confidence of 1/2
 
 float confidence_of(float xx, float xy, float yy, float left, float misfit, float noise) noexcept {
   const float middle = 0.5F * (xx + yy);
-  const float least = middle - std::hypot(0.5F * (xx - yy), xy) - kGradientNoise * noise;  // eigenvalue
+  const float least = middle - std::hypot(0.5F * (xx - yy), xy) - kGradientNoise * noise;  // smaller eigenvalue
   if (!(least > 0.0F)) return 0.0F;
   const float error = std::max(left, 2.0F * noise) / (kIndependentSamples * least);
   const float unlike = misfit * misfit;

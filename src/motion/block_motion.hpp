@@ -24,11 +24,11 @@ class BlockMotions {
   // Thread: setup.
   explicit BlockMotions(Geometry geometry);
 
-  // Confidence is 1 / (1 + (s / 0.25 px)^2), s the standard error, px a frame, of the velocity from 24 x 24 pixels
-  // around the block, in the direction of their weakest gradients: 0 without contrast, small on a single edge. It
-  // vanishes where the two innovations do not match (misfit above 1). No allocation. Thread: pipeline.
+  // Confidence is 1 / (1 + (s / 0.25 px)^2), s the velocity's standard error, px a frame, from 24 x 24 pixels around
+  // the block, in the direction of their weakest gradients: 0 without contrast, small on a single edge. It vanishes
+  // where the two innovations do not match (misfit above 1). No allocation. Thread: pipeline.
   void find(const Inertia& inertia, const BlockMotionInputs& in) noexcept;
-  // Of the last find(). Thread: pipeline.
+  // Result of the last find(). Thread: pipeline.
   const SceneMotion& found() const noexcept { return found_; }
 
  private:

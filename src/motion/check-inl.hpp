@@ -1,4 +1,4 @@
-// The check of an estimate against the frame, and what follows from it. Included once for every instruction set.
+// Check of an estimate against the frame, correction, blending. Included once for every instruction set.
 #if defined(BOLO_MOTION_CHECK_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_MOTION_CHECK_INL
 #undef BOLO_MOTION_CHECK_INL
@@ -18,10 +18,9 @@ namespace bolo::motion::HWY_NAMESPACE {
 constexpr int kFewestSteps = 3;
 constexpr int kMostSteps = 30;
 
-constexpr float kShort = 1.0F;  // px of a trail: longer ones blur more than interpolation does,
-constexpr float kLong = 5.0F;   // from here on so much that it does not count
+constexpr float kShort = 1.0F;  // px of a trail: up to it, interpolation blur is compensated in full;
+constexpr float kLong = 5.0F;   // from here on not at all: the trail itself blurs more
 
-// Steps of a trail along d.
 HWY_INLINE int steps_of(Vec2 d) {
   const float length = std::sqrt(d.x * d.x + d.y * d.y);
   return std::clamp(static_cast<int>(std::ceil(length)), kFewestSteps, kMostSteps);
@@ -37,7 +36,7 @@ HWY_INLINE void share_steps(int steps, float ratio, float* share) {
   for (int i = 0; i < steps; ++i) share[i] /= total;
 }
 
-// Adds to a block what `blur` (px^2 along both axes) took off the values at `from`.
+// Adds to a block what a blur of `blur` (variance, px^2, along both axes) took off the values at `from`.
 HWY_INLINE void add_sharpness(const float* from, std::ptrdiff_t stride, Vec2 blur, BlockSum& block) {
   const Vec across = all(-0.5F * blur.x);
   const Vec down = all(-0.5F * blur.y);
@@ -65,7 +64,7 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
     const float counts = std::clamp((kLong - length) / (kLong - kShort), 0.0F, 1.0F);
     BlockSum blurred;
     Vec2 middle;
-    Vec2 blur;  // by linear interpolation
+    Vec2 blur;  // by linear interpolation, px^2
     for (int i = 0; i < steps; ++i) {
       const float f = (static_cast<float>(i) + 0.5F) / static_cast<float>(steps);
       const Vec2 at = d[c] * f;
@@ -103,7 +102,7 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
   }
 }
 
-// Values of a block field along a row of pixels, interpolated between centres: block by block, from `first` on.
+// Values of a block field along a row of pixels, interpolated between block centres; block by block, from `first` on.
 class Between {
  public:
   HWY_INLINE Between(const Shares& shares, const float* const* rows, int r, int first, int last)

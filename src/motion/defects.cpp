@@ -6,12 +6,12 @@
 namespace bolo::motion {
 namespace {
 
-constexpr std::uint16_t kFrames = 0x00FF;  // of the last eight: where it stood out ...
+constexpr std::uint16_t kFrames = 0x00FF;  // bits of the last eight frames: it stood out ...
 constexpr std::uint16_t kByFar = 0xFF00;   // ... by far
 constexpr std::uint16_t kShifted = 0xFEFE;
 constexpr int kOften = 4;
-constexpr std::size_t kRarest = 16;  // pixels for each defect; more are a texture
-// What a pixel is beyond all its neighbours, in noise and in their range.
+constexpr std::size_t kRarest = 16;  // pixels for each defect at least; denser ones are texture
+// Excess over all neighbours, in units of the noise and of the neighbours' range.
 constexpr float kNoises = 8.0F;
 constexpr float kRanges = 0.5F;
 constexpr float kFarNoises = 30.0F;
@@ -42,7 +42,7 @@ void Defects::forget() noexcept {
   std::ranges::fill(seen_in_row_, std::uint16_t{0});
 }
 
-// The frame's border has too few neighbours to tell.
+// Skips the frame's border, which has too few neighbours.
 void Defects::add(const Kernels& kernels, const PaddedPlane& frame, float noise, Crew& crew) noexcept {
   const auto stride = frame.stride();
   const auto width = static_cast<std::size_t>(geometry_.width);
@@ -88,7 +88,7 @@ std::span<const std::uint32_t> Defects::find() noexcept {
   return found_;
 }
 
-// A bit for each of the neighbours, row by row, that is in the frame and no defect itself.
+// Bit mask of the neighbours, row by row, that lie in the frame and are not defects themselves.
 std::uint16_t Defects::good_around(std::uint32_t pixel) const noexcept {
   const int x = static_cast<int>(pixel) % geometry_.width;
   const int y = static_cast<int>(pixel) / geometry_.width;

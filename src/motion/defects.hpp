@@ -1,4 +1,4 @@
-// Pixels that do not show the scene: dead, stuck or blinking ones that no map names. Estimates along the motion would
+// Pixels that do not show the scene: dead, stuck or blinking ones that no map lists. Estimates along the motion would
 // spread them over their neighbours.
 #pragma once
 
@@ -13,8 +13,8 @@
 
 namespace bolo::motion {
 
-// A pixel is taken for a defect while it stands out from all its neighbours in half of the last eight frames, or in one
-// of them as no optics let the scene do: what moves does not stay on a pixel for so long. Lines do, along themselves:
+// A pixel counts as a defect while it stands out from all its neighbours in half of the last eight frames, or in one of
+// them by more than any optics allow: moving content does not stay on a pixel for so long. Lines do, along themselves:
 // dead rows and columns are therefore not found.
 class Defects {
  public:
@@ -24,24 +24,23 @@ class Defects {
   void forget() noexcept;
   // The next frame; `noise`: standard deviation, in its values. Thread: pipeline.
   void add(const Kernels& kernels, const PaddedPlane& frame, float noise, Crew& crew) noexcept;
-  // Finds those of the last eight frames; none where they are too many to be defects. No allocation. Thread: pipeline.
+  // Finds the defects of the last eight frames; none if there are too many. No allocation. Thread: pipeline.
   std::span<const std::uint32_t> find() noexcept;
 
-  // Puts the mean of good neighbours in place of those found, and tells what stood there. Rims stay as they are.
-  // Thread: pipeline.
+  // Replaces the defects found by the mean of their good neighbours and saves the old values to `before`, for
+  // restore(). Rims stay as they are. Thread: pipeline.
   void fill(PaddedPlane& plane, std::span<float> before) const noexcept;
   void restore(PaddedPlane& plane, std::span<const float> before) const noexcept;
-  // The most that are found.
   std::size_t most() const noexcept { return found_.capacity(); }
 
  private:
   std::uint16_t good_around(std::uint32_t pixel) const noexcept;
 
   Geometry geometry_;
-  std::vector<std::uint16_t> seen_;         // of each pixel, a bit a frame: it stood out, and above them by far
-  std::vector<std::uint16_t> seen_in_row_;  // the bits of any of its pixels
+  std::vector<std::uint16_t> seen_;         // per pixel, a bit a frame: it stood out; above these bits: by far
+  std::vector<std::uint16_t> seen_in_row_;  // bits of any of the row's pixels
   std::vector<std::uint32_t> found_;
-  std::vector<std::uint16_t> good_;  // of each of them, a bit a neighbour
+  std::vector<std::uint16_t> good_;  // per defect, a bit a neighbour
 };
 
 }  // namespace bolo::motion

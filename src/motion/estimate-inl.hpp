@@ -15,17 +15,14 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::motion::HWY_NAMESPACE {
 
-// ------------------------------------------------------------------ bicubic
-
-// Sources of kLanes blocks side by side, each moved by its d, and their weights.
+// Sources and weights of kLanes blocks side by side, each displaced by its d.
 struct CubicMoves {
   HWY_ALIGN float across[4][kLanes];
   HWY_ALIGN float down[4][kLanes];
   HWY_ALIGN std::int32_t x[kLanes];  // whole parts, limited as in whole_of
   HWY_ALIGN std::int32_t y[kLanes];
-  HWY_ALIGN float whole[kLanes];  // 1 where all of a block's source keeps the margin from the border
+  HWY_ALIGN float whole[kLanes];  // 1 where a block's whole source keeps the margin from the border
 
-  // From the block in column c of a row of blocks on.
   HWY_INLINE void find(const PaddedPlane& a, int c, int y0, const Vec2* d, float margin) {
     HWY_ALIGN float dx[kLanes] = {};
     HWY_ALIGN float dy[kLanes] = {};
@@ -42,7 +39,7 @@ struct CubicMoves {
   }
 
  private:
-  // Along one axis, of blocks that begin at `first`. Returns where the margin is kept, as Inside::whole.
+  // Along one axis, for blocks that begin at `first`. Returns where the margin is kept, like Inside::whole.
   static HWY_INLINE hn::Mask<Float> along(const float* by, Vec first, int blocks, int pixels, float margin,
                                           float (*weights)[kLanes], std::int32_t* to) {
     const Vec d = hn::Load(Float(), by);
@@ -70,7 +67,7 @@ struct CubicMoves {
   }
 };
 
-// put(value, row, column) for every vector of the i-th of these blocks, which is at (x0, y0).
+// put(value, row, column) for every vector of block i of `moves`, which is at (x0, y0).
 template <typename Put>
 HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, const CubicMoves& moves, int i, const Put& put) {
   const float* from = a.at(x0 + moves.x[i] - 1, y0 + moves.y[i] - 1);
@@ -99,7 +96,7 @@ HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, const CubicMove
   }
 }
 
-// Some planes, each moved onto a row of blocks; block by block, from `first` on.
+// Several planes, each displaced onto a row of blocks; block by block, from `first` on.
 class MovedPlanes {
  public:
   HWY_INLINE MovedPlanes(const PaddedPlane* const* planes, const Vec2* const* d, int count, float margin, int first,
@@ -111,14 +108,13 @@ class MovedPlanes {
     ++column_;
     if (++i_ == kLanes) find();
   }
-  // True if all cover the block, and the margin.
+  // True if all planes cover the block and the margin.
   HWY_INLINE bool all_see() const {
     bool whole = true;
     for (int k = 0; k < count_; ++k) whole = whole && moves_[k].whole[i_] != 0.0F;
     return whole;
   }
   int count() const { return count_; }
-  // put(value, row, column), of the k-th.
   template <typename Put>
   HWY_INLINE void move(int k, const Put& put) const {
     move_cubic(*planes_[k], column_ * kBlock, y0_, moves_[k], i_, put);
@@ -136,25 +132,24 @@ class MovedPlanes {
   float margin_;
   int column_;
   int y0_;
-  int i_ = 0;  // of the blocks in moves_
+  int i_ = 0;  // index of the block in moves_
   CubicMoves moves_[kPast];
 };
 
-// A block in registers.
 struct BlockSum {
   Vec row[kBlock][kBlock / kLanes];
 
   HWY_INLINE BlockSum() { std::fill_n(&row[0][0], sizeof(row) / sizeof(Vec), hn::Zero(Float())); }
 };
 
-// The sum of the planes; all cover the whole block.
+// Sum of planes that all cover the whole block.
 HWY_INLINE void add_moved(const MovedPlanes& moved, BlockSum& sum) {
   for (int k = 0; k < moved.count(); ++k) {
     moved.move(k, [&](Vec v, int r, int x) HWY_ATTR { sum.row[r][x / kLanes] = hn::Add(sum.row[r][x / kLanes], v); });
   }
 }
 
-// Their mean at a block that some do not cover; `otherwise` where none does.
+// Mean of the planes at a block that some do not cover; `otherwise` where none does.
 HWY_NOINLINE void align_seen(const MovedPlanes& moved, const Vec2* const* d, const PaddedPlane& otherwise, int x0,
                              int y0, PaddedPlane& out) {
   HWY_ALIGN float total[kBlock * kBlock] = {};
@@ -205,7 +200,7 @@ void shift(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& o
   }
 }
 
-constexpr float kBeyond = 1.0F;  // px, where a repeated border is good enough
+constexpr float kBeyond = 1.0F;  // px beyond the border for which its repetition is good enough
 
 void differ(const PaddedPlane* const* planes, const Vec2* const* d, int count, const PaddedPlane& from, int block_row,
             Columns columns, PaddedPlane& out, float* square) noexcept {
@@ -230,9 +225,7 @@ void differ(const PaddedPlane* const* planes, const Vec2* const* d, int count, c
   }
 }
 
-// ------------------------------------------------------------------ along the motion
-
-// To the next pixel along the axis that is more across `e`.
+// Offset to the next pixel along the axis more perpendicular to `e`.
 HWY_INLINE std::ptrdiff_t step_across(Vec2 e, std::ptrdiff_t stride) {
   return std::abs(e.x) >= std::abs(e.y) ? stride : 1;
 }
@@ -290,12 +283,12 @@ void mix(const FilterWeights* const* corners, const float* shares, std::size_t c
   for (int i = 0; i < kVectors; ++i) store(w[i], out.w + i * kLanes);
 }
 
-// For the pixels of half a block, the shares of the blocks before and after in interpolation between centres.
+// Shares of the blocks before, here and after in the interpolation between block centres, by pixel.
 struct Shares {
   HWY_ALIGN float before[kBlock];
   HWY_ALIGN float here[kBlock];
   HWY_ALIGN float after[kBlock];
-  HWY_ALIGN float beside[kBlock];  // of the one of the two that counts
+  HWY_ALIGN float beside[kBlock];  // of the neighbour whose share is not 0
 
   Shares() {
     for (int i = 0; i < kBlock; ++i) {
@@ -308,8 +301,7 @@ struct Shares {
   }
 };
 
-// The weights of a block's pixels, by tap and column: at its centre, and their change up to the centre of the block
-// above or below.
+// Weights of a block's pixels by tap and column: at its centre, and their change up to the block above or below.
 struct PixelWeights {
   HWY_ALIGN float middle[FilterWeights::kError][kBlock];
   HWY_ALIGN float change[2][FilterWeights::kError][kBlock];
@@ -351,7 +343,7 @@ struct HalfBlock {
   }
 };
 
-// Four rows of kLanes columns from (x, y) on, which are the block's `column` and after.
+// Filters four rows of kLanes columns from (x, y) on; `column`: of x in the block.
 HWY_INLINE void filter_half(const FilterInputs& in, const Taps& taps, const PixelWeights& weights, const Shares& shares,
                             int x, int y, int column, PaddedPlane& out) {
   const int half = y % kBlock / HalfBlock::kRows;
@@ -400,8 +392,6 @@ void filter(const FilterInputs& in, const Vec2* step, const FilterWeights* const
     }
   }
 }
-
-// ------------------------------------------------------------------ across the motion
 
 void across(const PaddedPlane& from, const Vec2* direction, const AcrossWeights* weights, int block_row,
             PaddedPlane& out) noexcept {

@@ -12,30 +12,30 @@ namespace {
 constexpr float kLeastGradient = 0.3F;       // of the noise in the past's mean
 constexpr float kLeastUncertainty = 0.005F;  // px a frame
 constexpr float kOfSpeed = 0.001F;
-constexpr float kOfMisfit = 0.3F;   // of the squared displacement that would explain a misfit: most of it is no motion
-constexpr float kByMotion = 3.0F;   // noise variances of a misfit: what is beyond them along a bend is of the bend
-constexpr float kSlowest = 0.05F;   // px a frame, that an uncertainty is relative to
-constexpr float kSlowPath = 0.3F;   // px a frame, that differences from the path are relative to
-constexpr float kSamePath = 0.1F;   // of the speed: up to here the path's weights are a block's
-constexpr float kOtherPath = 0.3F;  // from here on none of them
-constexpr float kFading = 8.0F;     // px a frame, before PathWeights::kFastest
-constexpr float kOfError = 0.3F;    // of the estimate's error, in the trust in the check
-constexpr float kOfSmoother = 0.75F;            // a px, of the error: promised too low where the scene is not so smooth
-constexpr float kMayLeave = 1.0F;               // px of a trail, beyond the border
-constexpr float kNearlyRight = 0.05F;           // of the mean square error beside it
-constexpr float kWrongMisfit = 1.5F;            // of LocalMotion::misfit(): a frame that was made up is wrong there
-constexpr float kAnotherWay = 1.0F;             // px a frame
+constexpr float kOfMisfit = 0.3F;  // of the squared displacement that would explain a misfit: most misfit is not motion
+constexpr float kByMotion = 3.0F;  // noise variances of a misfit: any excess along a bent path is due to the bend
+constexpr float kSlowest = 0.05F;  // px a frame: least speed that an uncertainty is relative to
+constexpr float kSlowPath = 0.3F;  // px a frame: least speed that differences from the path are relative to
+constexpr float kSamePath = 0.1F;  // of the speed: up to this difference a block takes the path's weights
+constexpr float kOtherPath = 0.3F;     // from here on none of them
+constexpr float kFading = 8.0F;        // px a frame below PathWeights::kFastest, over which the path's weights fade out
+constexpr float kOfError = 0.3F;       // of the estimate's error, in the trust in the check
+constexpr float kOfSmoother = 0.75F;   // of the error per px of smoothness: too optimistic for less smooth scenes
+constexpr float kMayLeave = 1.0F;      // px that a trail may reach beyond the border
+constexpr float kNearlyRight = 0.05F;  // of a neighbouring block's mean square error
+constexpr float kWrongMisfit = 1.5F;   // LocalMotion::misfit() from which an extrapolated frame counts as wrong
+constexpr float kAnotherWay = 1.0F;    // px a frame: larger differences are another motion
 constexpr float kMeanAge = 0.5F * (kNear + 1);  // of the near past's frames, periods
 constexpr std::size_t kFar = kPast - kNear;     // frames
 constexpr float kFarPart = float{kFar} / kPast;
 
-// The far past counts for less where it differs from the near one by more than chance: in a block, and, since a wrong
-// motion is hidden by each block's noise, in most of them.
-constexpr float kMisfit = 2.0F;      // beyond the best if the difference were noise
-constexpr float kUnusual = 0.2F;     // of chance, in the median block
-constexpr std::size_t kSample = 11;  // every so many blocks are a sample of all
+// The far past counts for less where it differs from the near past by more than chance: in a block, and in most blocks,
+// because a wrong motion is hidden by the noise of each single block.
+constexpr float kMisfit = 2.0F;      // price beyond the optimum for differences of noise alone
+constexpr float kUnusual = 0.2F;     // excess over chance in the median block that halves the far past's share
+constexpr std::size_t kSample = 11;  // every so many blocks are sampled
 
-// Noise variance after cubic interpolation at x of white noise of variance 1.
+// Variance of white noise of variance 1 after cubic interpolation at x.
 float noise_of_cubic(float x) {
   float w[4];
   cubic(x - std::floor(x), w);
@@ -44,8 +44,7 @@ float noise_of_cubic(float x) {
 
 float power4(float v) { return v * v * v * v; }
 
-// The nearest block to `block`, in a row or column of so many over `pixels`, all of whose trail is in the picture;
-// `way`: of the trail's end from its beginning.
+// The block nearest to `block`, of `blocks` along an axis of `pixels`, whose whole trail (by `way`) is in the picture.
 int within(int block, int blocks, int pixels, float way) noexcept {
   const float before = -way - static_cast<float>(block * kBlock);
   const float after = static_cast<float>((block + 1) * kBlock - pixels) + way;
@@ -91,7 +90,7 @@ void Estimator::extend_row(int row, PaddedPlane& plane) const noexcept {
   plane.extend(begin, end);
 }
 
-// Share of the path in the weights of each block of a row, by how closely the block follows the picture's centre.
+// Share of the path's weights in each block of a row, by how closely the block follows the picture's centre.
 void Estimator::compare_paths(const EstimateInputs& in, int row) noexcept {
   const Vec2 v = in.path.velocity.at(0.0, 0.0);
   const float speed = std::max(std::hypot(v.x, v.y), kSlowPath);
@@ -108,7 +107,7 @@ void Estimator::compare_paths(const EstimateInputs& in, int row) noexcept {
   }
 }
 
-// Displacements and velocities of a row of blocks. `ways`: from the past's frames, along the path.
+// Displacements and velocities of a row of blocks. `ways`: displacements of the past's frames along the path.
 void Estimator::set_fields(const EstimateInputs& in, std::span<const Affine, kPast> ways, int row) noexcept {
   std::fill_n(bent_.row(row), bent_.across(), 0.0F);
   if (path_weights_.bent()) compare_paths(in, row);
@@ -134,7 +133,7 @@ void Estimator::set_fields(const EstimateInputs& in, std::span<const Affine, kPa
   }
 }
 
-// The available ones of the past's frames [begin, end).
+// Collects the available frames among the past's [begin, end).
 int Estimator::past_of(const EstimateInputs& in, std::size_t begin, std::size_t end, int row,
                        PastRows& rows) const noexcept {
   int count = 0;
@@ -159,7 +158,6 @@ void Estimator::align_past(const Kernels& kernels, const EstimateInputs& in, Cre
   });
 }
 
-// How blurred the scene is, 0 to 1 (PathWeights::blur).
 float Estimator::blur(const Kernels& kernels, const EstimateInputs& in) const noexcept {
   const double noise = in.noise * in.noise;
   double of_mean = 0.0;
@@ -211,7 +209,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
           bent > 0.0F ? bent * path_weights_.change() * structure * table_->lag_factor(speed, blurred) : 0.0F;
       const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean + by_path), 0.0F);
       const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
-      const float bends = in.bridged == 0 ? bent : 0.0F;  // what was made up fits badly, too
+      const float bends = in.bridged == 0 ? bent : 0.0F;  // an extrapolated frame fits badly, too
       const float of_motion = unexplained - bends * std::max(unexplained - kByMotion * noise, 0.0F);
       const float from_fit = of_motion / gradient / (kMeanAge * kMeanAge);
       const float sigma =
@@ -235,7 +233,6 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
   });
 }
 
-// Those that blocks need.
 void Estimator::make_path_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   if (!path_weights_.bent()) return;
   std::array<bool, WeightTable::kKinds> wanted{};
@@ -248,7 +245,7 @@ void Estimator::make_path_weights(const Kernels& kernels, const EstimateInputs& 
   path_weights_.make(kernels, in.path, wanted, crew);
 }
 
-// Blocks beside which, or in which, the far past is used.
+// The next run of blocks in which, or beside which, the far past is used.
 Columns Estimator::next_columns(int row, int begin) const noexcept {
   const auto wants = [&](int c) {
     return std::ranges::any_of(rows_around(far_gain_, row), [&](const float* gain) {
@@ -263,7 +260,7 @@ Columns Estimator::next_columns(int row, int begin) const noexcept {
   return found;
 }
 
-// Share of noise in the mean square difference of both means, noise variances: mean over some blocks.
+// Mean square difference of both means due to noise, in noise variances: mean over some blocks.
 float Estimator::noise_of_difference() const noexcept {
   float sum = 0.0F;
   int count = 0;
@@ -276,7 +273,7 @@ float Estimator::noise_of_difference() const noexcept {
   return sum / static_cast<float>(count);
 }
 
-// The median, over some of the blocks in which the far past is used; step_ is not in use yet.
+// Median difference over some of the blocks that use the far past; step_ serves as scratch memory.
 float Estimator::usual_difference() noexcept {
   std::size_t count = 0;
   for (std::size_t i = 0; i < far_gain_.size(); i += kSample) {
@@ -288,7 +285,7 @@ float Estimator::usual_difference() noexcept {
   return *middle;
 }
 
-// In blocks of little contrast to noise, adds the far past to the past's mean where both agree up to noise.
+// Adds the far past to the past's mean in blocks of little contrast to noise, where both agree up to noise.
 void Estimator::add_far_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   for_rows(crew, weights_.down(), [&](int row) {
     std::fill_n(raw_[0].row(row), raw_[0].across(), kUnseen);
@@ -317,7 +314,7 @@ void Estimator::add_far_past(const Kernels& kernels, const EstimateInputs& in, C
   });
 }
 
-// True if the frame before shows the content of a block's centre; content that has just come in has no past.
+// True if the frame before shows the content of a block's centre; content that has just entered has no past.
 bool Estimator::seen_before(int block) const noexcept {
   const Vec2 d = past_[0][static_cast<std::size_t>(block)];
   const int left = block % share_.across() * kBlock;
@@ -328,8 +325,8 @@ bool Estimator::seen_before(int block) const noexcept {
          y <= static_cast<float>(geometry_.height);
 }
 
-// The innovation is the scene seen along one frame's trail, independent of the past. Its residual after the estimate is
-// added back where it exceeds noise, and weights the trust in the estimate.
+// The innovation shows the scene along one frame's trail, independently of the past. Its residual after the estimate is
+// added back where it exceeds noise, and determines the trust in the estimate.
 void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   const auto ratio = static_cast<float>(1.0 / inertia_.tau);
   for_rows(crew, weights_.down(), [&](int row) {
@@ -339,8 +336,7 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
   for_rows(crew, weights_.down(), [&](int row) { judge(in, row); });
 }
 
-// Samples from beyond the border are unknown: where trails leave the picture, the nearest block inside shows how well
-// the motion explains the innovation.
+// Where trails leave the picture, the nearest block inside tells how well the motion explains the innovation.
 void Estimator::copy_from_inside(int row) noexcept {
   for (int c = 0; c < trail_.across(); ++c) {
     const Vec2 way = trail_.at(c, row);
@@ -371,7 +367,7 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
         .left = smooth_[0][i] / noise,
         .change = smooth_[1][i] / noise,
         .own = raw_[3][i] / noise,
-        .speed = std::min(speed_[i], std::hypot(trail_[i].x, trail_[i].y)),  // after a stop it rests
+        .speed = std::min(speed_[i], std::hypot(trail_[i].x, trail_[i].y)),  // after a stop the block rests
         .seen = seen_before(static_cast<int>(i)),
         .bridged = in.bridged};
     share_[i] = static_cast<float>(in.path.steady) / (1.0F + std::exp(odds(inertia_, in.ahead != nullptr, evidence)));
@@ -381,7 +377,7 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
 }
 
 // Shares are interpolated between blocks. A block whose per-pixel estimate is nearly right takes none from a neighbour
-// with another motion, which would blend some of that motion in.
+// with another motion, so that none of that motion is blended in.
 void Estimator::protect_resting_blocks(const EstimateInputs& in, int row) noexcept {
   for (int c = 0; c < share_.across(); ++c) {
     const auto here = static_cast<std::size_t>(row * share_.across() + c);
@@ -434,7 +430,7 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
   for_rows(crew, weights_.down(), [&](int row) { blend(sharp, row); });
 }
 
-// Rows that are sampled later, moved back to the frame's time.
+// Moves rows that are sampled later back to the frame's time.
 const PaddedPlane& Estimator::at_frame_time(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   for_rows(crew, weights_.down(), [&](int row) {
     extend_row(row, x_);

@@ -19,12 +19,12 @@ namespace bolo::motion {
 struct EstimateInputs {
   const PaddedPlane* now = nullptr;              // all extended
   const PaddedPlane* innovation = nullptr;       // of this frame
-  std::array<const PaddedPlane*, kPast> past{};  // 1, 2 ... frames before; null: lost, but for the first
+  std::array<const PaddedPlane*, kPast> past{};  // 1, 2 ... frames before; null: lost (the first is then extrapolated)
   const PaddedPlane* ahead = nullptr;            // the frame after; null without look-ahead
   Path path;
-  int bridged = 0;                         // lost frames that its newest displacement was found across
+  int bridged = 0;                         // lost frames across which the newest displacement was found
   const VectorField* deviation = nullptr;  // of the blocks from the path, px a frame
-  const ScalarField* misfit = nullptr;     // of the blocks' displacements (local_motion.hpp); null: does not count
+  const ScalarField* misfit = nullptr;     // of the blocks' displacements (local_motion.hpp); null: ignored
   double noise = 0.0;                      // standard deviation, in the values' unit
   // Delay of the middle of each row of blocks after the frame's time, periods; empty: none.
   std::span<const float> row_delay{};
@@ -41,7 +41,7 @@ class Estimator {
   // Into `out`, a plane of the frame's size. No allocation. Thread: pipeline.
   void find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept;
 
-  // Share of each block taken from the estimate along the motion, 0 to 1. Of the last find(). Thread: pipeline.
+  // Share of the estimate along the motion in each block, 0 to 1, in the last find(). Thread: pipeline.
   const ScalarField& confidence() const noexcept { return share_; }
 
  private:
@@ -83,7 +83,7 @@ class Estimator {
   PaddedPlane left_;
   std::array<VectorField, kPast> past_;
   VectorField next_;
-  VectorField tap_step_;  // from one of the estimate's values to the next
+  VectorField tap_step_;  // from one tap of the estimate to the next
   VectorField trail_;
   VectorField direction_;
   ScalarField speed_;
@@ -98,11 +98,11 @@ class Estimator {
   ScalarField far_gain_;         // weight of the far past
   ScalarField far_share_;
   ScalarField bent_;         // share of the path's weights
-  ScalarField unexplained_;  // mean square error that no weights take out, noise variances
+  ScalarField unexplained_;  // mean square error that no weights can remove, noise variances
   BlockField<char> leaves_;  // 1: a trail leaves the picture
-  ScalarField step_;         // share of the residual that is added
+  ScalarField step_;         // share of the residual that is added back
   ScalarField share_;
-  ScalarField most_;  // largest share in any pixel of a block
+  ScalarField most_;  // largest share of any pixel of a block
 };
 
 }  // namespace bolo::motion

@@ -9,15 +9,15 @@
 namespace bolo::motion {
 namespace {
 
-constexpr float kLeastNewest = 0.2F;  // weight of the newest innovation in the reference, once that is old
-constexpr double kLeastShift = 1.0;   // px, root mean square: less shows much of the pattern in the same place
+constexpr float kLeastNewest = 0.2F;  // least weight of the newest innovation in the reference, once that is old
+constexpr double kLeastShift = 1.0;   // px rms: a smaller shift leaves much of the pattern in the same place
 constexpr int kOldest = 40;           // frames that a reference waits for the scene to move
-constexpr float kExcessPrice = 4.0F;  // errors of the motion last for some frames
+constexpr float kExcessPrice = 4.0F;  // weight of excess error: motion errors last for some frames
 constexpr float kTooFar = 9.0F;       // sigma squared
 constexpr float kInside = 1.0F;       // px of support of the bicubic shift
 constexpr float kLargestFrame = 1e7F;
 
-// A row of a block's pixels: loops over it become vectors.
+// A row of a block's pixels: loops over it are vectorised.
 using Row = std::array<float, kBlock>;
 
 Row load(const float* from) {
@@ -36,7 +36,7 @@ struct Pixels {
   int right;
   int bottom;
 
-  // 1 for those of a column of blocks that belong to it, else 0.
+  // 1 for the pixels of a column of blocks that lie in the rectangle, else 0.
   Row across(int column) const {
     Row in;
     for (int i = 0; i < kBlock; ++i) {
@@ -47,7 +47,7 @@ struct Pixels {
   }
 };
 
-// Those of a block whose place before, d away, is inside the frame as well.
+// The pixels of a block whose earlier place, d away, is inside the frame as well.
 Pixels in_both(Geometry g, int column, int row, Vec2 d) {
   const auto first = [](float along) { return static_cast<int>(std::ceil(std::max(along, 0.0F) + kInside)); };
   const auto end = [](float along, int size) {
@@ -91,7 +91,7 @@ void FixedPattern::forget() noexcept {
 }
 
 void FixedPattern::begin_frame(const float* frame) noexcept {
-  float last = 0.0F;  // stands in for what is no number
+  float last = 0.0F;  // replaces NaN and impossible values
   for (int y = 0; y < geometry_.height; ++y) {
     const float* from = frame + static_cast<std::ptrdiff_t>(y) * geometry_.width;
     const float* pattern = pattern_.at(0, y);
@@ -130,7 +130,6 @@ void FixedPattern::begin_reference() noexcept {
   age_ = 0;
 }
 
-// From the reference to this frame.
 bool FixedPattern::moved_enough() noexcept {
   const Affine motion = global_.find(kernels_, inertia_, seen_before_, seen_, noise_, alone_);
   spread(motion, geometry_, 1, displacement_);
@@ -139,12 +138,12 @@ bool FixedPattern::moved_enough() noexcept {
   return squares >= kLeastShift * kLeastShift * static_cast<double>(displacement_.size());
 }
 
-// The weight of the newest innovation in the reference: of as many as it has.
+// Weight of the newest innovation in the reference: as in a mean over all, but for a lower bound.
 float FixedPattern::newest_of_all() const noexcept {
   return std::max(reference_noise_ / (1.0F + reference_noise_), kLeastNewest);
 }
 
-// The innovation beyond the reference, by block: its mean, and its square beyond noise and pattern.
+// Difference of innovation and reference by block: its mean, and its mean square beyond noise and pattern.
 void FixedPattern::compare() noexcept {
   const float noise = innovation_noise_;
   for (int row = 0; row < displacement_.down(); ++row) {
@@ -185,7 +184,7 @@ void FixedPattern::follow() noexcept {
   now_.extend();
 }
 
-// Pattern, its variance and the reference (into moved_) of a block; frame and innovation are less the new pattern then.
+// Updates pattern, variance and reference (into moved_) of a block; takes the new pattern off frame and innovation.
 void FixedPattern::follow_block(int column, int row) noexcept {
   const Vec2 d = displacement_.at(column, row);
   const float noise = innovation_noise_;

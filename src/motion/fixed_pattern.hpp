@@ -1,12 +1,11 @@
-// The fixed pattern of a camera, from its scene: a pattern stays where it is while the scene moves across it
+// The fixed pattern of a camera, learnt from its scene: it stays where it is while the scene moves across it
 // (registration-based, scene-based non-uniformity correction). Offsets of single pixels, finer than blocks of 8 x 8:
-// smooth patterns, or even along the motion, and all patterns of a still camera cannot be separated from the scene.
+// patterns that are smooth or constant along the motion, or of a still camera, cannot be separated from the scene.
 //
-// The innovation z of a moving scene is that of the frame before, moved, whatever the speed was before that; a fixed
-// pattern f is in z as it is in the frame. So z_k(p) - f(p) is compared with r(p - d), a mean of innovations less their
-// pattern that moves along, and each pixel's f follows the difference as a Kalman filter of one state: fast while
-// little is known, slowly afterwards, and hardly where a block of pixels differs by more than noise and pattern
-// explain.
+// The innovation z of a moving scene is that of the frame before, moved, whatever the earlier speed; a fixed pattern f
+// is in z as it is in the frame. So z_k(p) - f(p) is compared with r(p - d), a mean of pattern-free innovations that
+// moves along. Each pixel's f follows the difference as a Kalman filter of one state: fast while little is known,
+// slowly afterwards, and hardly where a block differs by more than noise and pattern explain.
 #pragma once
 
 #include "src/core/crew.hpp"
@@ -21,7 +20,7 @@ namespace bolo::motion {
 struct PatternSettings {
   double noise = 3.0;        // standard deviation of a pixel's noise
   double spread = 10.0;      // of the pattern, before anything is known
-  double memory = 60'000.0;  // time in which a pattern becomes another
+  double memory = 60'000.0;  // time constant of the pattern's changes
 };
 
 class FixedPattern {
@@ -52,7 +51,7 @@ class FixedPattern {
   double noise_;
   float prior_;             // variance of the pattern before anything is known
   float innovation_noise_;  // variance
-  float kept_;              // of the pattern from one period to the next
+  float kept_;              // share of the pattern that persists from one period to the next
   const Kernels& kernels_;
   Alone alone_;
   GlobalMotion global_;
@@ -72,7 +71,7 @@ class FixedPattern {
   bool has_before_ = false;
   bool has_reference_ = false;
   float reference_noise_ = 1.0F;  // its variance, in units of an innovation's
-  int age_ = 0;                   // frames since the reference's
+  int age_ = 0;                   // frames since the reference began
 };
 
 }  // namespace bolo::motion

@@ -7,32 +7,32 @@
 namespace bolo::motion {
 namespace {
 
-constexpr int kSearch = 8;              // px of the smallest level in each direction
-constexpr double kPrefersStill = 0.03;  // of the difference, by which a displacement must reduce it
-constexpr double kChance = 2.5;         // times 1 / sqrt(pixels): reduction by chance where there is little contrast
-constexpr float kCompetes = 2.0F;       // times the least difference of whole displacements
-constexpr float kInexactly = 0.05F;     // of the mean difference: error of a difference between whole pixels
-constexpr double kSettled = 0.03;       // px of the level, anywhere in the picture
-constexpr int kTries = 3;               // steps that make a displacement exact
-constexpr float kAsWell = 1.35F;        // times the least error of exact ones
+constexpr int kSearch = 8;              // px of the smallest level, each way
+constexpr double kPrefersStill = 0.03;  // least share by which a displacement must reduce the difference at rest
+constexpr double kChance = 2.5;         // times 1 / sqrt(pixels): chance reduction where there is little contrast
+constexpr float kCompetes = 2.0F;       // times the least difference: whole displacements up to it compete
+constexpr float kInexactly = 0.05F;  // of the mean difference: error of differences interpolated between whole pixels
+constexpr double kSettled = 0.03;    // px of the level, anywhere in the picture: convergence
+constexpr int kTries = 3;            // refinement steps of a competing displacement
+constexpr float kAsWell = 1.35F;     // times the least refined error: as good a fit
 constexpr double kPixels = kBlock * kBlock;
-constexpr double kSeen = 0.3;              // of a block, or it does not count
+constexpr double kSeen = 0.3;              // share of a block; with less inside, it is ignored
 constexpr double kFewest = 0.15;           // of the picture
-constexpr double kAlike = 12.6;            // px^2 of smoothed noise that are correlated: 1 / kSmoothedNoise
-constexpr double kTypicalWeight = 0.5625;  // of a block whose error is the median
+constexpr double kAlike = 12.6;            // px^2 over which smoothed noise is correlated: 1 / kSmoothedNoise
+constexpr double kTypicalWeight = 0.5625;  // weight of a block whose error is the median
 constexpr double kMatched = 2.5;           // variances of the smoothed innovation: a good match has 2
 constexpr double kRidge = 1e-4;            // of the mean diagonal
-constexpr double kInexact = 0.05;          // of the noise, whose model is not exact
+constexpr double kInexact = 0.05;          // relative error of the noise model
 constexpr double kUnlikely = 2.0;          // standard deviations
-constexpr double kCrooked = 0.003;         // of all gradients: along a straight edge, due to pixels
+constexpr double kCrooked = 0.003;         // of all gradients: effect of pixels along a straight edge
 
-// Noise's share of the squared gradients of the moved plane, a pixel, in units of the innovation's noise
-// variance: that of a Gaussian whose variance is the smoothing's, and what the gradient (see pull_of_noise) and moving
-// add; the factor is measured.
+// Noise's share of the moved plane's squared gradients, per pixel, in units of the innovation's noise variance: of a
+// Gaussian with the smoothing's variance plus those that the gradient (see pull_of_noise) and moving add. `factor`:
+// measured.
 struct NoiseOfLevel {
   double smoothing;  // px^2 of the level
   double factor;
-  double independent;  // px^2 of the level that go together
+  double independent;  // px^2 of the level that count as one independent sample
 
   double squared_gradient(Vec2 d, bool across) const noexcept {
     const auto [along, beside] = across ? Vec2{d.y, d.x} : d;
@@ -51,7 +51,7 @@ struct Step {
 };
 constexpr std::array kSteps = {Step{2, 3, false}, Step{1, 2, true}, Step{0, 3, true}};
 
-// Share of the difference at rest that a displacement must stay below: a reduction beyond chance.
+// A displacement must reduce the difference at rest to below this share: by more than chance.
 float still_share(const PaddedPlane& plane) noexcept {
   const double pixels = plane.geometry().width * plane.geometry().height;
   return static_cast<float>(1.0 - std::max(kPrefersStill, kChance / std::sqrt(pixels)));
@@ -72,7 +72,6 @@ class Differences {
   float& at(int x, int y) noexcept {
     return values_[static_cast<std::size_t>(y + kSearch) * kWidth + static_cast<std::size_t>(x + kSearch)];
   }
-  // Not above those around it.
   bool is_least(int x, int y) noexcept {
     for (int v = std::max(y - 1, -kSearch); v <= std::min(y + 1, kSearch); ++v) {
       for (int u = std::max(x - 1, -kSearch); u <= std::min(x + 1, kSearch); ++u) {
@@ -81,14 +80,13 @@ class Differences {
     }
     return true;
   }
-  // Differences grow with the distance from the match, which lies between whole pixels: the remaining one there.
+  // Difference at the match, which lies between whole pixels: differences grow linearly with the distance from it.
   float between(int x, int y) noexcept {
     float error = at(x, y);
     if (std::abs(x) < kSearch) error -= 0.5F * std::abs(at(x - 1, y) - at(x + 1, y));
     if (std::abs(y) < kSearch) error -= 0.5F * std::abs(at(x, y - 1) - at(x, y + 1));
     return std::max(error, 0.0F);
   }
-  // Calls visit(x, y) for each that is least.
   template <typename Visit>
   void each_least(const Visit& visit) noexcept {
     for (int y = -kSearch; y <= kSearch; ++y) {
@@ -104,7 +102,7 @@ class Differences {
   float sum_ = 0.0F;
 };
 
-// Solves the symmetric positive definite n x n system in place by Cholesky's factors; false when it is not.
+// Solves the symmetric n x n system in place by Cholesky factorisation; false if it is not positive definite.
 bool solve(std::array<std::array<double, 6>, 6>& m, std::array<double, 6>& v, std::size_t n) noexcept {
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t j = 0; j <= i; ++j) {
@@ -129,7 +127,7 @@ bool solve(std::array<std::array<double, 6>, 6>& m, std::array<double, 6>& v, st
   return true;
 }
 
-// Of a row of blocks: weighted sums of 1, x and x^2 times the gradients' products and the residuals along them.
+// Weighted sums over a row of blocks: 1, x, x^2 times the gradients' products; 1, x times the residuals along them.
 struct RowSums {
   std::array<double, 3> xx{};
   std::array<double, 3> xy{};
@@ -159,9 +157,9 @@ struct RowSums {
 struct Equations {
   std::array<std::array<double, 6>, 6> m{};
   std::array<double, 6> v{};
-  double pixels = 0.0;  // that the sums are of, weighed
+  double pixels = 0.0;  // weighted number of pixels in the sums
 
-  // A row of blocks whose centres are at y.
+  // Adds a row of blocks whose centres are at y.
   void add(const RowSums& row, double y) noexcept {
     const auto add_block = [&](std::size_t top, std::size_t left, const std::array<double, 3>& sum) {
       const std::array<std::array<double, 3>, 3> of{
@@ -216,8 +214,8 @@ GlobalMotion::GlobalMotion(Geometry geometry) : geometry_(geometry) {
   errors_.resize(levels_.front().sums.size());
 }
 
-// Finds the whole displacements of the smallest level that fit better than those around them and nearly as well as the
-// best of these: the smallest ones first, the best among them. A repeated texture fits in many places.
+// Finds the local minima among the whole displacements of the smallest level that fit nearly as well as the best: the
+// smallest displacements first, the best always among them. A repeated texture fits in many places.
 std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels, const Pyramid& a, const Pyramid& b,
                                                           Crew& crew,
                                                           std::array<Start, kStarts>& found) const noexcept {
@@ -230,7 +228,7 @@ std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels
   const float enough = kCompetes * best.error + kInexactly * differences.mean();
   const auto length = [](const Start& start) { return start.x * start.x + start.y * start.y; };
   std::size_t count = 1;
-  found[0] = {differences.between(0, 0), 0, 0};  // texture finer than this level's pixels may fit anywhere here
+  found[0] = {differences.between(0, 0), 0, 0};  // finer texture may match anywhere at this level
   differences.each_least([&](int x, int y) {
     const Start start{differences.between(x, y), x, y};
     if (length(start) == 0 || start.error > enough) return;
@@ -248,7 +246,7 @@ std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels
   return {found.data(), count};
 }
 
-// Refines a displacement of the smallest level by one pixel of each larger one down to a quarter of the full size.
+// Refines a displacement of the smallest level by up to one pixel at each larger one, down to a quarter of full size.
 Affine GlobalMotion::refined(const Kernels& kernels, const Pyramid& a, const Pyramid& b, Start start) const noexcept {
   const int top = a.levels() - 1;
   for (int i = top - 1; i >= std::min(2, top); --i) {
@@ -270,8 +268,8 @@ Affine GlobalMotion::refined(const Kernels& kernels, const Pyramid& a, const Pyr
   return motion;
 }
 
-// Of several displacements that fit, the smallest whose refined fit is about as good as the best: too large a one would
-// sharpen a scene that was never blurred.
+// Of several displacements takes the smallest that fits about as well as the best: a larger one sharpens unblurred
+// scenes.
 Affine GlobalMotion::start(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                            double noise, Crew& crew) noexcept {
   std::array<Start, kStarts> list{};
@@ -300,7 +298,7 @@ Affine GlobalMotion::start(const Kernels& kernels, const Inertia& inertia, const
   return from[best];
 }
 
-// The median of the mean square errors of the covered blocks; negative when these are too few.
+// Median over the covered blocks of the mean square error; negative if too few are covered.
 float GlobalMotion::typical_error(const Level& level) noexcept {
   std::size_t seen = 0;
   double pixels = 0.0;
@@ -333,7 +331,6 @@ void GlobalMotion::Unseen::forget(Affine& motion) const noexcept {
   }
 }
 
-// From blocks weighted by their fit.
 Equations GlobalMotion::equations(int level, float typical, double variance) const noexcept {
   const Level& work = levels_[static_cast<std::size_t>(level)];
   Equations sums;
@@ -353,7 +350,7 @@ Equations GlobalMotion::equations(int level, float typical, double variance) con
   return sums;
 }
 
-// At the coarsest level: the directions whose gradients exceed noise and those of pixels along a straight edge.
+// At the coarsest level: compares the gradients by direction with those of noise and of a straight edge's pixels.
 void GlobalMotion::find_unseen(const Equations& sums, int level, double innovation_noise) noexcept {
   const NoiseOfLevel& noise = kNoise[static_cast<std::size_t>(level)];
   const Level& work = levels_[static_cast<std::size_t>(level)];
@@ -365,7 +362,7 @@ void GlobalMotion::find_unseen(const Equations& sums, int level, double innovati
   unseen_.find(sums.m[0][0] / along_x, sums.m[0][3] / std::sqrt(along_x * along_y), sums.m[3][3] / along_y, chance);
 }
 
-// One Gauss-Newton step. False when too little is covered, or another step would hardly move it.
+// One Gauss-Newton step. False if too little is covered, or the motion has converged.
 bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                            int level, bool affine, double noise, Crew& crew, Affine& motion) noexcept {
   Level& work = levels_[static_cast<std::size_t>(level)];
@@ -387,7 +384,7 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
   }
   auto& [m, v, pixels] = sums;
   const std::size_t each = affine ? 3 : 1;
-  if (!affine) {  // the translation's four entries side by side
+  if (!affine) {  // only the translation: its four entries side by side
     m[0][1] = m[0][3];
     m[1] = {m[0][3], m[3][3]};
     v[1] = v[3];

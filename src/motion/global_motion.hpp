@@ -25,7 +25,7 @@ struct Affine {
   Affine operator*(double k) const noexcept;
 };
 
-// Centre of a block of `scale` times 8 pixels, as Affine::at() takes it. Thread: any.
+// Centre of a block of `scale` times 8 pixels, in the coordinates of Affine::at(). Thread: any.
 struct Centre {
   double x;
   double y;
@@ -37,7 +37,7 @@ inline Centre centre_of(Geometry frame, int scale, int column, int row) noexcept
           ((row + 0.5) * kBlock * scale - 0.5 * frame.height) * per_half};
 }
 
-// The field at the centres of `scale` times 8 pixels, as of a level of a pyramid, in that level's pixels.
+// The field at the centres of blocks of `scale` times 8 pixels, in pixels of the pyramid's level of that scale.
 void spread(const Affine& motion, Geometry frame, int scale, VectorField& out) noexcept;
 
 struct Equations;
@@ -47,26 +47,25 @@ class GlobalMotion {
   // Thread: setup.
   explicit GlobalMotion(Geometry geometry);
 
-  // The motion from `a` to `b`, without memory. `noise`: standard deviation of a frame's noise, in the values' unit.
-  // No allocation. Thread: pipeline.
+  // The motion from `a` to `b`, stateless. `noise`: a frame's sigma in the values' unit. No allocation.
+  // Thread: pipeline.
   Affine find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, double noise,
               Crew& crew) noexcept;
 
-  // Standard deviation, px, that noise alone gives the middle of the last find(). Thread: pipeline.
+  // Standard deviation, px, of the last find()'s displacement at the centre due to noise alone. Thread: pipeline.
   double uncertainty() const noexcept { return uncertainty_; }
 
-  // Residual displacement, px, of half of the picture after the last find(): above a few where scenes differ.
-  // Thread: pipeline.
+  // Residual displacement, px, of the median block in the last find(): above a few, scenes differ. Thread: pipeline.
   double misfit() const noexcept { return misfit_; }
 
  private:
   struct Level {
     VectorField displacement;
     BlockField<MatchSums> sums;
-    VectorField pull;  // of the noise, on the sums; only at full size
+    VectorField pull;  // bias of the sums by noise; only at full size
   };
-  // A scene whose edges are all parallel does not show its motion along them (the aperture problem): the estimate there
-  // is chance, and removed. Two directions, and the share of each that is unseen at the coarsest level, 0 to 1.
+  // Aperture problem: a scene whose edges are all parallel does not show its motion along them; the estimate there is
+  // chance, and removed. Two directions, and the share of each that is unobservable at the coarsest level, 0 to 1.
   struct Unseen {
     struct Axis {
       double x = 0.0;
@@ -75,7 +74,7 @@ class GlobalMotion {
     };
     std::array<Axis, 2> axes;
 
-    // From sums of the gradients' products in units of those of noise alone, whose uncertainty is `chance`.
+    // From sums of the gradients' products, relative to those of noise alone; `chance`: uncertainty of these.
     void find(double xx, double xy, double yy, double chance) noexcept;
     void forget(Affine& motion) const noexcept;
   };

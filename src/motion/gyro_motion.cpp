@@ -7,11 +7,11 @@ namespace bolo::motion {
 namespace {
 
 constexpr double kLatest = 0.5;        // periods for which the last rate is held
-constexpr double kLongestPause = 3.0;  // periods from one sample to the next
+constexpr double kLongestPause = 3.0;  // periods between two samples
 
 using Turn = std::array<double, 3>;
 
-// Rates between samples, linear; times in ns from the first of them.
+// Rates interpolated linearly between samples; times in ns from the first sample.
 class Turning {
  public:
   Turning(std::span<const GyroSample> samples, double period_ns) : samples_(samples), period_ns_(period_ns) {}
@@ -55,8 +55,8 @@ GyroMotion::GyroMotion(Geometry frame, int row_step, const GyroSetup& setup, dou
   for (double& w : weights_) w /= sum;
 }
 
-// Of a static scene before a turning camera: x' = -f wy + wz y, y' = f wx - wz x about the principal point (the terms
-// of second order, some percent at the picture's border, are left to the picture's own motion).
+// For a static scene and a turning camera: x' = -f wy + wz y, y' = f wx - wz x about the principal point. (Terms of
+// second order, some percent at the picture's border, are left to the motion found in the picture.)
 Affine GyroMotion::motion_of(const Turn& turn) const noexcept {
   const double half = 0.5 * frame_.width;
   const double roll = turn[2];
@@ -72,7 +72,7 @@ Affine GyroMotion::motion_of(const Turn& turn) const noexcept {
 
 bool GyroMotion::find(std::span<const GyroSample> samples, std::int64_t time_ns, GyroMotions& out) const noexcept {
   constexpr int kParts = kPartsOfFrame * (kHistory + 1);
-  std::array<Affine, kParts + 1> place;  // of the picture, by age; the oldest is 0
+  std::array<Affine, kParts + 1> place;  // position of the picture by age; 0 at the oldest
   const double part = period_ns_ / kPartsOfFrame;
   const auto newest_ns = time_ns + static_cast<std::int64_t>(setup_.delay_s * 1e9);
   const auto oldest_ns = newest_ns - static_cast<std::int64_t>(kParts * part);

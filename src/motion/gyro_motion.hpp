@@ -1,4 +1,4 @@
-// The picture's motion by a gyro, over the frames of a path.
+// The picture's motion from a gyro, over the frames of a path.
 #pragma once
 
 #include <array>
@@ -16,8 +16,8 @@ class GyroMotion {
   // Thread: setup.
   GyroMotion(Geometry frame, int row_step, const GyroSetup& setup, double period_s, const Inertia& inertia);
 
-  // The motion before `time_ns`, the time of the newest of the displacements. False where the samples do not reach over
-  // it: late by more than half a frame, begun after it, or with pauses of more than three. Thread: pipeline.
+  // The motion before `time_ns`, the time of the newest displacement. False if the samples do not cover it: late by
+  // more than half a frame, begun after it, or with gaps of more than three frames. Thread: pipeline.
   bool find(std::span<const GyroSample> samples, std::int64_t time_ns, GyroMotions& out) const noexcept;
 
  private:
@@ -28,7 +28,7 @@ class GyroMotion {
   double row_step_;
   GyroSetup setup_;
   double period_ns_;
-  std::array<double, kPartsOfFrame + 1> weights_{};  // of the innovation's parts, the newest first
+  std::array<double, kPartsOfFrame + 1> weights_{};  // of the innovation's parts, newest first
 };
 
 }  // namespace bolo::motion

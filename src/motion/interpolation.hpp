@@ -17,10 +17,10 @@ inline constexpr float kKeys = -0.75F;
   w[3] = 1.0F - w[0] - w[1] - w[2];
 }
 
-// Weights of the nearest six, four and two values for points in steps of 1 / kParts after the first half's last: of
-// those with unit sum they leave the least mean square error (kriging) of a scene whose autocovariance is a Gaussian of
-// 1.2 px, with noise of a thousandth of its variance. Of these, bands of 0.35 and 0.42 cycles a px, the covariance of
-// weights.hpp and Lanczos' kernel, these made pans aslant and hands sharpest.
+// Kriging weights of the nearest six, four and two values for points in steps of 1 / kParts after the last value of the
+// first half: unit sum, and the least mean square error for a scene whose autocovariance is a Gaussian of 1.2 px, with
+// noise of a thousandth of its variance. Compared with bands of 0.35 and 0.42 cycles a px, the covariance of
+// weights.hpp and Lanczos' kernel, these left slanted pans and hand motion sharpest.
 struct Kriging {
   static constexpr int kParts = 64;
   static constexpr int kMost = 6;

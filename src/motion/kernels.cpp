@@ -20,8 +20,6 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::motion::HWY_NAMESPACE {
 
-// ------------------------------------------------------------------ rows
-
 void innovate(const PaddedPlane& now, const PaddedPlane& before, float gain, int begin, int end,
               PaddedPlane& out) noexcept {
   const int width = now.blocks_across() * kBlock;
@@ -76,7 +74,7 @@ void halve(const PaddedPlane& from, int begin, int end, PaddedPlane& out) noexce
   }
 }
 
-// By how much a value is beyond both its neighbours on one line.
+// Excess of a value over both its neighbours on one line, up or down.
 HWY_INLINE Vec beyond_both(Vec value, Vec a, Vec b) {
   return hn::Max(hn::Sub(hn::Min(a, b), value), hn::Sub(value, hn::Max(a, b)));
 }
@@ -113,8 +111,6 @@ float mean_difference(const PaddedPlane& a, const PaddedPlane& b, int dx, int dy
   return (sum(total) + rest) / static_cast<float>(width * (bottom - top));
 }
 
-// ------------------------------------------------------------------ the scene's model
-
 // exp(-R / 30) + exp(-R / 5) for R = root - smooth: twice the scene's autocovariance (weights.hpp).
 template <typename D, typename V>
 HWY_INLINE V twice_autocovariance(D d, V root, float smooth) {
@@ -124,7 +120,7 @@ HWY_INLINE V twice_autocovariance(D d, V root, float smooth) {
   const V power = hn::Max(hn::MulAdd(root, set(-kPerPixel), set(smooth * kPerPixel)), set(-120.0F));
   const V nearest = hn::Round(power);
   const V f = hn::Sub(power, nearest);
-  V slow = set(0.00015345812F);  // 2^f to 2e-9 but for rounding
+  V slow = set(0.00015345812F);  // 2^f to 2e-9, apart from rounding
   for (const float c : {0.0013399931F, 0.009618489F, 0.055503286F, 0.24022646F, 0.6931472F, 1.0F}) {
     slow = hn::MulAdd(slow, f, set(c));
   }

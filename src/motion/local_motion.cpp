@@ -7,17 +7,17 @@ namespace bolo::motion {
 namespace {
 
 constexpr float kLocalPixels = kBlock * kBlock;
-constexpr float kTight = 0.02F;     // px that a block may deviate without evidence that blocks do
-constexpr float kLoose = 0.5F;      // the same where they do, or once the block is known to move differently
-constexpr float kGuarded = 2.0F;    // of the measured deviation, which noise adds to
-constexpr float kOwnWay = 1.0F;     // px: more is another object's motion
-constexpr float kBothWays = 0.01F;  // of the trace squared: below it the gradients have one direction only
+constexpr float kTight = 0.02F;     // px that blocks may deviate without evidence that they do
+constexpr float kLoose = 0.5F;      // px with such evidence, or once the block is known to move differently
+constexpr float kGuarded = 2.0F;    // of the measured spread, which noise increases
+constexpr float kOwnWay = 1.0F;     // px: a larger deviation is another object's motion
+constexpr float kBothWays = 0.01F;  // of the trace squared: below it the gradients have only one direction
 constexpr float kSamples = 36.0F;   // independent ones in a window of 24 x 24 smoothed pixels, by the matching's scale
 constexpr float kLongestStep = 1.0F;    // px
 constexpr float kNoiseLimit = 6.0F;     // variances of the smoothed innovation: a good match has 2
-constexpr float kAllSeen = 0.9F;        // of the blocks around: content that has just come in matches anything
+constexpr float kAllSeen = 0.9F;        // of the surrounding blocks: content that has just entered matches anything
 constexpr float kTextureLimit = 0.03F;  // of the texture's energy
-constexpr double kFewPoor = 0.004;      // of the blocks: not worth a search
+constexpr double kFewPoor = 0.004;      // of the blocks: fewer poor ones are not worth a search
 constexpr float kWorthTrying = 0.8F;    // of the cost near the global motion
 constexpr float kWorthTaking = 0.7F;
 constexpr float kSearched = 1.1F;   // a searched displacement is whole pixels: its cost is a little less reliable
@@ -51,8 +51,8 @@ LocalMotion::LocalMotion(Geometry geometry) {
   poor_ = taken_ = BlockField<unsigned char>(across, down);
 }
 
-// True spread of the blocks' deviations, px, standard deviation: the variance of their displacements less the noise of
-// each makes (the moments of DerSimonian and Laird's random effects).
+// True spread of the blocks' deviations, px, standard deviation: the variance of their displacements less that of their
+// noise (DerSimonian and Laird's moment estimator for random effects).
 float LocalMotion::spread_of_deviations(const Task& task) const noexcept {
   float excess = 0.0F;
   float information = 0.0F;
@@ -127,8 +127,7 @@ void LocalMotion::mean_of_near(int row) noexcept {
   }
 }
 
-// Two Lucas-Kanade steps from `base`, to which `looseness` ties d; without one, it is estimated from the first step.
-// Into unsmoothed_.
+// Two Lucas-Kanade steps from `base` into unsmoothed_; `looseness` (px) ties d to it; by default from the first step.
 void LocalMotion::refine(const Task& task, const VectorField& base, std::optional<float> looseness) noexcept {
   unsmoothed_ = base;
   const bool alike = !looseness;  // all are matched with the global motion
@@ -150,7 +149,7 @@ void LocalMotion::refine(const Task& task, const VectorField& base, std::optiona
   }
 }
 
-// Into raw_[0].
+// Costs of a row of blocks at deviations d, into raw_[0].
 void LocalMotion::cost_row(const Task& task, const VectorField& d, int row) noexcept {
   for (int c = 0; c < total_.across(); ++c) total_.at(c, row) = task.global.at(c, row) + d.at(c, row);
   task.kernels.cost(task.a, task.b, total_.row(row), row, task.cap, raw_[0].row(row));
@@ -161,7 +160,7 @@ void LocalMotion::costs(const Task& task, const VectorField& d, ScalarField& out
   for_rows(task.crew, total_.down(), [&](int row) { mean_of_9(raw_[0], row, out); });
 }
 
-// Blocks that the global motion does not explain.
+// Marks blocks that the global motion does not explain.
 void LocalMotion::find_poor(const Task& task) noexcept {
   for_rows(task.crew, energy_.down(), [&](int row) {
     median_of_9(unsmoothed_, row, small_);
@@ -187,7 +186,7 @@ void LocalMotion::find_poor(const Task& task) noexcept {
   });
 }
 
-// Whole displacements at half size, for poor blocks.
+// Searches whole displacements at half size, for poor blocks.
 void LocalMotion::search(const Task& task) noexcept {
   for_rows(task.crew, poor_.down(), [&](int row) {
     for (int c = 0; c < poor_.across(); ++c) {
@@ -200,7 +199,7 @@ void LocalMotion::search(const Task& task) noexcept {
   });
 }
 
-// The cheapest of: at rest, the search's result here, and its results beside.
+// Takes the cheapest of: rest, the search's result here, and its results in the four blocks beside.
 void LocalMotion::choose(const Task& task) noexcept {
   for (std::size_t i = 0; i < large_.size(); ++i) large_[i] = Vec2{} - task.global[i];
   found_ = large_;

@@ -16,16 +16,16 @@ class LocalMotion {
   // Thread: setup.
   explicit LocalMotion(Geometry geometry);
 
-  // The deviations of the blocks' displacements from `global`, from the two innovations alone. Blocks that follow the
-  // picture may deviate a little; where that fails, larger deviations are searched. `share`: of the deviations found,
-  // the true ones. No allocation. Thread: pipeline.
+  // Deviations of the blocks' displacements from `global`, from the two innovations alone. Blocks that follow the
+  // picture may deviate a little; where that fails, larger deviations are searched. `share`: factor from the deviations
+  // found to the true ones. No allocation. Thread: pipeline.
   const VectorField& find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                           const VectorField& global, double noise, float cap, float share, Crew& crew) noexcept;
 
-  // Mean square residual over 24 x 24 pixels of the found motion, over that of noise and 1.3 times the texture's
+  // Mean square residual of the found motion over 24 x 24 pixels, relative to that of noise and 1.3 times the texture's
   // energy: well above 1 where the two innovations are unrelated. Of the last find(). Thread: pipeline.
   const ScalarField& misfit() const noexcept { return misfit_; }
-  // Of the last match, a step before the found motion. Of the last find(). Thread: pipeline.
+  // Sums of the last match, one step before the found motion. Of the last find(). Thread: pipeline.
   const BlockField<MatchSums>& sums() const noexcept { return sums_; }
 
  private:
@@ -47,7 +47,7 @@ class LocalMotion {
   VectorField found_;
   VectorField unsmoothed_;
   VectorField offered_;
-  VectorField pull_;  // of the noise, on the sums
+  VectorField pull_;  // bias of the sums by noise
   BlockField<MatchSums> sums_;
   std::array<ScalarField, 6> mean_;
   std::array<ScalarField, 6> raw_;

@@ -121,9 +121,9 @@ void match(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_
   for (int c = 0; c < a.blocks_across(); ++c) out[c] = match_block(a, b, c * kBlock, y0, d[c], margin);
 }
 
-// With s^2 the smoothing's variance, the shared noise has the autocovariance of a Gaussian of variance 2 s^2, which the
-// matching widens: by moving (linear between pixels) and by its gradient, that of a mean over 2 pixels along and (1 2
-// 1) / 4 across. Its derivative at d enters the sum.
+// With s^2 the smoothing's variance, the shared noise has the autocovariance of a Gaussian of variance 2 s^2, widened
+// by moving (linear interpolation) and the gradient: a mean over 2 pixels along, (1 2 1) / 4 across. Its derivative
+// enters.
 HWY_INLINE Vec pull_along(Vec along, Vec across, Vec shared) {
   const auto widened = [](Vec v, float by) HWY_ATTR {
     const Vec part = hn::Sub(v, hn::Floor(v));
@@ -181,13 +181,13 @@ constexpr int kPatchColumns = kSide + kPlaces;  // that are read
 static_assert(kPlaces > 2 * kSearchAcross);
 constexpr std::ptrdiff_t kPatchStride = kPatchColumns;
 
-// Values of a plane at p - d for a patch from (x0, y0) on; beyond the frame its border.
+// Values of a plane at p - d for a patch from (x0, y0) on; beyond the frame the border is repeated.
 HWY_INLINE void move_patch(const PaddedPlane& a, int x0, int y0, Vec2 d, float* out) {
   const float ix = std::floor(-d.x);
   const float iy = std::floor(-d.y);
   const Vec fx = all(-d.x - ix);
   const Vec fy = all(-d.y - iy);
-  const auto whole = [](float v) { return static_cast<int>(std::max(-1e6F, std::min(1e6F, v))); };  // also of NaN
+  const auto whole = [](float v) { return static_cast<int>(std::max(-1e6F, std::min(1e6F, v))); };  // also for NaN
   const int left = x0 + whole(ix);
   const int top = y0 + whole(iy);
   const Geometry g = a.geometry();

@@ -8,7 +8,6 @@
 namespace bolo::motion {
 namespace {
 
-// Coefficients of the terms below.
 constexpr std::size_t kTerms = 14;
 constexpr std::array<std::array<float, kTerms>, 2> kOdds = {
     {{-2.86F, 1.59F, -1.76F, 0.95F, 1.30F, -0.65F, 1.13F, 1.60F, 2.30F, 8.34F, 0.0F, 0.0F, -1.0F, 1.0F},
@@ -17,10 +16,10 @@ constexpr std::array<std::array<float, kTerms>, 2> kOdds = {
 constexpr float kLeastChange = 0.3F;  // noise variances
 constexpr float kLeastError = 0.02F;  // noise variances
 constexpr float kQuiet = 0.3F;        // noise variances: negligible below
-constexpr float kAcceptable = 0.3F;   // of the change, acceptable residual in slow motion
+constexpr float kAcceptable = 0.3F;   // of the change: acceptable residual in slow motion
 constexpr float kFast = 4.0F;         // px a frame: from there on trails are less exact, and other estimates poor
-constexpr float kMostFast = 4.0F;     // times kFast
-constexpr float kAware = 0.5F;        // px a frame: up to it a per-pixel estimate's own error is reliable
+constexpr float kMostFast = 4.0F;     // upper limit, in units of kFast
+constexpr float kAware = 0.5F;        // px a frame: up to it a per-pixel estimate's own error estimate is reliable
 constexpr float kUnaware = 1.5F;      // from here on it is not
 constexpr float kOfChange = 0.5F;     // of the change: bound of a per-pixel estimate's error, twice it in fast motion
 constexpr float kExplained = 0.3F;    // of the change: a larger residual is no evidence for the motion
@@ -37,18 +36,17 @@ float explained_by_motion(float left, float change, float of_left, float of_chan
 
 }  // namespace
 
-// The coefficients are those of the least error of the blend, in frames relative to the old one, and of the least
-// excess over mmae's in any frame or tile of 32 x 32 pixels: of 260 random scenes (tests/motion/random_scene.hpp) and
-// 48 stretches of pans and hands before street stills; the first was raised by 0.2 for MotionSafety's bounds. With
-// look-ahead: of 240 random scenes and 28 stretches, those of fast hands six times; of 240 others 32 frames instead of
-// 56 were more than 10 % worse than mmae's, and the error of 28 others fell by 1.4 %. The last, of motion found across
-// lost frames: of 131 random scenes that lose one or two where they change.
+// The coefficients minimise the error of the blend, in frames relative to the old one, and its excess over mmae's error
+// in any frame or tile of 32 x 32 pixels: of 260 random scenes (tests/motion/random_scene.hpp) and 48 stretches of pans
+// and hand motion before street stills; the first was raised by 0.2 for MotionSafety's bounds. With look-ahead: of 240
+// random scenes and 28 stretches, those of fast hands six times; of 240 others 32 frames instead of 56 were more than
+// 10 % worse than mmae's, and the error of 28 other stretches fell by 1.4 %. The last, for motion found across lost
+// frames: of 131 random scenes that lose one or two where they change.
 //
-// A per-pixel estimate ignores the scene that crossed the pixel between two frames and so underestimates its error in
-// fast motion: where motion explains the change, that bounds the error from below, unless the block itself does not
-// change: a wall beside a fast texture. Motion explains the change where noise could be all that is left, and, in fast
-// motion, where that is little of what has changed: the sharper the scene, the more of it interpolation and a trail
-// that is not quite right leave.
+// A per-pixel estimate ignores the scene that crossed the pixel between two frames, and so underestimates its error in
+// fast motion. Where the motion explains the change, the change bounds that error from below, unless the block itself
+// does not change (a wall beside a fast texture). The motion explains the change if only noise may be left, or, in fast
+// motion, if little of the change is: sharper scenes leave more, by interpolation and slightly wrong trails.
 float odds(const Inertia& inertia, bool ahead, const Evidence& e) noexcept {
   const auto of_left = static_cast<float>(inertia.noise());
   const auto of_change = static_cast<float>(inertia.change_noise());

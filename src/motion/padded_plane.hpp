@@ -20,7 +20,7 @@ struct RowRange {
   int end;
 };
 
-// Rows and columns are counted from the frame's first pixel; from -kRim to whole blocks + kRim they can be read.
+// Coordinates count from the frame's first pixel; readable from -kRim to whole blocks + kRim.
 class PaddedPlane {
  public:
   PaddedPlane() = default;
@@ -41,8 +41,8 @@ class PaddedPlane {
   const float* at(int x, int y) const noexcept { return values_.data() + offset(x, y); }
 
   void fill(float value) noexcept { std::ranges::fill(values_, value); }
-  // Repeats the frame's border beyond rows [begin, end): to their sides, and above and below the frame where these are
-  // its first and last. Thread: worker.
+  // Repeats the frame's border beyond rows [begin, end): beside them, above the first and below the last.
+  // Thread: worker.
   void extend(int begin, int end) noexcept;
   void extend() noexcept { extend(0, geometry_.height); }
   // Reflects the inside about the border's value, so that gradients continue; first the rows' sides, then, from whole

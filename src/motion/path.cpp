@@ -9,20 +9,20 @@ namespace {
 
 constexpr double kExtrapolated = 0.8;  // of the change between the last two displacements
 constexpr double kOfThePast = 0.25;    // share of the past's mean in the weights' velocity
-constexpr double kAbrupt = 0.04;     // of the speed: half a frame before its time a stop changes a displacement by 13 %
-constexpr double kSlowPan = 1.5;     // px a frame: below it a stop does no harm
-constexpr double kUnnoticed = 0.02;  // px a frame: resolution of estimates
-constexpr double kByChance = 8.0;    // bound of a second difference due to noise, in the displacement's uncertainty
-constexpr double kOfScatter = 4.8;   // the same in what scatter() finds: twice the standard deviation along one axis
-// Of the speed: past second differences up to it count as a hand's motion, or as noise beyond the uncertainty. More
-// would let noise of .8 K pass for motion (MotionSafety), less costs hands in .5 K of noise 3 %.
+constexpr double kAbrupt = 0.04;       // of the speed: a stop half a frame early changes a displacement by 13 %
+constexpr double kSlowPan = 1.5;       // px a frame: below it a stop does no harm
+constexpr double kUnnoticed = 0.02;    // px a frame: resolution of estimates
+constexpr double kByChance = 8.0;      // bound of a second difference due to noise, in the displacement's uncertainty
+constexpr double kOfScatter = 4.8;     // the same for scatter(): twice the standard deviation along one axis
+// Of the speed: past second differences up to it count as hand motion, or as noise beyond the uncertainty. A larger
+// bound would take noise of .8 K for motion (MotionSafety), a smaller one costs hand motion in .5 K of noise 3 %.
 constexpr double kMostUsual = 0.25;
-// px of a frame as long as tau: hands go to and fro by up to 3.6 (0.7 px at 200 Hz, 8 at 60). A repetitive scene is
-// matched at changing places.
+// px of a frame as long as tau: hands reach 3.6 (0.7 px at 200 Hz, 8 at 60); repetitive scenes match at changing
+// places.
 constexpr double kHop = 4.0;
 // With a gyro only the error of straight trails remains, which is below the noise.
 constexpr double kWithGyro = 6.0;     // times kByChance
-constexpr double kUnexplained = 0.5;  // of the squared changes, that a gyro may leave, beside noise
+constexpr double kUnexplained = 0.5;  // of the squared changes: share that a gyro may leave unexplained, besides noise
 constexpr double kGyroNoise = 0.02;   // px a frame
 constexpr double kRest = 0.1;         // px a frame
 
@@ -43,7 +43,7 @@ Displacements operator+(const Displacements& a, const Displacements& b) noexcept
   return sum;
 }
 
-// Of the part along an axis (0: x, 1: y), the mean over the picture's middle row.
+// Mean square over the picture's middle row of the component along an axis (0: x, 1: y).
 double square(const Affine& a, std::size_t axis) noexcept {
   const double* p = &a.p[3 * axis];
   return p[0] * p[0] + p[1] * p[1] / 3.0;
@@ -57,15 +57,14 @@ Affine mean_of(const Displacements& d) noexcept {
   return sum * (1.0 / kHistory);
 }
 
-// The sum of the squared changes.
 double roughness(const Displacements& d, std::size_t axis) noexcept {
   double sum = 0.0;
   for (std::size_t i = 1; i < d.size(); ++i) sum += square(d[i] + d[i - 1] * -1.0, axis);
   return sum;
 }
 
-// The velocity that blurred the frame at the end of span `first`: earlier spans count for less by rho each. Before the
-// history the motion of its last spans is assumed.
+// The velocity that blurred the frame at the end of span `first`: each earlier span counts less by the factor rho.
+// Before the history, the motion of its last spans is assumed.
 Affine blurring(const Inertia& inertia, const Spans& u, std::size_t first) noexcept {
   Affine sum;
   double weight = 1.0;
@@ -87,9 +86,9 @@ float jerk(const Displacements& d, std::size_t i) noexcept {
   return std::hypot(j.x, j.y);
 }
 
-// Standard deviation of the displacements that goes to and fro from one to the next, as noise does and a hand does not,
-// along the axis with more of it: neighbouring second differences of white noise have -4 times its variance in common.
-// Their median product: a stop is one of them.
+// Standard deviation of the alternation of the displacements from one to the next, which noise causes and a hand does
+// not, along the axis with more of it: neighbouring second differences of white noise have -4 times its variance as
+// covariance. From the median product, because a stop affects only one of them.
 double scatter(const Displacements& d) noexcept {
   constexpr std::size_t kPairs = kHistory - 3;
   constexpr float kMedian = 2.1F;  // of white noise, in its variances
@@ -127,14 +126,14 @@ double steadiness(const Inertia& inertia, const Displacements& d, double uncerta
   const double chance = std::max(kByChance * uncertainty, kOfScatter * noise);
   const double before = std::max({jerk(d, 3), jerk(d, 4), jerk(d, 5)});  // unaffected by the newest changes
   const double usual = std::clamp(before, chance, std::max(chance, kMostUsual * speed));
-  const Vec2 more = change_at(d, 0) - change_at(d, 1);  // a turn that goes on as before is no stop
+  const Vec2 more = change_at(d, 0) - change_at(d, 1);  // a turn that continues is no stop
   const double sudden = std::min<double>(jerk(d, 0) - usual, std::hypot(more.x, more.y));
   const double relative = std::max(sudden - kUnnoticed, 0.0) / (kAbrupt * speed + chance);
   const double hops = std::max(hop(d) - kByChance * uncertainty, 0.0) * inertia.tau * inertia.tau / kHop;
   return 1.0 / (1.0 + std::pow(relative, 4.0) + std::pow(hops, 4.0));
 }
 
-// James-Stein estimator: towards the mean by noise's share of the scatter.
+// James-Stein estimator: shrinks towards the mean by noise's share of the scatter.
 void smooth(Displacements& left, double uncertainty) noexcept {
   const Affine mean = mean_of(left);
   double scatter = 0.0;
@@ -170,7 +169,7 @@ Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, doub
   const Spans u = spans_of(inertia, d, known.spans);
   const std::size_t now = ahead ? 1 : 0;  // the span that ends at the estimated frame
   const Affine v0 = blurring(inertia, u, now);
-  // Frames blurred at other velocities have their scene elsewhere on their trails, whose mean age is tau.
+  // Frames blurred at other velocities show their scene elsewhere on their trails, whose mean age is tau.
   const auto aligned = [&](const Affine& moved, const Affine& v) {
     return moved + (v0 + v * -1.0) * (-0.5 * inertia.tau);
   };

@@ -16,17 +16,17 @@ struct Stretch {
 };
 constexpr std::array kStretches = {Stretch{5.0, 4, 6}, Stretch{9.0, 2, 3}, Stretch{14.0, 1, 1}};
 constexpr double kFastPath = 5.0;     // px a frame
-constexpr double kStraight = 0.03;    // of the speed, that no span differs by
+constexpr double kStraight = 0.03;    // of the speed: a path whose spans differ by less is straight
 constexpr double kUnseenBend = 0.02;  // px a frame
-// Where a scene of points is sampled between its points, along or across rows, it looks this much blurred, and so it
-// does to trails that are not quite across the axis. Of lenses of 0, 0.5, 0.7 and 1 px before street stills.
+// A scene of points, sampled between its points along or across rows, looks this much blurred, also to trails that are
+// slightly oblique to the axis. From lenses of 0, 0.5, 0.7 and 1 px before street stills.
 constexpr double kOfSlant = 0.85;  // of the way from sharp to blurred, at most
 constexpr double kSlant = 0.25;    // px a frame along the axis
-constexpr double kMadeUp = 0.6;    // of it, made up for where the scene is blurred
-constexpr double kDoubt = 1.5;     // noise variances of a sharp scene's contrast, added to what is seen
-constexpr double kSeen = 10.0;     // px a frame: up to here the blur is told from that of the trail
+constexpr double kMadeUp = 0.6;    // share of it that is compensated where the scene is blurred
+constexpr double kDoubt = 1.5;     // noise variances of a sharp scene's contrast, added to the observed one
+constexpr double kSeen = 10.0;     // px a frame: up to here the scene's blur can be told from the trail's
 constexpr double kNeverSeen = 16.0;
-constexpr double kFlat = 1e-4;  // of the variance: less is rounding error of floats
+constexpr double kFlat = 1e-4;  // of the variance: less is float rounding
 
 enum Part : std::size_t { kNow, kMean, kOneBefore, kTwoBefore, kAfter };
 constexpr std::array kFirstRow = {0, FilterWeights::kMean, FilterWeights::kBefore, FilterWeights::kBefore + 1,
@@ -59,7 +59,7 @@ PathWeights::PathWeights(const Inertia& inertia, int ahead)
 void PathWeights::set_trails(const Path& path, std::size_t level) noexcept {
   Trails& trails = trails_[level];
   const double sigma = WeightTable::uncertainty_of(level) * speed_;
-  // Of the frame `back` periods ago, moved by `by`, with a share.
+  // Adds the trail of the frame `back` periods ago, moved by `by`, with a share.
   const auto add = [&](SceneTrail& to, int back, Vec2 by, double share) {
     double begin = -ahead_;
     double total = 0.0;
@@ -91,7 +91,6 @@ void PathWeights::set_trails(const Path& path, std::size_t level) noexcept {
   if (ahead_ > 0) add(trails[kAfter], -1, way(path, -1), 1.0);
 }
 
-// The covariances of two trails' values.
 void PathWeights::fill(const Kernels& kernels, std::size_t i, std::size_t j, std::size_t level) noexcept {
   struct Rows {
     int first;
@@ -183,8 +182,7 @@ void PathWeights::follow(const Path& path) noexcept {
   set_trails(path, 0);
 }
 
-// Of a scene that is smooth over so many px: half the mean square difference of the past's mean over 1 px along an
-// axis, over that over 2 px.
+// For a scene smooth over `smooth` px: half the mean square difference of the past's mean over 1 px, over that of 2 px.
 double PathWeights::fineness(const Kernels& kernels, Vec2 axis, double smooth) const noexcept {
   double common[3];
   kernels.correlate(trails_[0][kMean], trails_[0][kMean], axis, 0, 3, static_cast<float>(smooth), common);
@@ -221,7 +219,7 @@ void PathWeights::correlate(const Kernels& kernels, const Path& path, float blur
 }
 
 // Derives from contrasts the scene's variance and the past's mean's difference from the frame, for the least
-// uncertainty that has weights.
+// uncertainty.
 void PathWeights::set_contrast(const Kernels& kernels) noexcept {
   const SceneTrail& now = trails_[0][kNow];
   const Matrix& scene = covariances_[0].scene;

@@ -1,5 +1,5 @@
-// Weights of the estimate for the frames' actual path, where WeightTable's are for straight ones: the same model of
-// scene, noise and uncertainty, evaluated anew for each frame, at the picture's centre.
+// Weights of the estimate for the frames' actual path (WeightTable's are for straight ones): the same model of scene,
+// noise and uncertainty, evaluated for each frame at the picture's centre.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ namespace bolo::motion {
 
 class PathWeights {
  public:
-  // Of the table's uncertainties, the smallest: under larger ones a bend does not matter.
+  // The smallest of the table's uncertainties: under larger ones a bend does not matter.
   static constexpr int kLevels = 3;
   // For faster paths, px a frame, the steps of time are too coarse.
   static constexpr float kFastest = 25.0F;
@@ -24,32 +24,30 @@ class PathWeights {
   // `ahead`: 1 when the frame after the estimated one is known too. Thread: setup.
   PathWeights(const Inertia& inertia, int ahead);
 
-  // The path from now on. No allocation. Thread: pipeline.
+  // Sets the path. No allocation. Thread: pipeline.
   void follow(const Path& path) noexcept;
-  // How blurred the scene is, 0 to 1 (smooth_of): by half the mean square differences of the past's mean
-  // over 1 px (`fine`) and 2 px (`across`) along the axis that is more across the path, less its noise; `noise`:
-  // variance of a frame's. No allocation. Thread: pipeline.
+  // Blur of the scene, 0 to 1 (smooth_of), from half the mean square differences of the past's mean over 1 px (`fine`)
+  // and 2 px (`across`) perpendicular to the path, less its noise; `noise`: a frame's variance. No allocation.
+  // Thread: pipeline.
   float blur(const Kernels& kernels, const Path& path, double fine, double across, double noise) const noexcept;
-  // Covariances of the frames' values along a path that is bent, of a scene that is so blurred, for the least
-  // uncertainty. No allocation. Thread: pipeline.
+  // Covariances along a bent path for the least uncertainty; `blurred`: of the scene. No allocation. Thread: pipeline.
   void correlate(const Kernels& kernels, const Path& path, float blurred, Crew& crew) noexcept;
 
-  // False when the last path is as good as straight: then there are no weights. Thread: pipeline.
+  // False if the last path is practically straight: there are no weights then. Thread: pipeline.
   bool bent() const noexcept { return bent_; }
   // From one value with weights to the next, 1 px. Thread: any.
   Vec2 step() const noexcept { return step_; }
-  // Half the mean square difference over two pixels along the path, over the one at lag_of(its speed). Thread: any.
+  // Half the mean square difference over two pixels along the path, relative to that at lag_of(its speed). Thread: any.
   float lag_factor() const noexcept { return lag_factor_; }
 
-  // Mean square difference of the frame and the past's mean, moved onto it, due to the path and its least uncertainty,
-  // over half the mean square difference over two pixels. Thread: any.
+  // Mean square difference of the frame and the past's mean moved onto it, due to the path and its least uncertainty,
+  // relative to half the mean square difference over two pixels. Thread: any.
   float change() const noexcept { return change_; }
 
-  // Makes the weights of the wanted cells (WeightTable::kKinds of them), and the covariances that they need. No
-  // allocation. Thread: pipeline.
+  // Makes the wanted cells' weights (WeightTable::kKinds), and covariances for them. No allocation. Thread: pipeline.
   void make(const Kernels& kernels, const Path& path, const std::array<bool, WeightTable::kKinds>& wanted,
             Crew& crew) noexcept;
-  // Of the last make(); null: not wanted. Thread: any.
+  // Weights of the last make(); null: not wanted. Thread: any.
   const FilterWeights* at(std::size_t kind) const noexcept { return made_[kind] ? &weights_[kind] : nullptr; }
 
  private:

@@ -22,7 +22,7 @@ constexpr std::array kAlong = {Node{-2.8569700138728, 0.0112574113277}, Node{-1.
                                Node{2.8569700138728, 0.0112574113277}};
 constexpr std::array kAcross = {Node{0.0, 2.0 / 3.0}, Node{1.7320508075689, 1.0 / 3.0}};
 
-// The same steps for both covariances, or they would not be covariances.
+// Both covariances use the same steps, otherwise they would not be covariances.
 double step_of(double tau, double fastest) noexcept {
   const double longest = std::min(tau / 22.0, kStep / std::max(fastest, 1e-3));
   return 1.0 / std::ceil(1.0 / longest);
@@ -37,7 +37,7 @@ Times ages_of(double tau, double step) {
   return ages;
 }
 
-// Of the differences of two such ages.
+// Distribution of the difference of two such ages.
 Times lags_of(const Times& ages, double tau) {
   const double step = ages.step;
   const auto n = static_cast<int>(ages.share.size());

@@ -9,7 +9,7 @@
 
 namespace bolo::motion {
 
-// Autocovariance, at r px, of a scene of variance 1 that is smooth over so many px. Thread: any.
+// Autocovariance, at r px, of a scene of variance 1 that is smooth over `smooth` px. Thread: any.
 double covariance_of(double r, double smooth) noexcept;
 
 // Half the mean square difference, of a scene of variance 1 that moves at (x, y) px a frame, of two of the camera's
@@ -22,15 +22,14 @@ struct Raw {
   double at = 0.0;
 };
 
-// Shares of times, one step apart.
+// Shares of equally spaced times.
 struct Times {
   double first = 0.0;  // periods
   double step = 0.0;
   std::vector<float> share;
 };
 
-// Covariances of a scene of variance 1 that moves at `speed` px a frame, uncertain by `sigma` in both directions.
-// Thread: one at a time.
+// Covariances for a scene of variance 1, `speed` px a frame, uncertain by `sigma` both ways. Thread: one at a time.
 class SceneCovariances {
  public:
   SceneCovariances(double tau_periods, double speed, double sigma, double smooth);
@@ -44,8 +43,8 @@ class SceneCovariances {
   double speed_;
   double sigma_;
   float smooth_;
-  Times age_;  // of y's inputs
-  Times lag_;  // between those of two values
+  Times age_;  // ages of y's inputs
+  Times lag_;  // age differences of two values' inputs
   const Kernels& kernels_;
   std::map<std::pair<int, long long>, double> known_;
 };

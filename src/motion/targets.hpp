@@ -25,7 +25,7 @@ auto tables_of_targets(std::int64_t built, const GetTable& table) {
   return found;
 }
 
-// The one for `isa`, the best for an empty name, the plainest where there is none of it. Thread: any.
+// The table for `isa`; the best one for an empty name, the plainest if there is none. Thread: any.
 template <typename Table>
 const Table& table_for(const std::vector<const Table*>& tables, std::string_view isa) {
   for (const Table* table : tables) {

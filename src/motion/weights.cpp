@@ -17,31 +17,31 @@
 namespace bolo::motion {
 namespace {
 
-constexpr double kFixedPattern = 0.5;       // noises
+constexpr double kFixedPattern = 0.5;       // in units of the noise
 constexpr double kSmallestContrast = 1e-4;  // noise variances; a decade a step
 constexpr unsigned kMostThreads = 4;
 constexpr std::array kUncertain = {0.004, 0.02, 0.07, 0.25, 1.0};  // of the speed
 constexpr double kSmallestRatio = 1e-3;                            // of contrast across to noise
 constexpr double kRatioDecades = 0.15;                             // a step
 constexpr float kLeastLess = 0.01F;     // of the mean square error: least gain for which the far past is used
-constexpr float kWorthwhile = 0.1F;     // gain beyond that for which it is used in full
+constexpr float kWorthwhile = 0.1F;     // further gain at which it is used in full
 constexpr float kLeastAcross = 0.007F;  // noise variances
 constexpr float kSlanted = 0.4F;        // of the noise, by which values between pixels have less on the diagonal
 constexpr float kLargestIndex = 1e-4F;  // below the last, so that there is one above
 
-// Of 0.6, 1.0 and 1.5 px, 1.0 left least of the error below half a pixel a frame, and 0.6 from one on (street stills,
-// as they are and behind a Gaussian of 0.5 px).
+// Of 0.6, 1.0 and 1.5 px, 1.0 left the least error below half a pixel a frame, 0.6 from one on (street stills, 0 and
+// 0.5 px blur).
 constexpr double kSmoother = 1.0;
 constexpr double kSlow = 0.6;  // px a frame: up to here kSmoother
 constexpr double kFast = 1.2;  // from here on kSmooth
 
-// Weighted sums of raw values that get one weight together.
+// Weighted sums of raw values that share one weight.
 struct Taps {
   std::vector<Raw> raw;
   std::array<Eigen::SparseMatrix<double>, 2> rows;  // with the near past's mean, and the whole past's
 };
 
-// In the order of FilterWeights.
+// Taps in the order of FilterWeights.
 Taps taps_at(double speed, int ahead) {
   std::vector<std::vector<Raw>> rows;
   for (int j = -kReach; j <= kReach; ++j) rows.push_back({{0, static_cast<double>(j)}});
@@ -68,7 +68,7 @@ Taps taps_at(double speed, int ahead) {
   return taps;
 }
 
-// What best_weights() takes.
+// Input of best_weights().
 struct Moments {
   Eigen::MatrixXd scene;
   Eigen::MatrixXd noise;
@@ -96,7 +96,6 @@ struct Moments {
         noise(rows * of.noise * rows.transpose()),
         truth(rows * of.truth),
         sums(rows * of.sums) {}
-  // Of the first m values alone.
   void weigh(Eigen::Index m, double variance, FilterWeights& out) const {
     const Eigen::MatrixXd some = scene.topLeftCorner(m, m);
     const Eigen::MatrixXd some_noise = noise.topLeftCorner(m, m);
@@ -197,7 +196,7 @@ void WeightTable::fill_across(Scene& scene) noexcept {
   }
 }
 
-// Covariances take nearly all of the time: those of the values with look-ahead are those without it, and some more.
+// Covariances take nearly all of the time: those without look-ahead are a subset of those with it.
 void WeightTable::fill(std::span<const std::shared_ptr<WeightTable>> tables, std::size_t which, std::size_t speed,
                        std::size_t uncertainty) {
   const WeightTable& most = *tables.back();
@@ -209,7 +208,6 @@ void WeightTable::fill(std::span<const std::shared_ptr<WeightTable>> tables, std
   const Moments raw(taps.raw, covariances);
   const std::array<Moments, 2> of{Moments(taps.rows[0], raw), Moments(taps.rows[1], raw)};
   for (const std::shared_ptr<WeightTable>& table : tables) {
-    // Of a pixel's own newest values.
     std::vector<Raw> own;
     for (int back = -table->ahead_; back <= 2; ++back) own.push_back({back, 0.0});
     const Moments of_own(own, covariances);
@@ -228,7 +226,6 @@ void WeightTable::fill(std::span<const std::shared_ptr<WeightTable>> tables, std
   }
 }
 
-// Between the values of both scenes.
 template <typename Of>
 float WeightTable::of_scenes(float blurred, const Of& of) const noexcept {
   if (blurred == 0.0F) return of(scenes_[0]);

@@ -9,7 +9,7 @@
 // plus white noise of variance 1 and a fixed pattern of 1/2. The velocity is uncertain along and across: covariances
 // are means over it, both with the same nodes, or they would not be covariances.
 //
-// The noise that they leave is white across the motion, where the scene is not: a second filter takes it out.
+// The noise that they leave is white across the motion, where the scene is not: a second filter removes it.
 #pragma once
 
 #include <array>
@@ -27,14 +27,13 @@ inline constexpr float kStill = 1e-3F;
 
 class PathWeights;
 
-// Over how many px a scene is taken to be smooth at a speed in px a frame, by how blurred it is: 0: kSmooth but for
-// slow motion, where less of what is finer than the optics pass is to be told from noise; 1: kBlurred. Thread: any.
+// Length, px, over which a scene is taken to be smooth, at a speed in px a frame. `blurred` 0: kSmooth, more in slow
+// motion, where less fine detail can be told from noise; 1: kBlurred. Thread: any.
 inline constexpr double kSmooth = 0.6;
 inline constexpr double kBlurred = 2.0;
 double smooth_of(double speed, double blurred) noexcept;
 
-// Covariance of noise and fixed pattern, noise variances, of two values that are interpolated from pixels so far apart.
-// Thread: any.
+// Covariance of noise and fixed pattern, noise variances, of values interpolated `apart` px apart. Thread: any.
 double shared_noise(bool same_frame, double apart) noexcept;
 
 class WeightTable {
@@ -43,16 +42,15 @@ class WeightTable {
   static constexpr std::size_t kUncertainties = 5;
   static constexpr std::size_t kKinds = kContrasts * kUncertainties;  // of cells of one speed
 
-  // Contrast over 2 px, noise variances, and standard deviation of the speed over the speed, of a kind. Thread: any.
+  // For a kind: contrast over 2 px, noise variances; standard deviation of the speed, relative to it. Thread: any.
   static double contrast_of(std::size_t kind) noexcept;
   static double uncertainty_of(std::size_t kind) noexcept;
 
-  // `tau_periods`: tau / T. `ahead`: 1 when the frame after the estimated one is known too. Made once a process
-  // for the same arguments, and kept (1.6 MB); what is made with look-ahead is made without it at the same time, which
-  // costs little more. Thread: setup.
+  // `tau_periods`: tau / T. `ahead`: 1 when the frame after the estimated one is known too. Made once a process for the
+  // same arguments, and kept (1.6 MB); with and without look-ahead together, at little extra cost. Thread: setup.
   static std::shared_ptr<const WeightTable> of(double tau_periods, int ahead);
 
-  // The cells around a place in the table, and their shares in what is there.
+  // The cells around a point in the table, and their interpolation shares.
   struct Place {
     std::array<std::uint16_t, 8> cell{};
     std::array<float, 8> share{};
@@ -64,14 +62,14 @@ class WeightTable {
   // blurred scene's weights. Thread: any.
   Place place_of(float speed, float structure, float uncertainty, float blurred) const noexcept;
   // Weight of the far past, 0 to 1: more frames average out more noise, but blur the scene. `beside`: mean square error
-  // that no weights take out, noise variances. Thread: any.
+  // that no weights can remove, noise variances. Thread: any.
   float far_gain(const Place& place, float beside) const noexcept;
-  // Mean square error that the weights for the near past should have, noise variances. Thread: any.
+  // Expected mean square error of the weights for the near past, noise variances. Thread: any.
   float near_error(const Place& place, const PathWeights* path = nullptr, float bent = 0.0F) const noexcept;
   // Error beyond noise of an estimate from a pixel's own newest values. Thread: any.
   float per_pixel_error(const Place& place) const noexcept;
-  // Weights for a past's mean of kNear frames (`far` 0), of kPast (1), or between; `bent`: the part of the near past's
-  // that is the path's. Thread: any.
+  // Weights for a past's mean of kNear frames (`far` 0), of kPast (1), or between; `bent`: share of the path's weights
+  // in those of the near past. Thread: any.
   void find(const Kernels& kernels, const Place& place, float far, FilterWeights& out,
             const PathWeights* path = nullptr, float bent = 0.0F) const noexcept;
 
@@ -80,10 +78,10 @@ class WeightTable {
   void find_across(const FilterWeights& along, const Place& place, Vec2 e, float structure,
                    AcrossWeights& out) const noexcept;
 
-  // Of the contrast at lag_of(a speed) to that at two pixels. Thread: any.
+  // Ratio of the contrast at lag_of(a speed) to that at two pixels. Thread: any.
   float lag_factor(float speed, float blurred) const noexcept;
 
-  // Over how many pixels the contrast is measured: along a long trail neighbours are alike. Thread: any.
+  // Distance, px, over which contrast is measured: along a long trail neighbours are alike. Thread: any.
   static float lag_of(float speed) noexcept;
 
  private:
@@ -99,7 +97,7 @@ class WeightTable {
     std::array<std::vector<FilterWeights>, 2> cells{std::vector<FilterWeights>(kCells),
                                                     std::vector<FilterWeights>(kCells)};
     std::vector<float> near_error = std::vector<float>(kCells);  // squared, with the near past's
-    std::vector<float> far_less = std::vector<float>(kCells);    // part of it that the far past takes off
+    std::vector<float> far_less = std::vector<float>(kCells);    // share of it that the far past removes
     std::vector<float> per_pixel = std::vector<float>(kCells);   // beyond noise, with a pixel's own newest values
     std::array<AcrossWeights, kRatios> across;  // by contrast over 2 px in units of the noise's variance
   };
@@ -113,7 +111,7 @@ class WeightTable {
   float lag_factor_at(float index, float blurred) const noexcept;
   WeightTable(double tau_periods, int ahead);  // without its cells
   void begin(Scene& scene, double blurred) const;
-  // Cells of tables of one tau without look-ahead and, where there are two, with it.
+  // Fills the cells of the tables of one tau, without look-ahead and, if there are two, with it.
   static void fill(std::span<const std::shared_ptr<WeightTable>> tables);
   static void fill(std::span<const std::shared_ptr<WeightTable>> tables, std::size_t which, std::size_t speed,
                    std::size_t uncertainty);

@@ -55,7 +55,7 @@ void convert(const StreamFormat& input, const void* raw, PixelType output, void*
 bool saturated(PixelType type, const void* raw, PixelRange range) noexcept {
   if (type != PixelType::kUint16) return false;
   const auto* values = static_cast<const std::uint16_t*>(raw);
-  constexpr std::size_t kBlock = 64;  // a fixed inner length: compilers make it a few vector comparisons
+  constexpr std::size_t kBlock = 64;  // a fixed inner length, which compilers turn into a few vector comparisons
   std::size_t i = range.begin;
   for (; i + kBlock <= range.end; i += kBlock) {
     unsigned found = 0;

@@ -1,6 +1,5 @@
-// A row for each number that a daemon keeps of its frames (stats.hpp) and its camera (source.hpp). Shared
-// memory, metrics, JSON, `bolo stat` and the journal's last message are made from these rows: a new number is a member,
-// a row below it, and the place that counts.
+// One row for each number that a daemon counts for its frames (stats.hpp) and its camera (source.hpp). Shared memory,
+// metrics, JSON, `bolo stat` and the journal's last message follow: a new number needs a member, a row and a count.
 #pragma once
 
 #include <bit>
@@ -15,18 +14,17 @@ namespace bolo::pipeline {
 enum class RowKind : std::uint8_t {
   kCount,  // uint64
   kNs,     // int64
-  kSince,  // int64, CLOCK_MONOTONIC; in JSON how many seconds ago, null for 0
+  kSince,  // int64, CLOCK_MONOTONIC; in JSON the seconds since then, null for 0
   kReal,   // double
 };
 
-// Optional parts of a row.
 struct InStat {
-  std::string_view words{};  // behind the number in `bolo stat`
+  std::string_view words{};  // after the number in `bolo stat`
 };
 struct AtEnd {
-  bool at_end = false;  // the journal's last message has it, as KEY or KEY_PART
+  bool at_end = false;  // included in the journal's last message, as KEY or KEY_PART
 };
-struct ByLabel {  // one number for each of several parts
+struct ByLabel {  // one number per part
   std::string_view label{};
   std::size_t parts = 1;
   std::string_view (*part_name)(std::size_t part) = nullptr;
@@ -35,7 +33,7 @@ struct Reading {
   RowKind kind = RowKind::kCount;
   double json_scale = 1.0;  // of kNs and kReal
   double metric_scale = 1.0;
-  std::size_t known_by = 0;  // offset of the word that is 0, and JSON null, while it is not known; 0: its own
+  std::size_t known_by = 0;  // offset of a word that is 0 while this one is unknown, and JSON null; 0: its own
 };
 
 template <typename Source>
@@ -48,10 +46,10 @@ struct CounterRow : InStat, AtEnd, ByLabel, Reading {
     ((static_cast<Extras&>(*this) = extras), ...);
   }
 
-  Read read;                // its 64 bits. Thread: any
+  Read read;                // the number's 64 bits. Thread: any
   std::size_t shared;       // offset in bolo_shm_header or bolo_shm_camera; 0: not written there with the others
-  std::string_view key;     // of JSON; empty: not there, or not by itself
-  std::string_view metric;  // of Prometheus: a counter when it ends in _total, else a gauge; empty: not there
+  std::string_view key;     // in JSON; empty: not there, or not by itself
+  std::string_view metric;  // for Prometheus: a counter if it ends in _total, otherwise a gauge; empty: not there
   std::string_view help;
 };
 
@@ -60,7 +58,7 @@ constexpr ByLabel by(std::string_view label, std::size_t count) {
   return {label, count, [](std::size_t part) { return name(static_cast<Enum>(part)); }};
 }
 
-// As JSON and metrics have it: "control lost" is control_lost. Thread: any.
+// A part's name in JSON and metrics: "control lost" is control_lost. Thread: any.
 template <typename Source>
 std::string part_key(const CounterRow<Source>& row, std::size_t part) {
   std::string key(row.part_name(part));
@@ -68,7 +66,7 @@ std::string part_key(const CounterRow<Source>& row, std::size_t part) {
   return key;
 }
 
-// The member's 64 bits; of an array, those of its part.
+// The member's 64 bits; for an array, those of its part.
 template <auto kMember, typename Source>
 std::uint64_t word_of(const Source& source, std::size_t part) noexcept {
   const auto bits = [](auto value) {
@@ -81,7 +79,7 @@ std::uint64_t word_of(const Source& source, std::size_t part) noexcept {
     return bits((source.*kMember).value());
 }
 
-// Calls store(index, word) for all that is in shared memory; the index is in words from its structure's begin.
+// Calls store(index, word) for every number in shared memory; the index counts words from its structure's beginning.
 template <typename Rows, typename Source, typename Store>
 void each_shared_word(const Rows& rows, const Source& source, const Store& store) noexcept {
   for (const auto& row : rows) {

@@ -12,11 +12,11 @@ namespace {
 constexpr std::uint64_t kLargest16 = 0xFFFF;
 constexpr std::uint32_t kWindowMask = (1U << FrameIdTracker::kReorderFrames) - 1;
 
-// Aravis itself drops frames up to 100 behind the newest; what is further back is a counter that began again.
+// Aravis itself drops frames up to 100 behind the newest; frames further back mean that the counter was reset.
 constexpr std::int64_t kResetBehind = 64;
 // A jump ahead of up to this many frames is accepted without checking the clock.
 constexpr double kTrustedFrames = 200;
-// Beyond that, no more frames can be lost than fit into the time that has passed, with this margin.
+// Beyond that, at most as many frames can be lost as fit into the elapsed time, with this margin.
 constexpr double kTimeMargin = 2.0;
 
 }  // namespace
@@ -37,7 +37,7 @@ void FrameIdTracker::broken(std::uint64_t raw_id, LossCause cause, std::int64_t 
 
 void FrameIdTracker::broken_without_id() noexcept { ++unplaced_; }
 
-// The first of those without an id are these frames; the rest were none of the camera's.
+// The first frames without an id are these; the others were not the camera's.
 void FrameIdTracker::place_broken(std::uint64_t frames) noexcept {
   count(LossCause::kIncomplete, frames);
   unplaced_ = 0;
@@ -87,7 +87,7 @@ void FrameIdTracker::reset_counter() noexcept {
   counter_reset_ = true;
 }
 
-// The newest frame is now `frames` further on; those between are open, but for the ones known to be broken.
+// The newest frame is now `frames` further on; those in between are open, except those known to be broken.
 void FrameIdTracker::advance(std::uint64_t frames) noexcept {
   const std::uint64_t gap = frames - 1;
   const std::uint64_t broken_in_gap = std::min(unplaced_, gap);
@@ -106,7 +106,7 @@ void FrameIdTracker::advance(std::uint64_t frames) noexcept {
   known_ = known_ << frames | (((1U << frames) - 1) & ~(open << 1));
 }
 
-// Frames that are still open will not come any more.
+// Frames that are still open will not arrive any more.
 void FrameIdTracker::close_window() noexcept {
   count(LossCause::kMissing, static_cast<std::uint64_t>(std::popcount(~known_ & kWindowMask)));
   known_ = ~0U;

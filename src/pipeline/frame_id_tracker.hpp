@@ -11,18 +11,17 @@
 
 namespace bolo::pipeline {
 
-// Frames may arrive in any order within a window of kReorderFrames: a frame that is not there yet when a later one
-// arrives is called missing only when it has fallen out of that window, because it may still come late or broken.
-// After finish() every frame from the first to the last seen was delivered or counted as lost.
+// Frames may arrive in any order within a window of kReorderFrames: a frame that is absent when a later one arrives
+// counts as missing only when it leaves that window, because it may still come late or broken. After finish() every
+// frame from the first to the last seen was delivered or counted as lost.
 //
 // GigE Vision counts frames (block_id) in 16 bits and skips 0, a period of 65535, or, with extended ids, in 64 bits. A
-// camera that does send 0 is taken to have a period of 65536.
-// Thread: acquire, or setup while no stream runs. No allocation.
+// camera that does send 0 has a period of 65536. Thread: acquire, or setup while no stream runs. No allocation.
 class FrameIdTracker {
  public:
   static constexpr unsigned kReorderFrames = 16;
 
-  // period_s: the camera's frame period, to tell a long outage from a counter that was reset.
+  // period_s: the camera's frame period, to distinguish a long outage from a counter reset.
   explicit FrameIdTracker(double period_s) noexcept;
 
   struct Verdict {
@@ -34,18 +33,18 @@ class FrameIdTracker {
   // A complete frame arrived. arrival_ns: CLOCK_MONOTONIC.
   Verdict complete(std::uint64_t raw_id, std::int64_t arrival_ns) noexcept;
 
-  // A frame arrived that cannot be used.
+  // An unusable frame arrived.
   void broken(std::uint64_t raw_id, LossCause cause, std::int64_t arrival_ns) noexcept;
 
-  // As broken(kIncomplete), of a frame whose first packet, and with it the counter, was lost. It takes the place of one
-  // of the frames that the next known counter shows to be missing, and is counted then. If none is missing it was no
-  // frame of the camera: the transport library takes any bytes on the stream's port for part of one.
+  // As broken(kIncomplete), for a frame whose first packet, and with it the counter, was lost. It takes the place of
+  // one of the frames that the next known counter shows to be missing, and is counted then. If none is missing, it was
+  // no frame of the camera: the transport library takes any bytes on the stream's port for part of one.
   void broken_without_id() noexcept;
 
-  // The stream was reopened, perhaps with a reset counter: the next frame's id follows the last.
+  // The stream was reopened, perhaps with a reset counter: the next frame's id follows the last one.
   void restart() noexcept { reset_next_ = true; }
 
-  // The stream has ended: frames that are still not there are missing.
+  // The stream has ended: frames that are still absent are missing.
   void finish() noexcept;
 
   // Frames lost by cause. kOutOfOrder holds late frames and duplicates.
@@ -75,32 +74,30 @@ class FrameIdTracker {
   std::uint64_t highest_raw_ = 0;
   std::int64_t highest_ns_ = 0;
   std::uint32_t known_ = ~0U;   // bit k: frame highest_ - k is delivered or counted
-  std::uint64_t unplaced_ = 0;  // broken frames without id since the highest
+  std::uint64_t unplaced_ = 0;  // broken frames without id since the highest one
   std::array<std::uint64_t, kLossCauses> counted_{};
 };
-
-// --- Numbers, losses and times of a camera's frames, for every live source.
 
 // Outlives a source's connections. Thread: acquire, or setup while no connection delivers. No allocation.
 class Arrivals {
  public:
-  // Both outlive this.
+  // Both references must outlive this object.
   Arrivals(FrameInlet& inlet, SourceStatus& status) noexcept;
 
-  // The tracker of frame numbers; what it counts as lost reaches the inlet with post_losses().
+  // Tracker of frame numbers; its losses reach the inlet by post_losses().
   FrameIdTracker ids;
 
-  // Another connection's frames follow: neither its counter nor its clock goes on from the last one's.
+  // Frames of another connection follow: neither counter nor clock continues the last one's.
   void restart() noexcept;
 
-  // When a frame was taken, on CLOCK_MONOTONIC, by the camera's clock; publishes the state of both clocks, and begins
-  // a new window where the camera's counter or clock has jumped. receive_ns: CLOCK_MONOTONIC.
+  // Time of a frame on CLOCK_MONOTONIC, by the camera's clock. Publishes the state of both clocks, and starts a new
+  // window if the camera's counter or clock has jumped. receive_ns: CLOCK_MONOTONIC.
   std::int64_t map_time(const FrameIdTracker::Verdict& verdict, std::int64_t camera_ns,
                         std::int64_t receive_ns) noexcept;
 
-  // The inlet's counters are read while the stream runs; the tracker's are not.
+  // Copies losses to the inlet's counters, which, unlike the tracker's, may be read while the stream runs.
   void post_losses() noexcept;
-  // The last frame has come: what is still missing is lost.
+  // The stream has ended: frames that are still absent are lost.
   void finish() noexcept;
 
  private:

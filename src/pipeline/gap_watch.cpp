@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kRemembered = 5;  // bursts
 constexpr std::size_t kEnough = 3;
-constexpr double kCalm = 0.5;  // px a frame: beyond it the scene's own changes pass for noise
+constexpr double kCalm = 0.5;  // px a frame: in faster motion the scene's own changes would count as noise
 constexpr int kLowestPriority = 19;
 
 // Factors, of the time constant and of the noise, beyond which a difference is reported, and within which it ends.
@@ -97,7 +97,7 @@ void GapWatch::offer(const FrameMeta& meta, const void* plane, bool restart) noe
 
 void GapWatch::run() {
   (void)rt::apply_to_this_thread({"bolo-gap", 0});
-  setpriority(PRIO_PROCESS, 0, kLowestPriority);  // Linux: of this thread
+  setpriority(PRIO_PROCESS, 0, kLowestPriority);  // on Linux: this thread's
   while (true) {
     {
       std::unique_lock lock(mutex_);

@@ -24,8 +24,8 @@ class GapTrend {
   // The profile's time constant and noise (K, or counts).
   GapTrend(double tau_s, double noise_k) : tau_s_(tau_s), noise_k_(noise_k) {}
 
-  // A notice when the camera begins or ceases to differ from its profile for good: the time constant by 10 % (again
-  // within 5), the noise, measured in still pictures only, by half (again within 30 %).
+  // A notice when the camera begins or ceases to differ from its profile: the time constant by 10 % (ends within 5 %),
+  // the noise, measured in still pictures only, by half (ends within 30 %).
   std::optional<Notice> add(const deblur::GapFigures& figures);
 
   // 0: not known yet.
@@ -54,13 +54,11 @@ class GapTrend {
 // Takes a burst of consecutive frames periodically, and evaluates it on a thread of the lowest priority.
 class GapWatch {
  public:
-  // Planes of `format`. `interval_s`: from one burst's end to the next's begin. Results go to the stats' gauges.
-  // Thread: setup.
+  // Planes of `format`. `interval_s`: between two bursts. Results go to the stats' gauges. Thread: setup.
   GapWatch(const StreamFormat& format, double tau_s, double noise_k, double interval_s, PipelineStats& stats);
   ~GapWatch();
 
-  // Copies the frame while a burst is being taken; a gap, a NUC or a restart of the window begins it anew. Thread:
-  // pipeline.
+  // Copies the frame during a burst; a gap, a NUC or a restart of the window restarts the burst. Thread: pipeline.
   void offer(const FrameMeta& meta, const void* plane, bool restart) noexcept;
 
   // Thread: any.
@@ -75,7 +73,7 @@ class GapWatch {
   deblur::GapMeter meter_;
   GapTrend trend_;
   std::vector<std::byte> burst_;
-  // Whose the burst is: handed over by the watcher's store to offer()'s load, and back by offer()'s to run()'s wait.
+  // Owner of the burst: passes by the watcher's store to offer()'s load, and back by offer()'s store to run()'s wait.
   enum Turn : int { kWatcher, kPipeline };
   std::atomic<int> turn_{kWatcher};
   int taken_ = 0;

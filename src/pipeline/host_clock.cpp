@@ -4,7 +4,7 @@ namespace bolo::pipeline {
 namespace {
 
 constexpr double kBucketNs = 0.5e9;
-constexpr double kLeastSpanNs = 2e9;  // of the points, for a slope that is more than noise
+constexpr double kLeastSpanNs = 2e9;  // least span of the points for a slope above noise
 constexpr double kLeastJumpNs = 20e6;
 constexpr double kJumpPeriods = 4.0;
 
@@ -44,7 +44,7 @@ bool HostClock::has_jumped(std::uint64_t frame_id, std::int64_t camera_ns, std::
 void HostClock::collect(const Point& point) noexcept {
   if (frames_ > 0 && point.camera_ns >= bucket_end_ns_) close_bucket();
   const double over = point.late_ns - line_at(last_camera_ns_);
-  if (count_ == 0) level_ns_ += std::min(over, 0.0);  // no half second is complete: the fastest so far is all there is
+  if (count_ == 0) level_ns_ += std::min(over, 0.0);  // no half second is complete yet: use the fastest frame so far
   if (frames_ == 0 || point.late_ns < fastest_.late_ns) fastest_ = point;
   sum_squares_ += over * over;
   ++frames_;
@@ -64,7 +64,7 @@ void HostClock::close_bucket() noexcept {
   bucket_end_ns_ = std::max(bucket_end_ns_, static_cast<double>(last_camera_ns_ - begin_ns_) + kBucketNs);
 }
 
-// The lower hull from left to right (Andrew's monotone chain), then its edge over the mean time.
+// The lower hull from left to right (Andrew's monotone chain), then its edge at the mean time.
 void HostClock::fit() noexcept {
   std::array<Point, kPoints> hull;
   std::size_t size = 0;

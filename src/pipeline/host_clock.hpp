@@ -1,4 +1,4 @@
-// From the camera's clock to the host's: when, on CLOCK_MONOTONIC, a frame was taken.
+// Maps the camera's clock to the host's: the time of a frame on CLOCK_MONOTONIC.
 #pragma once
 
 #include <algorithm>
@@ -13,33 +13,32 @@
 namespace bolo::pipeline {
 
 // A frame arrives late by the transport delay: at least its minimum, more when something was busy. Arrival minus camera
-// time, over camera time, therefore lies above a line whose slope is the drift of the clocks. The line is the edge of
-// the points' lower convex hull that lies over their mean time: of all lines below the points the one that is closest
-// to them (Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM
-// 1999). The points are the fastest frames of each half second of the last ten. The remaining error is the minimum
-// delay, which looks the same as an offset of the clocks. Thread: acquire, or setup while no connection delivers. No
-// allocation.
+// time, over camera time, therefore lies above a line whose slope is the drift between the clocks. The line used is the
+// edge of the points' lower convex hull at their mean time: of all lines below the points the closest to them (Moon,
+// Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999). The points
+// are the fastest frames of each half second of the last ten. The remaining error is the minimum delay, which looks
+// like an offset of the clocks. Thread: acquire, or setup while no connection delivers. No allocation.
 class HostClock {
  public:
-  // period_s: the frame period, for telling a jump of the clock from frames that were lost.
+  // period_s: the frame period, to distinguish a jump of the clock from lost frames.
   explicit HostClock(double period_s) noexcept;
 
   struct Mapped {
     std::int64_t host_ns = 0;  // never later than the arrival
-    bool jumped = false;  // the camera's clock jumped since the last frame: by more than both the frame counter and
-                          // the host's clock allow, and by 20 ms and four periods at least
+    bool jumped = false;  // the camera's clock jumped since the last frame: by more than frame counter and host's clock
+                          // allow, and by at least 20 ms and four periods
   };
   // receive_ns: CLOCK_MONOTONIC of the arrival. Frame ids rise.
   Mapped map(std::uint64_t frame_id, std::int64_t camera_ns, std::int64_t receive_ns) noexcept;
 
-  // Another connection's frames follow: the clock may have begun anew.
+  // Frames of another connection follow: the clock may have been reset.
   void restart() noexcept { started_ = false; }
 
   // Host's clock - camera's, at the last frame.
   std::int64_t offset_ns() const noexcept { return base_ns_ + static_cast<std::int64_t>(line_at(last_camera_ns_)); }
-  // By how much the camera's clock is slower, parts per million; 0 within the first two seconds.
+  // Drift, parts per million, positive if the camera's clock is slower; 0 within the first two seconds.
   double drift_ppm() const noexcept { return slope_ * 1e6; }
-  // Of arrivals over the line, root mean square in the last half second that is complete, ns.
+  // Root mean square of arrivals above the line in the last complete half second, ns.
   double jitter_ns() const noexcept { return jitter_ns_; }
 
  private:
@@ -61,7 +60,7 @@ class HostClock {
   const double period_ns_;
   bool started_ = false;
   std::int64_t begin_ns_ = 0;  // camera's clock
-  std::int64_t base_ns_ = 0;   // of the first frame: arrival - camera time
+  std::int64_t base_ns_ = 0;   // arrival - camera time of the first frame
   std::uint64_t last_id_ = 0;
   std::int64_t last_camera_ns_ = 0;
   std::int64_t last_receive_ns_ = 0;
@@ -69,42 +68,41 @@ class HostClock {
   double slope_ = 0.0;
   double jitter_ns_ = 0.0;
 
-  Point fastest_;  // of the present half second
+  Point fastest_;  // of the current half second
   double bucket_end_ns_ = 0.0;
   double sum_squares_ = 0.0;
   std::size_t frames_ = 0;
 
-  std::array<Point, kPoints> points_{};  // a ring, in time's order from first_ on
+  std::array<Point, kPoints> points_{};  // a ring, in time order from first_ on
   std::size_t first_ = 0;
   std::size_t count_ = 0;
 };
 
-// From one frame to the next where stamps jitter, or count in coarse ticks: the mean of the steps that differ from
-// their median by less than 0.6 of it (half a step is the tick of a camera that is read half as often again as it takes
-// pictures), so that pauses and lost frames do not move it. 0 without steps.
+// The step from one frame to the next when stamps jitter or count in coarse ticks: mean of the steps that differ from
+// their median by less than 0.6 of it (half a step is the tick of a camera that is read one and a half times as often
+// as it takes pictures), so that pauses and lost frames do not affect it. 0 without steps.
 struct UsualStep {
   double mean = 0.0;
-  double error = 0.0;  // standard error of the mean; what a stamp errs stands in two steps, and cancels
+  double error = 0.0;  // standard error of the mean; a stamp's error is in two steps, and cancels
 };
 
 // Reorders the steps. No allocation.
 UsualStep usual_step(std::span<double> steps) noexcept;
 
-// Relative: two periods that differ by less are the same to the sharp frames.
+// Relative: the deblurring cannot tell periods that differ by less.
 inline constexpr double kSamePeriod = 0.005;
 
-// Measures the frame period by the camera's own clock, independently of its settings: the usual one of 32 steps of the
-// clock, each over the counter's number of frames; of as many times 32 as are needed where its stamps jitter.
-// Thread: acquire. No allocation.
+// Measures the frame period by the camera's own clock, independently of its settings: the usual one of 32 clock steps,
+// each divided by the counter's; averaged over several such runs if stamps jitter. Thread: acquire. No allocation.
 class PeriodMeter {
  public:
-  // Another connection's frames follow, or the clock jumped.
+  // Frames of another connection follow, or the clock jumped.
   void restart() noexcept {
     started_ = false;
     means_ = errors_ = runs_ = 0.0;
   }
 
-  // s; 0 unless this frame completed a measurement.
+  // Period, s; 0 unless this frame completed a measurement.
   double add(std::uint64_t frame_id, std::int64_t camera_ns) noexcept {
     const bool follows = started_ && frame_id > last_id_ && camera_ns > last_ns_;
     if (follows) {
@@ -122,7 +120,7 @@ class PeriodMeter {
 
  private:
   double add_run(const UsualStep& step) noexcept {
-    constexpr double kMostRuns = 64;  // a clock that jitters more says nothing of the period
+    constexpr double kMostRuns = 64;  // the period of a clock that jitters more stays unknown
     constexpr double kSure = 3.0;     // standard errors
     means_ += step.mean;
     errors_ += step.error * step.error;
@@ -139,17 +137,17 @@ class PeriodMeter {
   bool started_ = false;
   std::uint64_t last_id_ = 0;
   std::int64_t last_ns_ = 0;
-  // Of runs of so many steps: sums of their means and of their errors' squares.
+  // Over runs: sums of the means and of the squared errors.
   double means_ = 0.0;
   double errors_ = 0.0;
   double runs_ = 0.0;
 };
 
-// Reports each change of the frame period, measured by the camera's clock, once. Of a clock whose period changes all
-// the time ever fewer changes are reported, until it has been steady for as long as the pause between them.
+// Reports each change of the frame period, measured by the camera's clock, once. If the period keeps changing, ever
+// fewer changes are reported, until it has been steady for as long as the pause between reports.
 class PeriodChange {
  public:
-  // Returns the previous period, s, when the measured one differs from it, else 0. `measured_s`: 0 while unknown.
+  // Returns the previous period, s, if the measured one differs from it, otherwise 0. `measured_s`: 0 while unknown.
   double update(double measured_s, double stated_s, std::int64_t now_ns) noexcept {
     constexpr std::int64_t kFirstPauseNs = 1'000'000'000;
     constexpr std::int64_t kLongestPauseNs = 60 * kFirstPauseNs;

@@ -7,15 +7,15 @@
 namespace bolo::pipeline {
 namespace {
 
-// A waiting source checks for a stop in this period.
+// A waiting source checks for a stop at this interval.
 constexpr std::int64_t kStopCheckNs = 50'000'000;
 
 }  // namespace
 
-// Beside the window's and the queue's slots there is one that the source fills and one that the pipeline has just
-// taken. The queue can hold every slot: while the window is not yet full its slots are free too, and a source that
-// waited for a slot must find room for it. So frames are lost for want of slots (kPoolExhausted); kQueueFull guards a
-// second commit of one slot.
+// Besides the window's and the queue's slots there is one that the source fills and one that the pipeline has just
+// taken. The queue can hold every slot: until the window is full, its slots are free too, and a source that waited for
+// one must find room. So frames are lost only for lack of slots (kPoolExhausted); kQueueFull guards against a slot's
+// second commit.
 FrameInlet::FrameInlet(const StreamFormat& format, std::size_t window_slots, std::size_t queue_slots)
     : format_(format), pool_(format, window_slots + queue_slots + 2), queue_(pool_.size()) {}
 
@@ -37,7 +37,7 @@ rt::FrameSlot* FrameInlet::borrow_wait(const std::atomic<bool>& stop_requested) 
 }
 
 bool FrameInlet::commit(rt::FrameSlot& slot) noexcept {
-  received_.add();  // before it may be taken: else the pipeline could have published more than came
+  received_.add();  // before it can be taken: otherwise more frames could be published than received
   if (!queue_.try_push({slot.index, restart_window_, monotonic_ns()})) {
     received_.take_back();
     losses_.add(LossCause::kQueueFull);

@@ -13,25 +13,23 @@ namespace bolo::pipeline {
 
 class FrameInlet {
  public:
-  // Allocates the pool and the queue; `window_slots` are those that the window keeps,
-  // `queue_slots` frames may wait before it. Thread: setup.
+  // Allocates pool and queue; `window_slots`: kept by the window; `queue_slots`: frames that may wait. Thread: setup.
   FrameInlet(const StreamFormat& format, std::size_t window_slots, std::size_t queue_slots);
 
   const StreamFormat& format() const noexcept { return format_; }
 
   // --- the source's side. Thread: acquire ---
 
-  // A slot to fill (its meta is empty again), or nullptr when none is free; the loss (kPoolExhausted) is then already
-  // counted. Never blocks.
+  // A slot to fill (meta reset), or nullptr if none is free; that loss (kPoolExhausted) is counted. Never blocks.
   rt::FrameSlot* borrow() noexcept;
 
   // As borrow(), but waits for a slot until stop_requested: nothing is lost. For sources that can be slowed (files).
   rt::FrameSlot* borrow_wait(const std::atomic<bool>& stop_requested) noexcept;
 
-  // Hands the filled slot on. False when the queue was full: kQueueFull is counted, the slot taken back.
+  // Passes the filled slot on. False if the queue was full: kQueueFull is counted, the slot taken back.
   bool commit(rt::FrameSlot& slot) noexcept;
 
-  // Takes an unfilled slot back: the frame turned out bad while it was copied. Counts nothing.
+  // Takes back an unfilled slot: the frame turned out bad while it was copied. Counts nothing.
   void cancel(rt::FrameSlot& slot) noexcept;
 
   // Thread: any.
@@ -43,8 +41,7 @@ class FrameInlet {
   // The source has no more frames: the pipeline drains the queue and ends. Thread: acquire.
   void finish() noexcept;
 
-  // The camera's state changed (reconnect, NUC): frames before and after do not belong in one window. The next
-  // committed frame starts a new one. Thread: acquire.
+  // The camera's state changed (reconnect, NUC): the next committed frame starts a new window. Thread: acquire.
   void restart_window() noexcept { restart_window_ = true; }
 
   // --- the pipeline's side. Thread: pipeline ---
@@ -52,11 +49,11 @@ class FrameInlet {
   struct Arrival {
     rt::FrameSlot* slot = nullptr;
     bool restart_window = false;
-    std::int64_t commit_ns = 0;  // CLOCK_MONOTONIC, when it came into the queue
+    std::int64_t commit_ns = 0;  // CLOCK_MONOTONIC of its entry into the queue
   };
-  // Waits up to timeout_ns, and not at all once the source has finished; slot is nullptr when nothing came.
+  // Waits up to timeout_ns, and not at all once the source has finished; slot is nullptr if nothing came.
   Arrival next(std::int64_t timeout_ns) noexcept;
-  // The source has called finish(). Read it before a next() that comes back empty: only then is nothing left.
+  // True after the source's finish(). Read it before a next() that finds nothing: only then is nothing left.
   bool finished() const noexcept { return finished_.load(std::memory_order_acquire); }  // partner: finish()
   void give_back(rt::FrameSlot& slot) noexcept { pool_.give_back(slot); }
   void give_back(std::uint32_t slot_index) noexcept { pool_.give_back(pool_.slot(slot_index)); }

@@ -6,10 +6,10 @@
 namespace bolo::pipeline {
 namespace {
 
-constexpr std::uint64_t kEnoughFrames = 32;  // frames, before anything is told
+constexpr std::uint64_t kEnoughFrames = 32;  // before anything is reported
 constexpr std::uint64_t kEnoughRuns = 8;     // of repeats
-constexpr std::uint64_t kRarestRepeat = 4;   // new frames for each run of repeats, above which it is chance
-constexpr double kOtherNoise = 2.0;          // factor: motion and mmae lose much beyond it
+constexpr std::uint64_t kRarestRepeat = 4;   // new frames per run of repeats, above which repeats are chance
+constexpr double kOtherNoise = 2.0;          // factor: beyond it motion and mmae lose much
 
 }  // namespace
 

@@ -1,4 +1,4 @@
-// What the frames themselves say against what is set.
+// Compares the settings with what the frames show.
 #pragma once
 
 #include <string>
@@ -11,30 +11,30 @@ namespace bolo::pipeline {
 
 class InputCheck {
  public:
-  // told_noise_k: K (counts without kelvin); 0: none is told. tau_s: of the pixels.
+  // told_noise_k: setting, K (counts without kelvin); 0: none. tau_s: of the pixels.
   InputCheck(const StreamFormat& format, double told_noise_k, double tau_s) noexcept
       : format_(format), told_noise_k_(told_noise_k), fast_(format.frame_period_s < kFastPeriod * tau_s) {}
 
-  // A frame as it came, and the one before. Thread: pipeline.
+  // A raw frame and the one before. Thread: pipeline.
   void add_frame(const void* raw, const void* before) noexcept;
 
-  // As measured in a full window, K or counts; 0: not known. Thread: pipeline.
+  // Noise measured in a full window, K or counts; 0: not known. Thread: pipeline.
   void add_noise(double measured_k) noexcept;
 
-  // What is to be told, each once. Thread: any, one at a time.
+  // New findings, each reported once. Thread: any, one at a time.
   std::vector<std::string> take();
 
  private:
-  // tau: at longer periods what moves differs from frame to frame as noise does.
+  // In units of tau: at longer periods moving content differs from frame to frame as much as noise.
   static constexpr double kFastPeriod = 0.6;
 
   StreamFormat format_;
   double told_noise_k_;
   bool fast_;
-  bool repeats_ = false;     // the last frame was the one before it
+  bool repeats_ = false;     // the last frame equalled the one before
   rt::Counter frames_;       // compared with the one before
-  rt::Counter fresh_;        // of them, those that were another
-  rt::Counter repeat_runs_;  // of one frame or more: a shutter's is one
+  rt::Counter fresh_;        // of these, frames that differed
+  rt::Counter repeat_runs_;  // runs of one frame or more: a closed shutter is one
   rt::Counter noise_frames_;
   rt::Gauge<double> noise_k_;
   bool repeats_told_ = false;

@@ -14,11 +14,11 @@
 namespace bolo::pipeline {
 namespace {
 
-// The pipeline waits this long for a frame before it checks for a stop. The sinks hear of a silence as old as this at
-// the next check: after twice the time at most.
+// The pipeline waits this long for a frame before it checks for a stop. Sinks are notified of a silence this long at
+// the next check: after at most twice the time.
 constexpr std::int64_t kPollNs = 100'000'000;
 
-constexpr double kGyroFrames = 400;  // after which the use of the gyro is checked
+constexpr double kGyroFrames = 400;  // interval of checks of the gyro's use
 
 constexpr int kMaxQueueFrames = 4096;
 
@@ -82,7 +82,7 @@ void Pipeline::Impl::prepare(const deblur::WindowView& view) noexcept {
   }
 }
 
-// False when no time was left for it and nothing may stand in for it.
+// False if there was no time left and raw planes are not allowed instead.
 bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   const std::int64_t start_ns = monotonic_ns();
   const std::int64_t start_cpu_ns = thread_cpu_ns();
@@ -112,7 +112,7 @@ bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   return true;
 }
 
-// Without the other workers, whose threads may be what it waits for.
+// Without the other workers, whose threads may be the cause of the delay.
 void Pipeline::Impl::work_alone() noexcept {
   for (int part = 0; part < team.size(); ++part) work(part);
 }
@@ -123,8 +123,7 @@ void Pipeline::Impl::read_clock(std::int64_t now_ns) noexcept {
   stats.clock_error_ns.set(utc.state().error_ns);
 }
 
-// A frame came to the host within a period of its time: that bounds how late host_ns and receive_ns are, but for the
-// jitter of the way.
+// A frame reaches the host within a period, which bounds the error of host_ns and receive_ns, but for transport jitter.
 void Pipeline::Impl::stamp_utc(FrameMeta& meta) noexcept {
   meta.utc_ns = utc.at(host_time_ns(meta));
   const double way_ns = info.format.frame_period_s * kNsPerSecond +
@@ -177,7 +176,6 @@ PixelRange Pipeline::Impl::share_of_pixels(int part) const noexcept {
   return {begin(part), begin(part + 1)};
 }
 
-// The plane that the window gets.
 const void* Pipeline::Impl::corrected(const rt::FrameSlot& slot, bool restart_window) noexcept {
   if (!corrections->before()) return slot.data;
   const std::int64_t start_ns = monotonic_ns();
@@ -197,7 +195,7 @@ const void* Pipeline::Impl::corrected(const rt::FrameSlot& slot, bool restart_wi
   return corrections->plane();
 }
 
-// The old corrections' planes may still be shown for their look-ahead: it is given back with the frame after.
+// Planes of the old corrections may be shown until their look-ahead has passed: they are returned one frame later.
 void Pipeline::Impl::take_period() noexcept {
   if (spending != nullptr) spent.store(std::exchange(spending, nullptr), std::memory_order_release);  // partner:
   Timed* const timed = next_timed.exchange(nullptr, std::memory_order_acquire);                       // set_period()
@@ -210,14 +208,14 @@ void Pipeline::Impl::take_period() noexcept {
   spending = timed;
 }
 
-// A camera that is read faster than it takes pictures: its frames are those that repeat none.
+// For a camera that is read faster than it takes pictures: the period of frames that do not repeat the one before.
 void Pipeline::Impl::measure_fresh_period(const FrameMeta& meta, bool restart_window) noexcept {
   if (restart_window) fresh_period.restart();
   const double period_s = fresh_period.add(meta.frame_id - stats.repeats.value(), meta.camera_ns);
   if (period_s > 0.0) stats.fresh_period_s.set(period_s);
 }
 
-// False when nothing came in time.
+// False if nothing arrived in time.
 bool Pipeline::Impl::process_next() noexcept {
   const FrameInlet::Arrival arrival = inlet.next(kPollNs);
   const std::int64_t now_ns = monotonic_ns();
@@ -279,23 +277,21 @@ void Pipeline::Impl::loop(const std::atomic<bool>& stop_requested) noexcept {
   last_sign_ns = monotonic_ns();
   stats.polled_ns.set(last_sign_ns);
   while (!stop_requested.load(std::memory_order_relaxed) && !must_give_up()) {
-    const bool finished =
-        inlet.finished();  // before the queue is read: a frame committed before finish() is then found
+    const bool finished = inlet.finished();  // read before the queue: a frame committed before finish() is then found
     if (!process_next() && finished) return;
     idle_sinks();
   }
 }
 
-// Processes the frames that had been committed when the source was stopped.
 void Pipeline::Impl::drain() noexcept {
-  inlet.finish();  // next() on an empty queue then returns at once
+  inlet.finish();  // makes next() on an empty queue return at once
   while (!must_give_up() && process_next()) continue;
   if (must_give_up()) return;
   window.finish();
   publish_ready();
 }
 
-// Tries the solver once where the source does not wait for it.
+// Measures the solver once, if the source does not wait for it.
 Status Pipeline::Impl::keep_up() {
   if (!options.must_keep_up) return {};
   ASSIGN_OR_RETURN(auto trial, SolverLadder::create(settings, corrections->format(), options.output,

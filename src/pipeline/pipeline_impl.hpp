@@ -1,4 +1,4 @@
-// Pipeline::Impl, for its two files: the pipeline thread's part and the workers'.
+// Pipeline::Impl, shared by the pipeline thread's file and the workers' file.
 #pragma once
 
 #include <array>
@@ -24,9 +24,9 @@
 
 namespace bolo::pipeline {
 
-inline constexpr int kSlotsBeside = 2;  // of the inlet's pool, beside those of window and queue
+inline constexpr int kSlotsBeside = 2;  // of the inlet's pool, besides those of window and queue
 
-// An output plane, aligned for the widest vectors, zeroed so that no page fault is left for later.
+// An output plane, aligned for the widest vectors, zeroed so that no page faults occur later.
 class Plane {
  public:
   explicit Plane(std::size_t bytes) : data_(::operator new(bytes, kAlign)) { std::memset(data_, 0, bytes); }
@@ -40,7 +40,6 @@ class Plane {
   void* data_;
 };
 
-// The sinks that are open; closes each once.
 class OpenSinks {
  public:
   ~OpenSinks() { close(); }
@@ -62,7 +61,7 @@ class OpenSinks {
   std::vector<FrameSink*> open_;
 };
 
-// Values of a deblurred plane. Points may be named more than once.
+// Number of values of a deblurred plane. Points may repeat.
 inline std::size_t solved_pixels(Geometry geometry, const PipelineOptions& options) {
   return options.points.empty() ? geometry.pixels() : options.points.size();
 }
@@ -153,44 +152,44 @@ struct Pipeline::Impl {
   PipelineStats stats;
   Plane deblurred;
   OpenSinks sinks;
-  std::vector<FrameSink*> all_sinks;  // also when they are closed
+  std::vector<FrameSink*> all_sinks;  // also after they are closed
   rt::WorkerTeam team;
 
-  // Written by the pipeline thread before the team runs, read by the workers; the team orders both.
+  // Written by the pipeline thread before the team runs, read by the workers; the team synchronises both.
   const deblur::Window::Ready* job = nullptr;
   std::size_t pass = 0;                        // of the corrections
   QualityLevel quality = QualityLevel::kFull;  // for the job
-  QualityLevel least = QualityLevel::kFull;    // no frame gets more
+  QualityLevel least = QualityLevel::kFull;    // upper limit of every frame's effort
   const std::atomic<bool>* stop = nullptr;
-  std::atomic<std::int64_t> stop_seen_ns{0};  // CLOCK_MONOTONIC; 0: nobody has
-  std::atomic<bool> given_up{false};          // of the job: no time was left for all of it
+  std::atomic<std::int64_t> stop_seen_ns{0};  // CLOCK_MONOTONIC of the first thread to see the stop; 0: none yet
+  std::atomic<bool> given_up{false};          // of the job: there was not enough time for all of it
   struct alignas(rt::kCacheLine) Flag {
     bool value = false;
   };
-  std::vector<Flag> band_saturated;  // one a part
-  const void* raw = nullptr;         // of the job's frame, as it came
-  const void* newest = nullptr;      // raw, of the frame that the window got last; it has it still
-  std::vector<const void*> raw_of;   // of each pool slot in the window, by token
-  std::uint64_t repeats = 0;         // dropped since the frame that the window got last
-  PeriodMeter fresh_period;          // of the frames that repeat none, where those are dropped
-  bool restart_window_next = false;  // a frame that was dropped had begun a new window
+  std::vector<Flag> band_saturated;  // one per part
+  const void* raw = nullptr;         // of the job's frame, uncorrected
+  const void* newest = nullptr;      // raw plane of the window's newest frame, still in the window
+  std::vector<const void*> raw_of;   // by token, for each pool slot in the window
+  std::uint64_t repeats = 0;         // dropped since the window's newest frame
+  PeriodMeter fresh_period;          // of the frames that do not repeat the one before, if repeats are dropped
+  bool restart_window_next = false;  // a dropped frame had started a new window
 
   std::atomic<Timed*> next_timed{nullptr};  // set_period() -> the pipeline thread, which exchanges the contents ...
-  std::atomic<Timed*> spent{nullptr};       // ... and gives them back a frame later, when no plane of theirs is left
-  Timed* spending = nullptr;                // until then
+  std::atomic<Timed*> spent{nullptr};       // ... and returns them a frame later, when none of their planes is in use
+  Timed* spending = nullptr;                // meanwhile
   ~Impl() {
     delete next_timed.load();
     delete spent.load();
     delete spending;
   }
 
-  std::optional<GapWatch> gap;                           // goes before what it writes to
-  UtcClock utc;                                          // of the pipeline thread
-  std::atomic<std::uint64_t> steps_reported{0};          // of it, as notices
-  std::array<std::uint64_t, kGyroUses> gyro_reported{};  // of stats, as notices
+  std::optional<GapWatch> gap;                           // destroyed before the members it writes to
+  UtcClock utc;                                          // used by the pipeline thread
+  std::atomic<std::uint64_t> steps_reported{0};          // clock steps already in notices
+  std::array<std::uint64_t, kGyroUses> gyro_reported{};  // of stats, already in notices
   GyroUse last_gyro_use = GyroUse::kUsed;
-  std::int64_t last_sign_ns = 0;   // when the sinks were last called
-  std::int64_t work_began_ns = 0;  // on the frame that is published next: it was taken, or the last one was out
+  std::int64_t last_sign_ns = 0;   // last call of the sinks
+  std::int64_t work_began_ns = 0;  // on the frame published next: it was taken, or its predecessor published
 };
 
 }  // namespace bolo::pipeline

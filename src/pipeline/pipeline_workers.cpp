@@ -9,8 +9,8 @@
 namespace bolo::pipeline {
 namespace {
 
-// Frames are still solved for this long after a stop request. Rows and points solved between two reads of the clock:
-// enough to cost nothing, little enough for half a second even where a pixel takes 0.2 ms (exact).
+// Frames are still solved for this long after a stop request. Rows and points between two reads of the clock: enough to
+// cost nothing, few enough for half a second even where a pixel takes 0.2 ms (exact).
 constexpr std::int64_t kEndNs = 300'000'000;
 constexpr int kRowsAtOnce = 64;
 constexpr int kExactRowsAtOnce = 1;
@@ -19,8 +19,7 @@ constexpr std::size_t kExactPointsAtOnce = 512;
 
 }  // namespace
 
-// A part is a band of rows, the same for every frame: a worker mostly has the same one, whose window stays in its
-// core's cache.
+// A part is a band of rows, the same for every frame: it mostly meets the same worker, whose core has it in its cache.
 void Pipeline::Impl::work(int part) noexcept {
   bool& saturation = band_saturated[static_cast<std::size_t>(part)].value;
   saturation = false;
@@ -35,17 +34,16 @@ void Pipeline::Impl::work(int part) noexcept {
   if (first_row < end_row) saturation = solve_part({all.x, all.y + first_row, all.width, end_row - first_row});
 }
 
-// Also on the workers.
 bool Pipeline::Impl::out_of_time() noexcept {
   if (must_give_up()) return true;
   if (stop == nullptr || !stop->load(std::memory_order_relaxed)) return false;
   const std::int64_t now_ns = monotonic_ns();
-  std::int64_t seen_ns = 0;  // the first to see it decides: all others then find its time
+  std::int64_t seen_ns = 0;  // the first thread to see the stop sets the time for all others
   if (stop_seen_ns.compare_exchange_strong(seen_ns, now_ns, std::memory_order_relaxed)) seen_ns = now_ns;
   return now_ns - seen_ns > kEndNs;
 }
 
-// In stretches of `at_once` units, as long as there is time.
+// Solves in stretches of `at_once` units, as long as there is time.
 template <typename Solve>
 void Pipeline::Impl::solve_stretches(std::size_t begin, std::size_t end, std::size_t at_once,
                                      const Solve& solve) noexcept {
@@ -55,7 +53,7 @@ void Pipeline::Impl::solve_stretches(std::size_t begin, std::size_t end, std::si
   }
 }
 
-// True when a raw value lies at the end of the range.
+// True if a raw value is at the end of the range.
 bool Pipeline::Impl::solve_part(const Region& part) noexcept {
   const auto width = static_cast<std::size_t>(info.format.geometry.width);
   const auto part_width = static_cast<std::size_t>(part.width);

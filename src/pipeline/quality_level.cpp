@@ -8,8 +8,8 @@
 namespace bolo::pipeline {
 namespace {
 
-constexpr std::uint64_t kFewWait = 1;  // no backlog: the next frame came while this one was solved
-constexpr double kShortWait_s = 0.04;  // of the frames that lead to the first level below full; twice that to each next
+constexpr std::uint64_t kFewWait = 1;  // no backlog: the next frame arrived while this one was solved
+constexpr double kShortWait_s = 0.04;  // of waiting frames, for the first level below full; doubled per level
 
 QualityLevel one_up(QualityLevel level) noexcept { return static_cast<QualityLevel>(static_cast<int>(level) - 1); }
 

@@ -19,15 +19,15 @@
 namespace bolo::pipeline {
 namespace {
 
-// Leaves out the wavelets within a frame, which is cheaper; the weight of the others is scaled to match.
+// Omits the wavelets within a frame, which is cheaper; the weight of the others is scaled to match.
 void constant_within_frames(deblur::Settings& settings) {
   const int levels = std::countr_zero(static_cast<unsigned>(settings.window - 1));
   settings.lambda *= std::exp2(0.5 * (settings.levels - levels));
   settings.levels = levels;
 }
 
-// With automatic lambda mmae stands in, as for motion: it takes a quarter of the time and is no further from the truth.
-// One sweep at a lambda that suits any noise would be little more than the inverse filter.
+// mmae replaces automatic lambda, as it does motion: it takes a quarter of the time and is no further from the truth.
+// One sweep at a lambda that suits any noise would be little better than the inverse filter.
 deblur::Settings cheaper(deblur::Settings settings, QualityLevel level) {
   const bool automatic = std::exchange(settings.auto_lambda, false);
   if (level == QualityLevel::kInverse || settings.method == deblur::Method::kInverse) {
@@ -46,7 +46,7 @@ constexpr double kMeasured_s = 0.05;  // CPU time
 
 double thread_seconds() noexcept { return 1e-9 * static_cast<double>(thread_cpu_ns()); }
 
-// Waves of three directions, in counts of 0.01 K: width x height.
+// Waves in three directions, in counts of 0.01 K: width x height.
 std::vector<double> waves(int width, int height) {
   std::vector<double> plane;
   for (int y = 0; y < height; ++y) {
@@ -67,8 +67,8 @@ void put(std::uint16_t count, PixelType type, std::byte* to) noexcept {
   }
 }
 
-// A shaking view, so that no solver has less to do than a scene gives it: every pixel changes, and no two
-// displacements in a row are alike. Noise without a scene would cost `motion` twice what any scene does.
+// A shaking view, so that no solver has less work than with a real scene: every pixel changes, and no two consecutive
+// displacements are alike. Noise without a scene would cost `motion` twice as much as any scene.
 std::vector<std::vector<std::byte>> trial_frames(const StreamFormat& input, int frames) {
   constexpr int kStep = 3;  // px a frame, more or less
   const Geometry g = input.geometry;
@@ -88,7 +88,7 @@ std::vector<std::vector<std::byte>> trial_frames(const StreamFormat& input, int 
   return planes;
 }
 
-// CPU time of a frame that comes after another, on one thread, extrapolated from the rows that kMeasured_s allow.
+// CPU time of a frame that follows another, on one thread, extrapolated from the rows solved within kMeasured_s.
 double seconds_a_frame(deblur::Solver& solver, const deblur::WindowView& view, const StreamFormat& input, void* out) {
   const double begin = thread_seconds();
   solver.prepare(view);
@@ -104,11 +104,11 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::WindowView& view, c
   return prepared - begin + passed * input.geometry.height / rows;
 }
 
-// The least of a few frames: the first are slower, with memory that was not used before.
+// The least of a few frames: the first are slower, because their memory was not used before.
 double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings, const StreamFormat& input,
                        PixelType output) {
   constexpr int kTried = 5;
-  constexpr int kMoving = 17;  // frames of a window, the last ones: the others rest and take no memory
+  constexpr int kMoving = 17;  // frames of a window, the last ones: the others are still, and take no memory
   const auto planes = trial_frames(input, std::min(settings.window, kMoving) + kTried);
   const auto frame_count = static_cast<std::size_t>(settings.window + kTried);
   std::vector<const void*> frames(frame_count, planes.front().data());
@@ -117,7 +117,7 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings,
   const auto window = static_cast<std::size_t>(settings.window);
   const int target = settings.window - 1 - settings.lookahead;
   std::vector<std::byte> out(input.geometry.pixels() * bytes_of(output));
-  solver.prepare({all.first(window), target, 1});  // the first window is all new: not what a frame takes
+  solver.prepare({all.first(window), target, 1});  // the first window is entirely new, unlike those of later frames
   const double end = thread_seconds() + kMeasured_s;
   double least = std::numeric_limits<double>::max();
   for (std::size_t i = 1; i <= kTried && (i == 1 || thread_seconds() < end); ++i) {

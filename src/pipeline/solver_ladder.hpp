@@ -1,4 +1,4 @@
-// The solver that the settings ask for, and the cheaper ones that stand in for it; a description of the settings.
+// The configured solver and its cheaper substitutes; a description of the settings.
 #pragma once
 
 #include <array>
@@ -11,20 +11,19 @@
 
 namespace bolo::pipeline {
 
-// Measured cost of the solvers on this processor.
 struct Pace {
-  QualityLevel least = QualityLevel::kFull;  // the first of which a frame takes no longer than a period
-  double full_s = 0.0;                       // a frame of the full one
+  QualityLevel least = QualityLevel::kFull;  // first level whose frames take no longer than a period
+  double full_s = 0.0;                       // time per frame at full effort
 };
 
 class SolverLadder {
  public:
-  // As Solver::create(). Without `degrade` there is only the full one. Thread: setup.
+  // As Solver::create(). Without `degrade`, only the configured solver. Thread: setup.
   static Result<SolverLadder> create(const deblur::Settings& settings, const StreamFormat& input, PixelType output,
                                      double row_delay_s, bool degrade);
 
-  // Solves a frame of noise, or as much of it as 50 ms allow. Solvers that were not made are skipped. Their memory then
-  // is of invented noise: frames need a ladder of their own. Thread: setup.
+  // Solves a synthetic frame, or as much of it as 50 ms allow. Skips solvers that were not created. The solvers' memory
+  // then holds invented noise: frames need a ladder of their own. Thread: setup.
   Pace measure(const deblur::Settings& settings, const StreamFormat& input, PixelType output, int workers);
 
   const deblur::Solver& full() const noexcept { return *solvers_.front(); }
@@ -35,8 +34,8 @@ class SolverLadder {
   std::array<std::unique_ptr<deblur::Solver>, kQualityLevels - 1> solvers_;
 };
 
-// Method, iterations, lambda, kappa and instruction set: "admm, 8 iterations, lambda 0.002 K, kappa 0.1, AVX3". Short
-// enough for the 64 bytes it has in shared memory, whatever the values. Thread: setup.
+// Method, iterations, lambda, kappa and instruction set: "admm, 8 iterations, lambda 0.002 K, kappa 0.1, AVX3". Always
+// fits the 64 bytes it has in shared memory. Thread: setup.
 std::string describe_solver(const deblur::Settings& settings, Unit unit, std::string_view isa);
 
 }  // namespace bolo::pipeline

@@ -1,4 +1,4 @@
-// Interface of a source of frames: a camera, its fake, a capture.
+// Interface of a source of frames: a camera, a fake camera, a capture.
 #pragma once
 
 #include <array>
@@ -30,9 +30,9 @@ enum class SourceState : std::uint32_t {
   kCount
 };
 
-// Cause of the loss of a camera. The order is part of the shared-memory layout: append only.
+// Cause of a camera's loss. The order is part of the shared-memory layout: append only.
 enum class LostCause : std::size_t {
-  kControlLost,  // it answers, but does not obey this program any more: rebooted, or taken by another
+  kControlLost,  // it answers, but no longer obeys this program: rebooted, or taken by another
   kNoAnswer,     // unplugged, switched off, frozen, or under another address
   kStalled,      // it answers and obeys, yet sends no frames
   kCount
@@ -73,28 +73,28 @@ constexpr std::string_view name(PtpStatus status) {
   return kNames[static_cast<std::size_t>(status)];
 }
 
-// Since the source was made. Written by the source's threads, read by any; each value stands alone.
+// Since the source was created. Written by the source's threads, read by any; each value is independent.
 struct SourceStatus {
   rt::Gauge<SourceState> state{SourceState::kIdle};
-  rt::Gauge<std::int64_t> since_ns;           // CLOCK_MONOTONIC, when it came to this state
-  rt::Gauge<std::int64_t> watched_ns;         // CLOCK_MONOTONIC, when the source last checked its camera
+  rt::Gauge<std::int64_t> since_ns;           // CLOCK_MONOTONIC, start of this state
+  rt::Gauge<std::int64_t> watched_ns;         // CLOCK_MONOTONIC of the source's last check of its camera
   std::array<rt::Counter, kLostCauses> lost;  // times that the camera was lost, by cause
   rt::Counter reopened;                       // times that it was opened again
   rt::Counter stalls;                         // times that frames stopped
-  rt::Counter outage_frames;                  // that would have come while it was lost; not among the losses
-  rt::Counter corrections;                    // NUCs that this program asked for
+  rt::Counter outage_frames;                  // frames that it would have sent while lost; not among the losses
+  rt::Counter corrections;                    // NUCs requested by this program
   rt::Gauge<std::int64_t> correction_ns;      // CLOCK_MONOTONIC of the last one; 0: none
   rt::Gauge<std::int64_t> clock_offset_ns;    // host's clock - camera's, now; 0: not known yet
-  rt::Gauge<double> clock_drift_ppm;          // by how much the camera's clock is slower than the host's
-  rt::Gauge<double> clock_jitter_ns;          // of the way from camera to host, rms over its shortest
+  rt::Gauge<double> clock_drift_ppm;          // positive: the camera's clock is slower than the host's
+  rt::Gauge<double> clock_jitter_ns;          // of the latency from camera to host, rms above its shortest
   rt::Counter clock_jumps;                    // of the camera's clock
   rt::Gauge<double> measured_period_s;        // from frame to frame by the camera's clock; 0: not known yet
-  rt::Counter received_packets;               // datagrams of the stream; of GigE Vision only, as the next two
-  rt::Counter missing_packets;                // of frames that were given up
-  rt::Counter resent_packets;                 // that came when they were asked for again
+  rt::Counter received_packets;               // datagrams of the stream; only for GigE Vision, like the next two
+  rt::Counter missing_packets;                // of frames that were abandoned
+  rt::Counter resent_packets;                 // that arrived after a resend request
   rt::Gauge<double> temperature_k;            // of the camera; 0: not known
   rt::Gauge<PtpStatus> ptp{PtpStatus::kOff};
-  rt::Gauge<std::int64_t> ptp_offset_ns;  // from its master, as the camera reckons
+  rt::Gauge<std::int64_t> ptp_offset_ns;  // from its PTP master, by the camera's own estimate
 };
 
 using CameraRow = CounterRow<SourceStatus>;
@@ -136,7 +136,6 @@ inline constexpr std::array kCameraCounters{
               Reading{RowKind::kNs, 1e-9, 1.0, offsetof(bolo_shm_camera, ptp)}),
 };
 
-// Limits of the time that a source may be silent.
 struct WatchLimits {
   std::int64_t stall_ns;  // without a frame for this long: stalled
   std::int64_t lost_ns;   // ... and for this long: lost
@@ -148,7 +147,7 @@ WatchLimits watch_limits(int stall_ms, int reconnect_after_ms, double period_s) 
 // Frames that would have come between the last one before an outage and the first one after it. Thread: any.
 std::uint64_t frames_between(std::int64_t last_ns, std::int64_t first_ns, double period_s) noexcept;
 
-// By the camera's clock; while that is not known, the stated one. Thread: any.
+// By the camera's clock, or the stated period while that is unknown. Thread: any.
 double known_period_s(const SourceStatus& status, double stated_s) noexcept;
 
 struct SourceInfo {
@@ -164,20 +163,19 @@ class FrameSource {
   // Connects, configures, and returns the format of the frames. Called once. Thread: setup.
   virtual Result<SourceInfo> open() = 0;
 
-  // Frames go into the inlet from now on, from one thread of the source's own; the inlet outlives stop(). Thread:
-  // setup.
+  // Starts to deliver frames into the inlet, from one thread of its own; the inlet outlives stop(). Thread: setup.
   virtual Status start(FrameInlet& inlet) = 0;
 
-  // No frame is handed in after it returns. Idempotent. Thread: setup.
+  // No frame is delivered after it returns. Idempotent. Thread: setup.
   virtual void stop() noexcept = 0;
 
-  // Of a source that is monitored, as long as the source lives; null for others. Thread: any.
+  // Status of a monitored source, valid as long as the source; null for others. Thread: any.
   virtual const SourceStatus* status() const noexcept { return nullptr; }
 
   // Events since the last call, newest last. Thread: any.
   virtual std::vector<Notice> take_notices() { return {}; }
 
-  // Starts a NUC (non-uniformity correction). Blocks until the camera has taken the command. Thread: any.
+  // Starts a NUC (non-uniformity correction). Blocks until the camera has accepted the command. Thread: any.
   virtual Status trigger_nuc() { return failed("this source has no pixels to correct"); }
 };
 

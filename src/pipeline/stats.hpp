@@ -18,10 +18,10 @@
 
 namespace bolo::pipeline {
 
-// Latency of a frame by stage. Without look-ahead arrival, queue and deblur of a frame add up to its total latency;
-// with look-ahead it also waits for the frames after it.
+// Latency of a frame by stage. Without look-ahead, arrival, queue and deblur add up to a frame's total latency; with
+// look-ahead it also waits for the frames after it.
 struct StageLatencies {
-  rt::LatencyHistogram arrival;  // first byte received -> whole and in the frame queue
+  rt::LatencyHistogram arrival;  // first byte received -> complete and in the frame queue
   rt::LatencyHistogram queue;    // in the queue -> taken by the pipeline thread
   rt::LatencyHistogram deblur;   // taken, or the frame before it published -> sharp
   rt::LatencyHistogram publish;  // sharp -> every sink has its copy
@@ -32,40 +32,39 @@ struct PipelineStats {
   explicit PipelineStats(const FrameInlet& i, const SourceStatus* s = nullptr)
       : inlet(i), source(s), period_s(i.format().frame_period_s) {}
 
-  // Frames that were received and not yet taken. Thread: any.
+  // Received frames that were not taken yet. Thread: any.
   std::uint64_t waiting() const noexcept {
-    const std::uint64_t gone = taken.value();  // before what it is taken from
+    const std::uint64_t gone = taken.value();  // read before the count it is subtracted from
     const std::uint64_t come = inlet.received();
-    return come - std::min(gone, come);  // another thread may see the two counters in another order
+    return come - std::min(gone, come);  // another thread may see the two counters in a different order
   }
 
   const FrameInlet& inlet;           // received(), losses()
   const SourceStatus* source;        // of a camera; null for a source that is not monitored
-  rt::Gauge<double> period_s;        // that frames are solved with: the source's, or since set_period() that one
-  rt::Gauge<double> fresh_period_s;  // measured, of the frames that repeat none, where others are dropped; 0: not yet
+  rt::Gauge<double> period_s;        // used by the solver: the source's, or that of set_period()
+  rt::Gauge<double> fresh_period_s;  // measured, without repeats, if these are dropped; 0: not known yet
   rt::Counter taken;                 // frames taken out of the queue
   rt::Counter published;             // frames handed to the sinks
   rt::Counter restarts;              // windows emptied: NUC, reconnect, a jump in time
   rt::Counter warm_up;               // published without a full window behind them
   rt::Counter gap_frames;            // published with a lost frame in their window
   std::array<rt::Counter, kQualityLevels>
-      by_effort;                   // of the frames with a full window; their sum is published - warm_up
-  rt::Gauge<QualityLevel> effort;  // of the last one
-  rt::Counter deblur_ns;           // time spent solving, summed over frames
-  rt::Counter repeats;             // frames that repeated the one before and were dropped; among the missing, too
-  std::array<rt::Counter, kGyroUses> gyro;                         // frames whose motion was estimated, by its use
-  rt::Counter clock_steps;                                         // somebody set the host's clock
-  rt::Gauge<std::uint64_t> clock_synchronised;                     // 1: disciplined, according to the kernel
-  rt::Gauge<std::int64_t> clock_error_ns{kUnboundedClockErrorNs};  // of its UTC, at most
-  // Last results of a GapWatch; ratios are 0 until known.
+      by_effort;                                // of the frames with a full window; their sum is published - warm_up
+  rt::Gauge<QualityLevel> effort;               // of the last frame
+  rt::Counter deblur_ns;                        // time spent solving, summed over frames
+  rt::Counter repeats;                          // dropped frames that repeated the one before; also among the missing
+  std::array<rt::Counter, kGyroUses> gyro;      // frames whose motion was estimated, by its use
+  rt::Counter clock_steps;                      // times the host's clock was set
+  rt::Gauge<std::uint64_t> clock_synchronised;  // 1: disciplined, according to the kernel
+  rt::Gauge<std::int64_t> clock_error_ns{kUnboundedClockErrorNs};  // bound of its UTC error
+  // Latest results of a GapWatch; ratios are 0 until known.
   rt::Counter gap_bursts;             // evaluated
   rt::Gauge<double> gap_ratio;        // of the prediction's error to the noise
   rt::Gauge<double> gap_tau_ratio;    // of the pixels' time constant to the profile's
   rt::Gauge<double> gap_noise_ratio;  // of the noise to the profile's
   rt::LatencyHistogram latency;       // first byte received -> publish_ns, right before the sinks get it
   StageLatencies stages;
-  // CLOCK_MONOTONIC, when the pipeline thread last polled for a frame, which it does ten times a second at least;
-  // 0: it does not run yet.
+  // CLOCK_MONOTONIC of the pipeline thread's last poll for a frame, at least ten times a second; 0: not running yet.
   rt::Gauge<std::int64_t> polled_ns;
 };
 
@@ -81,7 +80,7 @@ using FrameRow = CounterRow<PipelineStats>;
 inline constexpr std::array kFrameCounters{
     FrameRow(received_word, offsetof(bolo_shm_header, received), "received", "bolo_frames_received_total",
              "Whole frames that reached the queue", AtEnd{true}),
-    // In shared memory by itself: readers take frames by it.
+    // Stored separately in shared memory, because readers find frames by it.
     FrameRow(word_of<&PipelineStats::published>, 0, "published", "bolo_frames_published_total",
              "Frames handed to the sinks", AtEnd{true}),
     FrameRow(losses_word, offsetof(bolo_shm_header, lost), "lost", "bolo_frames_lost_total",
@@ -118,7 +117,6 @@ inline constexpr std::array kFrameCounters{
              "The camera's noise over the profile's; 0: not told yet", Reading{RowKind::kReal}),
 };
 
-// Parts of a frame's latency, in the order in which it passes them.
 struct StageRow {
   std::string_view name;
   rt::LatencyHistogram StageLatencies::*latency;

@@ -12,7 +12,7 @@
 
 namespace bolo::rt {
 
-// Relaxed on purpose: each counter stands alone, nothing else is published through it. Thread: any.
+// Relaxed on purpose: each counter is independent and publishes nothing else. Thread: any.
 class Counter {
  public:
   void add(std::uint64_t n = 1) noexcept { value_.fetch_add(n, std::memory_order_relaxed); }
@@ -23,7 +23,7 @@ class Counter {
   std::atomic<std::uint64_t> value_{0};
 };
 
-// A value that is replaced. Relaxed as Counter, and for the same reason. Thread: any.
+// A value that is replaced; relaxed for the same reason as Counter. Thread: any.
 template <typename T>
 class Gauge {
  public:
@@ -66,14 +66,14 @@ class LatencyHistogram {
     return b < kBuckets ? b : kBuckets - 1;
   }
 
-  // The upper edge of a bucket, ms: what a percentile is reported as.
+  // Upper edge of a bucket, ms: reported as the percentile.
   static constexpr double upper_ms(std::size_t b) noexcept {
     if (b < 8) return static_cast<double>(b + 1) * 1e-3;
     return static_cast<double>((9 + b % 8) << (b / 8 - 1)) * 1e-3;
   }
 
-  // The latency in ms that `fraction` (0..1) of the counted frames did not exceed, from a copy of the counts such as
-  // shared memory holds; 0 when nothing was counted. Thread: any.
+  // Latency, ms, that `fraction` (0..1) of the counted frames did not exceed, from a copy of the counts as in shared
+  // memory; 0 when nothing was counted. Thread: any.
   static constexpr double percentile_ms(std::span<const std::uint64_t> counts, double fraction) noexcept {
     std::uint64_t total = 0;
     for (const std::uint64_t c : counts) total += c;
@@ -89,7 +89,6 @@ class LatencyHistogram {
     counts_[bucket(ns)].add();
     sum_ns_.add(ns > 0 ? static_cast<std::uint64_t>(ns) : 0);
   }
-  // Of all latencies. Thread: any.
   std::uint64_t sum_ns() const noexcept { return sum_ns_.value(); }
   std::uint64_t count(std::size_t b) const noexcept { return counts_[b].value(); }
   std::array<std::uint64_t, kBuckets> counts() const noexcept {

@@ -16,7 +16,7 @@ void FramePool::Free::operator()(std::byte* p) const noexcept { ::operator delet
 
 FramePool::FramePool(const StreamFormat& format, std::size_t slots)
     : plane_bytes_(bolo::plane_bytes(format.geometry, format.type)), slots_(slots), free_(slots) {
-  // One vector more than the plane: kernels may read, never use, the lanes beyond a last short row.
+  // One vector more than the plane: kernels may read, but never use, lanes beyond a last short row.
   const std::size_t stride = round_up(plane_bytes_) + kAlignment;
   const std::size_t bytes = stride * slots;
   memory_.reset(static_cast<std::byte*>(::operator new (bytes, std::align_val_t{kAlignment})));

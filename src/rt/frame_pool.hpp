@@ -1,7 +1,7 @@
 // The frames' memory: allocated and touched once at start-up, borrowed afterwards.
 //
-// A slot goes round: pool -> driver (fills it) -> frame queue -> window -> pool. The driver's thread takes, the
-// pipeline's thread gives back, so the free list is a single-producer single-consumer queue of slot indices too.
+// A slot's cycle: pool -> driver (fills it) -> frame queue -> window -> pool. Only the driver's thread takes and only
+// the pipeline's thread gives back: the free list, too, is a single-producer single-consumer queue of indices.
 #pragma once
 
 #include <cstddef>
@@ -38,7 +38,7 @@ class FramePool {
   // As take(), but waits up to timeout_ns: for sources that may be slowed down (files). Thread: acquire.
   FrameSlot* take_wait(std::int64_t timeout_ns) noexcept;
 
-  // The slot's plane must not be read any more by its giver. Thread: pipeline.
+  // The caller must no longer read the slot's plane. Thread: pipeline.
   void give_back(FrameSlot& slot) noexcept;
 
  private:

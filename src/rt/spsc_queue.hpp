@@ -101,7 +101,7 @@ class SpscQueue {
     return stay_awake(try_pop(value));
   }
 
-  // Ends the pop_wait() that runs, or the next one, early. Thread: any.
+  // Ends the running pop_wait(), or the next one, early. Thread: any.
   void wake() noexcept {
     woken_.store(true, std::memory_order_seq_cst);  // partner: S3
     ring_if_sleeping();
@@ -120,7 +120,7 @@ class SpscQueue {
     if (sleeping_.exchange(false, std::memory_order_seq_cst)) sem_post(&bell_);  // P5
   }
 
-  // Relaxed: a bell that this comes too late for is taken back by S1.
+  // Relaxed: S1 takes back a bell that is rung before the producer sees this.
   bool stay_awake(bool result) noexcept {
     sleeping_.store(false, std::memory_order_relaxed);
     return result;

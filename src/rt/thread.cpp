@@ -14,7 +14,7 @@
 namespace bolo::rt {
 namespace {
 
-constexpr std::size_t kShownName = 15;  // TASK_COMM_LEN without its end
+constexpr std::size_t kShownName = 15;  // TASK_COMM_LEN without the terminating zero
 
 std::string quoted(const ThreadOptions& options) { return "thread '" + options.name + "'"; }
 
@@ -53,8 +53,7 @@ Status apply_affinity(const ThreadOptions& options) {
                    "); choose online CPUs that the cpuset allows (AllowedCPUs= of the systemd unit)");
 }
 
-// 0.1 to 0.2 ms: a solver that prepares with its team calls it forty times a frame, up to 0.05 ms apart, and waking a
-// thread takes 0.02.
+// 0.1 to 0.2 ms: a solver that prepares with its team calls run() 40 times a frame, 0.05 ms apart; waking takes 0.02.
 constexpr int kSpins = 10'000;
 
 void relax() noexcept {
@@ -65,7 +64,7 @@ void relax() noexcept {
 #endif
 }
 
-// Returns the value once it is another one.
+// Waits until the value differs from `old`, and returns it.
 template <typename T>
 T wait_for_change(const std::atomic<T>& value, T old, int spins) noexcept {
   for (; spins > 0; --spins, relax()) {
@@ -117,7 +116,7 @@ WorkerTeam::WorkerTeam(int workers, const ThreadOptions& options)
     status_ = failed("worker thread " + std::to_string(threads_.size() + 1) + " of " + std::to_string(helpers) + ": " +
                      describe_exception(e));
   }
-  for (int ready = 0; ready < size() - 1;) ready = wait_for_change(done_, ready, 0);  // their options are applied
+  for (int ready = 0; ready < size() - 1;) ready = wait_for_change(done_, ready, 0);  // all have set their options
   for (const Status& result : applied) {
     if (!result && status_) status_ = result;
   }
@@ -151,7 +150,7 @@ void WorkerTeam::run(int parts, Job job, void* context, bool more) noexcept {
   }
 }
 
-// Those of the worker's own share that nobody has taken, and then the others'.
+// First the parts of the worker's own share that nobody has taken, then the others'.
 void WorkerTeam::take_parts(int worker) noexcept {
   for (int i = 0; i < size(); ++i) take_share((worker + i) % size());
 }
@@ -185,8 +184,8 @@ void WorkerTeam::work(int worker, const ThreadOptions& options, Status& applied)
 }
 
 void WorkerTeam::run(int rows, Parts parts, Work job, void* self) noexcept {
-  constexpr int kFewestRows = 8;    // less is done before the others are awake
-  constexpr int kPartsAWorker = 8;  // where they are many
+  constexpr int kFewestRows = 8;    // fewer are done before the other threads wake
+  constexpr int kPartsAWorker = 8;  // for Parts::kMany
   struct Call {
     Work job;
     void* self;

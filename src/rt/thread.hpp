@@ -1,4 +1,4 @@
-// Threads: their names, priorities and places, and teams of them.
+// Threads: their names, priorities and CPUs, and worker teams.
 #pragma once
 
 #include <atomic>
@@ -20,14 +20,13 @@ struct ThreadOptions {
   std::vector<int> cpus{};    // empty: any
 };
 
-// CPUs of this computer, those that are switched off, too. Thread: any.
+// Number of configured CPUs, including those that are switched off. Thread: any.
 int configured_cpus() noexcept;
-// Bad input if one of them is none of the `configured` ones: of [0, 77] the kernel would take CPU 0 alone, and not say
-// so. Thread: any.
+// Bad input if a CPU is none of the `configured` ones: of [0, 77] the kernel silently takes CPU 0 alone. Thread: any.
 Status check_cpus(const std::vector<int>& cpus, int configured);
 
-// Applies the options to the calling thread. A priority or affinity that the system refuses is an error whose message
-// names the limit to raise; the thread goes on without it. Thread: the thread concerned.
+// Applies the options to the calling thread. A refused priority or affinity is an error whose message names the limit
+// to raise; the thread continues without it. Thread: the thread concerned.
 Status apply_to_this_thread(const ThreadOptions& options);
 
 // --- A fixed team of threads that share the parts of a job.
@@ -44,10 +43,10 @@ class WorkerTeam final : public Crew {
   // The first refusal, if any. Thread: setup.
   const Status& status() const noexcept { return status_; }
 
-  // Calls job(context, part) once for each part of [0, parts) and returns when all are done. Each worker has its share
-  // of them, the same in each call, and takes over others' when it is done: on a busy computer nobody waits for a
-  // thread that comes late, but only for the parts that it has begun. The caller has the first share. `more`: another
-  // call follows at once, and the workers stay awake for it. No allocation. Thread: pipeline.
+  // Calls job(context, part) once for each part of [0, parts) and returns when all are done. Each worker has its own
+  // share of the parts, the same in each call, and then takes over others': a late thread delays the call only by the
+  // parts that it has begun. The caller has the first share. `more`: another call follows at once, so the workers stay
+  // awake. No allocation. Thread: pipeline.
   using Job = void (*)(void* context, int part);
   void run(int parts, Job job, void* context, bool more = false) noexcept;
   void run(int rows, Parts parts, Work job, void* self) noexcept override;
@@ -57,14 +56,14 @@ class WorkerTeam final : public Crew {
   void take_parts(int worker) noexcept;
   void take_share(int of) noexcept;
 
-  // run() writes the job and opens all shares for its round; when all parts are done it closes them. A worker that has
-  // read the job of one round and the share of another takes no part: the share was closed in between, and has changed
-  // (tests/models/team.pml).
+  // run() writes the job, opens all shares for its round, and closes them when all parts are done. A worker that has
+  // read the job of one round and the share of another takes no part: the share was closed in between, so its
+  // compare-and-swap fails (tests/models/team.pml).
   static constexpr std::uint64_t kClosed = 0xFFFFFFFF;
   struct alignas(kCacheLine) Share {
     std::atomic<std::uint64_t> next{kClosed};  // round, 32 bits; the part that is taken next
   };
-  int spins_;                        // before a thread that waits goes to sleep; 0 where the team shares processors
+  int spins_;                        // before a waiting thread goes to sleep; 0 if the team shares processors
   std::unique_ptr<Share[]> shares_;  // one a worker
   std::atomic<int> parts_{0};
   std::atomic<Job> job_{nullptr};
