@@ -118,8 +118,7 @@ class StreamSession {
   PacketTrain train_;
   PacketTrain resend_train_;
   std::uint64_t first_timestamp_ns_;
-  std::atomic<std::int64_t> start_ns_{
-      0};  // host time of the first frame; 0 before it. Relaxed: publishes no other data
+  std::atomic<std::int64_t> start_ns_{0};  // host time of the first frame; 0 before it. Relaxed: only a number
   std::atomic<bool> stop_requested_{false};
   std::atomic<bool> running_{true};
   Status result_;  // written by load_frames before the ring is finished, read after running_ turned false

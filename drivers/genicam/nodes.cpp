@@ -16,7 +16,7 @@ bool Nodes::has(const char* name) {
   return available && ok();
 }
 
-// `get` and `set`: functions of Aravis.
+// `get` and `set`: Aravis functions.
 template <typename Value>
 Value Nodes::read(Value (*get)(ArvDevice*, const char*, GError**), const char* name) {
   if (!ok()) return {};
