@@ -25,8 +25,8 @@ int stat_main(int argc, char** argv);
 int usb_main(int argc, char** argv);
 int view_main(int argc, char** argv);
 
-// Every effect of the simulator with its stage, keys and forms, and every fault of the fake camera with its keys: a
-// table, or one JSON array.
+// Lists the simulator's effects with stage, keys and forms, and the fake camera's faults with their keys: a table, or
+// one JSON array.
 void print_effects(bool json);
 void print_faults(bool json);
 
