@@ -1,5 +1,4 @@
-// Register map of the camera, the effect of a write to each register, and the stream settings that they hold at
-// AcquisitionStart.
+// Register map of the camera, effects of register writes, and the stream settings latched at AcquisitionStart.
 #pragma once
 
 #include <cstdint>

@@ -13,7 +13,6 @@
 namespace bolo::fakecam {
 namespace {
 
-// Kinds of features, named like their XML nodes.
 using Kind = std::string_view;
 constexpr Kind kInteger = "Integer";
 constexpr Kind kFloat = "Float";

@@ -86,7 +86,6 @@ Status check_value(const std::string& where, const FaultKey& key, double value) 
                    (key.whole ? "a whole number from " : "") + shortest(key.low) + " to " + shortest(key.high));
 }
 
-// Parses one "key=value" into `fault`.
 Status take_item(Fault& fault, std::string_view item) {
   const std::string where = "fault " + std::string(fault.type->name) + ": ";
   const std::size_t equals = item.find('=');

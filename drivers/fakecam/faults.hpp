@@ -23,7 +23,6 @@ struct FaultRule {
   std::uint64_t seen = 0;  // strikes on the camera already executed
 };
 
-// The next packet on the wire: one of the frame, or garbage.
 struct PlannedPacket {
   std::uint32_t id = 0;
   std::uint64_t garbage = 0;  // 0: a real packet; otherwise the seed of the garbage bytes
@@ -41,7 +40,6 @@ class PacketFaults {
   // Packets first..end - 1 of the frame in order of arrival; valid until the next call.
   std::span<const PlannedPacket> plan(const WireFrame& frame, std::uint32_t first, std::uint32_t end);
 
-  // Packets lost in the last plan.
   std::uint32_t lost() const noexcept { return lost_; }
 
   // Writes a garbage packet of at most out.size() bytes; returns its length. Half of them have a (possibly truncated)
@@ -79,8 +77,7 @@ class FrameFaults {
   // Starts a new stream and forgets the state of the last one.
   void begin_stream() noexcept;
 
-  // Applies the faults that are active at the frame's time and records them in the frame. The frame must be complete:
-  // pixels, block, due time.
+  // Applies and records the faults active at the frame's time. The frame must be complete: pixels, block, due time.
   void apply(WireFrame& frame, const Nominal& nominal);
 
  private:

@@ -18,8 +18,7 @@
 
 namespace bolo::fakecam {
 
-// --- Output frames: a reader fills slots ahead of time and the sender sends them in order; sent frames stay for a
-// while for resends.
+// --- Output frames: a reader fills slots ahead of time, the sender sends them in order and keeps them for resends.
 
 struct WireFrame {
   gvsp::BlockInfo block;
@@ -182,13 +181,11 @@ struct Moment {
   std::uint64_t timestamp_ns = 0;
 };
 
-// GigE Vision 1.2 has 16-bit block ids and never uses 0; steps of the capture's counter are preserved on the wire.
-// Thread: any.
+// GigE Vision 1.2 has nonzero 16-bit block ids; steps of the capture's counter are preserved. Thread: any.
 constexpr std::uint16_t block_id_of(std::uint64_t frame_id) { return static_cast<std::uint16_t>(frame_id % 65535 + 1); }
 
-// Replays a capture lap after lap as if the camera had never stopped: between laps the id and the time advance by one
-// frame. At the capture's own rate the times are the capture's; at another rate R they are spaced 1/R per frame, lost
-// frames included. Thread: any (immutable).
+// Replays a capture lap after lap without a break: between laps the id and the time advance by one frame. Times are the
+// capture's at its own rate; at another rate R they are spaced 1/R, lost frames included. Thread: any (immutable).
 class Timeline {
  public:
   // Both spans have the same size, at least 1, and rise. rate_hz 0: the capture's rate.

@@ -35,7 +35,6 @@ enum class Command : std::uint16_t {
   kWriteMemory = 0x0086,
 };
 
-// The number of an acknowledge is the command's plus one.
 constexpr std::uint16_t ack_of(std::uint16_t command) { return static_cast<std::uint16_t>(command + 1); }
 
 enum class Status : std::uint16_t {

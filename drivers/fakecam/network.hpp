@@ -1,5 +1,4 @@
-// Sockets and addresses of the fake camera, and the thread that receives GVCP packets (unicast and broadcast) and
-// answers.
+// Sockets and addresses of the fake camera, and the thread that answers GVCP packets (unicast and broadcast).
 #pragma once
 
 #include <netinet/in.h>
@@ -44,8 +43,7 @@ class CommandHandler {
   };
   CommandHandler(RegisterMap& registers, Counters& counters, Hooks hooks);
 
-  // Handles one packet of any content; returns the acknowledge for the peer, empty for none. It stays valid until the
-  // next call.
+  // Handles one packet of any content; returns the acknowledge (empty: none), valid until the next call.
   ConstBytes handle(ConstBytes packet, Peer peer, std::int64_t now_ns);
 
   // The same for broadcast packets: only discovery is answered.
@@ -122,8 +120,7 @@ class ControlServer {
   // True when broadcast discovery can find the camera; unicast discovery always can.
   bool hears_broadcasts() const { return broadcast_sockets_.size() == 2; }
 
-  // Serves until `stop_event` (an eventfd) is written. `handler` and `faults` are used by this thread alone. Thread:
-  // control.
+  // Serves until `stop_event` (an eventfd) is written. Uses `handler` and `faults` exclusively. Thread: control.
   void run(CommandHandler& handler, ControlFaults& faults, int stop_event);
 
   // Releases the address. Thread: setup, after run() has returned.

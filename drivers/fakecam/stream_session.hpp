@@ -1,5 +1,4 @@
-// One acquisition, from AcquisitionStart to its end: one thread prepares frames, another sends them on time as bursts
-// of UDP packets straight from frame memory.
+// One acquisition, AcquisitionStart to end: a thread prepares frames, another sends them as bursts of UDP packets.
 #pragma once
 
 #include <netinet/in.h>
@@ -34,13 +33,12 @@ class PacketTrain {
   PacketTrain(const PacketTrain&) = delete;
   PacketTrain& operator=(const PacketTrain&) = delete;
 
-  // Sends packets first..last of the frame (clamped to the frame), subject to the network faults. Returns the number of
-  // packets taken by the socket, plus those lost by a fault. Blocks between bursts, and while the socket's send buffer
-  // is full.
+  // Sends packets first..last of the frame (clamped to the frame), subject to network faults. Returns how many the
+  // socket took, plus those lost by a fault. Blocks between bursts, and while the socket's send buffer is full.
   std::uint32_t send(const WireFrame& frame, std::uint32_t first, std::uint32_t last) noexcept;
   std::uint32_t send(const WireFrame& frame) noexcept { return send(frame, 0, gvsp::kMaxPacketId); }
 
-  // Reports a packet as no longer available.
+  // Reports a packet as unavailable.
   void send_unavailable(std::uint16_t block_id, std::uint32_t packet_id) noexcept;
 
  private:

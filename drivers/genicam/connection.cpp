@@ -35,7 +35,6 @@ std::string list_of(const std::vector<FoundCamera>& cameras) {
   return text;
 }
 
-// Chooses the camera when the options contain no IP address.
 Result<FoundCamera> choose_camera(const std::string& id, const std::string& serial) {
   const std::vector<FoundCamera> cameras = find_cameras();
   if (cameras.empty()) {
@@ -126,8 +125,7 @@ Result<Connection> open_by_id(const std::string& id) {
   return connection;
 }
 
-// Some FLIR cameras describe their registers in the byte order of an older schema: 640 columns then read as 2147614720
-// (640 byte-swapped).
+// Some FLIR cameras describe registers in an older schema's byte order: 640 columns read as 2147614720 (swapped).
 bool has_swapped_registers(ArvDevice* device) {
   GlibError error;
   const auto width = arv_device_get_integer_feature_value(device, "Width", error.out());

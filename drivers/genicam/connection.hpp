@@ -23,10 +23,9 @@ struct Connection {
   bool is_gige() const { return ARV_IS_GV_DEVICE(device.get()) != FALSE; }
 };
 
-// Opens by IP address if known: opening by device id may choose an interface that the stream does not reach. A serial
-// number in the options must match: another camera at the address is released unchanged, and the serial number is
-// searched for, which takes a second; with `search`, also when nothing answers at the address. Errors: see
-// GenicamSource::open(). Thread: setup.
+// Opens by IP address if known, because opening by id may choose an interface that the stream does not reach. A given
+// serial number must match: another camera at the address is released unchanged and the serial searched for (a second);
+// with `search`, also when nothing answers. Errors: see GenicamSource::open(). Thread: setup.
 Result<Connection> connect(const CameraOptions& options, bool search);
 
 // True if a program controls the camera and the camera answers. Blocks for seconds when it is silent. Thread: setup.

@@ -113,8 +113,7 @@ class ZipFile {
   const Bytes& bytes_;
 };
 
-// `url`: "local:NAME;ADDRESS;SIZE", both hexadecimal. Other schemes are refused: they name files of this computer (even
-// endless devices) or of another.
+// `url`: "local:NAME;ADDRESS;SIZE", both hexadecimal. Other schemes are refused: they name files outside the camera.
 Result<Bytes> read_file(const ReadMemory& read, std::string url) {
   std::ranges::transform(url, url.begin(), [](unsigned char c) { return c >= 'A' && c <= 'Z' ? c + 32 : c; });
   const std::string shown = printable(url.substr(0, 80));
@@ -177,7 +176,6 @@ Status check_attributes(const Bytes& description) {
   return {};
 }
 
-// Tries the two URL registers in order.
 Result<Bytes> read_description(const ReadMemory& read) {
   std::optional<Error> error;
   for (const std::uint32_t place : {0x200U, 0x400U}) {
@@ -316,8 +314,7 @@ Status check_description(ArvGc* description) {
 
 }  // namespace bolo::genicam
 
-// Replaces the Aravis function that parses the description URL stated by the camera: always returns the copy taken and
-// checked above.
+// Replaces Aravis's parser of the description URL stated by the camera: always the copy taken and checked above.
 extern "C" gboolean arv_parse_genicam_url(const char* /*url*/, gssize /*length*/, char** scheme, char** /*authority*/,
                                           char** path, char** /*query*/, char** /*fragment*/, guint64* /*address*/,
                                           guint64* /*size*/) {

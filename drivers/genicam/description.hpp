@@ -13,8 +13,7 @@ namespace bolo::genicam {
 
 // --- The GenICam description file in the camera's memory.
 
-// Reads bytes of the camera's memory; address and length are multiples of 4, at most 512 bytes. Nothing when the camera
-// refuses or does not answer.
+// Reads camera memory; address and length are multiples of 4, at most 512 bytes. Nothing if refused or unanswered.
 using ReadMemory = std::function<std::optional<std::vector<unsigned char>>(std::uint32_t address, std::uint32_t bytes)>;
 
 // Reads and unpacks the camera's description. When Aravis then opens the camera on this thread, it uses this copy,

@@ -32,8 +32,7 @@ struct NucOptions {
   int hold_ms = 500;          // frames of this time after the command count as shutter frames
 };
 
-// Parameters of the measured object, written to the camera or used for radiometric counts. Unset ones keep the camera's
-// value.
+// Parameters of the measured object, for the camera or radiometric counts. Unset ones keep the camera's value.
 struct ObjectParameters {
   double emissivity = 1.0;
   double transmission = 1.0;         // of the air

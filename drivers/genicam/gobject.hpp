@@ -15,8 +15,7 @@ struct Free {
   void operator()(void* memory) const noexcept { g_free(memory); }
 };
 
-// Silences GLib's log on standard error: a damaged description prints dozens of lines per attempt, in addition to the
-// error of the call. Thread: any.
+// Silences GLib's log on standard error: dozens of lines per damaged description, besides the error. Thread: any.
 inline void silence_glib() noexcept {
   g_log_set_default_handler([](const char*, GLogLevelFlags, const char*, void*) {}, nullptr);
 }

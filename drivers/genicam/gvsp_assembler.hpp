@@ -45,8 +45,7 @@ struct Leader {
 // Parses a leader's body; nothing when it is too short for its type. Thread: any.
 std::optional<Leader> parse_leader(std::span<const std::byte> body) noexcept;
 
-// Camera time in ns, 0 to below 2^62, so that differences cannot overflow. ticks_per_s: 1 to kMostTicksPerSecond.
-// Thread: any.
+// Camera time in ns, 0 to below 2^62: differences cannot overflow. ticks_per_s: 1 to kMostTicksPerSecond. Thread: any.
 inline constexpr std::uint64_t kMostTicksPerSecond = 18'000'000'000;
 std::int64_t to_ns(std::uint64_t ticks, std::uint64_t ticks_per_s) noexcept;
 

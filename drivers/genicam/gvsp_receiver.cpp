@@ -123,8 +123,7 @@ void Receiver::run() noexcept {
   }
 }
 
-// Sleeps through most of a frame's remaining time: two or three wake-ups per frame instead of one per packet, without
-// delaying the last packet.
+// Sleeps through most of a frame's remaining time, without delaying its last packet: two or three wake-ups per frame.
 void Receiver::pause(std::int64_t rest_ns) const noexcept {
   const auto pause_ns = static_cast<long>(pause_share_ * static_cast<double>(rest_ns));
   if (pause_ns < kLeastPauseNs) return;

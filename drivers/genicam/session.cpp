@@ -55,9 +55,8 @@ bool stays_controlled(const Connection& connection, int watch_ms, const std::ato
 
 constexpr std::int64_t kOldestNs = 1'000'000'000;  // maximum time from a frame's first packet to its delivery here
 
-// Arrival of the first packet on CLOCK_MONOTONIC. Aravis stamps it in wall-clock microseconds; the current offset of
-// the clocks is applied, so a step of the wall clock within the frame is an error of that size. An implausible time is
-// replaced by the present.
+// Arrival of the first packet on CLOCK_MONOTONIC. Aravis stamps it with the wall clock (microseconds); a step of that
+// clock within the frame is an error of that size. An implausible time is replaced by the present.
 std::int64_t first_packet_ns(ArvBuffer* buffer) noexcept {
   const auto system_ns = static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
   const std::int64_t now_ns = monotonic_ns();

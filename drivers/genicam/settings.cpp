@@ -142,8 +142,7 @@ Status configure_pixel_format(Nodes& nodes) {
   return nodes.status();
 }
 
-// FLIR: IRFrameRate is that of the full frame; half windowing doubles it, quarter quadruples it. Returns the actual
-// rate.
+// FLIR: IRFrameRate is for the full frame; half windowing doubles, quarter quadruples it. Returns the actual rate.
 double configure_ir_frame_rate(Nodes& nodes, double rate_hz, Warnings& warnings) {
   const double speedup = nodes.has("IRWindowing") ? std::exp2(static_cast<double>(nodes.integer("IRWindowing"))) : 1.0;
   const double full_hz = kFullFrameRateHz * speedup;

@@ -1,5 +1,4 @@
-// Configures the camera from the options (image, temperature range, object parameters, NUC mode), and reads back the
-// resulting format.
+// Configures image, temperature range, object parameters and NUC mode; reads back the resulting format.
 #pragma once
 
 #include <cstdint>

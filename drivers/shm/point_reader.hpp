@@ -31,13 +31,11 @@ class PointReader {
     kOverwritten,  // a frame of its window was overwritten
   };
   // Estimates the pixels of frame `number` (publication order) into `out`, pixels.size() values in the stream's scale.
-  // Copies only the samples of these pixels, or whole raw planes if the method uses neighbours (mmae, motion, automatic
-  // lambda) or maps. These also rebuild their solver for each frame, tens of milliseconds, while the writer measures
-  // the noise. Thread: one at a time.
+  // Copies only these samples, or whole planes if the method uses neighbours (mmae, motion, automatic lambda) or maps;
+  // these also rebuild their solver per frame (tens of ms) while the writer measures the noise. Thread: one at a time.
   Outcome solve(std::uint64_t number, std::span<std::uint16_t> out);
 
-  // Frame period of the solver, as published when over() was called. If ShmReader::frame_period_s() changes, later
-  // frames need a new reader. Thread: any.
+  // The solver's frame period, as of over(). If ShmReader::frame_period_s() changes, make a new reader. Thread: any.
   double period_s() const noexcept;
 
   // Frames published so far; the last `look-ahead` of them can't be solved yet. Thread: any.

@@ -155,8 +155,7 @@ inline bool still_holds(const std::byte* slot, std::uint64_t number) noexcept {
   return load_relaxed(*reinterpret_cast<const std::uint64_t*>(slot)) == 2 * number + 2;
 }
 
-// R3 after plain reads of the planes by the caller, which no acquire orders: x86-64 keeps loads in order, other
-// processors need the barrier. Thread: any reader.
+// R3 after plain reads by the caller: x86-64 keeps loads in order, other processors need a barrier. Thread: any reader.
 inline bool still_holds_after_plain_reads(const std::byte* slot, std::uint64_t number) noexcept {
 #if defined(__x86_64__)
   __asm__ volatile("" ::: "memory");

@@ -184,7 +184,6 @@ tl::unexpected<Error> living(const std::string& path, const std::optional<bolo_s
                    "; stop it, or choose another name");
 }
 
-// Explains why `file`, the object or its lock, is unavailable.
 tl::unexpected<Error> in_the_way(const std::string& file, const std::string& object, int error) {
   const std::string place = kFolder + file;
   struct stat status {};
@@ -200,8 +199,7 @@ tl::unexpected<Error> in_the_way(const std::string& file, const std::string& obj
                 "; have them end what made it, remove it as root, or choose " + "another name");
 }
 
-// A writer in another time namespace (container) has another clock: check that its heartbeat changes instead of its
-// age.
+// A writer in another time namespace (container) has another clock: check that its heartbeat changes, not its age.
 bool still_beats(const std::string& object, std::uint64_t heartbeat_ns) {
   constexpr std::chrono::milliseconds kTwoBeats(500);
   std::this_thread::sleep_for(kTwoBeats);

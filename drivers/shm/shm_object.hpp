@@ -39,8 +39,7 @@ class GuardedMapping {
 // "/bolo.NAME" for a name of 1 to 200 letters, digits, '-', '_', '.'; bad input otherwise. Thread: any.
 Result<std::string> object_path(const std::string& name);
 
-// Sorted names of all existing objects, with or without a live writer; files with invalid names are omitted. Thread:
-// any.
+// Sorted names of all existing objects, their writers alive or not; omits invalid names. Thread: any.
 std::vector<std::string> object_names();
 
 // Trusted owners: root, this process's user, "bolo" (the packaged daemon's user), and the user in the environment
@@ -67,8 +66,7 @@ class OwnedObject {
   ~OwnedObject();
 
   std::byte* data() const noexcept { return memory_ ? memory_->data() : nullptr; }
-  // False once a name was removed (as by a cleanup of /dev/shm) or the object was truncated: readers no longer see what
-  // is written. Thread: any.
+  // False once a name was removed (/dev/shm cleanup) or the object truncated: new data is invisible then. Thread: any.
   bool is_there() const noexcept;
 
   // Grants access to readers: permission bits and, unless empty, the owner group. Thread: setup.

@@ -99,12 +99,10 @@ class ShmReader {
     kClosed,       // the writer ended, or its heartbeat stopped
   };
   // Copies frame `number` (publication order), waiting up to timeout_ms (< 0: without limit). Reuses the vectors of
-  // `frame`, which are valid after kFrame only. Frames still in the ring can be read after the writer's end. Thread:
-  // one at a time.
+  // `frame`, valid after kFrame only. Works after the writer's end for frames in the ring. Thread: one at a time.
   Outcome read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept;
 
-  // Like read() without copying: waits until frame `number` can be borrowed. It may be gone when borrow() is called.
-  // Thread: one at a time.
+  // Waits like read(), but until frame `number` can be borrowed; borrow() may still fail. Thread: one at a time.
   Outcome wait(std::uint64_t number, int timeout_ms) noexcept;
   // Frame `number` in place; nothing when it is not published yet or already overwritten. Thread: any.
   std::optional<BorrowedFrame> borrow(std::uint64_t number) const noexcept;

@@ -226,7 +226,6 @@ std::string device_string(libusb_device_handle* handle, std::uint8_t index) {
   return size > 0 ? std::string(text.data(), text.data() + size) : std::string();
 }
 
-// Reads the strings that the kernel does not have.
 void read_missing_strings(libusb_device* device, const libusb_device_descriptor& descriptor, UsbDevice& found) {
   struct Wanted {
     std::string* text;

@@ -23,8 +23,7 @@ class VideoPort {
  public:
   virtual ~VideoPort() = default;
 
-  // Opens the device and sets its format. kBadInput, with the remedy: the device is missing or does not support the
-  // format. Thread: setup, or the sink's.
+  // Opens the device, sets its format. kBadInput: missing or unsuitable, with the remedy. Thread: setup, or the sink's.
   virtual Status open(const VideoFormat& format) = 0;
 
   // Writes one whole image. 0: accepted; EAGAIN: busy; any other errno: the device is unusable. Thread: the sink's.

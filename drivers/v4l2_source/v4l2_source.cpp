@@ -154,7 +154,6 @@ struct V4l2Source::Impl {
     return id;
   }
 
-  // Reports that frames flow, have stopped, or have stopped for good.
   void watch(std::int64_t now_ns) {
     if (device == nullptr) return;
     const bool arrived = last_frame_ns >= since_ns;

@@ -42,8 +42,7 @@ class V4l2Source final : public pipeline::FrameSource {
 
   // kBadInput: no such device, one in use by another program, or one that does not support the requested format.
   Result<pipeline::SourceInfo> open() override;
-  // A lost camera is reopened in the background until stop(), by its serial number if it has one; its first frame then
-  // starts a new window.
+  // Reopens a lost camera until stop(), by its serial number if it has one; its first frame then starts a new window.
   Status start(pipeline::FrameInlet& inlet) override;
   void stop() noexcept override;
 

@@ -47,7 +47,6 @@ Status check(const EffectSpec& spec) {
   return {};
 }
 
-// Parses one "key=value" of an effect into `spec`.
 Status take_item(EffectSpec& spec, std::string_view item) {
   const std::string where = "effect " + spec.name + ": ";
   const std::size_t equals = item.find('=');

@@ -17,8 +17,7 @@
 
 namespace bolo::sim {
 
-// Place of an effect in the signal chain. Hooks run in this order, within one place by name. White noise is added
-// between kOffset and kDefect.
+// Place in the signal chain. Hooks run in this order, then by name. White noise is added between kOffset and kDefect.
 enum class Order {
   kEmission,    // radiation of the scene
   kRadiance,    // from temperature to the detector's input
@@ -130,7 +129,6 @@ class Effect {
   virtual int frames_lost(std::uint64_t) { return 0; }
 };
 
-// Inputs for constructing an effect.
 class EffectSetup {
  public:
   EffectSetup(const EffectDescription& description, const EffectSpec& spec, const CameraSettings& settings,

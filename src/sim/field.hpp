@@ -110,14 +110,12 @@ std::unique_ptr<const Field> make_bars(const capture::BarTarget& target);
 // The field of a uniform, chopper or bar stimulus.
 std::unique_ptr<const Field> make_field(const capture::Stimulus& stimulus);
 
-// A still image panned along a path: pixel (0, 0) of a frame looks at image (x, y) = path.at(t), bilinear between pixel
-// centres. The image must cover the path from `from_s` to `to_s`; outside these times the view stops at the image's
-// borders.
+// A still image panned along a path: pixel (0, 0) looks at image (x, y) = path.at(t), bilinear between pixel centres.
+// The image must cover the path from `from_s` to `to_s`; outside these times the view stops at its borders.
 std::unique_ptr<const Field> make_scene(capture::StillImage image, Path path, Geometry view);
 
-// Draws the part of the scene that a view of size `view` sees between the two times, and makes a field of it. `motion`
-// is relative to `origin`, the scene position of pixel (0, 0) for motion (0, 0). kBadInput when the path covers more
-// than kMaxCanvasPixels. Thread: setup.
+// Makes a field of the part of the scene that a view of size `view` sees between the two times. `origin`: scene
+// position of pixel (0, 0) for motion (0, 0). kBadInput when the path covers over kMaxCanvasPixels. Thread: setup.
 Result<std::unique_ptr<const Field>> pan_over(const Scene& scene, const Path& motion, Position origin, Geometry view,
                                               double from_s, double to_s);
 

@@ -35,8 +35,7 @@ class PngReader {
   PngReader(const PngReader&) = delete;
   PngReader& operator=(const PngReader&) = delete;
 
-  // Reads the header and requests 16-bit grey in native byte order for any stored format: an 8-bit level v
-  // becomes 257 v, the same fraction of white.
+  // Reads the header and requests native 16-bit grey for any format: an 8-bit level v becomes 257 v (same fraction).
   bool read_header(std::FILE* file) {
     if (info_ == nullptr || setjmp(png_jmpbuf(png_)) != 0) return false;
     png_init_io(png_, file);

@@ -37,8 +37,7 @@ void append_crossings(double a_s, double value_a, double b_s, double value_b, st
 
 constexpr std::string_view kHeader = "t_s,x_px,y_px";
 
-// Second time derivatives of the natural cubic spline (Numerical Recipes in C, section 3.3): a tridiagonal system whose
-// first and last unknowns are zero.
+// Second derivatives of the natural cubic spline (Numerical Recipes in C, 3.3): tridiagonal, first and last are zero.
 class NaturalSpline {
  public:
   explicit NaturalSpline(const std::vector<PathPoint>& points)

@@ -34,8 +34,7 @@ class Path {
   };
   Bounds bounds(double from_s, double to_s) const;
 
-  // Appends in order the times in (from_s, to_s] at which x or y is an integer or the path bends, and to_s. Thread:
-  // any.
+  // Appends in order the times in (from_s, to_s] where x or y is an integer or the path bends, and to_s. Thread: any.
   void crossings(double from_s, double to_s, std::vector<double>& out) const;
 
   const std::vector<PathPoint>& points() const noexcept { return points_; }
@@ -44,8 +43,7 @@ class Path {
   std::vector<PathPoint> points_;
 };
 
-// The scene moves along +x at `speed_px_s`, so the view's position is x = -speed t. (Same sign as velocity_px_s of the
-// bar target.)
+// The scene moves along +x at `speed_px_s` (sign as velocity_px_s of the bar target), so the view is at x = -speed t.
 Path steady_pan(double speed_px_s);
 
 // Reads `t_s,x_px,y_px` lines below a header line with exactly these names; skips empty lines and those starting with
@@ -60,9 +58,8 @@ struct TrajectoryUse {
   double step_s = 0.0;  // between points of the result
 };
 
-// Samples the natural cubic spline through the points (zero second derivative at both ends; linear before the first
-// point) every `step_s` from from_s to to_s. kBadInput when the points end before to_s, or do not include start_s.
-// Thread: setup.
+// Samples the natural cubic spline (linear before the first point) every `step_s` from from_s to to_s. kBadInput when
+// the points end before to_s, or do not include start_s. Thread: setup.
 Result<Path> follow_trajectory(const std::vector<PathPoint>& points, const TrajectoryUse& use);
 
 }  // namespace bolo::sim

@@ -164,8 +164,7 @@ class SweptChopper final : public Field {
   double ramp_s_ = 0.0;
 };
 
-// A pixel's response to an edge at distance d to its left: the mean over the pixel of a step blurred by a Gaussian and
-// by a disc.
+// Response to an edge at distance d to the left: pixel mean of a step blurred by a Gaussian and a disc.
 class EdgeProfile {
  public:
   EdgeProfile(double sigma, double radius) : reach_(0.5 + 5.0 * sigma + radius) {

@@ -51,7 +51,6 @@ Result<diagnose::Options> options_of(const Given& given) {
   return options;
 }
 
-// Output files; empty: no profile.
 struct Files {
   std::filesystem::path folder;
   std::filesystem::path profile;

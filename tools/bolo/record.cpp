@@ -56,7 +56,6 @@ Result<fs::path> folder_of(const cxxopts::ParseResult& parsed) {
   return folder;
 }
 
-// Options common to all recordings.
 std::vector<std::string> common_options(const cxxopts::ParseResult& parsed) {
   std::vector<std::string> words;
   for (const cxxopts::KeyValue& option : parsed.arguments()) {

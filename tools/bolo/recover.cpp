@@ -48,8 +48,7 @@ Result<RecoverRequest> recover_request(const cxxopts::ParseResult& parsed) {
     return bad_input("where to? usage: bolo recover " + request.damaged.string() + " -o OUT.h5");
   }
   request.out.replace = replace_of(parsed);
-  // The damaged file may be the output's ".part", which is no conflict: it stays unchanged, or is renamed to the
-  // output.
+  // The damaged file may be the output's ".part": no conflict, it stays unchanged or is renamed to the output.
   const bool itself = request.damaged == std::filesystem::path(request.out.path.string() + ".part");
   const std::vector<std::filesystem::path> inputs{itself ? std::filesystem::path() : request.damaged};
   RETURN_IF_ERROR(check_outputs({request.out.path}, inputs, request.out.replace));

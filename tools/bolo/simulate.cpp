@@ -33,7 +33,6 @@ struct StimulusName {
 constexpr std::array<StimulusName, 4> kStimuli{
     {{"uniform", kUniform}, {"chopper", kChopper}, {"bar_target", kBars}, {"scene", kScene}}};
 
-// Stimuli that an option applies to.
 struct OptionUse {
   const char* option;
   unsigned stimuli;
@@ -303,8 +302,7 @@ Result<Field> nominal_field(const Options& given, const sim::CameraSettings& cam
   return scene_field(given, camera, -sim::history_s(camera), to_s);
 }
 
-// The field for a capture of `frames` frames. kBadInput: contradictory options, or options that do not apply to the
-// stimulus.
+// The field for `frames` frames. kBadInput: contradictory options, or options that do not apply to the stimulus.
 Result<Field> field_of(const Options& given, const sim::CameraSettings& camera, std::size_t frames) {
   auto field = nominal_field(given, camera, frames);
   if (!field || given.count("stimulus-error") == 0) return field;

@@ -91,7 +91,6 @@ class Display {
   bool shown_ = false;
 };
 
-// A camera, followed across restarts.
 struct FollowedCamera {
   shm::FollowedStream stream;
   StatSnapshot before;

@@ -21,7 +21,6 @@ bool is_set(const char* variable) {
   return value != nullptr && *value != '\0';
 }
 
-// The first `columns` characters.
 std::string cut(std::string_view line, int columns) {
   int letters = 0;
   for (std::size_t i = 0; i < line.size(); ++i) {
@@ -107,8 +106,7 @@ TextSpace terminal_space() {
   return {size.ws_col, size.ws_row};
 }
 
-// A table and lines below it, clipped to the terminal; the table's end is dropped first. Each letter counts as one
-// column.
+// A table and lines below, clipped to the terminal (the table's end first). Each letter counts as one column.
 std::vector<std::string> fitted(const std::string& table, const std::vector<std::string>& below, TextSpace space) {
   std::vector<std::string> lines;
   for (std::size_t begin = 0; begin < table.size();) {

@@ -85,8 +85,7 @@ std::string url_of(const ViewOptions& options, const view::Access& access) {
   std::string host = options.listen.empty() ? "localhost" : options.listen;
   if (host == "0.0.0.0" || host == "::") host = access.host_name;
   if (host.find(':') != std::string::npos) host = "[" + host + "]";
-  // A given token is not printed, because it stays valid and output ends up in logs. One generated for this run is
-  // known to nobody else.
+  // Does not print a given token: it stays valid, and output ends up in logs. A generated one is for this run only.
   const bool given = !options.token.empty() || !options.token_file.empty();
   return "http://" + host + ":" + std::to_string(access.port) + "/?token=" + (given ? "TOKEN" : access.token);
 }

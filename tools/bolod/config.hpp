@@ -59,8 +59,7 @@ struct MetricsOptions {
   bool allow_remote = false;  // allow an address that other computers can reach
 };
 
-// The available sinks, in the order of their sections in the file; they are served in this order. Add a sink in
-// daemon.cpp. Thread: any.
+// The available sinks, in the order of their sections, which is that of service. Add one in daemon.cpp. Thread: any.
 std::vector<std::shared_ptr<pipeline::SinkSection>> sink_sections();
 
 struct DaemonConfig {
@@ -90,8 +89,7 @@ struct DaemonConfig {
   pipeline::SinkContext sink_context() const;
 };
 
-// Reads a configuration and its profile, and cross-checks the keys. Any fault is bad input: file, line and item.
-// Thread: setup.
+// Reads and checks a configuration and its profile. Any fault is bad input: file, line and item. Thread: setup.
 Result<DaemonConfig> read_config(const std::filesystem::path& file);
 
 // --- Changes of the configuration while the daemon runs.

@@ -26,8 +26,7 @@ namespace {
 
 constexpr RequestServer::Limits kLimits{.clients = 16, .patience_ms = 1000, .longest_request = 256};
 
-// With write permission to the folder another user could replace the socket, except in a sticky folder such as /tmp,
-// where only owners can remove their files.
+// With write permission to the folder another user could replace the socket, unless it is sticky (/tmp).
 Status check_folder(const std::string& folder) {
   struct stat status {};
   if (stat(folder.c_str(), &status) != 0) return {};  // bind() reports why
@@ -93,7 +92,6 @@ std::string sink_json(const pipeline::SinkStatistics& sink) {
   return json.text();
 }
 
-// JSON list of the sinks of one group.
 std::string sinks_json(const pipeline::Pipeline& pipeline, std::string_view group) {
   std::string list;
   for (const pipeline::FrameSink* sink : pipeline.sinks()) {

@@ -73,17 +73,14 @@ std::string_view name_of(int signal) {
 
 // Locked memory is never given back.
 void keep_memory_small() {
-  // Returns large blocks, such as a connection's frame buffers, to the system when freed. By default glibc would keep
-  // them from the second connection on.
+  // Returns large freed blocks (a connection's buffers) to the system; glibc keeps them from the second connection on.
   constexpr int kLargeBytes = 128 << 10;
   mallopt(M_MMAP_THRESHOLD, kLargeBytes);
-  // By default each thread of a connection gets a permanent arena. Nothing allocates while frames flow, so one arena
-  // suffices.
+  // One arena instead of a permanent one per thread of each connection: nothing allocates while frames flow.
   mallopt(M_ARENA_MAX, 1);
 }
 
-// Locks the program and its libraries completely, before other threads exist whose whole stacks would be locked, too. A
-// refusal is reported by lock_memory().
+// Locks the program before there are threads, whose stacks would be locked whole. lock_memory() reports a refusal.
 void lock_program() { mlockall(MCL_CURRENT); }
 
 rlim_t memory_limit() {
@@ -381,8 +378,7 @@ struct Daemon::Impl {
     log_notice(*log, spdlog::level::info, {false, "reload: " + taken, event::kReload});
   }
 
-  // Locks the memory in use before frames flow and, if there is no limit, also pages touched later: with a limit, later
-  // allocations could fail.
+  // Locks the memory in use and, without a limit, pages touched later: with a limit, allocations could fail.
   void lock_memory() const {
     if (!config.lock_memory) return;
     const bool unlimited = memory_limit() == RLIM_INFINITY || geteuid() == 0;

@@ -54,8 +54,7 @@ enum class OnHangup { kReload, kEnd };
 
 class Daemon {
  public:
-  // Opens the source and the sinks and allocates all memory. Bad input: an absent camera, a name in use, a full
-  // /dev/shm. Thread: setup.
+  // Opens source and sinks, allocates all memory. Bad input: absent camera, name in use, full /dev/shm. Thread: setup.
   static Result<std::unique_ptr<Daemon>> create(const DaemonConfig& config, std::shared_ptr<spdlog::logger> log);
   ~Daemon();
 

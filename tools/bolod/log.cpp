@@ -111,7 +111,6 @@ void log_dropped(spdlog::sinks::sink& to, std::uint64_t dropped) {
   to.flush();
 }
 
-// Main function of the thread.
 void write_all(Queue& queue) {
   (void)rt::apply_to_this_thread({.name = "bolo-log"});  // setting only a name cannot fail
   std::unique_lock lock(queue.mutex);

@@ -1,5 +1,4 @@
-// [ros2]: the program bolo-ros2, which publishes the daemon's frames to ROS 2. A separate process, so that DDS traffic
-// cannot stop frames.
+// [ros2]: bolo-ros2 publishes frames to ROS 2, in a separate process, so that DDS traffic cannot stop frames.
 #pragma once
 
 #include <sys/types.h>

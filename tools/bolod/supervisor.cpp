@@ -54,7 +54,6 @@ std::string describe_camera(const pipeline::SourceStatus* source) {
   return "camera " + std::string(name(state)) + "; ";
 }
 
-// Part of the status line during an overload.
 std::string describe_quality(pipeline::QualityLevel effort) {
   return effort == pipeline::QualityLevel::kFull ? "" : "overloaded, deblurring is " + std::string(name(effort)) + "; ";
 }

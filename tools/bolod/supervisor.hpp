@@ -28,7 +28,6 @@ using QualityCounts = std::array<std::uint64_t, pipeline::kQualityLevels>;
 // Thread: any.
 QualityCounts quality_counts(const pipeline::PipelineStats& stats);
 
-// State of the pipeline at one moment.
 struct Snapshot {
   std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
   std::uint64_t received = 0;  // frames
@@ -43,8 +42,7 @@ class Health {
   // `frame_period_s` determines how long without a frame is too long.
   explicit Health(double frame_period_s, std::int64_t start_ns);
 
-  // Call a few times per second. Lost frames and overload are logged at most every 10 s, so that a bad link or a slow
-  // machine does not flood the log.
+  // Call a few times per second. Lost frames and overload are logged at most every 10 s, so as not to flood the log.
   std::vector<pipeline::Notice> poll(const Snapshot& now);
 
  private:
@@ -79,8 +77,7 @@ struct Signs {
 // lost or does a NUC). For an unmonitored source, no frame is due when none arrives. Thread: one at a time.
 class FlowWatch {
  public:
-  // stall_ns: silence after which a monitored source reports a stall. lookahead: frames that arrive before the first is
-  // published.
+  // stall_ns: silence after which a monitored source reports a stall. lookahead: frames before the first publication.
   FlowWatch(double frame_period_s, int lookahead, std::int64_t stall_ns, std::int64_t start_ns);
 
   // Returns the fault; empty when healthy. Call several times per second.

@@ -56,8 +56,7 @@ int report(const std::string& verb, const Error& error);
 int exit_code_of(const std::string& verb, const Status& done);
 int exit_code_of(const std::string& verb, const Result<int>& done);
 
-// Set by SIGINT, SIGTERM and SIGHUP (terminal closed; not under nohup) after catch_interrupts(); long work polls it and
-// ends cleanly.
+// Set by SIGINT, SIGTERM, SIGHUP (not under nohup) after catch_interrupts(); long work polls it and ends cleanly.
 const std::atomic<bool>& interrupted();
 void catch_interrupts();
 
@@ -79,8 +78,7 @@ int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, 
   }
 }
 
-// Adds an option of a verb: description, default value (nullptr: none), and the value's name in the help. bool: a flag.
-// Thread: setup.
+// Adds an option: description, default (nullptr: none), value's name in the help. bool: a flag. Thread: setup.
 template <typename T>
 void add_option(cxxopts::Options& options, const char* name, const std::string& words, const char* standard = nullptr,
                 const char* argument = "", const char* group = "") {
@@ -100,8 +98,7 @@ Result<T> number_of(const cxxopts::ParseResult& given, const char* option, doubl
   return value;
 }
 
-// Progress on stderr: on a terminal one line updated at most ten times a second; otherwise a new line every
-// `log_every_s` (0: none), for the logs of long work.
+// Progress on stderr: on a terminal one line, at most ten updates a second; else a line every `log_every_s` (0: none).
 class Progress {
  public:
   explicit Progress(std::string what, std::uint64_t total, double log_every_s = 0.0);  // total 0: unknown
@@ -146,8 +143,7 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
 
 // --- JSON for other programs.
 
-// Replaces invalid UTF-8 (file names, device texts) by U+FFFD, where the library's default is an exception. `indent`:
-// spaces per level; -1: one line. Thread: any.
+// Replaces invalid UTF-8 by U+FFFD instead of throwing. `indent`: spaces per level; -1: one line. Thread: any.
 template <typename Json>
 std::string json_text(const Json& json, int indent = -1) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);
@@ -158,8 +154,7 @@ std::string json_text(const Json& json, int indent = -1) {
 // Also adds --overwrite. `what`: as in "Draw the table". Thread: setup.
 void add_plot_option(cxxopts::Options& options, const std::string& what);
 
-// The requested file, or none. kBadInput: its extension is neither .svg nor .html, or it must not be written. Thread:
-// any.
+// The requested file, or none. kBadInput: neither .svg nor .html, or it must not be written. Thread: any.
 Result<OutputFile> plot_file_of(const cxxopts::ParseResult& given);
 
 // Processor and number of threads, for machine-dependent results. Thread: any.

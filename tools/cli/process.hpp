@@ -68,9 +68,8 @@ Result<std::filesystem::path> find_own_program(const std::string& name);
 // A whole file; empty if unreadable. Thread: any.
 std::string contents(const std::filesystem::path& file);
 
-// --- A temporary folder.
+// --- A temporary folder, removed with its contents by the destructor.
 
-// A temporary folder, removed with its contents by the destructor.
 class ScratchFolder {
  public:
   // In `parent`, or by default where temporary files go. kFailed if it cannot be created. Thread: any.

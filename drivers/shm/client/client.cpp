@@ -1,5 +1,4 @@
-// The C functions of bolo/client.h: they check arguments and stop exceptions; Handle does the rest. Handle is C++
-// inside and presents the C structures to the user.
+// The C functions of bolo/client.h: they check arguments and stop exceptions; the C++ class Handle does the rest.
 #include "bolo/client.h"
 
 #include <algorithm>
@@ -28,7 +27,6 @@
 namespace bolo::shm {
 namespace {
 
-// Rounded up and clamped to 32 bits.
 std::uint32_t microseconds(std::int64_t ns) noexcept {
   constexpr std::int64_t kMost = std::numeric_limits<std::uint32_t>::max();
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(ns / kNsPerUs + (ns % kNsPerUs > 0 ? 1 : 0), 0, kMost));
@@ -52,8 +50,7 @@ class ErrorText {
   std::array<char, 512> text_{};
 };
 
-// Results are of enum bolo_client_result; negative ones and BOLO_CLIENT_ENDED leave a message in `error`. Thread: one
-// at a time.
+// Returns enum bolo_client_result; negative ones and BOLO_CLIENT_ENDED set a message in `error`. Thread: one at a time.
 class Handle {
  public:
   explicit Handle(FollowedStream stream) : stream_(std::move(stream)) { fill_info(); }

@@ -1,5 +1,4 @@
-// Drawing with temperatures: shapes are painted over each other on a raster four times as fine as the image and then
-// averaged (antialiasing).
+// Drawing with temperatures: shapes painted over each other on a raster of four times the resolution, then averaged.
 #pragma once
 
 #include <algorithm>
