@@ -204,7 +204,7 @@ std::string report_of(libusb_device* device) {
   return page.take();
 }
 
-// USB 3 allows seven tiers of hubs.
+// USB 3 allows hubs seven levels deep.
 constexpr int kMostPorts = 7;
 
 std::string port_path(libusb_device* device) {

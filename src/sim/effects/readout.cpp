@@ -67,7 +67,7 @@ auto heat_rows(const EffectSetup& setup) {
 
 // The package warms up slowly over all captures of a session, and offsets drift with it.
 auto drift_offsets(const EffectSetup& setup) {
-  constexpr double kPeriods = 4.0;  // time_s is about a quarter of the sine
+  constexpr double kPeriods = 4.0;  // time_s is about a quarter of the sine's period
   std::vector<double> answer = normal_plane(setup.pattern_seed(), setup.geometry());  // per pixel, 1 on average
   for (double& value : answer) value = 1.0 + setup.number("spread") * value;
   const bool sine = setup.form("sine");
