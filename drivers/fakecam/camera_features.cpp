@@ -16,7 +16,7 @@ bool whole_words(std::uint32_t address, std::size_t bytes) {
   return address % kRegisterBytes == 0 && bytes % kRegisterBytes == 0;
 }
 
-// The part [address, address + bytes) of `memory`, which starts at `base`; empty when it lies outside.
+// Part [address, address + bytes) of `memory`, which starts at `base`; empty when out of range.
 ConstBytes window(ConstBytes memory, std::uint32_t base, std::uint32_t address, std::size_t bytes) {
   if (address < base || address - base > memory.size() || bytes > memory.size() - (address - base)) return {};
   return memory.subspan(address - base, bytes);
@@ -39,12 +39,12 @@ constexpr std::uint32_t kMaxPacketDelayTicks = 10'000'000;
 constexpr float kMaxRateHz = 10'000.0F;
 constexpr float kMinRateHz = 0.01F;
 constexpr std::uint32_t kSingleFrame = 1;
-constexpr std::uint32_t kPtpDisabled = 2;  // as SFNC numbers the states
+constexpr std::uint32_t kPtpDisabled = 2;  // state numbers of the SFNC
 constexpr std::uint32_t kPtpListening = 3;
 constexpr std::uint32_t kPtpSlave = 8;
 constexpr int kPtpOffset_ns = -37;
 
-// The measurement ranges of an A655sc: -40..150, 100..650 and 300..2000 degrees Celsius.
+// Measurement ranges of an A655sc: -40..150, 100..650 and 300..2000 degrees Celsius.
 struct Range {
   float low_k;
   float high_k;
@@ -99,7 +99,7 @@ void RegisterMap::set_float(std::uint32_t address, float value) { set(address, s
 void RegisterMap::set_text(std::uint32_t address, std::size_t field_bytes, std::string_view text) {
   const auto field = Bytes(registers_).subspan(address, field_bytes);
   std::fill(field.begin(), field.end(), std::uint8_t{0});
-  const std::size_t length = std::min(text.size(), field_bytes - 1);  // one zero ends it
+  const std::size_t length = std::min(text.size(), field_bytes - 1);  // leaves room for the terminating zero
   std::copy_n(text.begin(), length, field.begin());
 }
 
@@ -115,7 +115,7 @@ void RegisterMap::writable_range(std::uint32_t address, std::uint32_t min, std::
 void RegisterMap::writable_float(std::uint32_t address, float min, float max) {
   writable(address, [min, max](std::uint32_t value) -> WriteOutcome {
     const auto number = std::bit_cast<float>(value);
-    if (!(number >= min && number <= max)) return refuse(gvcp::Status::kInvalidParameter);  // also not a number
+    if (!(number >= min && number <= max)) return refuse(gvcp::Status::kInvalidParameter);  // also refuses NaN
     return value;
   });
 }
@@ -129,7 +129,7 @@ void RegisterMap::writable_text(std::uint32_t address, std::size_t field_bytes) 
 void fill_bootstrap(RegisterMap& registers, const Identity& identity) {
   registers.set(reg::kVersion, kGigE12);
   registers.set(reg::kDeviceMode, kBigEndianUtf8);
-  registers.set(reg::kMacHigh, 0x0200);  // locally administered; the rest is the address, so that no two are equal
+  registers.set(reg::kMacHigh, 0x0200);  // locally administered; the IP address in the low word makes it unique
   registers.set(reg::kMacLow, identity.address);
   registers.set(reg::kSupportedIpConfig, kLinkLocalAndDhcp);
   registers.set(reg::kCurrentIpConfig, kLinkLocalAndDhcp);
@@ -194,7 +194,7 @@ void CameraFeatures::fill_image(double rate_hz) {
   command(reg::kAcquisitionStop, [this] { actions_.stop(); });
 }
 
-// Width or Height with its offset: one that was not given follows, so that the window stays in the middle.
+// Width or Height with its offset: an offset that the client has not written keeps the window centred.
 void CameraFeatures::fill_axis(std::uint32_t size_register, std::uint32_t offset_register, std::uint32_t sensor_size,
                                bool& offset_given) {
   registers_.set(size_register, sensor_size);
@@ -262,7 +262,7 @@ void CameraFeatures::fill_cases() {
   show(0);
 }
 
-// Once enabled it reports listening at the first latch, and following a master from the second on.
+// After enabling, the first latch reports "listening", later ones "slave".
 void CameraFeatures::fill_ptp() {
   registers_.set(reg::kPtpStatus, kPtpDisabled);
   registers_.writable(reg::kPtpEnable, [this](std::uint32_t value) -> WriteOutcome {

@@ -1,5 +1,4 @@
-// The camera's side of the registers: their first values, the effect of a write to each, and the stream settings that
-// they hold at AcquisitionStart.
+// Register map of the camera, effects of register writes, and the stream settings latched at AcquisitionStart.
 #pragma once
 
 #include <cstdint>
@@ -17,11 +16,10 @@
 
 namespace bolo::fakecam {
 
-// --- The camera's memory as GVCP sees it: a page of registers with write rules, and the read-only GenICam description.
+// --- Camera memory as GVCP sees it: a page of registers with write rules, and the read-only GenICam description.
 
-// Addresses of the registers: the bootstrap registers of GigE Vision 1.2 (chapter 17) and, from 0xa000, the camera's
-// own. description.cpp names them all, and has those that mean nothing to the camera itself. All are big-endian 32-bit
-// words unless said otherwise.
+// Register addresses: the bootstrap registers of GigE Vision 1.2 (chapter 17) and, from 0xa000, the camera's own.
+// Registers that only store their value are defined in description.cpp. All are big-endian 32-bit words unless noted.
 namespace reg {
 
 // Bootstrap
@@ -89,11 +87,11 @@ inline constexpr std::uint32_t kQueryCase = 0xa184;
 inline constexpr std::uint32_t kQueryCaseLowLimit = 0xa188;   // float, K
 inline constexpr std::uint32_t kQueryCaseHighLimit = 0xa18c;  // float, K
 
-// The clock, kept by PTP (IEEE 1588)
+// Clock synchronised by PTP (IEEE 1588)
 inline constexpr std::uint32_t kPtpEnable = 0xa200;
 inline constexpr std::uint32_t kPtpLatch = 0xa204;
 inline constexpr std::uint32_t kPtpStatus = 0xa208;  // 2 disabled, 3 listening, 8 slave
-inline constexpr std::uint32_t kPtpOffset = 0xa20c;  // ns, with a sign
+inline constexpr std::uint32_t kPtpOffset = 0xa20c;  // ns, signed
 
 inline constexpr std::uint32_t kRegistersEnd = 0xa210;
 inline constexpr std::uint32_t kDescription = 0x10000;  // the GenICam XML, read-only
@@ -109,7 +107,7 @@ inline constexpr std::uint32_t kHeartbeatOff = 1U << 0;
 
 }  // namespace reg
 
-// Result of a write: the value that the register then holds, or the reason for its refusal.
+// Result of a write: the value that the register then holds, or the status of the refusal.
 using WriteOutcome = tl::expected<std::uint32_t, gvcp::Status>;
 using WriteRule = std::function<WriteOutcome(std::uint32_t value)>;
 
@@ -118,23 +116,23 @@ inline tl::unexpected<gvcp::Status> refuse(gvcp::Status status) { return tl::une
 // Thread: one at a time; the control thread once the camera runs.
 class RegisterMap {
  public:
-  // `description` is readable from reg::kDescription on, padded with zeros to whole words.
+  // `description` is readable from reg::kDescription on, zero-padded to whole words.
   explicit RegisterMap(std::string_view description);
 
-  // Access from the network. Whole words only: anything else is kBadAlignment, beyond the registers and the description
-  // kInvalidAddress. Holes between the registers read as zero.
+  // Network access, whole words only: otherwise kBadAlignment; outside the registers and the description
+  // kInvalidAddress. Gaps between the registers read as zero.
   gvcp::Status read(std::uint32_t address, Bytes out) const;
-  // Words are written in order; the first refused one ends the write, those before it stay written.
+  // Writes words in order and stops at the first refused one; earlier words stay written.
   gvcp::Status write(std::uint32_t address, ConstBytes in);
 
-  // Access from the camera itself: no rules. `address` is a register's.
+  // Access by the camera itself, without rules. `address` must be a register.
   std::uint32_t get(std::uint32_t address) const;
   float get_float(std::uint32_t address) const;
   void set(std::uint32_t address, std::uint32_t value);
   void set_float(std::uint32_t address, float value);
   void set_text(std::uint32_t address, std::size_t field_bytes, std::string_view text);
 
-  // Keeps all values as those at power-on; goes back to them. Rules stay.
+  // Saves the current values as the power-on state; restores it. Write rules are kept.
   void remember() { power_on_ = registers_; }
   void power_on() { registers_ = power_on_; }
 
@@ -162,35 +160,34 @@ struct Identity {
 // The GenICam description. Thread: any.
 std::string_view description();
 
-// The registers that never change, and those that only keep what is written to them, as the description limits them.
-// Thread: setup.
+// Constant registers and registers that only store their value, with the limits of the description. Thread: setup.
 void fill_kept(RegisterMap& registers);
 
-// The bootstrap registers that never change, and those that only keep what is written to them. Thread: setup.
+// Constant bootstrap registers and those that only store their value. Thread: setup.
 void fill_bootstrap(RegisterMap& registers, const Identity& identity);
 
 // Image, acquisition and infrared features. Thread: one at a time; control once the camera runs.
 class CameraFeatures {
  public:
-  // Called by command registers. A refusal is the write's answer.
+  // Called by command registers. A refusal becomes the status of the write.
   struct Actions {
     std::function<gvcp::Status()> start;
     std::function<void()> stop;
-    std::function<bool()> streaming;  // image registers are locked meanwhile
+    std::function<bool()> streaming;  // image registers are locked while true
     std::function<void()> windowing_changed;
   };
 
-  // `format`: of the capture; `sensor`: its part that is served; `rate_hz`: the pace until a client writes another.
+  // `format`: of the capture; `sensor`: size of the served part; `rate_hz`: until a client writes AcquisitionFrameRate.
   CameraFeatures(RegisterMap& registers, Counters& counters, const StreamFormat& format, Geometry sensor,
                  double rate_hz, Actions actions);
 
-  // As at power-on, but for the registers themselves.
+  // Restores the power-on state except for the registers.
   void power_on() { offset_x_given_ = offset_y_given_ = false; }
 
-  // Settings that a stream takes when it starts; region in the sensor's coordinates.
+  // Settings latched when a stream starts; region in sensor coordinates.
   Region region() const;
   IrFormat ir_format() const;
-  double rate_hz() const;  // 0: the capture's own
+  double rate_hz() const;  // 0: the capture's rate
   bool single_frame() const;
 
  private:
@@ -210,8 +207,8 @@ class CameraFeatures {
   Counters& counters_;
   Geometry sensor_;
   Actions actions_;
-  float capture_rate_hz_;        // as the register holds it
-  bool offset_x_given_ = false;  // otherwise the window is centred
+  float capture_rate_hz_;        // rounded to float like the register
+  bool offset_x_given_ = false;  // false: the window is centred
   bool offset_y_given_ = false;
 };
 

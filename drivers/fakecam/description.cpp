@@ -1,5 +1,5 @@
-// The camera's GenICam description, made from one table: the features of a FLIR A655sc under their own names, and the
-// registers that hold them. Registers that only keep what is written to them are defined here alone.
+// GenICam description of the camera, generated from one table: the features of a FLIR A655sc with their names and
+// registers. Registers that only store their value are defined here alone.
 #include <initializer_list>
 #include <optional>
 #include <string>
@@ -13,7 +13,6 @@
 namespace bolo::fakecam {
 namespace {
 
-// Kinds of features, as their nodes are named.
 using Kind = std::string_view;
 constexpr Kind kInteger = "Integer";
 constexpr Kind kFloat = "Float";
@@ -26,11 +25,11 @@ struct Register {
   std::uint32_t address;
   std::string_view access = "RO";
   int bytes = 4;
-  std::string_view bits{};  // that the value is in; empty: all of them
+  std::string_view bits{};  // bit field of the value; empty: whole register
   std::string_view sign = "Unsigned";
 };
 
-// First value and limits of a register that only keeps what is written to it.
+// Initial value and limits of a register that only stores its value.
 struct Kept {
   double start = 0.0;
   double min = 0.0;
@@ -42,7 +41,7 @@ struct Feature {
   std::string_view name;
   std::string_view tip;
   Register at;
-  std::string content;  // of its node: limits, unit, entries
+  std::string content;  // of the node: limits, unit, entries
   std::string_view visibility;
   std::optional<Kept> kept{};
 };
@@ -64,14 +63,13 @@ std::string entry(std::string_view name, std::uint32_t number) {
   return fmt::format(R"(<EnumEntry Name="{}"><Value>{}</Value></EnumEntry>)", name, number);
 }
 
-// With the numbers from 0 on.
+// Numbered from 0.
 std::string entries(std::initializer_list<std::string_view> names) {
   std::string text;
   for (std::uint32_t number = 0; const auto name : names) text += entry(name, number++);
   return text;
 }
 
-// A number that never changes.
 Feature constant(Kind kind, std::string_view name, std::string_view tip, std::uint32_t address, double value,
                  std::string content = {}) {
   Feature made = feature(kind, name, tip, {address}, std::move(content));
@@ -79,7 +77,7 @@ Feature constant(Kind kind, std::string_view name, std::string_view tip, std::ui
   return made;
 }
 
-// One that a client may write, and one of several words, by its number.
+// A number that a client may write (parameter); one of several named values, stored by number (choice).
 Feature parameter(Kind kind, std::string_view name, std::string_view tip, std::uint32_t address, const Kept& kept,
                   const std::string& unit = {}, std::string_view visibility = "Beginner") {
   Feature made = feature(kind, name, tip, {address, "RW"}, range(kept.min, kept.max) + unit, visibility);
@@ -97,7 +95,7 @@ std::string value(int of_command) { return fmt::format("<CommandValue>{}</Comman
 
 std::vector<Category> categories() {
   const std::string any = range(0, 0xffffffff);
-  constexpr std::string_view kLowHalf = "<LSB>31</LSB><MSB>16</MSB>";  // bit 0 is the highest
+  constexpr std::string_view kLowHalf = "<LSB>31</LSB><MSB>16</MSB>";  // GenICam numbers bits from the most significant
   return {
       {"DeviceControl",
        {feature(kText, "DeviceVendorName", "Name of the manufacturer", {reg::kManufacturer, "RO", 32}),
@@ -144,7 +142,7 @@ std::vector<Category> categories() {
         feature(kInteger, "NUCCount", "How often NUCAction was executed", {reg::kNucCount}, any),
         feature(kCommand, "AutoFocus", "Focuses", {reg::kAutoFocus, "RW"}, value(1)),
         parameter(kInteger, "FocusPos", "Position of the focus", 0xa11c, {0, 0, 65535})}},
-      // Emissivity and transmission 1: temperatures are those of a black body, as the paper sets them.
+      // Emissivity and transmission 1: black-body temperatures, as in the paper.
       {"ObjectParameters",
        {parameter(kFloat, "ReflectedTemperature", "Temperature that the object reflects", 0xa140, {293.15, 0, 5000},
                   in("K")),
@@ -223,7 +221,7 @@ std::string place(const Register& at) {
       at.address, at.bytes, at.access);
 }
 
-// Its node, and the node of its register; a text is its own register.
+// XML node of the feature and of its register; a text feature is its own register.
 std::string nodes(const Feature& described) {
   const auto& [kind, name, tip, at, content, visibility, kept] = described;
   const std::string about = fmt::format("<ToolTip>{}</ToolTip><Visibility>{}</Visibility>", tip, visibility);

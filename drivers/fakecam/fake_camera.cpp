@@ -28,7 +28,7 @@ Result<Region> sensor_of(const FakeCameraOptions& options, const FrameProvider& 
                                region.width, region.height, whole.width, whole.height));
 }
 
-// Clients distinguish cameras by their serial numbers, so that an invented one follows the address.
+// Clients distinguish cameras by serial number, so a generated one contains the address.
 std::string serial_of(const FakeCameraOptions& options, const FrameProvider& provider, std::uint32_t address) {
   if (!options.serial.empty()) return options.serial;
   std::string serial = provider.serial().substr(0, kMaxNameLength);
@@ -38,7 +38,7 @@ std::string serial_of(const FakeCameraOptions& options, const FrameProvider& pro
 
 }  // namespace
 
-// Everything below runs on the control thread once it is there; the stream has threads of its own.
+// Once the control thread runs, it alone uses everything below; the stream has its own threads.
 struct FakeCamera::Impl {
   Impl(const FakeCameraOptions& options_in, std::unique_ptr<FrameProvider> provider_in, Region sensor_in,
        ControlServer server_in, UniqueFd stream_socket_in, UniqueFd stop_event_in, const LocalAddress& local)
@@ -89,7 +89,7 @@ struct FakeCamera::Impl {
     try {
       session =
           std::make_unique<StreamSession>(plan, *provider, counters, StreamFaults{frame_faults, tallies, period_ns});
-    } catch (const std::exception&) {  // for want of memory or threads
+    } catch (const std::exception&) {  // out of memory or threads
       return gvcp::Status::kBusy;
     }
     return gvcp::Status::kSuccess;
@@ -104,7 +104,7 @@ struct FakeCamera::Impl {
   bool streaming() const { return session && session->running(); }
   double rate_hz() const { return options.rate_hz > 0.0 ? options.rate_hz : 1.0 / provider->format().frame_period_s; }
 
-  // The size itself, whether packets may be fragmented, and a test packet with which the client probes the link.
+  // Packet size, do-not-fragment flag, and trigger of a test packet with which the client probes the link.
   WriteOutcome write_packet_size(std::uint32_t value) {
     const std::uint32_t size = value & reg::kPacketSizeMask;
     if (size < gvsp::kMinPacketSize || size > gvsp::kMaxPacketSize) return refuse(gvcp::Status::kInvalidParameter);
@@ -133,7 +133,7 @@ struct FakeCamera::Impl {
     if (to.sin_port == 0) return;
     std::vector<std::uint8_t> packet(packet_size - gvsp::kUdpOverhead, 0);
     gvsp::write_header(packet, gvcp::Status::kSuccess, 0, gvsp::Content::kPayload, 0);
-    // A packet that the link doesn't carry is refused here; the client then sees nothing, which is the test's answer.
+    // The kernel refuses a packet too large for the link; the client then receives nothing, which is the result.
     sendto(stream_socket.get(), packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof(to));
   }
 
@@ -164,7 +164,7 @@ struct FakeCamera::Impl {
 
   const FakeCameraOptions options;
   const std::unique_ptr<FrameProvider> provider;
-  const Region sensor;  // in the capture's coordinates
+  const Region sensor;  // in capture coordinates
   const std::string serial;
   Counters counters;
   RegisterMap registers{description()};
@@ -177,7 +177,7 @@ struct FakeCamera::Impl {
   ControlServer server;
   UniqueFd stream_socket;
   UniqueFd stop_event;
-  std::unique_ptr<StreamSession> session;  // the last one stays for resends
+  std::unique_ptr<StreamSession> session;  // kept after its end for resends
   std::int64_t clock_origin_ns = monotonic_ns();
   Status result;
   std::thread thread;

@@ -1,5 +1,5 @@
-// A GigE Vision camera in software: it replays frames the way a FLIR A655sc sends them, so that everything behind the
-// network cable can be run without one. Device side of GigE Vision 1.2 with a GenICam description of its own.
+// GigE Vision camera in software: replays frames like a FLIR A655sc, so that everything behind the network cable runs
+// without one. Device side of GigE Vision 1.2 with its own GenICam description.
 #pragma once
 
 #include <memory>
@@ -15,27 +15,27 @@
 namespace bolo::fakecam {
 
 struct FakeCameraOptions {
-  std::string address = "127.0.0.1";  // any of this host's, all of 127.0.0.0/8 included: one camera an address
-  std::string serial;                 // at most 15 characters; empty: the capture's, or one made of the address
-  std::optional<Region> crop;         // the part of the capture that is the sensor; nothing: all of it
-  double rate_hz = 0.0;          // frames a second until a client writes AcquisitionFrameRate; 0: the capture's own
-  std::uint64_t laps = 1;        // how often the capture is served after each AcquisitionStart; 0: endlessly
-  std::size_t keep_frames = 48;  // sent frames that can be asked for again
+  std::string address = "127.0.0.1";  // of this host (any of 127.0.0.0/8 included); one camera per address
+  std::string serial;                 // at most 15 characters; empty: the capture's, or derived from the address
+  std::optional<Region> crop;         // part of the capture that acts as the sensor; nothing: all of it
+  double rate_hz = 0.0;          // frames per second until a client writes AcquisitionFrameRate; 0: the capture's rate
+  std::uint64_t laps = 1;        // times the capture is served after each AcquisitionStart; 0: endlessly
+  std::size_t keep_frames = 48;  // sent frames kept for resends
   FaultScript faults;            // at most kMaxFaults
-  std::uint32_t burst_gap_ns = 50'000;  // between the bursts of a frame, when the client asks for no packet delay
+  std::uint32_t burst_gap_ns = 50'000;  // between the bursts of a frame, when the client sets no packet delay
 };
 
-// Streams to the client in control from AcquisitionStart to AcquisitionStop, to the end of the capture, or until the
-// client lets go or goes silent. Each AcquisitionStart begins with the capture's first frame.
+// Streams to the controlling client from AcquisitionStart until AcquisitionStop, the end of the capture, or the loss of
+// control (released or heartbeat timeout). Each AcquisitionStart begins with the capture's first frame.
 class FakeCamera {
  public:
-  // Serves until stop() or destruction. Errors (kBadInput): the address is not this host's or another camera has it,
-  // the crop lies outside the capture, a name is too long, the capture has no frames, too many faults. Thread: setup.
+  // Serves until stop() or destruction. Errors (kBadInput): the address is not this host's or is in use, the crop lies
+  // outside the capture, a name is too long, the capture has no frames, too many faults. Thread: setup.
   static Result<std::unique_ptr<FakeCamera>> start(const FakeCameraOptions& options,
                                                    std::unique_ptr<FrameProvider> provider);
   ~FakeCamera();
 
-  // Stops streaming and answering; the address is free when it returns. Idempotent. Thread: setup.
+  // Stops streaming and answering; the address is free on return. Idempotent. Thread: setup.
   void stop() noexcept;
 
   // Thread: any.
@@ -47,8 +47,8 @@ class FakeCamera {
   Geometry sensor() const;        // Thread: any
   double rate_hz() const;         // at the start; Thread: any
   std::string serial() const;     // Thread: any
-  bool hears_broadcasts() const;  // discovery by broadcast finds it; Thread: setup, before stop()
-  Status result() const;          // a read error that ended a stream; Thread: setup, after stop()
+  bool hears_broadcasts() const;  // broadcast discovery works; Thread: setup, before stop()
+  Status result() const;          // read error that ended a stream; Thread: setup, after stop()
 
  private:
   struct Impl;

@@ -21,7 +21,7 @@ FaultKey for_key(double standard) { return {"for", "s", standard, 0.001, kLonges
 FaultKey frames_key() { return {"frames", "", kForEver, 1.0, 1e9, true, "how long, in frames; instead of for"}; }
 FaultKey seed_key() { return {"seed", "", 1.0, 0.0, 1e9, true, "another choice of packets"}; }
 
-// Faults that strike once, last a while, and of random packets for a while.
+// Keys of faults that strike once (once), last for a while (lasting, silence), or strike random packets (of_packets).
 std::vector<FaultKey> once(std::vector<FaultKey> own) {
   own.insert(own.end(), {at_key(), every_key()});
   return own;
@@ -86,7 +86,6 @@ Status check_value(const std::string& where, const FaultKey& key, double value) 
                    (key.whole ? "a whole number from " : "") + shortest(key.low) + " to " + shortest(key.high));
 }
 
-// One "key=value", put into `fault`.
 Status take_item(Fault& fault, std::string_view item) {
   const std::string where = "fault " + std::string(fault.type->name) + ": ";
   const std::size_t equals = item.find('=');
@@ -109,7 +108,6 @@ Status take_item(Fault& fault, std::string_view item) {
   return {};
 }
 
-// Checks values that depend on one another.
 Status check_together(const Fault& fault) {
   const std::string where = "fault " + std::string(fault.type->name) + ": ";
   if (fault.given("for") && fault.given("frames")) return bad_input(where + "give for or frames, not both");
@@ -120,7 +118,7 @@ Status check_together(const Fault& fault) {
                    (std::isfinite(lasts_s) ? shortest(lasts_s) : "for ever") + "; set for");
 }
 
-// A time that never comes, with room to add to it.
+// A time that never comes; a quarter of the range, so that sums do not overflow.
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max() / 4;
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Faults of the fake camera and their times, parsed from text and checked; and how often they struck.
+// Faults of the fake camera and their schedules, parsed from text and checked; and their counts.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,7 @@ enum class FaultKind {
   kWindowingDrop,
 };
 
-// One number of a fault. A standard value of infinity means "to the end".
+// One numeric parameter of a fault. A standard value of infinity means "to the end".
 struct FaultKey {
   std::string_view key;
   std::string_view unit;  // "" for ratios and counts
@@ -49,59 +49,59 @@ struct FaultType {
   std::vector<FaultKey> keys;
 };
 
-// A fault with its numbers. Keys that are missing in `values` stand at their standard.
+// A fault with its parameters. Keys missing in `values` have their standard value.
 struct Fault {
   const FaultType* type = nullptr;
   std::map<std::string, double, std::less<>> values;
 
   FaultKind kind() const { return type->kind; }
-  bool has(std::string_view key) const;  // the type has this key
+  bool has(std::string_view key) const;  // true when the type has this key
   bool given(std::string_view key) const { return values.contains(key); }
-  double value(std::string_view key) const;  // 0 of a key that the type does not have
+  double value(std::string_view key) const;  // 0 for a key that the type does not have
 };
 
 using FaultScript = std::vector<Fault>;
 
-inline constexpr std::size_t kMaxFaults = 32;  // of one camera
+inline constexpr std::size_t kMaxFaults = 32;  // per camera
 
-// All faults. Thread: any.
+// All fault types. Thread: any.
 std::span<const FaultType> fault_types();
 
-// "NAME" or "NAME:key=value,...". kBadInput has the fault in one line, with the nearest name or key. Thread: any.
+// Parses "NAME" or "NAME:key=value,...". kBadInput: one line with the fault and the nearest name or key. Thread: any.
 Result<Fault> parse_fault(std::string_view text);
 
-// The text that parse_fault() reads back as this. Thread: any.
+// Inverse of parse_fault(). Thread: any.
 std::string fault_text(const Fault& fault);
 
-// Times of a fault, on a clock that starts with the camera's first stream and never stops.
+// Strike times of a fault, on a clock that starts with the camera's first stream and never stops.
 struct Schedule {
   std::int64_t at_ns = 0;
-  std::int64_t for_ns = 0;    // how long each strike lasts; 0: it is over at once
-  std::int64_t every_ns = 0;  // from one strike to the next; 0: there is one only
+  std::int64_t for_ns = 0;    // duration of each strike; 0: instantaneous
+  std::int64_t every_ns = 0;  // from one strike to the next; 0: a single strike
 
-  // Strikes that have begun, and those of them that are over. Thread: any.
+  // Number of strikes that have begun, and of those that have ended. Thread: any.
   std::uint64_t begun(std::int64_t time_ns) const noexcept;
   std::uint64_t ended(std::int64_t time_ns) const noexcept;
   bool lasts(std::int64_t time_ns) const noexcept { return begun(time_ns) > ended(time_ns); }
 };
 
-// The keys at, for or frames, and every. period_ns: of the frames. Thread: any.
+// From the keys at, for or frames, and every. period_ns: frame period. Thread: any.
 Schedule schedule_of(const Fault& fault, std::int64_t period_ns);
 
-// Such schedules for what happens to frames, asked for by the frames' nominal times: half a period early, so that
-// rounding moves no frame into a strike or out of it. N frames are then exactly N. Thread: any.
+// Schedule for faults on frames, evaluated at nominal frame times: half a period early, so that rounding moves no frame
+// into or out of a strike. N frames are then exactly N. Thread: any.
 Schedule frame_schedule_of(const Fault& fault, std::int64_t period_ns);
 
-// Counts of one fault. Frames: sent without some of their packets (loss), sent changed, or never sent; of id_gap
-// the ids that no frame got. Packets: lost, moved, doubled or added ones; of resend_unanswered the requests.
+// Counts of one fault. Frames: sent without some packets (loss), sent changed, or never sent; for id_gap the skipped
+// ids. Packets: lost, moved, duplicated or added; for resend_unanswered the requests.
 struct InjectedFault {
-  std::string fault;        // as parse_fault() reads it
-  std::uint64_t times = 0;  // strikes that were seen; packets are struck one by one
+  std::string fault;        // in the syntax of parse_fault()
+  std::uint64_t times = 0;  // observed strikes; 0 for faults that strike single packets
   std::uint64_t frames = 0;
   std::uint64_t packets = 0;
 };
 
-// One set of bits for the faults of a script, by their place in it.
+// Bit set over the faults of a script, indexed by their place in it.
 using FaultSet = std::uint32_t;
 static_assert(kMaxFaults <= 32);
 constexpr FaultSet fault_bit(std::size_t place) { return FaultSet{1} << place; }
@@ -116,7 +116,7 @@ class FaultTallies {
   void add_frames(std::size_t place, std::uint64_t n = 1) noexcept { add(place, &InjectedFault::frames, n); }
   void add_packets(std::size_t place, std::uint64_t n = 1) noexcept { add(place, &InjectedFault::packets, n); }
 
-  // A frame's turn has come: the faults that it shows, and those that began with it.
+  // Counts a frame that is due: `hit` are the faults that affect it, `struck` those that began with it.
   void add_frame(FaultSet hit, FaultSet struck) noexcept;
 
   std::vector<InjectedFault> read() const;

@@ -19,7 +19,7 @@ std::uint64_t draw(std::uint64_t frame_key, const PlannedPacket& packet) { retur
 bool chance(std::uint64_t random, double rate) { return splitmix::unit(random) < rate; }
 
 constexpr std::array kOnPackets{FaultKind::kLoss, FaultKind::kReorder, FaultKind::kDuplicate, FaultKind::kGarbage};
-// In the order in which they act: pixels from the sensor to the wire.
+// In order of application: pixels from the sensor to the wire.
 constexpr std::array kOnFrames{FaultKind::kNuc,      FaultKind::kMetadataRows, FaultKind::kByteOrder, FaultKind::kIdGap,
                                FaultKind::kTimeJump, FaultKind::kStall,        FaultKind::kFreeze};
 constexpr std::array kOnControl{FaultKind::kNoResend, FaultKind::kFreeze, FaultKind::kControlLoss, FaultKind::kReboot,
@@ -32,7 +32,7 @@ double amount_of(const Fault& fault) {
   return 0.0;
 }
 
-// The script's faults of these kinds, in its order. `schedule`: one of fault_script.hpp's.
+// The script's faults of these kinds, in script order. `schedule`: schedule_of or frame_schedule_of.
 std::vector<FaultRule> rules_of(const FaultScript& script, std::span<const FaultKind> kinds,
                                 decltype(schedule_of)& schedule, std::int64_t period_ns) {
   std::vector<FaultRule> rules;
@@ -103,7 +103,7 @@ std::size_t PacketFaults::lose(const FaultRule& rule, std::uint64_t frame_key) {
   return lost;
 }
 
-// From the last packet to the first, so that each is still where it was drawn.
+// From the last packet to the first, so that earlier positions stay valid.
 std::size_t PacketFaults::reorder(const FaultRule& rule, std::uint64_t frame_key) {
   std::size_t moved = 0;
   for (std::size_t i = plan_.size(); i-- > 0;) {
@@ -116,7 +116,7 @@ std::size_t PacketFaults::reorder(const FaultRule& rule, std::uint64_t frame_key
   return moved;
 }
 
-// A packet's double, or garbage, behind it.
+// Inserts a duplicate or a garbage packet behind each packet drawn.
 std::size_t PacketFaults::insert(const FaultRule& rule, std::uint64_t frame_key) {
   next_.clear();
   for (const PlannedPacket& packet : plan_) {
@@ -142,7 +142,7 @@ std::size_t PacketFaults::write_garbage(const PlannedPacket& packet, std::uint16
   const auto far = static_cast<std::uint16_t>(block_id + 0x4000U + (how >> 4U) % 0x8000U);
   const auto ids = static_cast<std::uint32_t>(how >> 20U);
   if ((how & 1U) != 0) {
-    const auto content = static_cast<std::uint32_t>(1 + (how >> 1U & 3U)) << 24U;  // the three, and ALL_IN
+    const auto content = static_cast<std::uint32_t>(1 + (how >> 1U & 3U)) << 24U;  // leader, trailer, payload or ALL_IN
     const bool extended = (how & 8U) != 0;
     store_u16(bytes, 0, 0);
     store_u16(bytes, 2, far);
@@ -203,7 +203,7 @@ void FrameFaults::strike(const FaultRule& rule, WireFrame& frame, const Nominal&
   }
 }
 
-// While the shutter is closed the camera repeats what it saw last; each correction leaves its offset behind.
+// While the shutter is closed, the camera repeats the last frame; each completed NUC leaves its offset.
 void FrameFaults::show_shutter(const FaultRule& rule, WireFrame& frame, const Nominal& nominal) {
   const auto ended = static_cast<double>(rule.schedule.ended(nominal.clock_ns));
   add_offset(frame.counts, std::lround(ended * rule.amount * nominal.counts_per_kelvin));

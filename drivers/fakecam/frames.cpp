@@ -42,7 +42,7 @@ double counts_of_kelvin(double kelvin, IrFormat format) {
   return kPlanck.j0 + kPlanck.j1 * kPlanck.r / (std::exp(kPlanck.b / kelvin) - kPlanck.f);
 }
 
-// The counter's step from one frame to the next when none is lost: 1, or more in a thinned-out capture.
+// Counter step between consecutive frames: 1, or more in a decimated capture.
 std::uint64_t smallest_step(std::span<const std::uint64_t> ids) {
   std::uint64_t step = ids.size() < 2 ? 1 : ids[1] - ids[0];
   for (std::size_t i = 1; i < ids.size(); ++i) step = std::min(step, ids[i] - ids[i - 1]);
@@ -138,7 +138,7 @@ CountConverter::CountConverter(const StreamFormat& format, IrFormat ir_format, R
 std::uint16_t CountConverter::count_of(double stored) const noexcept {
   const double count =
       format_.scale.unit == Unit::kKelvin ? counts_of_kelvin(format_.scale.to_physical(stored), ir_format_) : stored;
-  if (!(count > 0.0)) return 0;  // also not a number
+  if (!(count > 0.0)) return 0;  // also for NaN
   return static_cast<std::uint16_t>(std::lround(std::min(count, 65535.0)));
 }
 

@@ -1,4 +1,4 @@
-// The frames of the camera: where they come from, the counts, ids and times that they are sent with.
+// Frames of the camera: their source, and the counts, ids and time stamps on the wire.
 #pragma once
 
 #include <condition_variable>
@@ -18,29 +18,28 @@
 
 namespace bolo::fakecam {
 
-// --- Frames on their way out: a reader fills slots ahead of time, the sender takes them in order, and what was sent
-// stays for a while, so that lost packets can be sent again.
+// --- Output frames: a reader fills slots ahead of time, the sender sends them in order and keeps them for resends.
 
 struct WireFrame {
   gvsp::BlockInfo block;
   std::uint64_t sequence = 0;
-  std::int64_t due_ns = 0;            // after the stream's first frame
-  bool withheld = false;              // never goes out
-  FaultSet hit = 0;                   // faults that it shows
+  std::int64_t due_ns = 0;            // relative to the stream's first frame
+  bool withheld = false;              // never sent
+  FaultSet hit = 0;                   // faults that affect it
   FaultSet struck = 0;                // faults that begin with it
-  std::vector<std::uint16_t> counts;  // little-endian on the wire, as the host has them
+  std::vector<std::uint16_t> counts;  // little-endian on the wire, as in host memory
 
   std::size_t payload_bytes() const { return counts.size() * sizeof(std::uint16_t); }
 };
 
-// Frame s lies in slot s % slots. Four positions: written >= sent, ahead of sent by at most `ahead`; a slot is filled
-// again only when its frame was sent, is `keep` frames old and nobody has it pinned. One mutex guards the positions;
-// no plane is touched under it. Thread: one writer, one sender, any number of finders.
+// Frame s lies in slot s % slots; written >= sent, by at most `ahead`. A slot is reused only when its frame was sent,
+// is `keep` frames old and is not pinned. One mutex guards the positions; no pixels are touched under it. Thread: one
+// writer, one sender, any number of finders.
 class FrameRing {
  public:
   FrameRing(std::size_t ahead, std::size_t keep, std::size_t pixels);
 
-  // A recently sent frame that stays as it is until the pin goes. Empty when the frame is gone or not sent yet.
+  // Keeps a recently sent frame unchanged while the pin exists. Empty when the frame is gone or not sent yet.
   class Pin {
    public:
     Pin(FrameRing& ring, const WireFrame* frame) : ring_(ring), frame_(frame) {}
@@ -54,24 +53,24 @@ class FrameRing {
     const WireFrame* frame_;
   };
 
-  // The slot to fill next; waits for one. nullptr once the ring is closed. Thread: writer.
+  // Waits for a free slot. nullptr once the ring is closed. Thread: writer.
   WireFrame* begin_write();
   void end_write();
-  void finish();  // no frame comes after those written
+  void finish();  // no more frames follow
 
-  // The next frame; waits for one. nullptr once the ring is closed, or finished and empty. Thread: sender.
+  // Waits for the next frame. nullptr once the ring is closed, or finished and empty. Thread: sender.
   const WireFrame* begin_send();
   void end_send();
 
-  // The youngest frame with this block id of those sent or being sent. Thread: any.
+  // The youngest frame with this block id that is sent or being sent. Thread: any.
   Pin find(std::uint16_t block_id);
 
-  // Wakes everybody and ends all waiting. Thread: any.
+  // Wakes all waiting threads; no further wait blocks. Thread: any.
   void close();
 
  private:
   std::size_t slot(std::uint64_t sequence) const { return static_cast<std::size_t>(sequence % frames_.size()); }
-  // Then whoever waits looks again.
+  // Changes the state under the mutex, then wakes all waiting threads.
   void change(auto what) {
     {
       const std::lock_guard lock(mutex_);
@@ -88,13 +87,13 @@ class FrameRing {
   std::uint64_t written_ = 0;  // frames filled
   std::uint64_t sent_ = 0;     // frames sent
   std::uint64_t visible_ = 0;  // frames sent or being sent
-  std::uint64_t oldest_ = 0;   // the oldest frame whose slot was not given to the writer again
+  std::uint64_t oldest_ = 0;   // oldest frame whose slot has not been reused
   bool finished_ = false;
   bool closed_ = false;
 };
 
-// A finite sequence of frames with the counters and times of the camera that took them. The description is fixed;
-// read() is called by one thread at a time.
+// A finite sequence of frames with the original camera's counters and times. The description is fixed; read() is called
+// by one thread at a time.
 class FrameProvider {
  public:
   virtual ~FrameProvider() = default;
@@ -102,13 +101,12 @@ class FrameProvider {
   virtual const StreamFormat& format() const noexcept = 0;
   virtual const std::vector<std::uint64_t>& frame_ids() const noexcept = 0;  // rising
   virtual const std::vector<double>& times_s() const noexcept = 0;           // rising, as many as frame_ids()
-  virtual std::string serial() const { return {}; }                          // of the camera that took them
+  virtual std::string serial() const { return {}; }                          // of the original camera
 
-  // The frame in its stored type; `out` has plane_bytes(format().geometry, format().type) bytes.
+  // Reads a frame in its stored type; `out` has plane_bytes(format().geometry, format().type) bytes.
   virtual Status read(std::size_t index, void* out) = 0;
 };
 
-// Frames that lie in memory one after the other.
 class MemoryFrames final : public FrameProvider {
  public:
   struct Content {
@@ -130,19 +128,19 @@ class MemoryFrames final : public FrameProvider {
   Content content_;
 };
 
-// Opens a capture. Up to `preload_bytes` it is read whole, so that no disk stands behind the stream; a bigger one is
-// read frame by frame. Errors: the reader's; an empty capture. Thread: setup.
+// Opens a capture. Up to `preload_bytes` it is read completely, so that the stream does not depend on the disk; a
+// larger one is read frame by frame. Errors: the reader's; an empty capture. Thread: setup.
 Result<std::unique_ptr<FrameProvider>> open_capture(const std::filesystem::path& file,
                                                     std::size_t preload_bytes = std::size_t{1} << 30U);
 
-// FLIR's IRFormat: what a count means.
+// FLIR's IRFormat: the meaning of a count.
 enum class IrFormat : std::uint32_t {
   kRadiometric = 0,             // proportional to radiance; the Planck constants lead to a temperature
   kTemperatureLinear100mK = 1,  // kelvin * 10
   kTemperatureLinear10mK = 2,   // kelvin * 100
 };
 
-// 1 where a count is no share of a kelvin. Thread: any.
+// 1 for radiometric counts, which are not proportional to kelvin. Thread: any.
 constexpr double counts_per_kelvin(IrFormat format) {
   if (format == IrFormat::kRadiometric) return 1.0;
   return format == IrFormat::kTemperatureLinear10mK ? 100.0 : 10.0;
@@ -159,10 +157,10 @@ struct PlanckConstants {
 inline constexpr PlanckConstants kPlanck;
 
 // Crops planes of one format and converts them to counts. Planes in kelvin become counts of the IrFormat, rounded and
-// clamped to 16 bits; planes in counts go out as they are. Thread: one at a time.
+// clamped to 16 bits; planes in counts are sent unchanged. Thread: one at a time.
 class CountConverter {
  public:
-  // `region` lies inside format.geometry.
+  // `region` must lie inside format.geometry.
   CountConverter(const StreamFormat& format, IrFormat ir_format, Region region);
 
   // `plane`: the whole stored plane. `out`: region.width * region.height counts, row-major. noexcept, no allocation.
@@ -174,7 +172,7 @@ class CountConverter {
   StreamFormat format_;
   IrFormat ir_format_;
   Region region_;
-  std::vector<std::uint16_t> table_;  // counts of each 16-bit stored value; empty when they are equal
+  std::vector<std::uint16_t> table_;  // counts for each 16-bit stored value; empty for the identity
 };
 
 struct Moment {
@@ -183,16 +181,14 @@ struct Moment {
   std::uint64_t timestamp_ns = 0;
 };
 
-// GigE Vision 1.2 has 16-bit block ids and never uses 0: the same step of the capture's counter is the same step on the
-// wire. Thread: any.
+// GigE Vision 1.2 has nonzero 16-bit block ids; steps of the capture's counter are preserved. Thread: any.
 constexpr std::uint16_t block_id_of(std::uint64_t frame_id) { return static_cast<std::uint16_t>(frame_id % 65535 + 1); }
 
-// Replays a capture lap after lap as if the camera had never stopped: at the seam the id and the time are one frame
-// apart. At the capture's own rate the times are those of the capture; at another rate R they are spaced 1/R a frame,
-// lost frames included. Thread: any (immutable).
+// Replays a capture lap after lap without a break: between laps the id and the time advance by one frame. Times are the
+// capture's at its own rate; at another rate R they are spaced 1/R, lost frames included. Thread: any (immutable).
 class Timeline {
  public:
-  // Both spans have the same size, at least 1, and rise. rate_hz 0: the capture's own rate.
+  // Both spans have the same size, at least 1, and rise. rate_hz 0: the capture's rate.
   Timeline(std::span<const std::uint64_t> frame_ids, std::span<const double> times_s, double period_s, double rate_hz);
 
   std::size_t frames() const { return ids_.size(); }

@@ -21,8 +21,8 @@ inline constexpr std::uint16_t kPort = 3956;
 inline constexpr std::uint8_t kKey = 0x42;  // first byte of each command
 inline constexpr std::uint8_t kAckRequired = 0x01;
 inline constexpr std::size_t kHeaderBytes = 8;       // command: key, flags, command, length, id
-inline constexpr std::size_t kMaxDataBytes = 540;    // 576 bytes of IP packet that every host accepts, less headers
-inline constexpr std::size_t kDiscoveryBytes = 248;  // the first registers, as DISCOVERY_ACK repeats them
+inline constexpr std::size_t kMaxDataBytes = 540;    // 576-byte IP packet that every host accepts, less headers
+inline constexpr std::size_t kDiscoveryBytes = 248;  // the first registers, copied into DISCOVERY_ACK
 inline constexpr std::size_t kMaxMemoryBytes = 536;  // of one READMEM or WRITEMEM
 
 enum class Command : std::uint16_t {
@@ -35,7 +35,6 @@ enum class Command : std::uint16_t {
   kWriteMemory = 0x0086,
 };
 
-// The acknowledge of a command is the command's number plus one.
 constexpr std::uint16_t ack_of(std::uint16_t command) { return static_cast<std::uint16_t>(command + 1); }
 
 enum class Status : std::uint16_t {
@@ -63,23 +62,22 @@ inline constexpr std::size_t kHeaderBytes = 8;
 inline constexpr std::size_t kLeaderBytes = kHeaderBytes + 36;
 inline constexpr std::size_t kTrailerBytes = kHeaderBytes + 8;
 inline constexpr std::size_t kUdpOverhead = 20 + 8;  // a packet size counts the IP and UDP headers
-inline constexpr std::uint32_t kMinPacketSize = 76;  // the leader fits; 40 bytes of payload
+inline constexpr std::uint32_t kMinPacketSize = 76;  // fits the leader and 40 bytes of payload
 inline constexpr std::uint32_t kMaxPacketSize = 65532;
 inline constexpr std::uint32_t kMaxPacketId = 0xffffff;
 
 enum class Content : std::uint8_t { kLeader = 1, kTrailer = 2, kPayload = 3 };
 
-// Fields of the leader.
 struct BlockInfo {
   std::uint16_t block_id = 1;  // never 0
   std::uint64_t timestamp_ns = 0;
-  Region region;  // where the image lies on the sensor
+  Region region;  // of the image on the sensor
 };
 
-// Packets carry bytes of one block: id 0 the leader, then the payload, last the trailer.
+// Packets of one block: id 0 the leader, then the payload, last the trailer.
 struct PacketLayout {
   std::size_t payload_bytes = 0;  // of the whole frame
-  std::size_t data_bytes = 0;     // of each payload packet but the last
+  std::size_t data_bytes = 0;     // of each payload packet except the last
 
   static constexpr PacketLayout of(std::size_t payload_bytes, std::uint32_t packet_size) {
     return {payload_bytes, packet_size - kUdpOverhead - kHeaderBytes};
@@ -89,7 +87,7 @@ struct PacketLayout {
   }
 };
 
-// The first kHeaderBytes of `out`. Thread: any.
+// Writes the first kHeaderBytes of `out`. Thread: any.
 inline void write_header(Bytes out, gvcp::Status status, std::uint16_t block_id, Content content,
                          std::uint32_t packet_id) {
   store_u16(out, 0, static_cast<std::uint16_t>(status));
@@ -97,7 +95,7 @@ inline void write_header(Bytes out, gvcp::Status status, std::uint16_t block_id,
   store_u32(out, 4, static_cast<std::uint32_t>(content) << 24U | (packet_id & 0xffffffU));
 }
 
-// The whole packet: kLeaderBytes, kTrailerBytes of `out`. Thread: any.
+// Write a whole packet: kLeaderBytes, kTrailerBytes of `out`. Thread: any.
 inline void write_leader(Bytes out, const BlockInfo& block) {
   write_header(out, gvcp::Status::kSuccess, block.block_id, Content::kLeader, 0);
   const Bytes body = out.subspan(kHeaderBytes);

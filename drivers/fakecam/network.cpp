@@ -40,7 +40,7 @@ bool bind_to(int fd, std::uint32_t address, std::uint16_t port) {
   return bind(fd, reinterpret_cast<const sockaddr*>(&where), sizeof(where)) == 0;
 }
 
-// For the camera's own address, and never shared: a second camera on it is an error.
+// Binds the camera's own address exclusively: a second camera on it is an error.
 Result<UniqueFd> bind_exclusive(std::uint32_t address, std::uint16_t port) {
   UniqueFd fd = udp_socket();
   if (!fd) return failed(std::string("can't open a UDP socket: ") + std::strerror(errno));
@@ -53,7 +53,7 @@ Result<UniqueFd> bind_exclusive(std::uint32_t address, std::uint16_t port) {
   return bad_input("can't bind " + where + ": " + std::strerror(errno));
 }
 
-// Receives broadcasts together with other cameras; none when it can't be had.
+// Binds a broadcast address shared with other cameras; an invalid descriptor when that fails.
 UniqueFd bind_broadcast(std::uint32_t address, std::uint16_t port) {
   UniqueFd fd = udp_socket();
   if (!fd) return {};
@@ -67,7 +67,7 @@ constexpr int kHeartbeatCheckMs = 100;
 constexpr int kFaultCheckMs = 2;
 constexpr std::size_t kMaxPacketBytes = 65536;
 
-// The interface that a packet came in on; 0 when the kernel didn't report it.
+// The interface that received the packet; 0 when the kernel did not report it.
 unsigned arrival_interface(msghdr& message) {
   for (cmsghdr* at = CMSG_FIRSTHDR(&message); at != nullptr; at = CMSG_NXTHDR(&message, at)) {
     if (at->cmsg_level != IPPROTO_IP || at->cmsg_type != IP_PKTINFO) continue;
@@ -87,7 +87,7 @@ CommandHandler::CommandHandler(RegisterMap& registers, Counters& counters, Hooks
 
 ConstBytes CommandHandler::handle(ConstBytes packet, Peer peer, std::int64_t now_ns) {
   check_heartbeat(now_ns);
-  if (packet.size() < gvcp::kHeaderBytes || packet[0] != gvcp::kKey) {  // not GVCP, or an answer: ignored
+  if (packet.size() < gvcp::kHeaderBytes || packet[0] != gvcp::kKey) {  // not GVCP, or an acknowledge: ignored
     counters_.add(&FakeCameraStats::bad_commands);
     return {};
   }
@@ -128,7 +128,7 @@ gvcp::Status CommandHandler::discover(ConstBytes) {
   return registers_.read(0, data().first(gvcp::kDiscoveryBytes));
 }
 
-// Addresses in, values out; the answer to a failed read ends before the register that failed.
+// Addresses in, values out; after a failed read the answer ends before the failed register.
 gvcp::Status CommandHandler::read_registers(ConstBytes addresses) {
   if (addresses.empty() || addresses.size() % kWordBytes != 0 || addresses.size() > gvcp::kMaxDataBytes) {
     return gvcp::Status::kInvalidParameter;
@@ -142,7 +142,7 @@ gvcp::Status CommandHandler::read_registers(ConstBytes addresses) {
   return gvcp::Status::kSuccess;
 }
 
-// Pairs of address and value; the answer holds how many were written.
+// Pairs of address and value; the answer holds the number of pairs written.
 gvcp::Status CommandHandler::write_registers(ConstBytes pairs) {
   constexpr std::size_t kPairBytes = 2 * kWordBytes;
   if (pairs.empty() || pairs.size() % kPairBytes != 0) return gvcp::Status::kInvalidParameter;
@@ -181,7 +181,7 @@ gvcp::Status CommandHandler::write_memory(ConstBytes request) {
   return status;
 }
 
-// Not acknowledged: the packets are the answer. A receiver asks from its stream socket, so any peer may.
+// Not acknowledged: the packets are the answer. Any peer may ask, because receivers ask from their stream socket.
 gvcp::Status CommandHandler::resend(ConstBytes request) {
   constexpr std::size_t kRequestBytes = 12;
   if (request.size() < kRequestBytes) return gvcp::Status::kInvalidParameter;
@@ -310,7 +310,7 @@ void ControlServer::run(CommandHandler& handler, ControlFaults& faults, int stop
   const int poll_ms = faults.any() ? kFaultCheckMs : kHeartbeatCheckMs;
   auto commands = ControlFaults::Commands::kAnswered;
   while (true) {
-    const bool frozen = commands == ControlFaults::Commands::kFrozen;  // not even the heartbeat's clock runs
+    const bool frozen = commands == ControlFaults::Commands::kFrozen;  // the heartbeat clock stops, too
     const int ready = poll(waits.data(), frozen ? 1 : waits.size(), poll_ms);
     if (ready > 0 && waits[0].revents != 0) return;
     commands = faults.update(monotonic_ns());
@@ -357,7 +357,7 @@ void ControlServer::receive(int socket, bool broadcast, CommandHandler& handler)
   const ConstBytes answer =
       broadcast ? handler.handle_broadcast(data, peer, monotonic_ns()) : handler.handle(data, peer, monotonic_ns());
   if (answer.empty()) return;
-  // From the camera's own address, also when a broadcast asked.
+  // From the camera's own address, also for a broadcast.
   sendto(socket_.get(), answer.data(), answer.size(), 0, reinterpret_cast<const sockaddr*>(&from), sizeof(from));
 }
 

@@ -1,5 +1,4 @@
-// Sockets and addresses of the fake camera, and the thread that receives GVCP packets, unicast and broadcast, and sends
-// the answers.
+// Sockets and addresses of the fake camera, and the thread that answers GVCP packets (unicast and broadcast).
 #pragma once
 
 #include <netinet/in.h>
@@ -19,8 +18,7 @@
 
 namespace bolo::fakecam {
 
-// --- Answers GVCP commands: takes a packet apart, asks the registers, composes the acknowledge. No sockets, no
-// threads.
+// --- GVCP commands: parses a packet, accesses the registers, composes the acknowledge. No sockets, no threads.
 
 // Sender of a packet: IPv4 address and UDP port, host byte order.
 struct Peer {
@@ -35,27 +33,26 @@ struct ResendRequest {
   std::uint32_t last_packet = 0;
 };
 
-// The camera obeys one client at a time: whoever wrote the privilege register, until it writes 0 or is silent for
-// longer than the heartbeat time-out. Others may read unless the access is exclusive. Thread: control.
+// The camera obeys one client at a time: the one that wrote the privilege register, until it writes 0 or its heartbeat
+// times out. Others may read unless the access is exclusive. Thread: control.
 class CommandHandler {
  public:
   struct Hooks {
     std::function<void(const ResendRequest&)> on_resend;
-    std::function<void()> on_control_lost;  // released, or the heartbeat ran out
+    std::function<void()> on_control_lost;  // released, or heartbeat timeout
   };
   CommandHandler(RegisterMap& registers, Counters& counters, Hooks hooks);
 
-  // Handles one packet of any content; returns the acknowledge to send to the peer, empty for none. The answer lies in
-  // the handler until the next call.
+  // Handles one packet of any content; returns the acknowledge (empty: none), valid until the next call.
   ConstBytes handle(ConstBytes packet, Peer peer, std::int64_t now_ns);
 
-  // The same for packets that came by broadcast: only discovery is answered.
+  // The same for broadcast packets: only discovery is answered.
   ConstBytes handle_broadcast(ConstBytes packet, Peer peer, std::int64_t now_ns);
 
-  // Takes control away from a client that went silent. To be called now and then.
+  // Revokes control after a heartbeat timeout. Call it periodically.
   void check_heartbeat(std::int64_t now_ns);
 
-  // Revokes the client's control. The client is not notified: it finds out when it asks or writes.
+  // Revokes the client's control. The client is not notified; it finds out with its next read or write.
   void drop_client();
 
   bool controlled() const { return controlled_; }
@@ -66,7 +63,7 @@ class CommandHandler {
     std::uint16_t command = 0;
     std::uint16_t id = 0;
   };
-  // Each writes its answer's data to data_, sets data_bytes_, and returns the status.
+  // Each writes the acknowledge's data to data_, sets data_bytes_, and returns the status.
   gvcp::Status discover(ConstBytes data);
   gvcp::Status read_registers(ConstBytes data);
   gvcp::Status write_registers(ConstBytes data);
@@ -94,22 +91,22 @@ class CommandHandler {
   std::size_t data_bytes_ = 0;
 };
 
-// The network interface that carries an address. Addresses in host byte order.
+// The network interface that has an address. Addresses in host byte order.
 struct LocalAddress {
   std::uint32_t address = 0;
   std::uint32_t netmask = 0;
   unsigned interface_index = 0;
 };
 
-// `text`: a dotted IPv4 address of this host. Any address of the loopback network will do: the kernel serves them all.
-// Errors: not an address; no interface has it. Thread: setup.
+// `text`: a dotted IPv4 address of this host; any loopback address works, because the kernel serves them all. Errors:
+// not an address; no interface has it. Thread: setup.
 Result<LocalAddress> find_local_address(const std::string& text);
 
-// The stream's socket, on a port of the kernel's choice, with a large send buffer. Thread: setup.
+// The stream's socket, on an ephemeral port, with a large send buffer. Thread: setup.
 Result<UniqueFd> open_stream_socket(std::uint32_t address);
 std::uint16_t bound_port(int socket);
 
-// Packets larger than the link's MTU are refused when `on`, else fragmented. Thread: any.
+// Packets larger than the link's MTU are refused if `on`, otherwise fragmented. Thread: any.
 void set_do_not_fragment(int socket, bool on) noexcept;
 
 sockaddr_in socket_address(std::uint32_t address, std::uint16_t port);
@@ -120,14 +117,13 @@ class ControlServer {
   // Binds the sockets; nothing is received before run(). Errors: the address is taken. Thread: setup.
   static Result<ControlServer> bind(const LocalAddress& local, std::uint16_t port);
 
-  // True when discovery by broadcast can find the camera; by its address it is found in any case.
+  // True when broadcast discovery can find the camera; unicast discovery always can.
   bool hears_broadcasts() const { return broadcast_sockets_.size() == 2; }
 
-  // Serves until a byte of event arrives at `stop_event`. `handler` and `faults` are used by this thread alone.
-  // Thread: control.
+  // Serves until `stop_event` (an eventfd) is written. Uses `handler` and `faults` exclusively. Thread: control.
   void run(CommandHandler& handler, ControlFaults& faults, int stop_event);
 
-  // Frees the address. Thread: setup, after run() has returned.
+  // Releases the address. Thread: setup, after run() has returned.
   void close() noexcept;
 
  private:

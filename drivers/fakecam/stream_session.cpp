@@ -60,7 +60,7 @@ std::size_t PacketTrain::prepare(std::size_t n, const WireFrame& frame, const gv
     gvsp::write_header(headers_[n], gvcp::Status::kSuccess, frame.block.block_id, gvsp::Content::kPayload, packet_id);
     head.iov_len = gvsp::kHeaderBytes;
     const std::size_t from = (packet_id - 1) * layout.data_bytes;
-    // sendmmsg only reads; iovec has no const form.
+    // sendmmsg only reads; iovec has no const variant.
     auto* payload = reinterpret_cast<std::uint8_t*>(const_cast<std::uint16_t*>(frame.counts.data()));
     body = {payload + from, std::min(layout.data_bytes, layout.payload_bytes - from)};
   }
@@ -75,7 +75,7 @@ std::uint32_t PacketTrain::flush(std::size_t count) noexcept {
     if (n > 0) {
       taken += static_cast<std::uint32_t>(n);
       from += static_cast<std::size_t>(n);
-    } else if (errno != EINTR) {  // this packet is refused (its size, its route, no memory): go on with the next
+    } else if (errno != EINTR) {  // this packet is refused (size, route, memory): go on with the next
       counters_.add(&FakeCameraStats::send_errors);
       ++from;
     }

@@ -1,5 +1,4 @@
-// One acquisition, from AcquisitionStart to its end: a thread that prepares frames and one that sends them on time, as
-// trains of UDP packets straight from the frame's memory.
+// One acquisition, AcquisitionStart to end: a thread prepares frames, another sends them as bursts of UDP packets.
 #pragma once
 
 #include <netinet/in.h>
@@ -18,36 +17,34 @@
 
 namespace bolo::fakecam {
 
-// Destination, size and timing of packets.
 struct PacketRoute {
   int socket = -1;
   sockaddr_in destination{};
   std::uint32_t packet_size = 1500;      // with IP and UDP headers, gvsp::kMinPacketSize..kMaxPacketSize
-  std::uint32_t packet_delay_ns = 0;     // between packets, kept as an average over a burst
+  std::uint32_t packet_delay_ns = 0;     // between packets, as an average over a burst
   std::uint32_t burst_gap_ns = 50'000;   // between bursts: lets a receiver with a small socket buffer keep up
   std::uint32_t burst_bytes = 32 << 10;  // a burst is at least one packet
 };
 
-// Thread: one at a time (the sender and the resender have one each). No allocation once a frame has gone out.
+// Thread: one at a time (the sender and the resender have one each). No allocation after the first frame.
 class PacketTrain {
  public:
   PacketTrain(const PacketRoute& route, Counters& counters, PacketFaults faults);
   PacketTrain(const PacketTrain&) = delete;
   PacketTrain& operator=(const PacketTrain&) = delete;
 
-  // Sends packets first..last of the frame (clipped to those it has), as the network's faults let them arrive. Returns
-  // how many the socket took, those included that a fault then lost. Blocks between bursts, and while the socket's send
-  // buffer is full.
+  // Sends packets first..last of the frame (clamped to the frame), subject to network faults. Returns how many the
+  // socket took, plus those lost by a fault. Blocks between bursts, and while the socket's send buffer is full.
   std::uint32_t send(const WireFrame& frame, std::uint32_t first, std::uint32_t last) noexcept;
   std::uint32_t send(const WireFrame& frame) noexcept { return send(frame, 0, gvsp::kMaxPacketId); }
 
-  // Answers that a packet is no longer available.
+  // Reports a packet as unavailable.
   void send_unavailable(std::uint16_t block_id, std::uint32_t packet_id) noexcept;
 
  private:
-  static constexpr std::size_t kBatch = 64;  // packets a system call
+  static constexpr std::size_t kBatch = 64;  // packets per system call
 
-  // The one place where a packet's content is decided. Fills place `n` of the batch and returns the packet's bytes.
+  // The only place that decides a packet's content. Fills entry `n` of the batch and returns the packet's bytes.
   std::size_t prepare(std::size_t n, const WireFrame& frame, const gvsp::PacketLayout& layout,
                       const PlannedPacket& packet) noexcept;
   std::uint32_t flush(std::size_t count) noexcept;
@@ -64,12 +61,12 @@ class PacketTrain {
 struct StreamPlan {
   PacketRoute route;
   Region region;  // of the capture's plane
-  Region shown;   // the same as the leader shows it: in the coordinates of the sensor
+  Region shown;   // the same in sensor coordinates, for the leader
   IrFormat ir_format = IrFormat::kTemperatureLinear10mK;
-  double rate_hz = 0.0;      // 0: the capture's own
-  std::uint64_t frames = 0;  // to send in all; 0: endless
+  double rate_hz = 0.0;      // 0: the capture's rate
+  std::uint64_t frames = 0;  // total number; 0: endless
   std::size_t keep_frames = 48;
-  std::int64_t fault_clock_ns = 0;  // what the faults' clock shows when the stream starts
+  std::int64_t fault_clock_ns = 0;  // faults' clock at the stream's start
 };
 
 // Faults of a stream; all outlive it.
@@ -81,32 +78,32 @@ struct StreamFaults {
 
 class StreamSession {
  public:
-  // Frames flow from now on. Provider and counters outlive the session. Thread: control.
+  // Starts the stream at once. Provider and counters outlive the session. Thread: control.
   StreamSession(const StreamPlan& plan, FrameProvider& provider, Counters& counters, const StreamFaults& faults);
   ~StreamSession();
 
-  // No frame goes out after it returns; what was sent can still be sent again. Idempotent. Thread: control.
+  // No frame is sent after it returns; resends still work. Idempotent. Thread: control.
   void stop() noexcept;
 
-  // True while frames are still to come. Thread: any.
+  // True while more frames follow. Thread: any.
   bool running() const noexcept { return running_.load(std::memory_order_acquire); }  // pairs with send_frames
 
   // Sends packets of a recent frame again. Thread: control.
   void resend(std::uint16_t block_id, std::uint32_t first, std::uint32_t last) noexcept;
 
-  // CLOCK_MONOTONIC, when a recent frame was due; of any other `now_ns`. Thread: control.
+  // Due time (CLOCK_MONOTONIC) of a recent frame; `now_ns` for an unknown block id. Thread: control.
   std::int64_t due_ns(std::uint16_t block_id, std::int64_t now_ns) noexcept;
 
-  // The camera's clock while the stream runs: the time stamp that a frame taken now would bear. Thread: control.
+  // Time stamp that a frame taken now would have, while the stream runs. Thread: control.
   std::uint64_t camera_time_ns(std::int64_t now_ns) const noexcept;
 
-  // Why the stream ended early, if it did. Thread: control, after stop() or when !running().
+  // Error that ended the stream early, if any. Thread: control, after stop() or when !running().
   Status result() const { return result_; }
 
  private:
   void load_frames();
   void send_frames();
-  bool wait_until(std::int64_t due_ns) noexcept;  // false when stopped meanwhile
+  bool wait_until(std::int64_t due_ns) noexcept;  // false when stopped
   void fill(WireFrame& frame, const Moment& moment, const std::byte* plane);
 
   StreamPlan plan_;
@@ -119,7 +116,7 @@ class StreamSession {
   PacketTrain train_;
   PacketTrain resend_train_;
   std::uint64_t first_timestamp_ns_;
-  std::atomic<std::int64_t> start_ns_{0};  // host time of the first frame; 0 before it. Relaxed: nothing hangs on it
+  std::atomic<std::int64_t> start_ns_{0};  // host time of the first frame; 0 before it. Relaxed: only a number
   std::atomic<bool> stop_requested_{false};
   std::atomic<bool> running_{true};
   Status result_;  // written by load_frames before the ring is finished, read after running_ turned false

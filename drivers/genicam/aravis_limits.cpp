@@ -18,13 +18,13 @@ namespace bolo::genicam {
 namespace {
 
 constexpr std::int64_t kSearchNs = 3000 * kNsPerMs;  // cameras answer within one second
-constexpr std::int64_t kBusyMs = 5000;               // for which a camera may have a command wait, in:
+constexpr std::int64_t kBusyMs = 5000;               // maximum waiting time that a camera may request, per:
 constexpr std::int64_t kBusyWithinMs = 30'000;
 
 thread_local std::int64_t search_until_ns = 0;  // 0: no search
 thread_local std::int64_t busy_until_ms = -kBusyWithinMs;
 
-// `packet`: as it came. One that asks for more time than is left becomes an answer to nothing.
+// `packet`: as received. A PENDING_ACK beyond the remaining time becomes a reply to no command, which Aravis ignores.
 void shorten_pending(std::span<std::uint8_t> packet) {
   constexpr std::size_t kCommandAt = 2;
   constexpr std::uint16_t kPendingAck = 0x0089;
@@ -40,7 +40,7 @@ void shorten_pending(std::span<std::uint8_t> packet) {
 #ifdef __x86_64__
 struct sigaction g_before {};
 
-// The dividend is in RDX and RAX, and the division is done again after this.
+// The dividend is in RDX and RAX; the division is repeated after the handler returns.
 void on_fault(int /*signal*/, siginfo_t* /*info*/, void* context) {
   auto& registers = static_cast<ucontext_t*>(context)->uc_mcontext.gregs;
   if (registers[REG_RAX] == INT64_MIN && registers[REG_RDX] == -1) {
@@ -71,7 +71,7 @@ void survive_division_of_smallest() noexcept {
 
 }  // namespace bolo::genicam
 
-// In place of GLib's functions, for Aravis.
+// Replacements of GLib functions, for Aravis.
 extern "C" gint g_poll(GPollFD* descriptors, guint count, gint timeout_ms) {
   static const auto original = reinterpret_cast<decltype(&g_poll)>(dlsym(RTLD_NEXT, __func__));
   using namespace bolo;

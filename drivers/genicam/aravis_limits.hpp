@@ -1,10 +1,10 @@
-// Limits to what a camera can have Aravis do: wait, and divide.
+// Limits on what a camera can make Aravis do: wait, and divide.
 #pragma once
 
 namespace bolo::genicam {
 
-// While one lives, a search for cameras on this thread ends after some seconds: Aravis's own goes on for as long as
-// packets come, whatever they are and whoever sends them. Thread: any.
+// While an instance lives, a camera search on this thread ends after a few seconds. Aravis's own search continues as
+// long as any packets arrive, from any sender. Thread: any.
 class SearchLimit {
  public:
   SearchLimit() noexcept;
@@ -13,12 +13,11 @@ class SearchLimit {
   SearchLimit& operator=(const SearchLimit&) = delete;
 };
 
-// Not to be called: also linked in place of GLib's function is one that shortens the time for which a camera, or
-// whoever sends in its name, has Aravis wait by PENDING_ACK. That may be a minute, and again and again.
+// aravis_limits.cpp also replaces g_socket_receive() to limit the PENDING_ACK waiting time, which a camera (or a forged
+// packet) could otherwise set to a minute, repeatedly.
 
-// The smallest of all integers divided by -1 has no result. Aravis evaluates cameras' formulas, including that
-// division, which is a fault of the processor on x86-64 (SIGFPE) and nothing on arm64. From here on its result is 0;
-// every other fault is as it was. Thread: any.
+// Makes INT64_MIN / -1 yield 0 from now on; other faults are unaffected. Aravis evaluates formulas from the camera, and
+// this division raises SIGFPE on x86-64 (not on arm64). Thread: any.
 void survive_division_of_smallest() noexcept;
 
 }  // namespace bolo::genicam

@@ -1,4 +1,4 @@
-// A frame as a transport (GVSP or Aravis) delivers it, and the copy of its pixels into a plane.
+// A frame from a transport (GVSP or Aravis), and copying its pixels to a plane.
 #pragma once
 
 #include <cstddef>
@@ -11,31 +11,30 @@
 
 namespace bolo::genicam {
 
-// The way in which a frame ended.
 enum class FrameEnd {
   kWhole,
-  kIncomplete,  // packets of it never came
+  kIncomplete,  // packets missing
   kDriver,      // the transport library aborted it
 };
 
 struct CameraFrame {
-  // Of a frame whose number is not known, because its first packet was lost.
+  // Id of a frame whose number is unknown because its first packet was lost.
   static constexpr std::uint64_t kNoId = ~std::uint64_t{0};
 
   FrameEnd end = FrameEnd::kIncomplete;
   std::uint64_t id = kNoId;
-  // The rest is of whole frames only.
-  std::int64_t camera_ns = 0;   // the camera's clock, any value
-  std::int64_t receive_ns = 0;  // CLOCK_MONOTONIC, when the first packet was taken from the socket
-  bool mono16 = false;          // an image of 16-bit grey values, not something else
+  // The members below are valid for complete frames only.
+  std::int64_t camera_ns = 0;   // camera clock, arbitrary value
+  std::int64_t receive_ns = 0;  // CLOCK_MONOTONIC when the first packet was read from the socket
+  bool mono16 = false;          // a 16-bit grey image
   int width = 0;
   int height = 0;
   int x_padding = 0;                    // bytes after each row
-  std::span<const std::byte> pixels{};  // received so far; valid until the call that brought it returns
+  std::span<const std::byte> pixels{};  // received so far; valid during the call that delivers the frame
 };
 
-// geometry.height rows whose starts lie `stride` bytes apart, in the camera's byte order, into a plane without padding
-// in the host's. Rows after them in the buffer (metadata) are left out. Thread: any.
+// Copies geometry.height rows, `stride` bytes apart and in the camera's byte order, to a plane without padding in host
+// byte order. Further rows (metadata) are dropped. Thread: any.
 inline void copy_rows(const std::byte* from, std::size_t stride, PixelOrder order, Geometry geometry,
                       std::uint16_t* to) noexcept {
   const auto width = static_cast<std::size_t>(geometry.width);
@@ -44,7 +43,7 @@ inline void copy_rows(const std::byte* from, std::size_t stride, PixelOrder orde
   }
 }
 
-// Replaces each of `count` values by its entry in a table of 65,536. Thread: any.
+// Maps each of `count` values through a table of 65,536 entries. Thread: any.
 inline void translate(std::uint16_t* values, std::size_t count, const std::uint16_t* table) noexcept {
   for (std::size_t i = 0; i < count; ++i) values[i] = table[values[i]];
 }

@@ -21,11 +21,11 @@ std::string safe(const char* text) { return text != nullptr ? text : ""; }
 
 constexpr std::uint64_t kPrivilegeRegister = 0x0A00;  // GigE Vision: control channel privilege
 constexpr std::uint32_t kControlled = 0x3;            // exclusive access, or control access
-constexpr std::uint64_t kSerialRegister = 0x00D8;     // the same: serial number, text
+constexpr std::uint64_t kSerialRegister = 0x00D8;     // GigE Vision: serial number, text
 constexpr std::uint32_t kSerialBytes = 16;
-constexpr std::chrono::seconds kReadingLimit(30);  // of a description, before bolod is taken to hang
+constexpr std::chrono::seconds kReadingLimit(30);  // for reading a description; after that bolod counts as hanging
 
-// The first of them: forged answers may name thousands.
+// Lists only the first cameras: forged answers may name thousands.
 std::string list_of(const std::vector<FoundCamera>& cameras) {
   constexpr std::size_t kMostListed = 8;
   const auto listed = std::span(cameras).first(std::min(cameras.size(), kMostListed));
@@ -35,7 +35,6 @@ std::string list_of(const std::vector<FoundCamera>& cameras) {
   return text;
 }
 
-// The camera to open when the options do not name an IP address.
 Result<FoundCamera> choose_camera(const std::string& id, const std::string& serial) {
   const std::vector<FoundCamera> cameras = find_cameras();
   if (cameras.empty()) {
@@ -59,7 +58,7 @@ Result<FoundCamera> choose_camera(const std::string& id, const std::string& seri
   return bad_input("no camera named '" + id + "' answers; found: " + list_of(cameras));
 }
 
-// Releases the device if its description must not be evaluated.
+// Releases the device if its description is unsafe to evaluate.
 Status check_device(Connection& connection) {
   Status good = check_description(arv_device_get_genicam(connection.device.get()));
   if (good) return good;
@@ -67,7 +66,7 @@ Status check_device(Connection& connection) {
   return bad_input(connection.name + ": " + good.error().message);
 }
 
-// Opens the device at the connection's address: as its controller, unless another program is.
+// Opens the device at the connection's address, as its controller unless another program is.
 Status open_device(Connection& connection) {
   const Ref<GInetAddress> local(g_inet_address_new_from_string(connection.route.local_address.c_str()));
   const Ref<GInetAddress> remote(g_inet_address_new_from_string(connection.address.c_str()));
@@ -126,8 +125,7 @@ Result<Connection> open_by_id(const std::string& id) {
   return connection;
 }
 
-// Some FLIR cameras describe their registers in the byte order of an older schema: 640 columns then read as
-// 2147614720 (640 with its bytes reversed).
+// Some FLIR cameras describe registers in an older schema's byte order: 640 columns read as 2147614720 (swapped).
 bool has_swapped_registers(ArvDevice* device) {
   GlibError error;
   const auto width = arv_device_get_integer_feature_value(device, "Width", error.out());
@@ -135,7 +133,7 @@ bool has_swapped_registers(ArvDevice* device) {
   return __builtin_bswap32(static_cast<std::uint32_t>(width)) < (1U << 16);
 }
 
-// Makes Aravis read the registers as that older schema has them. Must come before any node is read.
+// Makes Aravis use the older schema's byte order. Call before any node is read.
 void use_legacy_register_order(ArvDevice* device) {
   ArvDomElement* root = arv_dom_document_get_document_element(ARV_DOM_DOCUMENT(arv_device_get_genicam(device)));
   arv_dom_element_set_attribute(root, "SchemaMinorVersion", "0");
@@ -152,26 +150,25 @@ Result<Connection> open(const CameraOptions& options, bool search) {
   if (is_ipv4(options.address)) {
     auto connection = open_gige(options.address);
     if (connection || !search || options.serial.empty() || answers_gvcp(options.address)) return connection;
-    auto moved = open_by_serial(options.serial);  // it may have been given another address
+    auto moved = open_by_serial(options.serial);  // it may have a new address
     return moved ? std::move(moved) : std::move(connection);
   }
   if (options.address.empty() && !options.serial.empty()) return open_by_serial(options.serial);
   return open_found(choose_camera(options.address, {}));
 }
 
-// Opens the camera by `open_camera`, again with the older schema where that gives the right byte order of the
-// registers.
+// Opens the camera with `open_camera`; a second time with the older schema if the byte order of the registers is wrong.
 template <typename Open>
 Result<Connection> open_with_byte_order(const Open& open_camera) {
   auto connection = open_camera();
   if (!connection || !has_swapped_registers(connection->device.get())) return connection;
-  connection->device.reset();  // lets go of control first
+  connection->device.reset();  // releases control first
   connection = open_camera();
   if (connection) use_legacy_register_order(connection->device.get());
   return connection;
 }
 
-// As read by the GenICam description; has_serial() also tries discovery's, which some cameras write differently.
+// From the GenICam description; has_serial() also tries the discovery register, which some cameras format differently.
 std::string serial_of(const Connection& connection) {
   Nodes nodes(connection.device.get());
   return read_serial(nodes);
@@ -219,7 +216,7 @@ Result<Connection> connect(const CameraOptions& options, bool search) {
   if (!connection || options.serial.empty() || has_serial(*connection, options.serial)) return connection;
   const std::string other = serial_of(*connection);
   const std::string name = connection->name;
-  connection->device.reset();  // nothing of it was changed
+  connection->device.reset();  // released unchanged
   auto moved = open_with_byte_order([&] { return open_by_serial(options.serial); });
   if (moved) return moved;
   return bad_input(name + " has the serial number '" + other + "', not '" + options.serial +

@@ -1,4 +1,4 @@
-// Keeps a camera streaming from start to stop: monitors the connection, reopens a lost camera and triggers NUCs.
+// Keeps a camera streaming from start to stop: monitors the connection, reopens a lost camera, triggers NUCs.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -33,24 +33,24 @@ using pipeline::LostCause;
 using std::chrono::milliseconds;
 
 constexpr milliseconds kTick(20);
-constexpr milliseconds kFirstPause(100);  // between attempts to open a lost camera, doubled up to:
+constexpr milliseconds kFirstPause(100);  // between attempts to reopen a lost camera, doubled up to:
 constexpr milliseconds kLongestPause(500);
 constexpr int kAttemptsAtItsAddress = 5;
-constexpr milliseconds kStopLimit(800);  // a camera that answers needs some 30 ms; others let go of a silent client
-constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to begin
+constexpr milliseconds kStopLimit(800);  // an answering camera closes within 30 ms; others drop a silent client
+constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to start
 constexpr std::int64_t kProbePeriodNs = 200'000'000;   // between probes of a stalled camera
 constexpr std::int64_t kTemperaturePeriodNs = 10'000'000'000;
 constexpr milliseconds kNucLimit(5000);
 
 }  // namespace
 
-// The monitoring thread shares ownership: while a dead camera blocks it, it may outlive stop(), but then touches
-// neither the inlet nor the caller of stop(). The mutex is never taken by the acquire thread.
+// The monitoring thread shares ownership: blocked by a dead camera it may outlive stop(), but then touches neither the
+// inlet nor the caller of stop(). The acquire thread never takes the mutex.
 class ConnectionManager : public std::enable_shared_from_this<ConnectionManager> {
  public:
   explicit ConnectionManager(CameraOptions options) : options_(std::move(options)), schedule_(options_.nuc) {}
 
-  // As GenicamSource::open(). Thread: setup.
+  // See GenicamSource::open(). Thread: setup.
   Result<pipeline::SourceInfo> open() {
     std::vector<std::string> found;
     ASSIGN_OR_RETURN(opened_, Session::open(options_, true, stop_, found));
@@ -80,7 +80,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     return {};
   }
 
-  // No frame is handed in after it returns. Waits for the connection's end at most kStopLimit. Thread: setup.
+  // No frame is delivered after it returns. Waits at most kStopLimit for the connection to close. Thread: setup.
   void stop() noexcept {
     {
       const std::lock_guard lock(mutex_);
@@ -118,7 +118,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     const std::uint64_t mine = ++nucs_asked_;
     const auto served = [&] { return nucs_served_ >= mine || stop_.load(std::memory_order_relaxed); };
     if (!nuc_done_.wait_for(lock, kNucLimit, served) || nucs_served_ < mine) {
-      nucs_served_ = std::max(nucs_served_, mine);  // nobody waits for it any more
+      nucs_served_ = std::max(nucs_served_, mine);  // nobody waits for it any longer
       return failed(std::string("the camera was not told to correct itself: it is ") +
                     std::string(name(status_->state.value())));
     }
@@ -142,7 +142,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     take_session();
   }
 
-  // False when it is time to stop.
+  // False when stopped.
   bool sleep(milliseconds time) {
     status_->watched_ns.set(monotonic_ns());
     std::unique_lock lock(mutex_);
@@ -150,18 +150,18 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   }
 
   void poll() {
-    if (session_ == nullptr) return reopen(cause_);  // the last attempt had no memory
+    if (session_ == nullptr) return reopen(cause_);  // the last attempt ran out of memory
     const std::int64_t frame_ns = receiver_->last_frame_ns();
     const bool arrived = frame_ns > since_ns_;
     const std::int64_t now_ns = monotonic_ns();
-    if (now_ns < nuc_until_ns_ && !session_->control_lost()) return;  // the shutter may stop the stream
+    if (now_ns < nuc_until_ns_ && !session_->control_lost()) return;  // the shutter may interrupt the stream
     const std::int64_t quiet_ns = now_ns - std::max({frame_ns, since_ns_, nuc_until_ns_});
     const bool flows = quiet_ns <= (arrived ? limits_.stall_ns : std::max(limits_.stall_ns, kFirstFrameNs));
     if (flows && arrived) note_flow(frame_ns);
     if (!flows) note_stall(quiet_ns);
     if (options_.reconnect_after_ms == 0 || (flows && !session_->control_lost())) return;
-    // The signal of lost control comes on a thread of the device; one tick later it has surely returned, and
-    // the device can be destroyed without that thread waiting for itself.
+    // The control-lost signal arrives on a thread of the device. One tick later that thread has returned, so destroying
+    // the device cannot deadlock.
     if (session_->control_lost() && ++ticks_without_control_ < 2) return;
     const auto cause = find_fault(quiet_ns);
     if (!cause) return;
@@ -170,7 +170,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   }
 
   void set_state(SourceState state) {
-    if (stop_.load(std::memory_order_relaxed)) return;  // stop() says that it is idle
+    if (stop_.load(std::memory_order_relaxed)) return;  // stop() sets it to idle
     status_->since_ns.set(monotonic_ns());
     status_->state.set(state);
   }
@@ -212,7 +212,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
            event::kCameraLost);
   }
 
-  // The fault of a camera that sends nothing; none, as long as it may only be pausing.
+  // Fault of a silent camera; nothing while it may only be pausing.
   std::optional<pipeline::LostCause> find_fault(std::int64_t quiet_ns) {
     const std::int64_t now_ns = monotonic_ns();
     const bool signalled = session_->control_lost();
@@ -226,7 +226,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   void reopen(LostCause cause) {
     auto old = take_session();
     if (cause == LostCause::kNoAnswer) closer_.close(std::move(old));
-    old.reset();  // one that answers lets go of the camera before it is opened again
+    old.reset();  // releases an answering camera before it is reopened
     milliseconds wait = kFirstPause;
     for (int attempt = 1; !stop_.load(std::memory_order_relaxed); ++attempt) {
       if (try_reopen(attempt % kAttemptsAtItsAddress == 0)) {
@@ -238,9 +238,9 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     }
   }
 
-  // `everywhere`: searches the whole network for its serial number, too, which takes a second.
+  // `everywhere`: also searches the whole network for the serial number, which takes a second.
   bool try_reopen(bool everywhere) {
-    std::vector<std::string> ignored;  // reported when the camera was opened first
+    std::vector<std::string> ignored;  // already reported at the first opening
     auto session = Session::open(options_, everywhere, stop_, ignored);
     if (!session) {
       report(true, "reconnecting: " + session.error().message, event::kCameraReconnecting);
@@ -264,7 +264,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     return true;
   }
 
-  // Makes the session the current one, unless it is time to stop, and starts its stream.
+  // Makes the session current, unless stopped, and starts its stream.
   Status adopt(std::unique_ptr<Session> session) {
     std::vector<std::string> found;
     if (Status prepared = session->prepare(*receiver_, status_, found); !prepared) return prepared;
@@ -290,7 +290,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     return present->begin();
   }
 
-  // The current session, shut. To end it takes seconds when the camera is dead; the mutex is not held meanwhile.
+  // Shuts and returns the current session. With a dead camera its destruction takes seconds: do that without the mutex.
   std::unique_ptr<Session> take_session() {
     const std::lock_guard lock(mutex_);
     if (session_ == nullptr) return nullptr;
@@ -298,7 +298,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     return std::move(session_);
   }
 
-  // Once a connection: checks that its values can be temperatures. Every 10 s: reads the temperature of the camera.
+  // Once per connection: plausibility check of the values as temperatures. Every 10 s: camera temperature and PTP.
   void check_scene() {
     if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
     const int median = receiver_->scene().median();
@@ -313,7 +313,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     check_ptp();
   }
 
-  // Reports how the camera's clock is kept, each time that this changes.
+  // Reports each change of the clock synchronisation.
   void check_ptp() {
     const PtpState ptp = session_->ptp();
     status_->ptp_offset_ns.set(ptp.offset_ns);
@@ -348,7 +348,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     nuc_done_.notify_all();
   }
 
-  // A lost camera gets the policy when it is opened again.
+  // A lost camera gets the policy when it is reopened.
   void apply_nuc_options() {
     std::optional<NucOptions> nuc;
     {
@@ -366,7 +366,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     for (std::string& warning : warnings) report(true, std::move(warning));
   }
 
-  // Frames that arrive while the command is on its way count as the shutter's.
+  // Frames that arrive while the command is under way count as shutter frames.
   Status run_nuc(const std::string& why) {
     const std::int64_t hold_ns = options_.nuc.hold_ms * kNsPerMs;
     receiver_->set_nuc_until(monotonic_ns() + hold_ns);
@@ -380,7 +380,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     status_->correction_ns.set(now_ns);
     set_state(SourceState::kCorrecting);
     report(false, "NUC (" + why + ")", event::kNuc);
-    notices_.forget_last();  // each NUC gets its line
+    notices_.forget_last();  // report every NUC
     return {};
   }
 
@@ -391,35 +391,35 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   CameraOptions options_;  // the address follows the camera
   pipeline::SourceInfo info_;
   pipeline::WatchLimits limits_{};
-  // Sessions that are still being closed share it.
+  // Shared with sessions that are still closing.
   const std::shared_ptr<pipeline::SourceStatus> status_ = std::make_shared<pipeline::SourceStatus>();
   std::unique_ptr<Session> opened_;        // from open() to start()
   std::optional<FrameReceiver> receiver_;  // from start() on
   pipeline::Notices notices_;
   std::atomic<bool> stop_{false};  // written under the mutex; read without it to give up early
 
-  // The monitoring thread's own, once that runs.
-  std::int64_t since_ns_ = 0;  // the present session's start
+  // Used by the monitoring thread only, once it runs.
+  std::int64_t since_ns_ = 0;  // start of the current session
   std::int64_t next_probe_ns_ = 0;
-  std::int64_t outage_from_ns_ = 0;  // the last frame before the camera was lost
+  std::int64_t outage_from_ns_ = 0;  // last frame before the camera was lost
   pipeline::LostCause cause_ = pipeline::LostCause::kStalled;
   std::int64_t nuc_until_ns_ = 0;
   int ticks_without_control_ = 0;
   int judged_median_ = -1;
   NucSchedule schedule_;
   std::int64_t next_temperature_ns_ = 0;
-  std::string ptp_status_;  // as last reported
-  SessionCloser closer_;    // stop() waits for it when the monitoring thread has ended
+  std::string ptp_status_;  // last reported
+  SessionCloser closer_;    // stop() waits for it after the monitoring thread has ended
 
-  mutable std::mutex mutex_;  // guards what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable wake_;
-  std::unique_ptr<Session> session_;  // replaced by the monitoring thread only, which therefore reads it without
+  std::unique_ptr<Session> session_;  // replaced by the monitoring thread only, which reads it without the lock
   std::vector<std::string> warnings_;
   std::condition_variable nuc_done_;
   std::uint64_t nucs_asked_ = 0;
   std::uint64_t nucs_served_ = 0;
   std::optional<NucOptions> new_nuc_;
-  Status nuc_result_;   // of the last one that was asked for
+  Status nuc_result_;   // of the last requested NUC
   std::thread thread_;  // setup thread only
   std::future<void> ended_;
 };

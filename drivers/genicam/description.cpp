@@ -23,21 +23,21 @@ namespace {
 
 using Bytes = std::vector<unsigned char>;
 
-thread_local UniqueFd given;  // the description that Aravis is given on this thread, a file in memory
+thread_local UniqueFd given;  // description for Aravis on this thread, a file in memory
 
 constexpr std::uint32_t kUrlBytes = 512;
 constexpr std::uint32_t kReadBytes = 512;
 constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20U;  // descriptions have 0.1 to 5 MB
-constexpr std::uint64_t kMemoryEnd = std::uint64_t{1} << 32U;   // of a camera
+constexpr std::uint64_t kMemoryEnd = std::uint64_t{1} << 32U;   // 32-bit camera addresses
 
-// `bytes` from `address` on, wherever that is in the camera's memory.
+// Reads `bytes` from any `address`, aligned or not, of the camera's memory.
 std::optional<Bytes> read_some(const ReadMemory& read, std::uint64_t address, std::uint64_t bytes) {
   const std::uint64_t before = address % 4;
   Bytes out;
   for (std::uint64_t at = address - before; at < address + bytes; at += kReadBytes) {
     const auto count = std::min<std::uint64_t>(kReadBytes, (address + bytes - at + 3) / 4 * 4);
     auto part = read(static_cast<std::uint32_t>(at), static_cast<std::uint32_t>(count));
-    if (!part) part = read(static_cast<std::uint32_t>(at), static_cast<std::uint32_t>(count));  // a lossy network
+    if (!part) part = read(static_cast<std::uint32_t>(at), static_cast<std::uint32_t>(count));  // lossy network
     if (!part || part->size() != count) return std::nullopt;
     out.insert(out.end(), part->begin(), part->end());
   }
@@ -54,7 +54,7 @@ tl::unexpected<Error> damaged_zip() {
   return bad_input("its GenICam description is in a damaged ZIP file: this is no camera, or a damaged one");
 }
 
-// A ZIP file: what its last entry holds, which is the only one, or the one that Aravis takes.
+// A ZIP file; unpack() returns the content of its last entry, which is the one that Aravis takes.
 class ZipFile {
  public:
   explicit ZipFile(const Bytes& bytes) : bytes_(bytes) {}
@@ -62,13 +62,13 @@ class ZipFile {
   Result<Bytes> unpack() const {
     constexpr std::string_view kEnd = "PK\x05\x06";
     constexpr std::int64_t kEndBytes = 22;
-    constexpr std::int64_t kEntryBytes = 46;  // without its name
-    constexpr std::int64_t kLocalBytes = 30;  // before what is packed, without its name
+    constexpr std::int64_t kEntryBytes = 46;  // without the name
+    constexpr std::int64_t kLocalBytes = 30;  // header before the packed data, without the name
     const auto found = std::find_end(bytes_.begin(), bytes_.end(), kEnd.begin(), kEnd.end());
     const std::int64_t end = found - bytes_.begin();
     if (!holds(end, kEndBytes)) return damaged_zip();
     std::int64_t entry = end - number(end + 12, 4);
-    const std::int64_t start = entry - number(end + 16, 4);  // what the places in the file count from
+    const std::int64_t start = entry - number(end + 16, 4);  // origin of the offsets in the file
     for (std::int64_t left = number(end + 10, 2); left > 1 && holds(entry, kEntryBytes); --left) {
       entry += kEntryBytes + number(entry + 28, 2) + number(entry + 30, 2) + number(entry + 32, 2);
     }
@@ -113,8 +113,7 @@ class ZipFile {
   const Bytes& bytes_;
 };
 
-// Of a place as "local:NAME;ADDRESS;SIZE", both hexadecimal. Files that are not the camera's own are refused: they
-// would be this computer's, a device without end, or another's.
+// `url`: "local:NAME;ADDRESS;SIZE", both hexadecimal. Other schemes are refused: they name files outside the camera.
 Result<Bytes> read_file(const ReadMemory& read, std::string url) {
   std::ranges::transform(url, url.begin(), [](unsigned char c) { return c >= 'A' && c <= 'Z' ? c + 32 : c; });
   const std::string shown = printable(url.substr(0, 80));
@@ -123,7 +122,7 @@ Result<Bytes> read_file(const ReadMemory& read, std::string url) {
   }
   const std::size_t first = std::min(url.find(';'), url.size());
   const std::size_t second = std::min(url.find(';', first + 1), url.size());
-  // Negative numbers and those beyond 64 bits become the largest.
+  // Negative numbers and those beyond 64 bits saturate to the maximum.
   const auto number = [&](std::size_t at) -> std::uint64_t {
     const char* const text = url.c_str() + std::min(at + 1, url.size());
     const std::string_view digits(text, std::strcspn(text, ";?"));
@@ -144,10 +143,10 @@ Result<Bytes> read_file(const ReadMemory& read, std::string url) {
   return *std::move(file);
 }
 
-// In other encodings check_attributes() would not see the quotes that the library then reads. An encoding is known by
-// the first bytes, or stands in quotes in the declaration, where only versions and "yes" or "no" do besides.
+// Other encodings could hide from check_attributes() quotes that the XML library sees. The encoding follows from the
+// first bytes or is quoted in the declaration, where the only other quoted words are versions and "yes" or "no".
 Status check_encoding(const Bytes& description) {
-  constexpr std::string_view kMark = "\xEF\xBB\xBF";  // of UTF-8
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";  // byte order mark of UTF-8
   constexpr std::array<std::string_view, 10> kKnown{"1.0",  "1.1",      "yes",   "no",         "utf-8",
                                                     "utf8", "us-ascii", "ascii", "iso-8859-1", "windows-1252"};
   std::string_view text(reinterpret_cast<const char*>(description.data()), description.size());
@@ -164,8 +163,8 @@ Status check_encoding(const Bytes& description) {
   return bad_input("its GenICam description is no XML in UTF-8, ASCII or Latin-1: this is no camera, or a damaged one");
 }
 
-// The library that reads it compares each attribute of an element with all others: 200,000 took it 19 s. Quotes are
-// counted up to the next '<', which no attribute's value can hold.
+// The XML library compares each attribute of an element with all others: 200,000 took 19 s. Counts quotes up to the
+// next '<', which cannot occur in an attribute's value.
 Status check_attributes(const Bytes& description) {
   constexpr int kMostQuotes = 1000;  // real elements have a few attributes
   int quotes = 0;
@@ -177,7 +176,6 @@ Status check_attributes(const Bytes& description) {
   return {};
 }
 
-// From the first of its two places that has one.
 Result<Bytes> read_description(const ReadMemory& read) {
   std::optional<Error> error;
   for (const std::uint32_t place : {0x200U, 0x400U}) {
@@ -194,10 +192,10 @@ Result<Bytes> read_description(const ReadMemory& read) {
 constexpr int kMostDeep = 100;
 constexpr double kMostSteps = 1e5;
 constexpr long long kMostRegisterBytes = 1 << 16;
-constexpr std::size_t kMostFormulaBytes = 1 << 13;  // Aravis takes kilobytes of memory for each byte of one
+constexpr std::size_t kMostFormulaBytes = 1 << 13;  // Aravis needs kilobytes of memory per byte of a formula
 
-// References of a node that its value is computed from. Those for limits, access and selected features are evaluated
-// separately, and do lead back to the node.
+// References from which a node's value is computed. References for limits, access and selected features are evaluated
+// separately, and may legitimately lead back to the node.
 constexpr std::array<std::string_view, 8> kTakenFrom{"pValue",        "pVariable", "pIndex",  "pValueIndexed",
                                                      "pValueDefault", "pAddress",  "pLength", "pOffset"};
 
@@ -218,10 +216,10 @@ bool has_good_length(std::string_view kind, std::string_view tag, const std::str
   return tag == "Length" && bytes > 0 && bytes <= kMostRegisterBytes;
 }
 
-// To evaluate a value.
+// Cost of evaluating a value.
 struct Effort {
   double steps = 1.0;
-  int deep = 0;  // values taken one within the other
+  int deep = 0;  // nesting depth
 };
 
 class Description {
@@ -248,7 +246,7 @@ class Description {
   }
 
  private:
-  // As deep as the document, which its parser limits. `owners`: the named nodes that `node` is part of.
+  // Recursion depth: that of the document, which its parser limits. `owners`: named nodes around `node`.
   void collect(ArvDomNode* node, std::vector<std::string> owners) {
     if (node == nullptr || !ARV_IS_DOM_ELEMENT(node)) return;
     const std::string_view tag = arv_dom_node_get_node_name(node);
@@ -272,7 +270,7 @@ class Description {
     }
   }
 
-  // Nothing: the evaluation has no end, or takes too many steps. `within`: values that are taken from this one.
+  // Nothing: the evaluation is endless or takes too many steps. `within`: current nesting depth.
   std::optional<Effort> effort_of(const std::string& name, int within) {
     const auto found = taken_from_.find(name);
     if (found == taken_from_.end()) return Effort{};
@@ -290,9 +288,9 @@ class Description {
   }
 
   std::map<std::string, std::vector<std::string>> taken_from_;  // by name
-  std::map<std::string, Effort> efforts_;                       // of those that have an end
-  std::string bad_length_;                                      // whose it is
-  std::string long_formula_;                                    // the same
+  std::map<std::string, Effort> efforts_;                       // of values that pass
+  std::string bad_length_;                                      // owner of the offending element
+  std::string long_formula_;                                    // likewise
 };
 
 }  // namespace
@@ -316,8 +314,7 @@ Status check_description(ArvGc* description) {
 
 }  // namespace bolo::genicam
 
-// In place of Aravis's own function, which it calls with what a camera then says of where its description is: whatever
-// that is, the description is the one that was taken from it.
+// Replaces Aravis's parser of the description URL stated by the camera: always the copy taken and checked above.
 extern "C" gboolean arv_parse_genicam_url(const char* /*url*/, gssize /*length*/, char** scheme, char** /*authority*/,
                                           char** path, char** /*query*/, char** /*fragment*/, guint64* /*address*/,
                                           guint64* /*size*/) {

@@ -12,7 +12,7 @@ namespace bolo::genicam {
 namespace {
 
 constexpr std::int64_t kComparePeriodNs = 100'000'000;
-constexpr std::uint64_t kMedianFrame = 20;  // later than what a camera sends while it begins
+constexpr std::uint64_t kMedianFrame = 20;  // skips the camera's start-up frames
 constexpr double kLowestK = 200.0;
 constexpr double kHighestK = 700.0;
 
@@ -21,7 +21,7 @@ bool plausible(double count, const LinearScale& scale) {
   return kelvin >= kLowestK && kelvin <= kHighestK;
 }
 
-constexpr std::int64_t kPauseNs = 100'000'000;  // without frames for this long they had stopped
+constexpr std::int64_t kPauseNs = 100'000'000;  // an interruption: no frames for this long
 
 }  // namespace
 
@@ -62,7 +62,6 @@ void SceneWatch::take(const std::uint16_t* plane, Samples& samples) const noexce
   for (std::size_t i = 0; i < count_; ++i) samples[i] = plane[i * step_];
 }
 
-// The mean of the absolute differences.
 double SceneWatch::change(const Samples& now) const noexcept {
   std::int64_t sum = 0;
   for (std::size_t i = 0; i < count_; ++i) sum += std::abs(int{now[i]} - int{before_[i]});
@@ -96,7 +95,7 @@ void FrameReceiver::take(const CameraFrame& frame) noexcept {
       if (numbered) {
         deliver(frame, now_ns);
       } else {
-        arrivals_.ids.broken_without_id();  // whole, but its leader was not: neither its number nor its shape is known
+        arrivals_.ids.broken_without_id();  // complete except for the leader: number and shape are unknown
       }
       break;
     case FrameEnd::kIncomplete:
@@ -125,7 +124,7 @@ void FrameReceiver::deliver(const CameraFrame& frame, std::int64_t now_ns) noexc
   note_arrival(now_ns);
   const pipeline::FrameIdTracker::Verdict verdict = arrivals_.ids.complete(frame.id, now_ns);
   if (!verdict.deliver) return;
-  const std::int64_t camera_ns = frame.camera_ns & (kMostClockNs - 1);  // beyond, readers would see it stand still
+  const std::int64_t camera_ns = frame.camera_ns & (kMostClockNs - 1);  // larger values would look constant to readers
   const std::int64_t host_ns = arrivals_.map_time(verdict, camera_ns, frame.receive_ns);
   const std::uint32_t flags = note_nuc(now_ns);
   rt::FrameSlot* slot = inlet_.borrow();
@@ -152,7 +151,7 @@ void FrameReceiver::note_arrival(std::int64_t now_ns) noexcept {
   last_frame_ns_.store(now_ns, std::memory_order_release);  // partner: last_frame_ns()
 }
 
-// Frames before, during and after a NUC do not belong in one window.
+// Frames before, during and after a NUC must not share a window.
 std::uint32_t FrameReceiver::note_nuc(std::int64_t now_ns) noexcept {
   const bool correcting = now_ns < nuc_until_ns_.value();
   if (correcting != in_nuc_) inlet_.restart_window();
@@ -160,7 +159,7 @@ std::uint32_t FrameReceiver::note_nuc(std::int64_t now_ns) noexcept {
   return correcting ? kFlagNuc : kFlagNone;
 }
 
-// The frame has the size and format that the stream was opened with.
+// True when the frame has the size and format agreed at opening.
 bool FrameReceiver::agreed(const CameraFrame& frame) const noexcept {
   const int height = format_.geometry.height + metadata_rows_;
   if (!frame.mono16 || frame.x_padding < 0 || frame.width != format_.geometry.width || frame.height != height) {

@@ -1,4 +1,4 @@
-// Checks each frame of the camera, copies it into a pool slot and commits it; or counts it as lost.
+// Checks each frame of the camera, then copies it to a pool slot and commits it, or counts it as lost.
 #pragma once
 
 #include <array>
@@ -17,26 +17,25 @@
 
 namespace bolo::genicam {
 
-// --- Detects from a sample of pixels since when the scene stands still, and if the values can be temperatures; decides
-// when a NUC is due.
+// --- Motion and plausibility from a sample of pixels; scheduling of NUCs.
 
-// Samples some 1,000 pixels spread over the frame. Nothing is allocated.
+// Samples about 1,000 pixels spread over the frame. No allocation.
 class SceneWatch {
  public:
-  // still_k: a scene stands still while, from one tenth of a second to the next, its pixels change by no more than this
-  // on average; K, or counts where frames have no kelvin. 0: motion is not measured. Thread: setup.
+  // still_k: the scene stands still while the mean absolute change of its pixels over 0.1 s does not exceed this; K, or
+  // counts if frames are not in kelvin. 0: motion is not measured. Thread: setup.
   SceneWatch(const StreamFormat& format, double still_k) noexcept;
-  // Another still_k from now on. Thread: any.
+  // Changes still_k. Thread: any.
   void set_still_k(double still_k) noexcept { still_counts_.set(still_k / kelvin_per_count_); }
 
-  // A frame in the host's byte order, row-major. now_ns: CLOCK_MONOTONIC. Thread: acquire.
+  // A frame in host byte order, row-major. now_ns: CLOCK_MONOTONIC. Thread: acquire.
   void update(const std::uint16_t* plane, std::int64_t now_ns) noexcept;
-  // Frames of another connection follow. Thread: setup, while no connection delivers.
+  // Resets for the frames of a new connection. Thread: setup, while no connection delivers.
   void restart() noexcept;
 
-  // CLOCK_MONOTONIC since when nothing has moved; 0 while something does. Thread: any.
+  // CLOCK_MONOTONIC since when the scene stands still; 0 while it moves. Thread: any.
   std::int64_t still_since_ns() const noexcept { return still_since_ns_.value(); }
-  // The median of one early frame of this connection, counts; -1 before it came. Thread: any.
+  // Median of an early frame of this connection, counts; -1 before that. Thread: any.
   int median() const noexcept { return median_.value(); }
 
  private:
@@ -48,7 +47,7 @@ class SceneWatch {
 
   const std::size_t count_;
   const std::size_t step_;
-  const double kelvin_per_count_;  // 1 where frames have no kelvin
+  const double kelvin_per_count_;  // 1 if frames are not in kelvin
   rt::Gauge<double> still_counts_;
   std::uint64_t frames_ = 0;  // of this connection
   std::int64_t compared_ns_ = 0;
@@ -57,26 +56,25 @@ class SceneWatch {
   rt::Gauge<int> median_{-1};
 };
 
-// Why the median of a frame cannot be right by its scale, and the setting to change; nothing when it can, or has no
-// kelvin. Plausible are 200 to 700 K. Thread: any.
+// Explains an implausible median (outside 200 to 700 K) and names the setting to change; nothing when it is plausible
+// or not in kelvin. Thread: any.
 std::optional<std::string> implausible(int median, const LinearScale& scale);
 
-// Decides when a NUC is due.
-// Times are CLOCK_MONOTONIC. Thread: one at a time.
+// Decides when a NUC is due. Times are CLOCK_MONOTONIC. Thread: one at a time.
 class NucSchedule {
  public:
   explicit NucSchedule(const NucOptions& options) : options_(options) {}
 
-  // still_since_ns: SceneWatch's. The first is due at once, or, by policy, as soon as the scene stands still.
+  // still_since_ns: from SceneWatch. The first is due at once or, depending on the policy, when the scene stands still.
   bool due(std::int64_t now_ns, std::int64_t still_since_ns) const {
     const bool asks = options_.policy == NucPolicy::kTimed || options_.policy == NucPolicy::kStill;
     if (!asks || (last_ns_ != 0 && now_ns - last_ns_ < ns(options_.interval_s))) return false;
     if (options_.policy == NucPolicy::kTimed) return true;
     return still_since_ns != 0 && now_ns - still_since_ns >= ns(options_.still_s);
   }
-  // Another policy; the time of the last NUC stays.
+  // Changes the policy; keeps the time of the last NUC.
   void set_options(const NucOptions& options) { options_ = options; }
-  // One was done, or could not be: the next is an interval away.
+  // A NUC was done or failed: the next follows after an interval.
   void done(std::int64_t now_ns) { last_ns_ = now_ns; }
 
  private:
@@ -86,32 +84,32 @@ class NucSchedule {
   std::int64_t last_ns_ = 0;
 };
 
-// Outlives the connections of one start() to stop(): after a reconnect ids and losses go on.
+// Lives from start() to stop(), across reconnects: ids and losses continue.
 class FrameReceiver {
  public:
   // The inlet outlives this. Thread: setup.
   FrameReceiver(pipeline::FrameInlet& inlet, const CameraOptions& options, pipeline::SourceStatus& status);
 
-  // Takes what it needs; its pixels may be reused afterwards. Thread: acquire.
+  // Copies what it needs; the pixels may be reused after the call. Thread: acquire.
   void take(const CameraFrame& frame) noexcept;
 
-  // A connection's frames follow, the first or another one. kelvin_table: Negotiated's, which outlives the connection.
-  // Thread: setup, while no connection delivers.
+  // Starts the frames of a connection. kelvin_table: from Negotiated, must outlive the connection. Thread: setup, while
+  // no connection delivers.
   void begin(const std::vector<std::uint16_t>& kelvin_table) noexcept;
-  // Frames that arrive before `until_ns`, CLOCK_MONOTONIC, are flagged as those of a NUC. Thread: any.
+  // Frames that arrive before `until_ns` (CLOCK_MONOTONIC) are flagged as NUC frames. Thread: any.
   void set_nuc_until(std::int64_t until_ns) noexcept { nuc_until_ns_.set(until_ns); }
   const SceneWatch& scene() const noexcept { return scene_; }
-  // Takes the threshold of a scene that stands still. Thread: any.
+  // Updates the threshold for a still scene. Thread: any.
   void set_nuc(const NucOptions& nuc) noexcept { scene_.set_still_k(watched_still_k(nuc)); }
-  // The last frame has come: counts what is still missing. Thread: setup, while no connection delivers.
+  // Counts the frames still missing after the last one. Thread: setup, while no connection delivers.
   void finish() noexcept { arrivals_.finish(); }
 
   // CLOCK_MONOTONIC of the last complete frame, 0 before the first. Thread: any.
   std::int64_t last_frame_ns() const noexcept {
     return last_frame_ns_.load(std::memory_order_acquire);  // partner: note_arrival()
   }
-  // CLOCK_MONOTONIC of the first frame of the present connection, or of the first after frames had stopped; as known
-  // when last_frame_ns() was read. Thread: any.
+  // CLOCK_MONOTONIC of the first frame of the connection or after an interruption; consistent with the preceding
+  // last_frame_ns(). Thread: any.
   std::int64_t flows_since_ns() const noexcept { return flows_since_ns_.load(std::memory_order_relaxed); }
 
  private:
@@ -129,7 +127,7 @@ class FrameReceiver {
   const int metadata_rows_;
   pipeline::Arrivals arrivals_;
   SceneWatch scene_;
-  const std::uint16_t* kelvin_table_ = nullptr;  // null: counts stay as they are
+  const std::uint16_t* kelvin_table_ = nullptr;  // null: counts are unchanged
   rt::Gauge<std::int64_t> nuc_until_ns_;
   bool in_nuc_ = false;
   bool first_of_connection_ = true;

@@ -15,21 +15,18 @@ struct Free {
   void operator()(void* memory) const noexcept { g_free(memory); }
 };
 
-// Silences GLib's log on standard error from now on: for a damaged description it prints dozens of lines at each try,
-// where the call's error is one. Thread: any.
+// Silences GLib's log on standard error: dozens of lines per damaged description, besides the error. Thread: any.
 inline void silence_glib() noexcept {
   g_log_set_default_handler([](const char*, GLogLevelFlags, const char*, void*) {}, nullptr);
 }
 
-// One reference to a GObject, given up at the end of scope.
 template <typename T>
 using Ref = std::unique_ptr<T, Unref>;
 
-// Memory that GLib allocated.
 template <typename T>
 using Owned = std::unique_ptr<T, Free>;
 
-// Holds the error of a call of GLib: pass out() to one call, then test.
+// Error of a GLib call: pass out() to one call, then test.
 class GlibError {
  public:
   GlibError() = default;
@@ -43,7 +40,7 @@ class GlibError {
   }
   explicit operator bool() const noexcept { return error_ != nullptr; }
   std::string message() const { return error_ != nullptr ? error_->message : "no reason given"; }
-  // The camera did not answer at all, as opposed to answering no.
+  // True when the camera did not answer, rather than refuse.
   bool unanswered() const noexcept {
     return error_ != nullptr && error_->domain == ARV_DEVICE_ERROR &&
            (error_->code == ARV_DEVICE_ERROR_TIMEOUT || error_->code == ARV_DEVICE_ERROR_NOT_CONNECTED ||

@@ -15,13 +15,13 @@ constexpr std::uint32_t kContentMask = 0x7f000000;
 constexpr unsigned kContentShift = 24;
 constexpr std::uint16_t kError = 0x8000;
 constexpr std::uint16_t kImage = 0x0001;
-constexpr std::uint16_t kPayloadTypeMask = 0x3fff;  // above: whether chunks follow
+constexpr std::uint16_t kPayloadTypeMask = 0x3fff;  // above: chunk flag
 constexpr std::uint32_t kMono16 = 0x01100007;
 constexpr std::size_t kShortestLeader = 12;
 constexpr std::size_t kImageLeader = 36;
 constexpr std::uint32_t kLargestSide = 1U << 16U;
 
-// PACKET_UNAVAILABLE, and removed from the camera's memory, alone or with those before it. Other errors may pass.
+// PACKET_UNAVAILABLE, or removed from the camera's memory, alone or with previous ones. Other errors may be transient.
 bool is_final(std::uint16_t status) noexcept {
   const auto code = static_cast<unsigned>(status & 0xffU);
   return code == 0x0c || code == 0x11 || code == 0x12;
@@ -32,18 +32,18 @@ bool known(std::uint32_t content) noexcept {
          content <= static_cast<std::uint32_t>(Content::kPayload);
 }
 
-// As Aravis has them, whose behaviour towards cameras this keeps.
-constexpr std::int64_t kFirstTimeoutNs = 1'000'000;  // until a packet that others overtook is asked for
-constexpr std::uint32_t kMostAskedPart = 4;          // of a frame's packets no more than this part is asked for again
-constexpr std::int64_t kSpanGrows = 8;               // by a part, from frame to frame
+// Aravis's values, to behave towards cameras like Aravis.
+constexpr std::int64_t kFirstTimeoutNs = 1'000'000;  // until an overtaken packet is requested
+constexpr std::uint32_t kMostAskedPart = 4;          // at most 1/4 of a frame's packets is requested again
+constexpr std::int64_t kSpanGrows = 8;               // span_ns_ grows by at most 1/8 per frame, plus:
 constexpr std::int64_t kSpanStepNs = 20'000;
-constexpr std::int64_t kLateFrames = 100;  // this far behind a packet is late; further, the counter began anew
+constexpr std::int64_t kLateFrames = 100;  // late packet: at most this far behind; further back, the counter restarted
 
-// The counter can be ahead by this many frames, and by what the time that has passed allows, with a margin.
+// The counter may be ahead by this many frames plus those of the elapsed time, with a margin.
 constexpr std::int64_t kAheadFrames = 4;
 constexpr std::int64_t kTimeMargin = 2;
-constexpr std::int64_t kNearFrames = 64;  // so far before a whole frame an incomplete one belongs to the same count
-constexpr std::uint64_t kOthers = 4;      // frames that are whole after an incomplete one began, and were not before it
+constexpr std::int64_t kNearFrames = 64;  // an incomplete frame this far behind a complete one has another counter
+constexpr std::uint64_t kOthers = 4;  // after this many more complete frames, an incomplete one is not counted as lost
 
 }  // namespace
 
@@ -106,7 +106,7 @@ Assembler::Assembler(const StreamPlan& plan, FrameOutput& output, pipeline::Sour
     layout.packets = static_cast<std::uint32_t>((plan.payload_bytes + layout.block_bytes - 1) / layout.block_bytes + 2);
   }
   for (Frame& frame : frames_) {
-    frame.states.resize(layouts_[1].packets);  // whose headers are longer
+    frame.states.resize(layouts_[1].packets);  // extended headers are longer: more packets
     frame.data.resize(plan.payload_bytes);
   }
 }
@@ -121,7 +121,7 @@ void Assembler::take(std::span<const std::byte> datagram, std::int64_t now_ns) n
     return;
   }
   PacketState& state = frame->states[packet->packet_id];
-  // One that comes again takes the place of the first, which may have been forged: ahead of its time, as a rule.
+  // A duplicate replaces the first packet, because a forged one usually arrives early.
   if (!store(*frame, *packet)) return;
   frame->last_ns = now_ns;
   if (state.received) return;
@@ -131,7 +131,7 @@ void Assembler::take(std::span<const std::byte> datagram, std::int64_t now_ns) n
   while (frame->prefix < frame->packets && frame->states[frame->prefix].received) ++frame->prefix;
   if (frame->prefix == frame->packets && frame->has_trailer) {
     frame->whole = true;
-    if (frame->asked == 0) {  // one that was read late must not hold up the next
+    if (frame->asked == 0) {  // a late frame must not delay the next
       span_ns_ = std::min(now_ns - frame->first_ns, span_ns_ + span_ns_ / kSpanGrows + kSpanStepNs);
     }
     deliver(now_ns);
@@ -140,7 +140,7 @@ void Assembler::take(std::span<const std::byte> datagram, std::int64_t now_ns) n
   }
 }
 
-// A frame of the agreed size can have this packet.
+// True when a frame of the agreed size can contain this packet.
 bool Assembler::possible(const Packet& packet) const noexcept {
   const std::uint32_t id = packet.packet_id;
   const std::uint32_t last = layout(packet.extended).packets - 1;
@@ -170,7 +170,7 @@ Assembler::Frame* Assembler::find(const Packet& packet, std::int64_t now_ns) noe
   return latest_ = frame;
 }
 
-// Begins a frame; null when its number is already over, or when there is no room for it.
+// Begins a frame; null when its id is in the past or there is no room.
 Assembler::Frame* Assembler::place_for(const Packet& packet, std::int64_t now_ns) noexcept {
   if (started_ && packet.extended == extended_) {
     const std::int64_t ahead = steps(newest_, packet.frame_id, extended_);
@@ -196,7 +196,7 @@ void Assembler::begin(Frame& frame, const Packet& packet, std::int64_t now_ns) n
   std::ranges::fill(frame.states, PacketState{});
 }
 
-// A free one; or the quietest of those with unlikely numbers; or, for a likely frame, the quietest.
+// A free place; else the least recently active frame with an unlikely id; else, if `likely`, the least recent of all.
 Assembler::Frame* Assembler::choose_place(bool likely, std::int64_t now_ns) noexcept {
   Frame* quietest = nullptr;
   Frame* unlikely = nullptr;
@@ -210,7 +210,7 @@ Assembler::Frame* Assembler::choose_place(bool likely, std::int64_t now_ns) noex
   return unlikely != nullptr ? unlikely : likely ? quietest : nullptr;
 }
 
-// Keeps what the packet brings. False when it fits nowhere.
+// Stores the packet's content. False when it does not fit.
 bool Assembler::store(Frame& frame, const Packet& packet) noexcept {
   const std::uint32_t id = packet.packet_id;
   if (packet.content == Content::kLeader) {
@@ -224,19 +224,19 @@ bool Assembler::store(Frame& frame, const Packet& packet) noexcept {
     if (frame.has_trailer) return id + 1 == frame.packets;
     if (frame.prefix > id) return false;
     frame.has_trailer = true;
-    frame.packets = id + 1;  // a camera may send less than its frames can hold
+    frame.packets = id + 1;  // a camera may send less than the maximum
     return true;
   }
   const Layout& expected = layout(frame.extended);
   if (packet.body.size() > expected.block_bytes) return false;
   const std::size_t from = (id - 1) * expected.block_bytes;
-  const std::size_t bytes = std::min(packet.body.size(), frame.data.size() - from);  // the last one may be filled up
+  const std::size_t bytes = std::min(packet.body.size(), frame.data.size() - from);  // the last packet may be padded
   if (bytes > 0) std::memcpy(frame.data.data() + from, packet.body.data(), bytes);
   frame.states[id].bytes = static_cast<std::uint32_t>(bytes);
   return true;
 }
 
-// Of a whole frame, the bytes that came without a hole between them.
+// Received bytes of a complete frame up to the first gap.
 std::span<const std::byte> Assembler::contents(const Frame& frame) const noexcept {
   std::size_t bytes = 0;
   for (std::uint32_t id = 1; id + 1 < frame.packets; ++id) {
@@ -246,12 +246,12 @@ std::span<const std::byte> Assembler::contents(const Frame& frame) const noexcep
   return std::span(frame.data).first(bytes);
 }
 
-// --- packets that did not come ---
+// --- missing packets ---
 
-// Requests missing packets up to `last` whose timeout is over; the first call for a packet only starts its timeout.
+// Requests missing packets up to `last` whose timeout has expired; the first call for a packet only starts its timeout.
 void Assembler::request_missing(Frame& frame, std::uint32_t last, std::int64_t now_ns) noexcept {
   if (!plan_.resend || frame.no_resend || frame.packets < kMostAskedPart) return;
-  std::uint32_t first = 0;  // of a run that is due
+  std::uint32_t first = 0;  // of a run to request
   std::uint32_t run = 0;
   for (std::uint32_t id = frame.prefix; id <= last && id < frame.packets; ++id) {
     PacketState& state = frame.states[id];
@@ -266,7 +266,7 @@ void Assembler::request_missing(Frame& frame, std::uint32_t last, std::int64_t n
   if (run > 0) request(frame, first, first + run - 1, now_ns);
 }
 
-// False when that is more than may be asked of a frame.
+// False when the limit of requests per frame is exceeded.
 bool Assembler::request(Frame& frame, std::uint32_t first, std::uint32_t last, std::int64_t now_ns) noexcept {
   const std::uint32_t count = last - first + 1;
   frame.asked += count;
@@ -303,14 +303,14 @@ bool Assembler::busy() const noexcept {
   return std::ranges::any_of(frames_, [](const Frame& frame) { return frame.open; });
 }
 
-// --- the order of frames ---
+// --- frame order ---
 
 std::int64_t Assembler::steps(std::uint64_t from, std::uint64_t to, bool extended) const noexcept {
   if (extended) return static_cast<std::int64_t>(to - from);
   return static_cast<std::int16_t>(static_cast<std::uint16_t>(to - from));
 }
 
-// The stream can have come to this number by now.
+// True when the stream can have reached this id by now.
 bool Assembler::within_reach(std::uint64_t id, bool extended, std::int64_t now_ns) const noexcept {
   if (!started_) return true;
   if (extended != extended_) return false;
@@ -319,12 +319,12 @@ bool Assembler::within_reach(std::uint64_t id, bool extended, std::int64_t now_n
   return ahead > 0 && ahead <= kAheadFrames + kTimeMargin * passed;
 }
 
-// The frame was sent before the whole one was.
+// True when the frame was sent before the complete one.
 bool Assembler::precedes(const Frame& frame, const Frame& whole, std::int64_t now_ns) const noexcept {
   if (&frame == &whole || !frame.open || frame.extended != whole.extended) return false;
   const std::int64_t behind = steps(frame.id, whole.id, frame.extended);
   if (started_ && within_reach(frame, now_ns)) {
-    // Before a counter that began anew, all that the old one had come to.
+    // A restarted counter comes after everything of the old one.
     return !within_reach(whole, now_ns) || behind > 0;
   }
   return behind > 0 && behind < kNearFrames;
@@ -345,7 +345,7 @@ Assembler::Frame* Assembler::next_whole(std::int64_t now_ns) noexcept {
   return next;
 }
 
-// A frame before it may still be completed.
+// True while an earlier frame may still be completed.
 bool Assembler::blocked(const Frame& whole, std::int64_t now_ns) const noexcept {
   return plan_.resend && std::ranges::any_of(frames_, [&](const Frame& frame) {
            return precedes(frame, whole, now_ns) && !frame.whole && now_ns - frame.last_ns < plan_.retention_ns;
@@ -353,7 +353,7 @@ bool Assembler::blocked(const Frame& whole, std::int64_t now_ns) const noexcept 
 }
 
 void Assembler::emit(Frame& whole, std::int64_t now_ns) noexcept {
-  for (;;) {  // those before it, first to last
+  for (;;) {  // lose earlier incomplete frames, oldest first
     Frame* before = nullptr;
     for (Frame& frame : frames_) {
       if (!precedes(frame, whole, now_ns) || frame.whole) continue;
@@ -380,8 +380,8 @@ void Assembler::emit(Frame& whole, std::int64_t now_ns) noexcept {
                       .pixels = contents(whole)});
 }
 
-// Stops waiting for it. While other frames become whole it was either none of the camera's or will be missing in a
-// later counter; when none does, it is lost.
+// Stops waiting for a frame. If other frames were completed meanwhile, its id is either forged or found missing later
+// by the id counter; otherwise it is lost.
 void Assembler::give_up(Frame& frame) noexcept {
   if (emitted_ - frame.emitted_before < kOthers + frames_held_ && within_reach(frame, frame.last_ns))
     return lose(frame);

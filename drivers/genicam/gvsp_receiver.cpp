@@ -22,19 +22,19 @@
 namespace bolo::genicam::gvsp {
 namespace {
 
-constexpr std::size_t kBatch = 32;  // datagrams a system call
+constexpr std::size_t kBatch = 32;  // datagrams per system call
 constexpr std::int64_t kIdleNs = 1'000'000'000;
 constexpr int kNiceLevel = -10;
-constexpr long kLeastPauseNs = 100'000;  // twice what a sleep is late by
+constexpr long kLeastPauseNs = 100'000;  // twice the lateness of a sleep
 constexpr long kMostPauseNs = 2'000'000;
-// Of a frame's expected rest. With more, a frame that was read late would make the next one be read late too: the
-// sleep's own lateness over what is left of 1 stands in for the frame's length.
+// Share of a frame's expected remaining time. A larger one would propagate a late read to the next frame: the lateness
+// of the sleep, divided by 1 - share, replaces the frame's length.
 constexpr double kMostPauseShare = 0.75;
 
 }  // namespace
 
 Status raise_priority(const std::string& name, int realtime_priority) {
-  if (realtime_priority == 0) setpriority(PRIO_PROCESS, 0, kNiceLevel);  // Linux: of this thread
+  if (realtime_priority == 0) setpriority(PRIO_PROCESS, 0, kNiceLevel);  // Linux: this thread only
   return rt::apply_to_this_thread({name, realtime_priority});
 }
 
@@ -48,7 +48,7 @@ Result<std::unique_ptr<Receiver>> Receiver::open(const std::string& own_address,
   UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_in own = address_of(own_address, 0);
   socklen_t size = sizeof own;
-  // The filter goes first: packets that come before it would stay in the socket.
+  // Install the filter first: packets received before it would stay in the socket.
   if (!fd || !filter_stream(fd.get(), camera_address, 0) ||
       bind(fd.get(), reinterpret_cast<const sockaddr*>(&own), size) != 0 ||
       getsockname(fd.get(), reinterpret_cast<sockaddr*>(&own), &size) != 0) {
@@ -76,7 +76,7 @@ Status Receiver::start(const StreamPlan& plan, std::uint16_t source_port, int re
     filter_stream(socket_.get(), text.data(), source_port);
   }
   plan_ = plan;
-  // Packets take up to twice their size of the socket's buffer, half of which stays free.
+  // Packets take up to twice their size in the socket buffer; keep half of it free.
   int buffer = 0;
   socklen_t size = sizeof buffer;
   getsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &buffer, &size);
@@ -114,7 +114,7 @@ void Receiver::run() noexcept {
     for (int i = 0; i < count; ++i) {
       const mmsghdr& message = messages[static_cast<std::size_t>(i)];
       const auto* bytes = static_cast<const std::byte*>(message.msg_hdr.msg_iov->iov_base);
-      // A longer one than agreed is cut off: what is left is nothing that a frame can have.
+      // A datagram longer than agreed is truncated, and treated as invalid.
       const bool cut = (message.msg_hdr.msg_flags & MSG_TRUNC) != 0;
       assembler_->take({bytes, cut ? 0 : message.msg_len}, now_ns);
     }
@@ -123,8 +123,7 @@ void Receiver::run() noexcept {
   }
 }
 
-// While most of a frame is on its way, sleeps for most of what it still takes: two or three wake-ups a frame instead of
-// one a packet, and none of them late for the last one.
+// Sleeps through most of a frame's remaining time, without delaying its last packet: two or three wake-ups per frame.
 void Receiver::pause(std::int64_t rest_ns) const noexcept {
   const auto pause_ns = static_cast<long>(pause_share_ * static_cast<double>(rest_ns));
   if (pause_ns < kLeastPauseNs) return;
@@ -132,7 +131,7 @@ void Receiver::pause(std::int64_t rest_ns) const noexcept {
   nanosleep(&time, nullptr);
 }
 
-// GVCP's PACKETRESEND command, from the stream's own port, without an answer.
+// Sends GVCP's PACKETRESEND command, without acknowledge, from the stream's port.
 void Receiver::request_resend(const ResendRequest& request) noexcept {
   constexpr unsigned kKey = 0x42;
   constexpr unsigned kResendExtendedIds = 0x10;

@@ -1,4 +1,4 @@
-// The socket of a GigE Vision stream and the thread that empties it.
+// Socket of a GigE Vision stream and its receiving thread.
 #pragma once
 
 #include <netinet/in.h>
@@ -16,26 +16,25 @@
 
 namespace bolo::genicam::gvsp {
 
-// Asks for SCHED_FIFO at this priority, or, at 0, for a nice level of -10 as far as that is allowed, which is no error.
-// Thread: the thread concerned.
+// Requests SCHED_FIFO at this priority or, for 0, nice level -10 (a refusal is no error). Thread: the thread concerned.
 Status raise_priority(const std::string& name, int realtime_priority);
 
-// Warning for a priority that was refused. Thread: any.
+// Warning text for a refused priority. Thread: any.
 std::string refused_priority(int realtime_priority);
 
 class Receiver final : private FrameOutput {
  public:
-  // Binds a socket that accepts only packets from the camera's address. Addresses in dotted form. Thread: setup.
+  // Binds a socket that only accepts packets from the camera's address. Dotted addresses. Thread: setup.
   static Result<std::unique_ptr<Receiver>> open(const std::string& own_address, const std::string& camera_address,
                                                 int socket_buffer_bytes);
-  // Ends the thread, which takes no longer than one frame's work. Thread: setup.
+  // Ends the thread within one frame's work. Thread: setup.
   ~Receiver();
 
   // UDP port that the camera sends to.
   std::uint16_t port() const noexcept { return port_; }
 
-  // Frames go to `take` from now on, on the thread of the receiver. source_port: of the camera's packets; 0: unknown.
-  // The result is whether the priority was granted: frames flow also without. Thread: setup, once.
+  // Starts delivering frames to `take` on the receiver's thread. source_port: of the camera's packets; 0: unknown.
+  // Returns whether the priority was granted; frames flow in any case. Thread: setup, once.
   Status start(const StreamPlan& plan, std::uint16_t source_port, int realtime_priority,
                std::function<void(const CameraFrame&)> take, std::shared_ptr<pipeline::SourceStatus> status);
 
@@ -53,7 +52,7 @@ class Receiver final : private FrameOutput {
   UniqueFd wake_;
   std::uint16_t request_id_ = 0;
   StreamPlan plan_;
-  double pause_share_ = 0.0;  // of the time that a frame still takes
+  double pause_share_ = 0.0;  // of a frame's remaining time
   std::function<void(const CameraFrame&)> take_;
   std::shared_ptr<pipeline::SourceStatus> status_;
   std::unique_ptr<Assembler> assembler_;

@@ -27,7 +27,7 @@
 namespace bolo::genicam {
 namespace {
 
-// Registers that every GigE Vision camera has (kPrivilege), or may have: who controls it.
+// GigE Vision registers: who controls the camera. kPrivilege is mandatory, the others are optional.
 constexpr std::uint32_t kPrivilege = 0x0A00;
 constexpr std::uint32_t kPrimaryPort = 0x0A04;
 constexpr std::uint32_t kPrimaryAddress = 0x0A14;
@@ -62,8 +62,8 @@ class UdpSocket {
   UniqueFd fd_{socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)};
 };
 
-// Sends a GVCP command of 32-bit words and waits for its acknowledgement, three times at most, 0.7 s in all: the answer
-// from its first word on, at least one, or nothing when the camera refuses or is silent.
+// Sends a GVCP command of 32-bit words and waits for its acknowledge, at most three times and 0.7 s in all. Returns its
+// data (at least one word); nothing when the camera refuses or is silent.
 std::optional<std::vector<unsigned char>> query_all(const UdpSocket& socket, Command command,
                                                     std::initializer_list<std::uint32_t> words) {
   constexpr int kTries = 3;
@@ -94,7 +94,6 @@ std::optional<std::vector<unsigned char>> query_all(const UdpSocket& socket, Com
   return std::nullopt;
 }
 
-// The first word of the answer.
 std::optional<std::uint32_t> query(const UdpSocket& socket, Command command,
                                    std::initializer_list<std::uint32_t> words) {
   const auto answer = query_all(socket, command, words);
@@ -107,7 +106,6 @@ int mtu_of(const UdpSocket& socket, const std::string& interface) {
   return ioctl(socket.fd(), SIOCGIFMTU, &request) == 0 ? request.ifr_mtu : 1500;
 }
 
-// The interface that has the address.
 std::optional<ifaddrs> find_interface(const ifaddrs* list, const in_addr& address) {
   for (const ifaddrs* i = list; i != nullptr; i = i->ifa_next) {
     if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET) continue;
@@ -167,7 +165,7 @@ bool answers_gvcp(const std::string& ipv4) {
 
 std::optional<std::vector<unsigned char>> read_memory(const std::string& ipv4, std::uint32_t address,
                                                       std::uint32_t bytes) {
-  constexpr std::size_t kAddressBytes = 4;  // begins the answer
+  constexpr std::size_t kAddressBytes = 4;  // first word of the answer
   const UdpSocket socket;
   if (socket.connect_to(ipv4) != 0) return std::nullopt;
   auto answer = query_all(socket, Command::kReadMemory, {address, bytes});
@@ -190,9 +188,9 @@ bool free_from_dead_program(const std::string& ipv4, const std::string& own_addr
 
 bool filter_stream(int socket, const std::string& camera_address, std::uint16_t source_port) {
   constexpr auto kSourceAddress = static_cast<std::uint32_t>(SKF_NET_OFF + 12);  // in the IP header
-  constexpr std::uint32_t kSourcePort = 0;  // the filter of a socket begins at the UDP header: 8 bytes
+  constexpr std::uint32_t kSourcePort = 0;  // a socket filter starts at the UDP header: 8 bytes
   constexpr std::uint32_t kContent = 8 + 4;
-  constexpr std::uint32_t kContentBits = 0x7f;  // the highest bit: ids are extended
+  constexpr std::uint32_t kContentBits = 0x7f;  // highest bit: extended ids
   constexpr std::uint32_t kShortest = 8 + 8;
   constexpr std::uint32_t kWhole = 0xffffffff;
   in_addr camera{};
@@ -213,7 +211,7 @@ Status check_resources() {
   constexpr std::size_t kForADevice = 16;
   std::size_t wanted = kForADevice;
   ifaddrs* list = nullptr;
-  if (getifaddrs(&list) == 0) {  // one a network, to look for cameras in it
+  if (getifaddrs(&list) == 0) {  // one per network for the camera search
     for (const ifaddrs* i = list; i != nullptr; i = i->ifa_next) ++wanted;
     freeifaddrs(list);
   }
@@ -238,7 +236,7 @@ int largest_socket_buffer() {
   socklen_t length = sizeof bytes;
   if (setsockopt(socket.fd(), SOL_SOCKET, SO_RCVBUF, &bytes, length) != 0) return 0;
   if (getsockopt(socket.fd(), SOL_SOCKET, SO_RCVBUF, &bytes, &length) != 0) return 0;
-  return bytes / 2;  // the kernel doubles what it grants, for its own bookkeeping: socket(7)
+  return bytes / 2;  // the kernel doubles the granted size for its bookkeeping: socket(7)
 }
 
 }  // namespace bolo::genicam

@@ -16,7 +16,6 @@ bool Nodes::has(const char* name) {
   return available && ok();
 }
 
-// `get` and `set`: functions of Aravis.
 template <typename Value>
 Value Nodes::read(Value (*get)(ArvDevice*, const char*, GError**), const char* name) {
   if (!ok()) return {};

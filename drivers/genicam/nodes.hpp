@@ -1,5 +1,4 @@
-// The camera's settings by name: reads and writes that remember the first failure, so that a sequence of them reads as
-// one, and is checked once.
+// Camera settings by name. Keeps the first failure, so that a sequence of reads and writes is checked once at its end.
 #pragma once
 
 #include <cstdint>
@@ -11,26 +10,26 @@
 
 namespace bolo::genicam {
 
-// After a failure every further call does nothing and returns zero or empty. Thread: setup.
+// After a failure, further calls do nothing and return zero or empty. Thread: setup.
 class Nodes {
  public:
   explicit Nodes(ArvDevice* device) : device_(device) {}
 
-  // The camera has this node and offers it now.
+  // True when the camera has this node and it is available now.
   bool has(const char* name);
 
   std::int64_t integer(const char* name);
   double real(const char* name);
-  double number(const char* name);                     // an integer or a float, whichever the camera has
+  double number(const char* name);                     // an integer or float node
   std::string text(const char* name);                  // strings, and the entry of an enumeration
-  std::vector<std::string> entries(const char* name);  // that an enumeration offers now
+  std::vector<std::string> entries(const char* name);  // currently available entries of an enumeration
 
   bool boolean(const char* name);
 
   void set_integer(const char* name, std::int64_t value);
   void set_real(const char* name, double value);
   void set_boolean(const char* name, bool value);
-  // Sets an enumeration by its entry; by value when the camera names its entries otherwise or has a plain integer.
+  // Sets an enumeration by its entry; by value when the entries have other names or the node is an integer.
   void choose(const char* name, const char* entry, std::int64_t value);
   void execute(const char* command);
 
@@ -45,7 +44,7 @@ class Nodes {
   void write(void (*set)(ArvDevice*, const char*, Value, GError**), const char* name, Value value,
              const std::string& asked);
   bool is_enumeration(const char* name) const;
-  // Takes the error of a call on `name`; `asked` is the value that was being set, or empty.
+  // Records the error of a call on `name`; `asked`: the value being set, or empty.
   void check(const GlibError& error, const char* name, const std::string& asked = {});
 
   ArvDevice* device_;

@@ -18,13 +18,13 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::int64_t kReopenLimitNs = 8'000'000'000;  // FLIR's A6xx come back 3.5 to 5 s after a new windowing
-constexpr int kFewestFrames = 40;                       // that may be under way at once
-// Without resends an incomplete frame is given up when a later one is whole. The retention then only decides how long a
-// sender may pause within a frame, and a short one loses frames for nothing on a busy machine.
+constexpr std::int64_t kReopenLimitNs = 8'000'000'000;  // FLIR's A6xx return 3.5 to 5 s after a windowing change
+constexpr int kFewestFrames = 40;                       // minimum number of buffers
+// Without resends an incomplete frame is abandoned when a later one is complete. The retention then only limits a
+// sender's pause within a frame, and a short one loses frames needlessly on a busy machine.
 constexpr int kPauseWithoutResendUs = 100'000;
 
-// Registers that every GigE Vision camera has, of its first stream channel.
+// GigE Vision registers, of the first stream channel.
 constexpr std::uint64_t kStreamCapability = 0x092c;
 constexpr std::uint32_t kHasSourcePort = 0x80000000;
 constexpr std::uint64_t kCapabilities = 0x0934;
@@ -40,7 +40,7 @@ void sleep_unless(const std::atomic<bool>& stop_requested, milliseconds time) {
   }
 }
 
-// The camera still answers and is still controlled at the end of the time.
+// True when the camera still answers and is controlled at the end of watch_ms.
 bool stays_controlled(const Connection& connection, int watch_ms, const std::atomic<bool>& stop_requested) {
   const std::int64_t until_ns = monotonic_ns() + watch_ms * 1'000'000LL;
   while (is_controlled(connection)) {
@@ -51,13 +51,12 @@ bool stays_controlled(const Connection& connection, int watch_ms, const std::ato
   return false;
 }
 
-// --- The stream of a camera that is not GigE Vision (USB3 Vision), received by Aravis.
+// --- Stream of a USB3 Vision camera, received by Aravis.
 
-constexpr std::int64_t kOldestNs = 1'000'000'000;  // a frame takes less than this from its first packet to here
+constexpr std::int64_t kOldestNs = 1'000'000'000;  // maximum time from a frame's first packet to its delivery here
 
-// Arrival of the first packet, on CLOCK_MONOTONIC. Aravis notes it on the wall clock, in whole microseconds; the
-// clocks' present distance is applied. A step of the wall clock within the frame is an error of that size; an
-// implausible time is replaced by the present.
+// Arrival of the first packet on CLOCK_MONOTONIC. Aravis stamps it with the wall clock (microseconds); a step of that
+// clock within the frame is an error of that size. An implausible time is replaced by the present.
 std::int64_t first_packet_ns(ArvBuffer* buffer) noexcept {
   const auto system_ns = static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
   const std::int64_t now_ns = monotonic_ns();
@@ -74,7 +73,7 @@ FrameEnd end_of(ArvBuffer* buffer) noexcept {
     case ARV_BUFFER_STATUS_FILLING:
     case ARV_BUFFER_STATUS_ABORTED:
       return FrameEnd::kDriver;
-    default:  // later versions of Aravis know more ways to fail
+    default:  // later versions of Aravis add error codes
       return FrameEnd::kIncomplete;
   }
 }
@@ -103,8 +102,8 @@ CameraFrame frame_of(ArvBuffer* buffer) noexcept {
 
 class AravisStream {
  public:
-  // Frames go to `take`, on Aravis's thread, until this goes. payload_bytes: of a frame. A priority that is refused is
-  // a warning. Thread: setup.
+  // Delivers frames to `take` on Aravis's thread until destruction. payload_bytes: per frame. A refused priority is a
+  // warning. Thread: setup.
   static Result<std::unique_ptr<AravisStream>> start(const Connection& connection, const CameraOptions& options,
                                                      std::size_t payload_bytes,
                                                      std::function<void(const CameraFrame&)> take,
@@ -126,7 +125,7 @@ class AravisStream {
   }
 
   ~AravisStream() {
-    running_.store(nullptr, std::memory_order_release);  // partner: drain(); buffers are not turned round any more
+    running_.store(nullptr, std::memory_order_release);  // partner: drain(); stops the reuse of buffers
   }
 
  private:
@@ -143,19 +142,19 @@ class AravisStream {
     if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) stream->drain();
   }
 
-  // The buffer that is done is in the output queue already: take it, use it, give it back at once.
+  // A completed buffer is already in the output queue: pop it, use it, push it back at once.
   void drain() noexcept {
     ArvStream* stream = running_.load(std::memory_order_acquire);  // partner: start()
     if (stream == nullptr) return;
     while (ArvBuffer* buffer = arv_stream_try_pop_buffer(stream)) {
       take_(frame_of(buffer));
-      // Overwritten by the frame's first packet only: a frame that comes back with it has lost that packet.
+      // Only the frame's first packet sets the id: a frame that still has kNoId lost that packet.
       arv_buffer_set_frame_id(buffer, CameraFrame::kNoId);
       arv_stream_push_buffer(stream, buffer);
     }
   }
 
-  // The thread sets its priority first thing; waits for that so that a refusal is known.
+  // Waits until the thread has set its priority, to know of a refusal.
   void await_priority(std::vector<std::string>& warnings) const {
     constexpr int kTries = 1000;
     for (int i = 0; i < kTries; ++i) {
@@ -172,7 +171,7 @@ class AravisStream {
   const int realtime_priority_;
   const std::function<void(const CameraFrame&)> take_;
   std::atomic<Priority> priority_{Priority::kPending};
-  std::atomic<ArvStream*> running_{nullptr};  // stream_, for the thread that Aravis starts while making it
+  std::atomic<ArvStream*> running_{nullptr};  // stream_, for the thread that Aravis starts while creating it
   Ref<ArvStream> stream_;
 };
 
@@ -215,7 +214,7 @@ Session::Session(Connection connection, Negotiated negotiated, const CameraOptio
 
 Session::~Session() {
   gate_.shut();
-  attempt([this] {  // without memory the camera finds out by itself
+  attempt([this] {  // out of memory: the camera times out by itself
     if (!began_ || control_lost() || !answers()) return;
     Nodes nodes(connection_.device.get());
     nodes.execute("AcquisitionStop");
@@ -238,7 +237,7 @@ Status Session::prepare(FrameReceiver& receiver, std::shared_ptr<pipeline::Sourc
 Status Session::begin() {
   began_ = true;
   Nodes nodes(connection_.device.get());
-  // A clock that PTP keeps is not this program's to set.
+  // Do not reset a clock that is synchronised by PTP.
   if (!read_ptp(nodes).enabled && nodes.has("GevTimestampControlReset")) nodes.execute("GevTimestampControlReset");
   if (nodes.has("TLParamsLocked")) nodes.set_integer("TLParamsLocked", 1);
   nodes.execute("AcquisitionStart");
@@ -269,7 +268,7 @@ PtpState Session::ptp() {
 
 double Session::temperature_k() {
   constexpr double kZeroCelsius = 273.15;
-  constexpr double kHottestCelsius = 150.0;  // above, it is kelvin. Unproven: the standard says degrees Celsius
+  constexpr double kHottestCelsius = 150.0;  // above, it is kelvin. Untested: the standard says degrees Celsius
   Nodes nodes(connection_.device.get());
   if (!nodes.has("DeviceTemperature")) return 0.0;
   const double value = nodes.number("DeviceTemperature");
@@ -277,16 +276,16 @@ double Session::temperature_k() {
   return value > kHottestCelsius ? value : value + kZeroCelsius;
 }
 
-// On the heartbeat's thread, which the device's end waits for: nothing but the flag.
+// Runs on the heartbeat's thread, which the device's destruction joins: only sets the flag.
 void Session::on_control_lost(ArvDevice*, void* flag) {
   static_cast<std::atomic<bool>*>(flag)->store(true, std::memory_order_relaxed);
 }
 
-// --- making the stream ---
+// --- creating the stream ---
 
 Result<std::size_t> Session::payload_bytes() {
   constexpr std::int64_t kAlwaysTaken = 4 << 20;
-  constexpr std::int64_t kMostImages = 4;  // that a frame is as large as, with padding and chunks
+  constexpr std::int64_t kMostImages = 4;  // maximum frame size in images, for padding and chunks
   const auto pixels = static_cast<std::int64_t>(negotiated_.info.format.geometry.pixels());
   const std::int64_t most = std::max(kAlwaysTaken, kMostImages * 2 * pixels);  // of 16 bits
   Nodes nodes(connection_.device.get());
@@ -361,7 +360,7 @@ std::uint16_t Session::source_port() {
              : std::uint16_t{0};
 }
 
-// 0 when the camera has none.
+// 0 when the camera does not have the register.
 std::uint32_t Session::read_register(std::uint64_t address) {
   GlibError error;
   std::uint32_t value = 0;

@@ -1,4 +1,4 @@
-// One connection to the camera, from opening to closing it.
+// One connection to the camera, from opening to closing.
 #pragma once
 
 #include <atomic>
@@ -18,18 +18,18 @@
 
 namespace bolo::genicam {
 
-// --- Lets one thread use what another may take away, without a lock.
+// --- Lock-free revocation: one thread uses an object that another may take away.
 
-// The race, step by step. The acquire thread brackets its work with enter() and leave(); after shut() it is certain
-// that it is not inside and never will be again.
+// The acquire thread brackets its work with enter() and leave(). After shut() it is not inside and never will be again.
+// The race, step by step:
 //
 //   acquire                              setup
 //   E1 inside_ = true   (seq_cst)        S1 open_ = false       (seq_cst)
 //   E2 open_ ?          (seq_cst)        S2 wait until !inside_ (seq_cst)
 //   L1 inside_ = false  (release)
 //
-// In the one order of all seq_cst operations either E1 precedes S2, and S2 waits for L1, or S1 precedes E2, and the
-// acquire thread turns back. L1 -> S2 makes all that was done inside visible to the thread that shut the gate.
+// In the total order of seq_cst operations, either E1 precedes S2, and S2 waits for L1; or S1 precedes E2, and the
+// acquire thread turns back. L1 -> S2 publishes everything done inside to the thread in shut().
 class Gate {
  public:
   // Thread: setup.
@@ -44,7 +44,7 @@ class Gate {
   }
   void leave() noexcept { inside_.store(false, std::memory_order_release); }  // L1, partner: S2
 
-  // Waits for the other side to leave, which it does within one frame's work. Idempotent. Thread: setup.
+  // Waits for the acquire thread to leave, within one frame's work. Idempotent. Thread: setup.
   void shut() noexcept {
     open_.store(false, std::memory_order_seq_cst);     // S1, partner: E2
     while (inside_.load(std::memory_order_seq_cst)) {  // S2, partners: E1 and L1
@@ -61,8 +61,8 @@ class AravisStream;
 
 class Session {
  public:
-  // Connects and configures; again, for about 8 s, when the camera drops the connection over its new windowing.
-  // stop_requested ends that early. search: as connect(). Thread: setup.
+  // Connects and configures; retries for about 8 s when the camera drops the connection after a windowing change,
+  // unless stop_requested. search: see connect(). Thread: setup.
   static Result<std::unique_ptr<Session>> open(const CameraOptions& options, bool search,
                                                const std::atomic<bool>& stop_requested,
                                                std::vector<std::string>& warnings);
@@ -72,33 +72,33 @@ class Session {
 
   const pipeline::SourceInfo& info() const { return negotiated_.info; }
   const Negotiated& negotiated() const { return negotiated_; }
-  // The IP address of a GigE Vision camera; empty for others.
+  // IP address of a GigE Vision camera; empty for others.
   const std::string& address() const { return connection_.address; }
 
-  // Makes the stream, its thread and its buffers; nothing flows yet. The receiver outlives shut(). Packets are counted
-  // in `status`. Thread: setup.
+  // Creates the stream, its thread and buffers; nothing flows yet. The receiver outlives shut(). Packets are counted in
+  // `status`. Thread: setup.
   Status prepare(FrameReceiver& receiver, std::shared_ptr<pipeline::SourceStatus> status,
                  std::vector<std::string>& warnings);
-  // The receiver gets frames from now on. Thread: setup.
+  // Lets frames through to the receiver. Thread: setup.
   void admit() noexcept { gate_.open(); }
   // Starts the camera's acquisition. Thread: setup.
   Status begin();
-  // After it returns the receiver is not touched any more. Never blocks for long, idempotent. Thread: setup.
+  // The receiver is not used after it returns. Does not block for long; idempotent. Thread: setup.
   void shut() noexcept { gate_.shut(); }
 
-  // Aravis's heartbeat has failed, or another program took the camera. Thread: any.
+  // True when Aravis's heartbeat failed, or another program took control. Thread: any.
   bool control_lost() const noexcept { return connection_.control_lost->load(std::memory_order_relaxed); }
-  // The camera is there: true, or false after about 0.7 s. Thread: setup.
+  // True when the camera answers; false after about 0.7 s. Thread: setup.
   bool answers() const { return !connection_.is_gige() || answers_gvcp(connection_.address); }
-  // The camera obeys this program. Blocks some seconds when it does not answer. Thread: setup.
+  // True when the camera is controlled by this program. Blocks for seconds when it does not answer. Thread: setup.
   bool controlled() const { return is_controlled(connection_); }
-  // Commands a NUC. Blocks some seconds when the camera does not answer. Thread: setup.
+  // Commands a NUC. Blocks for seconds when the camera does not answer. Thread: setup.
   Status trigger_nuc();
-  // Writes the NUC mode. Blocks as trigger_nuc(). Thread: setup.
+  // Writes the NUC mode. Blocks like trigger_nuc(). Thread: setup.
   Status set_nuc(const NucOptions& nuc, std::vector<std::string>& warnings);
-  // Synchronisation of its clock. Blocks as above. Thread: setup.
+  // Clock synchronisation. Blocks like trigger_nuc(). Thread: setup.
   PtpState ptp();
-  // Of the camera, K; 0 when unknown. Blocks as above. Thread: setup.
+  // Camera temperature, K; 0 when unknown. Blocks like trigger_nuc(). Thread: setup.
   double temperature_k();
 
  private:
@@ -119,16 +119,16 @@ class Session {
   FrameReceiver* receiver_ = nullptr;
   Gate gate_;
   Connection connection_;
-  // One of them, by the camera's transport; goes before the device.
+  // Exactly one is set, depending on the transport; destroyed before the device.
   std::unique_ptr<gvsp::Receiver> gvsp_;
   std::unique_ptr<AravisStream> other_;
 };
 
-// Closes connections on threads of their own: to close that of a dead camera takes seconds.
-// A thread that is still blocked when this is destroyed owns all that it touches. Thread: one at a time.
+// Closes connections on their own threads, because closing that of a dead camera takes seconds. A thread that outlives
+// this object owns all that it touches. Thread: one at a time.
 class SessionCloser {
  public:
-  // The session is shut already: it delivers no frames.
+  // The session must be shut already: it delivers no frames.
   void close(std::unique_ptr<Session> session) {
     {
       const std::lock_guard lock(state_->mutex);
@@ -143,12 +143,12 @@ class SessionCloser {
     const auto shared = std::make_shared<std::unique_ptr<Session>>(std::move(session));
     try {
       std::thread([end, shared] { end(std::move(*shared)); }).detach();
-    } catch (const std::system_error&) {  // the system has no thread to give
+    } catch (const std::system_error&) {  // no thread available
       end(std::move(*shared));
     }
   }
 
-  // Waits for all of them until `deadline`.
+  // Waits until all are closed or `deadline` has passed.
   void wait_until(std::chrono::steady_clock::time_point deadline) {
     std::unique_lock lock(state_->mutex);
     state_->ended.wait_until(lock, deadline, [this] { return state_->running == 0; });

@@ -14,7 +14,7 @@ namespace {
 
 using Warnings = std::vector<std::string>;
 
-// FLIR's names and values, read in programs that use the A6xx series.
+// FLIR's names and values, as found in programs that use the A6xx series.
 struct IrFormatEntry {
   IrFormat format;
   const char* entry;
@@ -31,11 +31,11 @@ constexpr std::array<const char*, 3> kWindowings{"Off", "Half", "Quarter"};
 constexpr std::array<const char*, 5> kFrameRates{"Rate50Hz", "Rate25Hz", "Rate12Hz", "Rate6Hz", "Rate3Hz"};
 constexpr double kFullFrameRateHz = 50.0;  // Rate50Hz at full height; each step below halves it
 constexpr int kSensorRows = 480;           // of the A6xx series
-constexpr double kSameRate = 0.01;         // relative; closer than this is the rate that was asked for
+constexpr double kSameRate = 0.01;         // relative; a smaller difference counts as the requested rate
 constexpr double kNearestRate = 0.1;       // Rate12Hz is 12.5 Hz
-constexpr int kLargestPacket = 9000;       // jumbo frames; larger ones bring nothing
+constexpr int kLargestPacket = 9000;       // jumbo frames; larger ones bring no benefit
 constexpr int kPacketOfAnyLink = 1500;
-constexpr std::int64_t kMostPixels = 32 << 20;  // beyond any thermal camera
+constexpr std::int64_t kMostPixels = 32 << 20;  // larger than any thermal camera
 
 const IrFormatEntry* entry_of(IrFormat format) {
   const auto* at =
@@ -52,7 +52,7 @@ void enable_ptp(Nodes& nodes, Warnings& warnings) {
   warnings.push_back("the camera has no PTP (neither PtpEnable nor GevIEEE1588): its clock runs by itself");
 }
 
-// Sets IRFormat; returns the scale of a count with it.
+// Sets IRFormat; returns the scale of its counts.
 LinearScale configure_ir_format(Nodes& nodes, IrFormat wanted, Warnings& warnings) {
   const IrFormatEntry* entry = entry_of(wanted);
   if (!nodes.has("IRFormat")) {
@@ -72,7 +72,7 @@ LinearScale configure_ir_format(Nodes& nodes, IrFormat wanted, Warnings& warning
   return {Unit::kCount, 1.0, 0.0};
 }
 
-// Radiometric counts become 10 mK on the way in, when the camera states its constants.
+// Converts radiometric counts to 10 mK on input, if the camera states its constants.
 void make_kelvin(Nodes& nodes, const ObjectParameters& object, Negotiated& result, Warnings& warnings) {
   const std::optional<Planck> planck = read_planck(nodes);
   if (!planck) {
@@ -86,13 +86,13 @@ void make_kelvin(Nodes& nodes, const ObjectParameters& object, Negotiated& resul
                   planck->r, planck->b, planck->f, planck->j0, planck->j1));
 }
 
-// At least those of the cameras that have windowing, should SensorHeight follow the window.
+// At least the rows of the A6xx series, because SensorHeight may follow the window.
 int sensor_rows(Nodes& nodes) {
   const int rows = nodes.has("SensorHeight") ? static_cast<int>(nodes.integer("SensorHeight")) : 0;
   return std::max(rows, kSensorRows);
 }
 
-// Sets the smallest window that holds the height. True when the camera had another one before.
+// Sets the smallest window that holds the height. True when this changed the window.
 bool configure_windowing(Nodes& nodes, const CameraOptions& options) {
   if (!nodes.has("IRWindowing") || options.height == 0) return false;
   const int rows = sensor_rows(nodes);
@@ -102,7 +102,7 @@ bool configure_windowing(Nodes& nodes, const CameraOptions& options) {
   return nodes.ok();
 }
 
-// A size that must be exactly as asked. Writes only what differs: some cameras lock sizes that they derive themselves.
+// Sets a size exactly. Writes only a different value: some cameras lock sizes that they derive themselves.
 void configure_size(Nodes& nodes, const char* name, const char* key, int wanted, Status& refused) {
   if (wanted == 0 || nodes.integer(name) == wanted || !nodes.ok()) return;
   nodes.set_integer(name, wanted);
@@ -115,7 +115,7 @@ void configure_size(Nodes& nodes, const char* name, const char* key, int wanted,
   if (refused) refused = tl::unexpected<Error>(std::move(error));
 }
 
-// The image as the camera has it, without metadata rows. Memory is taken for many of them, so that its size is limited.
+// Image size without metadata rows; limited, because memory is allocated for many images.
 Result<Geometry> read_geometry(Nodes& nodes, const std::string& camera, int metadata_rows) {
   const std::int64_t width = nodes.integer("Width");
   const std::int64_t height = std::max<std::int64_t>(nodes.integer("Height"), 0) - metadata_rows;
@@ -142,7 +142,7 @@ Status configure_pixel_format(Nodes& nodes) {
   return nodes.status();
 }
 
-// FLIR: the rate is that of the full frame, times 2 in half and 4 in quarter windowing. Returns what the camera does.
+// FLIR: IRFrameRate is for the full frame; half windowing doubles, quarter quadruples it. Returns the actual rate.
 double configure_ir_frame_rate(Nodes& nodes, double rate_hz, Warnings& warnings) {
   const double speedup = nodes.has("IRWindowing") ? std::exp2(static_cast<double>(nodes.integer("IRWindowing"))) : 1.0;
   const double full_hz = kFullFrameRateHz * speedup;
@@ -199,7 +199,7 @@ std::vector<Case> read_cases(Nodes& nodes) {
   return cases;
 }
 
-// The narrowest that holds both; none: cases.size().
+// The narrowest range that includes both; cases.size() when there is none.
 std::size_t choose_case(const std::vector<Case>& cases, double low_k, double high_k) {
   std::size_t chosen = cases.size();
   double width_k = std::numeric_limits<double>::infinity();
@@ -214,7 +214,7 @@ std::size_t choose_case(const std::vector<Case>& cases, double low_k, double hig
 
 }  // namespace
 
-// By the names of SFNC 2.3 on, or those of GigE Vision cameras before it. The numbers are those of the last latch.
+// Tries the node names of SFNC 2.3 and those of earlier GigE Vision cameras. Values are those of the last latch.
 PtpState read_ptp(Nodes& nodes) {
   PtpState state;
   for (const char* enable : {"PtpEnable", "GevIEEE1588"}) {
@@ -259,7 +259,7 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
   format.scale = configure_ir_format(nodes, options.ir_format, warnings);
   configure_object(nodes, options.object, warnings);
   configure_nuc(nodes, options.nuc, warnings);
-  // Counts that were not asked for stay what the camera calls them.
+  // Unrequested counts keep the camera's unit.
   if (options.ir_format == IrFormat::kRadiometric) make_kelvin(nodes, options.object, result, warnings);
   if (Status mono16 = configure_pixel_format(nodes); !mono16) return at(connection.name, std::move(mono16.error()));
 
@@ -293,7 +293,7 @@ Status configure_packet_size(const Connection& connection, const CameraOptions& 
         fmt::format("packet size {0} does not fit the MTU of {1}, {2}: lower it, or ip link set dev {1} mtu {0}",
                     options.packet_size, route.interface, route.mtu));
   }
-  // Without a test packet only the loopback is known to carry more than every link does.
+  // Without a test packet, only loopback is known to carry more than 1500 bytes.
   const bool testable = arv_device_get_feature(connection.device.get(), "GevSCPSFireTestPacket") != nullptr;
   const int safe = route.loopback ? kLargestPacket : kPacketOfAnyLink;
   const int wanted =
@@ -361,7 +361,7 @@ Status configure_range(Nodes& nodes, const CameraOptions& options, std::vector<s
 
 void configure_nuc(Nodes& nodes, const NucOptions& nuc, std::vector<std::string>& warnings) {
   const bool itself = nuc.policy == NucPolicy::kCamera;
-  // Unproven: the entries' names; by value they are 0 and 1 in programs that use the A6xx series.
+  // Untested: the entries' names; their values are 0 and 1 in programs that use the A6xx series.
   if (nodes.has("NUCMode")) {
     nodes.choose("NUCMode", itself ? "Automatic" : "Off", itself ? 1 : 0);
   } else if (!itself && nodes.ok()) {

@@ -14,13 +14,13 @@
 namespace bolo::replay {
 namespace {
 
-// Limit of the time in which a sleeping replay notices that it should stop.
+// Upper limit of the time until a sleeping replay notices stop().
 constexpr std::int64_t kStopCheckNs = 50'000'000;
 
-constexpr std::size_t kFewestSteps = 16;  // between frames, for a period by their times
-constexpr double kLongestPeriod_s = 1.0;  // longer ones are milliseconds, or numbers of frames
+constexpr std::size_t kFewestSteps = 16;  // between frames, to derive a period from their times
+constexpr double kLongestPeriod_s = 1.0;  // longer ones mean that times are in milliseconds or frame numbers
 
-// The times of "nuc" and "reconnect" events, walked along with the frames. Thread: acquire.
+// Times of "nuc" and "reconnect" events, consumed in step with the frames. Thread: acquire.
 class WindowRestarts {
  public:
   explicit WindowRestarts(const std::vector<capture::Event>& events) {
@@ -30,7 +30,7 @@ class WindowRestarts {
     std::sort(times_s_.begin(), times_s_.end());
   }
 
-  // True when the frame at `t_s` starts a new window: an event lies between the frame of the last call and this one.
+  // True when the frame at `t_s` starts a new window: an event lies between the previous call's frame and this one.
   bool due(double t_s) {
     const std::size_t first = next_;
     while (next_ < times_s_.size() && times_s_[next_] <= t_s) ++next_;
@@ -42,7 +42,7 @@ class WindowRestarts {
   std::size_t next_ = 0;
 };
 
-// From each frame to the next, over the counter's number of frames.
+// Time per counter step between consecutive frames.
 std::vector<double> steps_of(const capture::CaptureReader& reader) {
   const std::vector<double>& t = reader.t();
   const std::vector<std::uint64_t>& id = reader.frame_id();
@@ -52,7 +52,7 @@ std::vector<double> steps_of(const capture::CaptureReader& reader) {
   return steps_s;
 }
 
-// From each frame that repeats none to the next such; of the first frames, because they are read for it.
+// Time between consecutive frames that are not repeats; only over the first frames, because each must be read.
 Result<std::vector<double>> fresh_steps_of(const capture::CaptureReader& reader) {
   constexpr std::size_t kMostRead = 512;
   const StreamFormat& format = reader.info().format;
@@ -76,18 +76,18 @@ Result<std::vector<double>> fresh_steps_of(const capture::CaptureReader& reader)
   return steps_s;
 }
 
-// The frame period that the capture's times show; the stated one where they agree, or say too little: the window places
-// frames by their times, so a filter for another period would be one of other frames.
+// Frame period derived from the capture's times; the stated one if both agree or the times are inconclusive. The window
+// places frames by their times, so the filter must use that period.
 double period_of(std::vector<double> steps_s, double stated_s) {
   const double shown_s = pipeline::usual_step(steps_s).mean;
   if (steps_s.size() < kFewestSteps || shown_s > kLongestPeriod_s) return stated_s;
   const auto closer = std::ranges::count_if(
       steps_s, [&](double step_s) { return std::abs(step_s - shown_s) < std::abs(step_s - stated_s); });
-  const bool clear = 4 * static_cast<std::size_t>(closer) > 3 * steps_s.size();  // not within the stamps' jitter
+  const bool clear = 4 * static_cast<std::size_t>(closer) > 3 * steps_s.size();  // more than the time stamps' jitter
   return clear && std::abs(shown_s / stated_s - 1.0) >= pipeline::kSamePeriod ? shown_s : stated_s;
 }
 
-// Of a count that stands for float32.
+// Physical step of one count when float32 is converted to counts.
 double step_of(const LinearScale& scale) { return scale.unit == Unit::kKelvin ? LinearScale{}.scale : 1.0; }
 
 }  // namespace
@@ -119,12 +119,12 @@ Result<pipeline::SourceInfo> ReplaySource::open() {
 Status ReplaySource::start(pipeline::FrameInlet& inlet) {
   try {
     thread_ = std::thread([this, &inlet] {
-      (void)rt::apply_to_this_thread({.name = "bolo-replay"});  // a name alone is never refused
+      (void)rt::apply_to_this_thread({.name = "bolo-replay"});  // setting only a name cannot fail
       const Status fed = tried([&] {
         feed(inlet);
         return Status{};
       });
-      if (!fed) result_ = fed;  // for want of memory
+      if (!fed) result_ = fed;  // out of memory
       inlet.finish();
     });
   } catch (const std::system_error& e) {
@@ -138,7 +138,7 @@ void ReplaySource::stop() noexcept {
   if (thread_.joinable()) thread_.join();
 }
 
-// Offset of numbers and times from one lap to the next: the first frame follows the last by a period.
+// Offset of ids and times between laps: the first frame follows the last by one period.
 ReplaySource::Lap ReplaySource::length() const {
   const std::vector<double>& t = reader_->t();
   const std::vector<std::uint64_t>& id = reader_->frame_id();
@@ -167,7 +167,7 @@ Status ReplaySource::read(std::size_t index, void* out) {
   return {};
 }
 
-// False when it ended early: asked to, or for a read error.
+// False when it ended early: stopped, or a read error.
 bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap lap) {
   const std::vector<double>& t = reader_->t();
   const std::vector<std::uint64_t>& id = reader_->frame_id();
@@ -183,7 +183,7 @@ bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap 
     const std::int64_t due_ns = start_ns + lap.ns + to_ns(t[i] - t.front());
     if (real_time && !sleep_until(due_ns)) return false;
     rt::FrameSlot* slot = real_time ? inlet.borrow() : inlet.borrow_wait(stop_requested_);
-    if (slot == nullptr) continue;  // lost and counted, or asked to stop
+    if (slot == nullptr) continue;  // lost and counted, or stopped
     slot->meta.frame_id = id[i] + lap.frames;
     slot->meta.camera_ns = to_ns(t[i]) + lap.ns;
     slot->meta.receive_ns = monotonic_ns();
@@ -197,7 +197,7 @@ bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap 
   return true;
 }
 
-// False when asked to stop meanwhile.
+// False when stopped.
 bool ReplaySource::sleep_until(std::int64_t due_ns) const noexcept {
   while (!stop_requested_.load(std::memory_order_relaxed)) {
     const std::int64_t left_ns = due_ns - monotonic_ns();

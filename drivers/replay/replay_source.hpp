@@ -1,4 +1,4 @@
-// A capture file as a source: in process, as fast as the pipeline takes it, or at the capture's own rate.
+// Replays a capture file in process, as fast as the pipeline accepts frames or in real time.
 #pragma once
 
 #include <atomic>
@@ -15,31 +15,31 @@
 namespace bolo::replay {
 
 enum class Pace {
-  kAsFastAsPossible,  // waits for the pipeline: nothing is ever lost
-  kRealTime,          // at the capture's times; what the pipeline can't take is lost and counted
+  kAsFastAsPossible,  // waits for the pipeline: no frame is lost
+  kRealTime,          // at the capture's times; frames that the pipeline cannot take are lost and counted
 };
 
 enum class Laps {
   kOne,
-  kForEver,  // from the first frame again after the last: numbers and times rise on, and a new window begins
+  kForEver,  // restarts after the last frame: frame ids and times keep rising, and a new window begins
 };
 
 enum class Values {
   kAsStored,
-  kCounts,  // 16 bits, as of a camera: float32 is rounded to 10 mK, or to whole counts where it is no kelvin
+  kCounts,  // 16 bits, as from a camera: float32 is rounded to 10 mK, or to whole counts if not in kelvin
 };
 
 enum class Repeats {
-  kFrames,   // frames as others
-  kDropped,  // the pipeline drops them: the period is that of the frames that repeat none
+  kFrames,   // treated like other frames
+  kDropped,  // the pipeline drops them: the period is that of the remaining frames
 };
 
-// Frames carry the capture's frame_id, /t in ns as camera time, and the host's time now as receive time. A jump of the
-// frame_id counts as that many frames missing. An event "nuc" or "reconnect" starts a new window with the first frame
-// at or after it; frames missing there are no loss.
+// Frames carry the capture's frame_id, /t in ns as camera time, and the current host time as receive time. A jump of
+// the frame_id counts the skipped frames as missing. An event "nuc" or "reconnect" starts a new window with the first
+// frame at or after it; frames missing there are not counted.
 class ReplaySource final : public pipeline::FrameSource {
  public:
-  // The reader is used from the source's own thread between start() and stop().
+  // The reader is used by the source's thread between start() and stop().
   ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, Laps laps = Laps::kOne,
                Values values = Values::kAsStored, Repeats repeats = Repeats::kFrames);
   ~ReplaySource() override;
@@ -51,7 +51,7 @@ class ReplaySource final : public pipeline::FrameSource {
   // Fails: there is no camera. Thread: any.
   Status trigger_nuc() override { return failed("a capture is replayed: there is no camera to correct"); }
 
-  // A read error that ended the replay early, if any. Thread: setup, after stop().
+  // Read error that ended the replay early, if any. Thread: setup, after stop().
   Status result() const { return result_; }
 
  private:
@@ -71,7 +71,7 @@ class ReplaySource final : public pipeline::FrameSource {
   Laps laps_;
   Values values_;
   Repeats repeats_;
-  std::vector<float> plane_;  // as stored, where it is rounded
+  std::vector<float> plane_;  // stored frame, before rounding
   std::atomic<bool> stop_requested_{false};
   std::thread thread_;
   Status result_;

@@ -34,7 +34,7 @@ nlohmann::json value_of(const pipeline::CounterRow<pipeline::SourceStatus>& row,
 
 }  // namespace
 
-// The difference itself may be beyond what 64 bits hold with a sign.
+// Unsigned, because a signed difference may overflow.
 double seconds_since(std::int64_t then_ns, std::int64_t now_ns) noexcept {
   if (then_ns >= now_ns) return 0.0;
   return static_cast<double>(static_cast<std::uint64_t>(now_ns) - static_cast<std::uint64_t>(then_ns)) * 1e-9;
@@ -49,7 +49,7 @@ bolo_shm_camera camera_block(const pipeline::SourceStatus& status) noexcept {
 }
 
 const char* camera_state_word(const bolo_shm_camera& camera) noexcept {
-  // The names are literals, and so end with a zero.
+  // The names are string literals, hence zero-terminated.
   return camera.state < pipeline::kSourceStates ? name(static_cast<SourceState>(camera.state)).data() : "unknown";
 }
 

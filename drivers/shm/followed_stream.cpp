@@ -11,9 +11,9 @@
 namespace bolo::shm {
 namespace {
 
-constexpr int kRetry_ms = 10;         // for a writer that is not there
-constexpr int kMostSilence_ms = 100;  // of a writer after which its name is checked: it may be dead
-constexpr int kAttempts = 3;          // to catch a frame of a ring that is overwritten all the time
+constexpr int kRetry_ms = 10;         // for a missing writer
+constexpr int kMostSilence_ms = 100;  // the writer may be dead: check its name
+constexpr int kAttempts = 3;          // to catch a frame of a ring that is overwritten continuously
 
 class Deadline {
  public:
@@ -22,7 +22,7 @@ class Deadline {
                            : monotonic_ns() + std::int64_t{timeout_ms} * 1'000'000) {}
 
   bool passed() const noexcept { return monotonic_ns() >= ns_; }
-  // The remaining time, rounded up, but at most `most`.
+  // Remaining time, rounded up and clamped to `most`.
   int left_ms(int most) const noexcept {
     const std::int64_t left_ns = ns_ - monotonic_ns();
     return static_cast<int>(std::clamp<std::int64_t>((left_ns - 1) / 1'000'000 + 1, 0, most));
@@ -33,7 +33,7 @@ class Deadline {
   std::int64_t ns_;
 };
 
-// An object that cannot be read now may be readable the next moment: its writer may be starting.
+// The object may become readable soon: its writer may be starting.
 bool is_transient(Refusal refusal) {
   return refusal == Refusal::kAbsent || refusal == Refusal::kNotReady || refusal == Refusal::kDenied ||
          refusal == Refusal::kForeign;
@@ -47,7 +47,7 @@ FollowedStream::FollowedStream(ShmReader reader) : reader_(std::move(reader)) {
   if (next_ > 0) --next_;
 }
 
-// The successor's ring must not come round before it is noticed, at whatever rate.
+// A writer's silence must be detected before its successor's ring wraps around, at any frame rate.
 void FollowedStream::begin() {
   const bolo_shm_header header = reader_.header();
   slot_count_ = header.slot_count;
@@ -87,7 +87,7 @@ FollowedStream::Outcome FollowedStream::give(Order order, BorrowedFrame& frame, 
   }
 }
 
-// From the ring's tail the writer would chase the reader again, so a reader that fell behind goes on in its middle.
+// At the ring's tail the writer would overtake the reader again, so a late reader continues in the middle.
 bool FollowedStream::take(Order order, BorrowedFrame& frame, std::uint64_t& missed) {
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     const std::uint64_t published = reader_.published();

@@ -1,4 +1,4 @@
-// The frames of a name, across the writers that come and go under it.
+// The frames published under a name, across restarts of the writer.
 #pragma once
 
 #include <cstdint>
@@ -11,31 +11,28 @@ namespace bolo::shm {
 
 class FollowedStream {
  public:
-  // Begins with the newest frame, or the first one to come. A stream that is not there yet, or not yet to be read, is
-  // waited for; timeout_ms below 0: as long as it takes. Thread: setup.
+  // Starts at the newest frame, or at the first to be published. Waits for a stream that does not exist or is not
+  // readable yet; timeout_ms < 0: without limit. Thread: setup.
   static Result<FollowedStream> open(const std::string& name, int timeout_ms, Refusal* refusal = nullptr);
 
   enum class Outcome {
     kFrame,
     kTimeout,  // the writer lives, but published nothing in time
-    kEnded,    // the writer ended or stopped, and no other came in time; obstacle() describes the present owner of its
-               // name
-    kRestarted,  // another writer: reader() is of its object, frames are counted from 0; frames of the old one are
-                 // gone unless they are held
+    kEnded,    // the writer ended or stopped without a successor in time; obstacle() describes the name's present owner
+    kRestarted,  // new writer: reader() is of its object and counts from 0; frames of the old one are gone unless held
   };
-  // The next frame in order, or, where that was overwritten, one from the middle of the ring. `missed`: frames between
-  // this and the last one given. timeout_ms below 0: as long as it takes. Thread: one at a time.
+  // The next frame in order or, if it was overwritten, one from the middle of the ring. `missed`: frames skipped since
+  // the last one returned. timeout_ms < 0: without limit. Thread: one at a time.
   Outcome next(BorrowedFrame& frame, std::uint64_t& missed, int timeout_ms);
-  // The newest frame that was not given yet. Thread: one at a time.
+  // The newest frame not returned yet. Thread: one at a time.
   Outcome latest(BorrowedFrame& frame, std::uint64_t& missed, int timeout_ms);
 
-  // Switches to another writer that has taken the name; unread frames of the old one are dropped. next() and latest()
-  // do it where no frame comes, so that none is lost. False: there is none, or not yet to be read. Thread: one at a
-  // time.
+  // Switches to a new writer of the name; unread frames of the old one are dropped. next() and latest() call it only
+  // when no frame is left, so that none is lost. False: no new writer, or not readable yet. Thread: one at a time.
   bool follow();
 
   const ShmReader& reader() const noexcept { return reader_; }
-  // Writers followed after the first one.
+  // Number of restarts followed.
   std::uint64_t restarts() const noexcept { return restarts_; }
   const std::string& obstacle() const noexcept { return obstacle_; }
 

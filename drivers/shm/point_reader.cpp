@@ -33,7 +33,7 @@ Result<deblur::Settings> settings_of(const bolo_shm_header& header, const bolo_s
   return s;
 }
 
-// Solvers made while it lives use one instruction set. The choice is the process's: one at a time.
+// While it lives, new solvers use one instruction set. That choice is global to the process, hence the mutex.
 class WithIsa {
  public:
   explicit WithIsa(std::string_view isa) : alone_(mutex()), before_(deblur::best_isa()) { deblur::force_isa(isa); }
@@ -54,20 +54,20 @@ class WithIsa {
 struct PointReader::Impl {
   ShmReader reader;
   deblur::Settings settings;
-  StreamFormat format;  // of the planes that the solver sees
+  StreamFormat format;  // of the planes passed to the solver
   double row_delay_s = 0.0;
   std::optional<corrections::PixelCorrection> correction;  // none: nothing to correct
   std::string isa;
-  std::vector<std::uint32_t> copied;  // pixels of the frame that are copied
-  std::vector<std::uint32_t> solved;  // of the copied ones
-  bool measured_noise = false;        // the frame's own, published with it
+  std::vector<std::uint32_t> copied;  // pixels copied from the frame
+  std::vector<std::uint32_t> solved;  // indices into `copied`
+  bool measured_noise = false;        // per frame, published with it
   double solver_noise_k = 0.0;
   std::unique_ptr<deblur::Solver> solver;
-  std::vector<std::vector<std::uint16_t>> samples;  // one a frame of the window
-  std::vector<std::vector<float>> corrected;        // of them, with a correction
-  std::uint64_t frames_before = 0;                  // that are read before the target
+  std::vector<std::vector<std::uint16_t>> samples;  // per frame of the window
+  std::vector<std::vector<float>> corrected;        // the samples after the correction
+  std::uint64_t frames_before = 0;                  // number of frames read before the target
 
-  // Its planes are then float32, as the solver's input.
+  // The corrected planes are float32, as the solver's input.
   Status set_correction(const model::PixelMaps& maps) {
     ASSIGN_OR_RETURN(auto made, corrections::PixelCorrection::create(settings, format, maps));
     if (!made.changes_samples()) return {};
@@ -86,8 +86,8 @@ struct PointReader::Impl {
     return {};
   }
 
-  // Pushes frames as the writer did; where the writer began a new window, frames before it are too old to stand in this
-  // one, for frame `target` had a full window.
+  // Pushes frames in the writer's order. If the writer began a new window, earlier frames are too old to stay in this
+  // one, because frame `target` had a full window.
   Outcome fill_window(std::uint64_t first, std::uint64_t last, std::uint64_t target, deblur::Window& window,
                       deblur::Window::Ready& ready) {
     std::uint64_t last_id = 0;
@@ -189,7 +189,7 @@ PointReader::Outcome PointReader::solve(std::uint64_t number, std::span<std::uin
   if (const Outcome filled = self.fill_window(first, last, number, window, ready); filled != Outcome::kSolved) {
     return filled;
   }
-  // The writer's own noise, so that there is nothing to refuse.
+  // The writer's own noise value, so it cannot be refused.
   if (self.measured_noise && head.noise_k != self.solver_noise_k) (void)self.make_solver(head.noise_k);
   self.solver->prepare(ready.view);
   self.solver->solve_points(ready.view, self.solved, out.data());

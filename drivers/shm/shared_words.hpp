@@ -1,7 +1,7 @@
-// The atomic words of shared memory, and the copying of a slot as include/bolo/shm_layout.h draws it.
+// Atomic words in shared memory, and the copying of a slot as specified in include/bolo/shm_layout.h.
 //
-// GCC's and clang's __atomic builtins instead of std::atomic_ref: that one refuses const words, and a reader's mapping
-// is read-only.
+// GCC's and clang's __atomic builtins instead of std::atomic_ref, which refuses const words: a reader's mapping is
+// read-only.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 
 namespace bolo::shm {
 
-// The orders of the drawing in shm_layout.h; each names its partner where it is used. Thread: any.
+// Memory orders as in shm_layout.h; each use names its partner. Thread: any.
 template <typename T>
 T load_acquire(const T& word) noexcept {
   return __atomic_load_n(&word, __ATOMIC_ACQUIRE);
@@ -33,8 +33,8 @@ void store_relaxed(T& word, T value) noexcept {
   __atomic_store_n(&word, value, __ATOMIC_RELAXED);
 }
 
-// A heartbeat (CLOCK_MONOTONIC, ns) of a dead or stopped writer. The difference is taken without a sign, so that a
-// nonsensical heartbeat in a foreign object can't overflow. Thread: any.
+// True for a heartbeat (CLOCK_MONOTONIC, ns) of a dead or stopped writer. Unsigned difference, so that an arbitrary
+// value in a foreign object cannot overflow. Thread: any.
 inline bool heartbeat_stale(std::uint64_t heartbeat_ns) noexcept {
   const auto age_ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(monotonic_ns()) - heartbeat_ns);
   return age_ns > BOLO_SHM_STALE_NS;
@@ -67,20 +67,20 @@ constexpr SlotLayout slot_layout(std::size_t plane_bytes, std::size_t motion_blo
   return {raw, raw + plane_room, plane_bytes, end + round_up(motion_bytes(motion_blocks), 64), end, motion_blocks};
 }
 
-// A frame's motion in memory of one's own: layout.motion_blocks blocks.
+// A frame's motion in private memory: layout.motion_blocks blocks.
 struct MotionPart {
   const bolo_shm_motion* whole = nullptr;  // null: none
   const void* blocks = nullptr;
 };
 
-#if defined(__has_feature)  // clang: its thread sanitizer sees no instructions written out
+#if defined(__has_feature)  // clang: its thread sanitizer does not see inline assembly
 #if __has_feature(thread_sanitizer)
 #define BOLO_PLAIN_STORES
 #endif
 #endif
 
-// Stores a word of a frame: on x86-64 past the caches, which the ring is larger than, without reading first what it
-// overwrites. order_streams() then orders what releases order elsewhere.
+// Stores a word of a frame; on x86-64 with a non-temporal store, because the ring exceeds the caches and need not be
+// read first. order_streams() then provides the ordering that a release store has elsewhere.
 inline void stream(std::uint64_t& word, std::uint64_t value) noexcept {
 #if defined(__x86_64__) && !defined(BOLO_PLAIN_STORES)
   __asm__ volatile("movnti %1, %0" : "=m"(word) : "r"(value));
@@ -94,8 +94,8 @@ inline void order_streams() noexcept {
 #endif
 }
 
-// Private memory to shared words (W2), after all stores before it and before all after it. The last word of an odd size
-// is filled up with zeros. Partner: copy_out().
+// Private memory to shared words (W2), ordered after all previous and before all later stores. Zero-pads the last word
+// of an odd size. Partner: copy_out().
 inline void copy_in(std::byte* shared, const void* from, std::size_t bytes) noexcept {
   auto* words = reinterpret_cast<std::uint64_t*>(shared);
   const auto* source = static_cast<const std::byte*>(from);
@@ -145,18 +145,17 @@ inline void write_slot(std::byte* slot, const SlotLayout& layout, std::uint64_t 
   store_release(sequence, 2 * number + 2);  // W3; partner: R1 in read_slot()
 }
 
-// R1: whether the slot holds frame `number`, whole. Thread: any reader.
+// R1: true if the slot holds the complete frame `number`. Thread: any reader.
 inline bool holds(const std::byte* slot, std::uint64_t number) noexcept {
   return load_acquire(*reinterpret_cast<const std::uint64_t*>(slot)) == 2 * number + 2;  // partner: W3 in write_slot()
 }
 
-// R3: whether it still did when it was copied. Relaxed: the acquires of R2 keep it after them. Thread: any reader.
+// R3: true if it still held the frame after the copy. Relaxed: the acquires of R2 order it. Thread: any reader.
 inline bool still_holds(const std::byte* slot, std::uint64_t number) noexcept {
   return load_relaxed(*reinterpret_cast<const std::uint64_t*>(slot)) == 2 * number + 2;
 }
 
-// R3 after plain reads of the planes, in the caller's own code, which no acquire keeps before it: x86-64 keeps loads in
-// order, other processors need the barrier. The copies of R2 need none. Thread: any reader.
+// R3 after plain reads by the caller: x86-64 keeps loads in order, other processors need a barrier. Thread: any reader.
 inline bool still_holds_after_plain_reads(const std::byte* slot, std::uint64_t number) noexcept {
 #if defined(__x86_64__)
   __asm__ volatile("" ::: "memory");
@@ -166,14 +165,14 @@ inline bool still_holds_after_plain_reads(const std::byte* slot, std::uint64_t n
   return still_holds(slot, number);
 }
 
-// True if a frame carries motion, by the copied head. Thread: any.
+// True if a frame carries motion, according to its copied head. Thread: any.
 inline bool has_motion(const SlotLayout& layout, const bolo_shm_slot& head) noexcept {
   return layout.motion_blocks != 0 && head.motion_blocks == layout.motion_blocks;
 }
 
-// The slot's head of frame `number`. Its times are clamped so that differences do not overflow, even of a foreign
-// writer. UTC before 1970 or after 2116, of a clock that is wrong, is not known: clamped it would stand still while
-// time goes on. Thread: any reader.
+// Copies the slot head of frame `number`. Clamps times so that differences do not overflow even for a foreign writer.
+// UTC before 1970 or after 2116 (a wrong clock) becomes 0, unknown: a clamped one would stand still. Thread: any
+// reader.
 inline void copy_head(const std::byte* slot, std::uint64_t number, bolo_shm_slot& head) noexcept {
   head.sequence = 2 * number + 2;
   copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
@@ -184,9 +183,9 @@ inline void copy_head(const std::byte* slot, std::uint64_t number, bolo_shm_slot
   head.utc_uncertainty_ns = std::clamp<std::int64_t>(head.utc_uncertainty_ns, 0, 2 * kMostClockNs - 1);
 }
 
-// Copies frame `number` out of its slot: R1 to R3. nullptr leaves a plane out, as for `blocks`; of a frame without
-// motion nothing is copied to it. False when the slot holds, or came to
-// hold, another frame; what was copied is then worthless. Thread: any reader.
+// Copies frame `number` out of its slot: R1 to R3. nullptr skips a plane, the blocks or the motion; without motion
+// nothing is copied to them. False when the slot does not hold the frame, or no longer: the copies are then invalid.
+// Thread: any reader.
 inline bool read_slot(const std::byte* slot, const SlotLayout& layout, std::uint64_t number, bolo_shm_slot& head,
                       void* raw, void* deblurred, void* blocks = nullptr, bolo_shm_motion* whole = nullptr) noexcept {
   if (!holds(slot, number)) return false;
@@ -202,7 +201,7 @@ inline bool read_slot(const std::byte* slot, const SlotLayout& layout, std::uint
   return still_holds(slot, number);
 }
 
-// The same for single raw samples, row-major indices: out[i] becomes pixel pixels[i]. Thread: any reader.
+// The same for single raw samples (row-major indices): out[i] becomes pixel pixels[i]. Thread: any reader.
 inline bool read_samples(const std::byte* slot, const SlotLayout& layout, std::uint64_t number, bolo_shm_slot& head,
                          std::span<const std::uint32_t> pixels, std::uint16_t* out) noexcept {
   if (!holds(slot, number)) return false;

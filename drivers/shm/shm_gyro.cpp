@@ -13,8 +13,8 @@
 namespace bolo::shm {
 namespace {
 
-constexpr std::size_t kMostKept = 16384;         // samples: a second at 111 ms a frame and 16 kHz
-constexpr std::int64_t kSilentNs = 500'000'000;  // after which the name may stand for another object
+constexpr std::size_t kMostKept = 16384;         // samples: a second at 111 ms per frame and 16 kHz
+constexpr std::int64_t kSilentNs = 500'000'000;  // then the name may refer to another object
 constexpr std::int64_t kLastTimeNs = std::int64_t{1} << 62;
 
 }  // namespace
@@ -40,7 +40,7 @@ std::span<const GyroSample> ShmGyro::samples() noexcept {
   return kept_;
 }
 
-// Whatever is there under the name must not make it wait (O_NONBLOCK: a pipe).
+// O_NONBLOCK: a pipe under this name must not block.
 void ShmGyro::open(std::int64_t now_ns) noexcept {
   opened_ns_ = now_ns;
   UniqueFd object(::open(path_.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOFOLLOW));
@@ -54,7 +54,7 @@ void ShmGyro::open(std::int64_t now_ns) noexcept {
   kept_.clear();
 }
 
-// True when there was a sample. Samples that the writer may have been overwriting meanwhile are skipped.
+// True when a sample was read. Skips samples that the writer may be overwriting.
 bool ShmGyro::read_new() noexcept {
   bolo_gyro_header header{};
   if (!object_ || !read(&header, sizeof header, 0)) return false;

@@ -1,4 +1,4 @@
-// A gyro's samples from shared memory that anybody may have written (include/bolo/gyro_shm.h).
+// Gyro samples from shared memory, which any program may have written (include/bolo/gyro_shm.h).
 #pragma once
 
 #include <sys/types.h>
@@ -17,11 +17,11 @@
 
 namespace bolo::shm {
 
-// Reads by pread(): anything that a writer does to the object, even making it shorter, ends as a short read. Samples
-// that are no rates are skipped; where times go back, earlier samples are dropped.
+// Reads with pread(), so that even a truncated object only causes a short read. Invalid rates are skipped; when times
+// go backwards, earlier samples are dropped.
 class ShmGyro final : public Gyro {
  public:
-  // Bad input: no such name. The object need not be there yet. Thread: setup.
+  // Bad input: an invalid name. The object need not exist yet. Thread: setup.
   static Result<std::unique_ptr<Gyro>> create(const std::string& name);
 
   std::span<const GyroSample> samples() noexcept override;
@@ -38,9 +38,9 @@ class ShmGyro final : public Gyro {
   std::vector<uid_t> trusted_;
   UniqueFd object_;
   ino_t inode_ = 0;
-  std::uint64_t next_ = 0;  // sample that is read next
+  std::uint64_t next_ = 0;  // next sample to read
   std::int64_t sampled_ns_ = 0;
-  std::int64_t opened_ns_ = 0;  // tried to
+  std::int64_t opened_ns_ = 0;  // last attempt
   std::array<bolo_gyro_sample, 256> chunk_{};
   std::vector<GyroSample> kept_;
 };

@@ -43,9 +43,9 @@ struct Range {
 constexpr std::size_t kMost = 64;
 std::array<Range, kMost> ranges;
 
-std::mutex changes;  // of ranges and of what follows
+std::mutex changes;  // guards ranges and the members below
 std::size_t mappings = 0;
-struct sigaction before {};  // read by the handler: set before it is there
+struct sigaction before {};  // read by the handler: set before it is installed
 
 bool lies_in(const Range& range, const void* address) noexcept {
   const std::byte* const data = range.data.load(std::memory_order_acquire);  // partner: GuardedMapping
@@ -54,7 +54,7 @@ bool lies_in(const Range& range, const void* address) noexcept {
   return data != nullptr && at >= from && at - from < range.bytes.load(std::memory_order_relaxed);
 }
 
-// Only what is allowed in a signal's handler.
+// Async-signal-safe.
 bool put_zeros(const Range& range) noexcept {
   void* const data = range.data.load(std::memory_order_relaxed);
   const std::size_t bytes = range.bytes.load(std::memory_order_relaxed);
@@ -66,7 +66,7 @@ void pass_to_previous(int signal, siginfo_t* info, void* context) {
   if ((before.sa_flags & SA_SIGINFO) != 0) return before.sa_sigaction(signal, info, context);
   if (before.sa_handler != SIG_DFL && before.sa_handler != SIG_IGN) return before.sa_handler(signal);
   ::signal(signal, SIG_DFL);
-  raise(signal);  // waits until the handler has returned
+  raise(signal);  // delivered after the handler has returned
 }
 
 void on_bus_error(int signal, siginfo_t* info, void* context) {
@@ -88,7 +88,7 @@ void catch_bus_errors() noexcept {
   sigaction(SIGBUS, &ours, nullptr);
 }
 
-// The library may be unloaded. A handler that was installed after ours stays.
+// The library may be unloaded. A handler installed after ours is kept.
 void restore_handler() noexcept {
   struct sigaction now {};
   if (sigaction(SIGBUS, nullptr, &now) == 0 && now.sa_sigaction == on_bus_error) sigaction(SIGBUS, &before, nullptr);
@@ -107,7 +107,7 @@ GuardedMapping::GuardedMapping(void* data, std::size_t bytes, int protection) no
   ranges[place_].data.store(data_, std::memory_order_release);  // partner: lies_in()
 }
 
-// Its place goes first: the addresses may be another's the moment after.
+// Clears its entry first: the addresses may be reused immediately.
 GuardedMapping::~GuardedMapping() {
   const std::lock_guard lock(changes);
   if (place_ < kMost) ranges[place_].data.store(nullptr, std::memory_order_relaxed);
@@ -118,7 +118,7 @@ GuardedMapping::~GuardedMapping() {
 namespace {
 
 constexpr std::string_view kPrefix = "bolo.";
-constexpr std::string_view kLockPrefix = "bolo-lock.";  // no stream's
+constexpr std::string_view kLockPrefix = "bolo-lock.";  // not a stream's
 constexpr const char* kFolder = "/dev/shm";
 constexpr const char* kPackagedUser = "bolo";
 constexpr std::size_t kMaxName = 200;
@@ -147,9 +147,9 @@ std::optional<uid_t> uid_of(const std::string& user) {
   return found != nullptr ? std::optional<uid_t>(found->pw_uid) : std::nullopt;
 }
 
-// True while the name is the open file's: a file that was renamed, linked or mounted over still has one, but not this.
+// True while the name refers to the open file; the link count cannot tell, as the file may be renamed or mounted over.
 bool is_at(const UniqueFd& fd, const std::string& path) noexcept {
-  std::array<char, 256> place{};  // no memory is taken: the writer also asks as it ends
+  std::array<char, 256> place{};  // no allocation: also called while the writer ends
   std::snprintf(place.data(), place.size(), "%s%s", kFolder, path.c_str());
   struct stat ours {};
   struct stat there {};
@@ -157,7 +157,7 @@ bool is_at(const UniqueFd& fd, const std::string& path) noexcept {
          ours.st_ino == there.st_ino;
 }
 
-// An object's header; nothing when there is none yet, or it can't be read.
+// An object's header; nothing when it has none or cannot be read.
 std::optional<bolo_shm_header> read_header(const std::string& path) {
   const UniqueFd fd(shm_open(path.c_str(), O_RDONLY | O_NONBLOCK, 0));  // anybody can put a pipe there
   bolo_shm_header header{};
@@ -166,7 +166,7 @@ std::optional<bolo_shm_header> read_header(const std::string& path) {
   return header;
 }
 
-// ", process 123 (bolod)": the writer that the object names, if that user has such a process.
+// ", process 123 (bolod)": the writer named in the object, if that user has such a process.
 std::string describe_process(const std::string& path, uid_t owner) {
   const auto header = read_header(path);
   const std::string process = header ? "/proc/" + std::to_string(header->writer_pid) : "";
@@ -184,7 +184,6 @@ tl::unexpected<Error> living(const std::string& path, const std::optional<bolo_s
                    "; stop it, or choose another name");
 }
 
-// Why `file`, the object or its lock, can't be had.
 tl::unexpected<Error> in_the_way(const std::string& file, const std::string& object, int error) {
   const std::string place = kFolder + file;
   struct stat status {};
@@ -200,7 +199,7 @@ tl::unexpected<Error> in_the_way(const std::string& file, const std::string& obj
                 "; have them end what made it, remove it as root, or choose " + "another name");
 }
 
-// A writer in another time namespace (a container's) has another clock, and its heartbeat any age: it still beats.
+// A writer in another time namespace (container) has another clock: check that its heartbeat changes, not its age.
 bool still_beats(const std::string& object, std::uint64_t heartbeat_ns) {
   constexpr std::chrono::milliseconds kTwoBeats(500);
   std::this_thread::sleep_for(kTwoBeats);
@@ -208,11 +207,11 @@ bool still_beats(const std::string& object, std::uint64_t heartbeat_ns) {
   return header && header->heartbeat_ns != heartbeat_ns;
 }
 
-// One try to become the only writer of the name: the locked descriptor of its lock, or an empty one to try again.
+// One attempt to become the only writer of the name: the locked descriptor, or an empty one to retry.
 //
-// The lock is a file of its own, for whoever can open a file can lock it, and readers open the object. The kernel drops
-// it when its holder dies. A lock without its name lost it between open and flock. A writer that stands
-// still keeps its lock, so that one is left to it without a name.
+// The lock is a separate file, because anybody who can open a file can lock it, and readers open the object. The kernel
+// drops it when the holder dies. A lock file without its name lost it between open and flock: retry. A stalled writer
+// keeps its lock, so its lock file is unlinked and replaced.
 Result<UniqueFd> try_lock(const std::string& lock, const std::string& object) {
   UniqueFd fd(shm_open(lock.c_str(), O_RDWR | O_CREAT, 0600));
   struct stat status {};
@@ -237,7 +236,7 @@ Result<UniqueFd> lock_name(const std::string& lock, const std::string& object) {
   return failed("shared memory " + lock + " is unlinked and made anew by others all the time; choose another name");
 }
 
-// An empty object in the place of what the name's last writer left.
+// Creates an empty object in place of the last writer's.
 Result<UniqueFd> make_object(const std::string& path) {
   for (int attempt = 0; attempt < kClaimAttempts; ++attempt) {
     UniqueFd fd(shm_open(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0600));
@@ -248,7 +247,7 @@ Result<UniqueFd> make_object(const std::string& path) {
   return failed("shared memory " + path + " is made by others all the time; choose another name");
 }
 
-// All pages are taken now: a full /dev/shm would otherwise kill the writer with SIGBUS at its first touch.
+// Allocates all pages now: with a full /dev/shm the first access would otherwise raise SIGBUS.
 Status reserve(int fd, const std::string& path, std::size_t bytes) {
   int error = 0;
   do {
@@ -366,7 +365,7 @@ OwnedObject& OwnedObject::operator=(OwnedObject&& other) noexcept {
   return *this;
 }
 
-// A successor that thought this writer dead has the names by now: then they are not ours to unlink.
+// A successor that considered this writer dead may have the names by now: do not unlink those.
 OwnedObject::~OwnedObject() {
   const auto unlink_ours = [](const UniqueFd& fd, const std::string& path) {
     if (is_at(fd, path)) shm_unlink(path.c_str());

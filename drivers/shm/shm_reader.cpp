@@ -29,10 +29,10 @@ constexpr std::uint32_t kMaxSlots = 1U << 20;
 constexpr double kMinPeriod_s = 1e-6;
 constexpr double kMaxPeriod_s = 3600.0;
 constexpr double kShortestSleepNs = 1e6;
-constexpr double kLongestSleepNs = 1e8;  // how late a stopped heartbeat may be noticed
+constexpr double kLongestSleepNs = 1e8;  // maximum delay until a stopped heartbeat is noticed
 constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 
-// Read-only: nothing that a reader does reaches the writer.
+// Read-only, so that a reader cannot affect the writer.
 class Mapping {
  public:
   Mapping(std::string name, void* data, const struct stat& object)
@@ -41,7 +41,7 @@ class Mapping {
         inode_(object.st_ino) {}
 
   const std::string& name() const noexcept { return name_; }
-  ino_t inode() const noexcept { return inode_; }  // stays this object's while it is mapped
+  ino_t inode() const noexcept { return inode_; }  // unique while the object is mapped
   const std::byte* data() const noexcept { return memory_.data(); }
   std::size_t bytes() const noexcept { return memory_.bytes(); }
   const bolo_shm_header& header() const noexcept { return *reinterpret_cast<const bolo_shm_header*>(data()); }
@@ -52,7 +52,6 @@ class Mapping {
   ino_t inode_;
 };
 
-// An error, and what kind of refusal it is.
 struct Refused {
   Refusal refusal = Refusal::kFailed;
   Error error;
@@ -102,7 +101,7 @@ Opened<std::shared_ptr<const Mapping>> map_object(const std::string& name) {
   return refuse(Refusal::kNotReady, "shared memory '" + name + "' has no header yet; try again, or restart its daemon");
 }
 
-// Copies the header by atomic words: the running part changes meanwhile.
+// Copies the header by atomic words, because its counters change concurrently.
 bolo_shm_header snapshot(const Mapping& mapping) noexcept {
   bolo_shm_header header{};
   copy_out(&header, mapping.data(), sizeof(header));
@@ -111,8 +110,8 @@ bolo_shm_header snapshot(const Mapping& mapping) noexcept {
 
 bool is_period(double s) noexcept { return s >= kMinPeriod_s && s <= kMaxPeriod_s; }
 
-// The first thing wrong with a header, or nullptr. Everything is checked before anything is used: the object may come
-// from another program, and sums are made so that they can't wrap.
+// The first fault of a header, or nullptr. Everything is checked before use, because the object may come from another
+// program; sums are arranged so that they cannot wrap.
 const char* first_fault(const bolo_shm_header& h, std::size_t bytes) {
   if (h.magic != BOLO_SHM_MAGIC) return "no magic number: it is being set up, or not Bolo's";
   if (h.version != BOLO_SHM_VERSION) return "another layout version: use the same release on both sides";
@@ -158,7 +157,7 @@ void end_text(char (&text)[N]) {
 
 struct ShmReader::Impl {
   std::shared_ptr<const Mapping> mapping;
-  bolo_shm_header checked{};  // as validated; sizes and offsets are only ever read from here
+  bolo_shm_header checked{};  // as validated: the only source of sizes and offsets
   SlotLayout layout;
   bool futex_works = true;
 
@@ -172,7 +171,7 @@ struct ShmReader::Impl {
     if (!mapping) return tl::unexpected<Refused>(std::move(mapping.error()));
     auto impl = std::make_unique<Impl>();
     impl->mapping = std::move(*mapping);
-    load_acquire(impl->live().magic);  // partner: the last store of ShmSink::open; the header is whole after it
+    load_acquire(impl->live().magic);  // partner: the last store of ShmSink::open; publishes the complete header
     impl->checked = snapshot(*impl->mapping);
     if (const char* fault = first_fault(impl->checked, impl->mapping->bytes())) {
       return refuse(impl->checked.magic == 0 ? Refusal::kNotReady : Refusal::kBadLayout,
@@ -191,11 +190,11 @@ struct ShmReader::Impl {
     return impl;
   }
 
-  // Sleeps until the wake word differs from what was seen, or ns have passed, and little longer than to the next frame:
-  // any reader can move the others to a futex that nobody wakes (FUTEX_REQUEUE), and then only their own clock does. A
-  // spurious wake-up only costs one more check.
+  // Sleeps until the wake word changes or `ns` have passed, but not much longer than a frame period: any reader can
+  // move others to a futex that nobody wakes (FUTEX_REQUEUE), and then only the timeout does. A spurious wake-up only
+  // costs one more check.
   void sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept {
-    constexpr double kPeriods = 1.25;  // frames in time come before it
+    constexpr double kPeriods = 1.25;  // a punctual frame comes earlier
     const double most_ns =
         std::clamp(kPeriods * checked.frame_period_s * kNsPerSecond, kShortestSleepNs, kLongestSleepNs);
     ns = std::min(ns, static_cast<std::int64_t>(most_ns));
@@ -244,7 +243,7 @@ std::shared_ptr<const void> ShmReader::hold() const noexcept { return impl_->map
 const std::string& ShmReader::name() const noexcept { return impl_->mapping->name(); }
 
 bolo_shm_header ShmReader::header() const noexcept {
-  const std::uint64_t newest = published();  // first: the counters were stored before it, so that none is behind it
+  const std::uint64_t newest = published();  // first: counters are stored before it, so none is older
   bolo_shm_header header = snapshot(*impl_->mapping);
   std::memcpy(&header, &impl_->checked, offsetof(bolo_shm_header, published));
   header.frame_period_s = frame_period_s();
@@ -292,7 +291,7 @@ std::optional<bolo_shm_camera> ShmReader::camera() const noexcept {
   const std::byte* const from = impl_->mapping->data() + begin;
   bolo_shm_camera camera{};
   copy_out(&camera.bytes, from, sizeof(camera.bytes));
-  // Fields that an older writer does not have stay 0.
+  // Fields unknown to an older writer stay 0.
   const auto shared_bytes = std::min<std::uint64_t>({sizeof(camera), camera.bytes, h.slots_offset - begin});
   if (shared_bytes < BOLO_SHM_CAMERA_BYTES_FIRST) return std::nullopt;
   copy_out(&camera, from, shared_bytes);
@@ -321,7 +320,7 @@ ShmReader::Outcome ShmReader::wait(std::uint64_t number, int timeout_ms) noexcep
       timeout_ms < 0 ? std::numeric_limits<std::int64_t>::max() : monotonic_ns() + std::int64_t{timeout_ms} * 1'000'000;
   while (true) {
     const bool ended = closed();  // before `published`: a writer publishes its last frame, then closes
-    const std::uint32_t wake_seen = load_acquire(self.live().wake);  // partner: W5; before `published` too
+    const std::uint32_t wake_seen = load_acquire(self.live().wake);  // partner: W5; also before `published`
     const std::uint64_t newest = published();
     if (number < newest) return newest - number > self.checked.slot_count ? Outcome::kOverwritten : Outcome::kFrame;
     if (ended) return Outcome::kClosed;

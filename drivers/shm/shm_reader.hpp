@@ -32,9 +32,8 @@ StreamFormat format_of(const bolo_shm_header& header);
 // Thread: any.
 FrameMeta meta_of(const bolo_shm_slot& head) noexcept;
 
-// A frame where it lies in the ring, nothing copied but its head. The writer may overwrite the planes at any time:
-// results from them are valid only if still_there() afterwards. Good as long as the reader that gave it, or a hold() of
-// that, lives.
+// A frame in place in the ring; only its head is copied. The writer may overwrite the planes at any time: results are
+// valid only if still_there() holds afterwards. Valid while its reader, or a hold() of that, lives.
 struct BorrowedFrame {
   std::uint64_t number = 0;  // publication order
   bolo_shm_slot head{};
@@ -44,7 +43,7 @@ struct BorrowedFrame {
   // Row-major, layout.plane_bytes long.
   const std::uint16_t* raw() const noexcept { return plane(layout.raw_offset); }
   const std::uint16_t* deblurred() const noexcept { return plane(layout.deblurred_offset); }
-  // Null where the frame carries no motion; the blocks, layout.motion_blocks of them, follow it.
+  // Null if the frame carries no motion; followed by layout.motion_blocks blocks.
   const bolo_shm_motion* motion() const noexcept {
     if (!has_motion(layout, head)) return nullptr;
     return reinterpret_cast<const bolo_shm_motion*>(slot + layout.motion_offset);
@@ -56,20 +55,20 @@ struct BorrowedFrame {
     return reinterpret_cast<const std::uint16_t*>(slot + offset);
   }
 
-  // True if the slot held this frame during all reads before this call. Thread: any.
+  // True if the slot held this frame during all previous reads. Thread: any.
   bool still_there() const noexcept { return still_holds_after_plain_reads(slot, number); }
 };
 
-// Why an object was not opened, for callers that act on it; the Error describes it.
+// Reason of a refusal, for callers that act on it; the Error describes it.
 enum class Refusal {
   kNone,
-  kBadName,    // no name for shared memory
-  kAbsent,     // there is no such object
-  kNotReady,   // it is being set up
+  kBadName,    // invalid name
+  kAbsent,     // no such object
+  kNotReady,   // being set up
   kDenied,     // this user may not read it
-  kForeign,    // it belongs to a user who is not trusted
-  kBadLayout,  // another version, or its header contradicts itself
-  kFailed,     // the system refused
+  kForeign,    // owned by a user who is not trusted
+  kBadLayout,  // another version, or an inconsistent header
+  kFailed,     // system error
 };
 
 class ShmReader {
@@ -82,52 +81,50 @@ class ShmReader {
   ShmReader& operator=(ShmReader&&) noexcept;
   ~ShmReader();
 
-  // Another reader of the same object, even if its name stands for another by now. Thread: any.
+  // Another reader of the same object, even if its name refers to another by now. Thread: any.
   ShmReader share() const;
-  // As long as this lives the object stays mapped, and pointers of its frames good. Thread: any.
+  // Keeps the object mapped, and pointers into its frames valid. Thread: any.
   std::shared_ptr<const void> hold() const noexcept;
   const std::string& name() const noexcept;
 
-  // A copy of the header: geometry and texts as checked by open(), counters and histogram as they are now. Thread: any.
+  // A copy of the header: geometry and texts as checked by open(), current counters and histogram. Thread: any.
   bolo_shm_header header() const noexcept;
-  // That of header(), which changes where the camera's clock shows another than its settings say. Thread: any.
+  // Current period from the header; changes when the camera's clock contradicts its settings. Thread: any.
   double frame_period_s() const noexcept;
 
   enum class Outcome {
-    kFrame,        // `frame` holds the frame asked for
-    kOverwritten,  // the writer was faster: it is gone
+    kFrame,        // `frame` holds the requested frame
+    kOverwritten,  // the writer was faster
     kTimeout,      // not published in time
     kClosed,       // the writer ended, or its heartbeat stopped
   };
-  // Copies frame `number` (publication order), waiting for it up to timeout_ms (below 0: as long as it takes). The
-  // vectors of `frame` are reused, and worth nothing after any outcome but kFrame. Frames that are still in the ring
-  // can be read after the writer's end. Thread: one at a time.
+  // Copies frame `number` (publication order), waiting up to timeout_ms (< 0: without limit). Reuses the vectors of
+  // `frame`, valid after kFrame only. Works after the writer's end for frames in the ring. Thread: one at a time.
   Outcome read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept;
 
-  // As read(), without copying: whether frame `number` can be borrowed. It may be gone when borrow() is called. Below 0
-  // it waits as long as it takes. Thread: one at a time.
+  // Waits like read(), but until frame `number` can be borrowed; borrow() may still fail. Thread: one at a time.
   Outcome wait(std::uint64_t number, int timeout_ms) noexcept;
-  // Frame `number` in place; nothing when the ring does not hold it, any more or yet. Thread: any.
+  // Frame `number` in place; nothing when it is not published yet or already overwritten. Thread: any.
   std::optional<BorrowedFrame> borrow(std::uint64_t number) const noexcept;
 
-  // The head of frame `number` and the raw values of single pixels of it, row-major indices inside the frame; `out` has
-  // as many values. False when the ring does not hold it, any more or yet. Thread: any.
+  // Reads the head of frame `number` and the raw values of single pixels (row-major indices inside the frame) into
+  // `out`, of the same length. False when it is not published yet or already overwritten. Thread: any.
   bool read_samples(std::uint64_t number, std::span<const std::uint32_t> pixels, bolo_shm_slot& head,
                     std::uint16_t* out) const noexcept;
 
   // The writer's solver settings; nothing when it does not publish them. Thread: any.
   std::optional<bolo_shm_settings> settings() const noexcept;
 
-  // The camera's present state; nothing when the writer does not publish it. Thread: any.
+  // The camera's current state; nothing when the writer does not publish it. Thread: any.
   std::optional<bolo_shm_camera> camera() const noexcept;
 
   // Frames published so far: the newest is published() - 1. Thread: any.
   std::uint64_t published() const noexcept;
 
-  // The writer ended, or its heartbeat stopped; open() finds its successor. Thread: any.
+  // True when the writer ended or its heartbeat stopped; open() finds its successor. Thread: any.
   bool closed() const noexcept;
 
-  // The name stands for another object by now: the writer's successor has begun. Thread: any.
+  // True when the name refers to another object: the writer's successor has started. Thread: any.
   bool replaced() const noexcept;
 
  private:

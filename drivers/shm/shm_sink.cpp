@@ -44,7 +44,7 @@ static_assert(flag_of(pipeline::QualityLevel::kInverse) == std::uint32_t{BOLO_FL
 static_assert(flag_of(pipeline::QualityLevel::kRaw) == std::uint32_t{BOLO_FLAG_RAW});
 static_assert(sizeof(BlockMotion) == sizeof(bolo_shm_block_motion));
 
-// Readers make methods of these numbers again (point_reader.cpp).
+// Readers convert these numbers back to methods (point_reader.cpp).
 constexpr bool is_numbered(deblur::Method method, bolo_shm_method number) {
   return static_cast<int>(method) == static_cast<int>(number);
 }
@@ -55,20 +55,20 @@ static_assert(is_numbered(deblur::Method::kInverse, BOLO_METHOD_INVERSE));
 static_assert(is_numbered(deblur::Method::kMmae, BOLO_METHOD_MMAE));
 static_assert(is_numbered(deblur::Method::kMotion, BOLO_METHOD_MOTION));
 
-constexpr int kMinSlots = 64;        // a third of a second at 200 Hz to fetch a frame in
-constexpr int kMostSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
-constexpr int kReadingMargin = 16;   // frames that a reader of a whole window has time for
+constexpr int kMinSlots = 64;        // a third of a second at 200 Hz to fetch a frame
+constexpr int kMostSlots = 1 << 16;  // limits the arithmetic; memory runs out long before
+constexpr int kReadingMargin = 16;   // reading time, in frames, for a whole window
 constexpr std::size_t kSettingsOffset = sizeof(bolo_shm_header);
 constexpr std::size_t kCameraOffset = kSettingsOffset + sizeof(bolo_shm_settings);
 constexpr std::size_t kSlotsOffset = round_up(kCameraOffset + sizeof(bolo_shm_camera), rt::kCacheLine);
-constexpr std::int64_t kNamePeriodNs = 1'000'000'000;  // of checks of the name
+constexpr std::int64_t kNamePeriodNs = 1'000'000'000;  // between checks of the name
 constexpr unsigned kModeBits = 0777;
-constexpr unsigned kOwnerBits = 0600;    // what the writer itself needs
-constexpr unsigned kOthersWrite = 0022;  // readers must not be able to disturb the writer or each other
+constexpr unsigned kOwnerBits = 0600;    // required by the writer
+constexpr unsigned kOthersWrite = 0022;  // readers must not disturb the writer or each other
 
 template <std::size_t N>
 void put_text(char (&to)[N], const std::string& text) {
-  std::memcpy(to, text.data(), std::min(text.size(), N - 1));  // the rest is zero already
+  std::memcpy(to, text.data(), std::min(text.size(), N - 1));  // the rest is already zero
 }
 
 Result<int> choose_slots(int asked, const deblur::Settings& settings) {
@@ -150,7 +150,7 @@ void describe(bolo_shm_settings& settings, const pipeline::SinkFormat& format) {
   put_text(settings.isa, format.isa);
 }
 
-// Relaxed: each counter stands alone, nothing else is published through it.
+// Relaxed: each counter is independent and publishes no other data.
 template <typename Rows, typename Source>
 void store_words(void* to, const Rows& rows, const Source& source) noexcept {
   each_shared_word(rows, source,
@@ -166,7 +166,7 @@ void store_stats(bolo_shm_header& header, const pipeline::PipelineStats& stats) 
   for (std::size_t b = 0; b < BOLO_SHM_LATENCY_BUCKETS; ++b) store_relaxed(header.latency[b], stats.latency.count(b));
 }
 
-// Only this thread writes `wake`, so a load and a store make the increment.
+// Only this thread writes `wake`, so a load and a store suffice.
 void change_wake(bolo_shm_header& header) noexcept {
   store_release(header.wake, load_relaxed(header.wake) + 1);  // W5; partner: ShmReader's load of wake
 }
@@ -177,7 +177,7 @@ Waker::Waker(std::uint32_t& word) : word_(word) {
   try {
     thread_ = std::thread([this] { run(); });
   } catch (const std::system_error&) {
-    // No thread to be had: wake() wakes them all itself.
+    // No thread available: wake() wakes all waiters itself.
   }
 }
 
@@ -187,7 +187,7 @@ Waker::~Waker() {
 }
 
 void Waker::end() noexcept {
-  ends_.store(true, std::memory_order_relaxed);    // published by the count below
+  ends_.store(true, std::memory_order_relaxed);    // published by the increment below
   asked_.fetch_add(1, std::memory_order_release);  // partner: run()'s load
   asked_.notify_one();
   thread_.join();
@@ -221,7 +221,7 @@ Status check_mode(const ShmOptions& options) {
   return {};
 }
 
-// The object that readers see, and how far it is filled.
+// The object seen by readers, and its number of frames.
 struct ShmSink::Ring {
   OwnedObject object;
   std::optional<Waker> waker;  // of the object's futex word
@@ -231,7 +231,7 @@ struct ShmSink::Ring {
   ~Ring() {
     store_release(header().state, static_cast<std::uint32_t>(BOLO_SHM_CLOSED));  // partner: ShmReader's load of state
     change_wake(header());
-    waker.reset();  // its last act is to wake them all
+    waker.reset();  // finally wakes all waiters
   }
 };
 
@@ -240,14 +240,13 @@ struct ShmSink::Impl {
   pipeline::SinkFormat format;
   SlotLayout layout;
   std::uint64_t slot_count = 0;
-  std::unique_ptr<Ring> ring;  // the pipeline thread's, once open
-  std::atomic<Ring*> fresh{
-      nullptr};           // owned: in its place from the next frame on; `ring` stands still while it is null
-  std::mutex name_check;  // close() waits for a check of the name; frames do not
+  std::unique_ptr<Ring> ring;         // used by the pipeline thread only, once open
+  std::atomic<Ring*> fresh{nullptr};  // owned; next value of `ring`, which changes only while this is not null
+  std::mutex name_check;              // close() waits for a check of the name; frames do not
   std::int64_t next_check_ns = 0;
   pipeline::Notices notices;
 
-  // Makes an empty ring of the zeroed object, and lets readers in.
+  // Initializes an empty ring in the zeroed object, and grants access to readers.
   Result<std::unique_ptr<Ring>> fill(OwnedObject object) const {
     describe(*reinterpret_cast<bolo_shm_header*>(object.data()), format, static_cast<int>(slot_count), layout);
     describe(*reinterpret_cast<bolo_shm_settings*>(object.data() + kSettingsOffset), format);
@@ -269,7 +268,7 @@ struct ShmSink::Impl {
     // partner: the store in take_fresh()
     if (fresh.load(std::memory_order_acquire) != nullptr || ring == nullptr || monotonic_ns() < next_check_ns) return;
     next_check_ns = monotonic_ns() + kNamePeriodNs;
-    // One that was cut off and has grown again since is as long as before, and empty.
+    // An object that was truncated and grown again has the same size, but is empty.
     if (ring->object.is_there() && load_relaxed(ring->header().magic) == BOLO_SHM_MAGIC) return;
     const std::string what = "shared memory /bolo." + options.name + " was taken away or cut off";
     auto object = ring->object.create_again();

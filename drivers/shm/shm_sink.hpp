@@ -1,4 +1,4 @@
-// Publishes frames into POSIX shared memory as include/bolo/shm_layout.h lays it out.
+// Publishes frames to POSIX shared memory in the layout of include/bolo/shm_layout.h.
 #pragma once
 
 #include <atomic>
@@ -12,11 +12,10 @@
 
 namespace bolo::shm {
 
-// --- Wakes the readers that wait on a futex in shared memory, at a cost that their number does not raise.
+// --- Wakes readers waiting on a futex in shared memory, at a bounded cost for the caller.
 //
-// A wake-up costs the caller some 2 us for each process that it wakes, and anybody who may read may wait, with as many
-// threads as he likes. So the caller itself wakes a few, which are all there usually are; a thread of its own wakes the
-// rest.
+// Each woken process costs about 2 us, and any permitted reader may wait with any number of threads. So the caller
+// wakes only a few, usually all, and a separate thread wakes the rest.
 
 class Waker {
  public:
@@ -24,7 +23,7 @@ class Waker {
   explicit Waker(std::uint32_t& word);
   ~Waker();
 
-  // Wakes all that wait on the word, some of them a little later. The word was changed before. Thread: pipeline.
+  // Wakes all waiters on the word, some a little later. Change the word first. Thread: pipeline.
   void wake() noexcept;
 
  private:
@@ -32,24 +31,23 @@ class Waker {
   void run() noexcept;
 
   std::uint32_t& word_;
-  std::atomic<std::uint32_t> asked_{0};  // times that there was a rest to wake
+  std::atomic<std::uint32_t> asked_{0};  // number of requests to wake the rest
   std::atomic<bool> ends_{false};
   std::thread thread_;
 };
 
 struct ShmOptions {
   std::string name;              // the object is "/bolo." + name: letters, digits, '-', '_', '.'
-  int slots = 0;                 // 0: a window of raw planes and some time to read them
-  unsigned mode = 0640;          // permissions; readers need to read only
+  int slots = 0;                 // 0: enough for a window of raw planes plus reading time
+  unsigned mode = 0640;          // permissions; readers only need to read
   std::string group;             // owner group of the object; empty: the process's
   std::string control_socket{};  // of the daemon, for commands, published to readers; empty: none
 };
 
-// Checks the permissions, which need no frames. Thread: any.
+// Checks options.mode only, without frames. Thread: any.
 Status check_mode(const ShmOptions& options);
 
-// Bytes of the object for such frames; those of a ring of the least size where options.slots is out of range. Thread:
-// any.
+// Size of the object in bytes; for the smallest ring if options.slots is out of range. Thread: any.
 std::uint64_t bytes_needed(const ShmOptions& options, const deblur::Settings& settings, Geometry frame);
 
 class ShmSink final : public pipeline::FrameSink {
@@ -61,8 +59,8 @@ class ShmSink final : public pipeline::FrameSink {
   void publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& stats) noexcept override;
   void idle(const pipeline::PipelineStats& stats) noexcept override;
   void close() noexcept override;
-  // Looks now and then whether the name is there; where it was taken away, it comes back with an empty ring, to which
-  // readers go on. Thread: any, but one at a time.
+  // Also checks periodically that the name exists; a removed one is recreated with an empty ring, and readers follow.
+  // Thread: any, but one at a time.
   std::vector<pipeline::Notice> take_notices() override;
 
  private:
@@ -71,12 +69,12 @@ class ShmSink final : public pipeline::FrameSink {
   std::unique_ptr<Impl> impl_;
 };
 
-// --- The section of keys of the shared memory.
+// --- Configuration section of the shared memory.
 
 class ShmSection final : public pipeline::SinkSection {
  public:
   bool enabled() const noexcept { return enabled_; }
-  // As given, without what comes from the context.
+  // As configured, without values from the context.
   const ShmOptions& options() const noexcept { return options_; }
 
   void declare(model::KeyTable& keys) override;

@@ -26,7 +26,6 @@ using Config = std::unique_ptr<libusb_config_descriptor, FreeConfig>;
 
 using Bytes = std::span<const unsigned char>;
 
-// Names of numbers.
 using Names = std::span<const std::pair<int, std::string_view>>;
 std::string_view name_in(Names names, int number, std::string_view otherwise = "unknown") {
   const auto found = std::ranges::find(names, number, &Names::value_type::first);
@@ -74,7 +73,7 @@ std::string_view transfer_name(unsigned attributes) {
   return kNames[attributes & LIBUSB_TRANSFER_TYPE_MASK];
 }
 
-// Lines of text, indented, and the strings that descriptors refer to.
+// Indented lines of text, with the strings that descriptors refer to.
 class Page {
  public:
   explicit Page(libusb_device_handle* handle) : handle_(handle) {}
@@ -105,11 +104,11 @@ class Page {
   std::string take() { return std::move(text_); }
 
  private:
-  libusb_device_handle* handle_;  // null: the device may not be opened
+  libusb_device_handle* handle_;  // null: the device cannot be opened
   std::string text_;
 };
 
-// Class-specific descriptors, one after the other; each begins with its length.
+// Class-specific descriptors in sequence; each begins with its length.
 void put_extra(Page& page, int depth, const unsigned char* extra, int length) {
   Bytes left(extra, length > 0 ? static_cast<std::size_t>(length) : 0);
   while (!left.empty()) {
@@ -121,7 +120,7 @@ void put_extra(Page& page, int depth, const unsigned char* extra, int length) {
 
 void put_endpoint(Page& page, const libusb_endpoint_descriptor& endpoint) {
   const bool in = (endpoint.bEndpointAddress & LIBUSB_ENDPOINT_DIR_MASK) == LIBUSB_ENDPOINT_IN;
-  // Bits 12..11 of a high-speed periodic endpoint: further transactions a microframe (USB 2.0, table 9-13).
+  // Bits 12..11 of a high-speed periodic endpoint: additional transactions per microframe (USB 2.0, table 9-13).
   const unsigned packet = endpoint.wMaxPacketSize & 0x7FFU;
   const unsigned transactions = 1 + ((endpoint.wMaxPacketSize >> 11) & 3U);
   page.line(3, "endpoint 0x{:02x}: {} {}, packets of {} bytes x {}, interval {}", endpoint.bEndpointAddress,
@@ -156,7 +155,7 @@ void put_configuration(Page& page, libusb_device* device, std::uint8_t index, bo
   }
 }
 
-// Binary device object store: what USB 2.1 and later devices can do.
+// Binary device object store: capabilities of devices from USB 2.1 on.
 void put_bos(Page& page, libusb_device_handle* handle, std::uint16_t usb_release) {
   constexpr std::uint16_t kFirstWithBos = 0x0201;
   if (usb_release < kFirstWithBos) return page.line(1, "BOS: none before USB 2.01");
@@ -216,7 +215,7 @@ std::string port_path(libusb_device* device) {
   return fmt::format("{}-{}", bus, fmt::join(ports.begin(), ports.begin() + count, "."));
 }
 
-// As the kernel read it when the device was connected.
+// As read by the kernel when the device was connected.
 std::string kernel_string(const std::string& port_path, const char* name) {
   return first_line("/sys/bus/usb/devices/" + port_path + "/" + name);
 }
@@ -227,7 +226,6 @@ std::string device_string(libusb_device_handle* handle, std::uint8_t index) {
   return size > 0 ? std::string(text.data(), text.data() + size) : std::string();
 }
 
-// Fills in those strings that the kernel does not have.
 void read_missing_strings(libusb_device* device, const libusb_device_descriptor& descriptor, UsbDevice& found) {
   struct Wanted {
     std::string* text;
@@ -249,7 +247,7 @@ void read_missing_strings(libusb_device* device, const libusb_device_descriptor&
 constexpr timeval kWatchTick{0, 50'000};
 constexpr std::chrono::milliseconds kPollPeriod(300);
 
-// The same device in the same place: a replugged one has another address.
+// Same device and same connection: a replugged device gets a new address.
 bool same(const UsbDevice& a, const UsbDevice& b) {
   return a.bus == b.bus && a.address == b.address && a.vendor == b.vendor && a.product == b.product;
 }
@@ -326,7 +324,7 @@ Result<std::vector<UsbDevice>> list_devices(libusb_context* context, const Devic
   for (libusb_device* device : devices) {
     libusb_device_descriptor ids{};
     libusb_get_device_descriptor(device, &ids);
-    // describe() may open the device: leave those of other vendors alone.
+    // describe() may open the device: skip those of other vendors.
     if (filter.vendor.value_or(ids.idVendor) != ids.idVendor) continue;
     if (UsbDevice one = describe(device); filter.matches(one)) found.push_back(std::move(one));
   }
@@ -379,7 +377,7 @@ Hotplug::~Hotplug() {
 
 int Hotplug::on_event(libusb_context*, libusb_device*, libusb_hotplug_event, void* self) {
   static_cast<Hotplug*>(self)->changed_ = true;
-  return 0;  // 1 would end the registration
+  return 0;  // 1 would deregister the callback
 }
 
 void Hotplug::run() {
@@ -396,7 +394,7 @@ void Hotplug::run() {
   }
 }
 
-// Compares whole lists, since libusb's callback must not perform transfers, and so cannot read strings.
+// Compares whole lists, because libusb's callback must not perform transfers and so cannot read strings.
 void Hotplug::compare() {
   auto present = list_devices(context_.get(), filter_);
   if (!present) return;

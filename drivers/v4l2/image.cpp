@@ -17,7 +17,7 @@ double counts_of_span(double physical, const LinearScale& scale) {
 }
 
 constexpr double kMaxCount = 65535.0;
-constexpr std::byte kNeutral{128};  // chroma of a grey
+constexpr std::byte kNeutral{128};  // chroma of grey
 
 double kelvin_of(Y16Unit unit) { return unit == Y16Unit::k10mK ? 0.01 : 0.1; }
 
@@ -66,7 +66,7 @@ std::span<const std::byte> ImageMaker::make(std::span<const std::uint16_t> plane
     return image_;
   }
   const CountRange range = agc_.next(plane, dt_s, judge);
-  const std::size_t step = format_ == PixelFormat::kGrey ? 1 : 2;  // the bytes between are chroma
+  const std::size_t step = format_ == PixelFormat::kGrey ? 1 : 2;  // YUYV interleaves chroma bytes
   for (std::size_t i = 0; i < plane.size(); ++i) image_[step * i] = std::byte{grey(plane[i], range)};
   return image_;
 }
@@ -87,7 +87,7 @@ CountRange Agc::next(std::span<const std::uint16_t> plane, double dt_s, bool jud
       measured_ && options_.smooth_s > 0.0 ? -std::expm1(-std::max(dt_s, 0.0) / options_.smooth_s) : 1.0;
   range_.black += measured_ ? share * (now.black - range_.black) : now.black - range_.black;
   range_.white += measured_ ? share * (now.white - range_.white) : now.white - range_.white;
-  measured_ = judge;  // a first frame of the shutter's is shown somehow, and forgotten
+  measured_ = judge;  // an initial shutter frame sets the range only until the next frame
   return range_;
 }
 

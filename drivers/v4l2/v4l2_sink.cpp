@@ -23,16 +23,16 @@
 namespace bolo::v4l2 {
 namespace {
 
-// Three frames: one that the writer fills, one that the reader holds, one between them. To hand over is to exchange
-// one's own with the one between:
+// Triple buffer: one frame for the writer, one for the reader, one in between. A hand-over exchanges the own frame with
+// the one in between:
 //
 //   writer                         between              reader
 //   fills w
 //   between <- w|fresh, w <- old   (w, fresh)
 //                                                       between <- r, r <- w: the newest, and not fresh any more
 //
-// A frame that is still fresh when the writer takes it back was never seen. Each exchange releases what was written
-// into the frame given away and acquires what the other side did with the frame received.
+// A frame still fresh when the writer takes it back was never read. Each exchange releases the frame given away and
+// acquires the frame received.
 template <typename Frame>
 class NewestFrame {
  public:
@@ -40,16 +40,16 @@ class NewestFrame {
 
   // To be filled, then handed over. Thread: the writer's.
   Frame& filling() noexcept { return frames_[writer_]; }
-  // True when the one before it was never taken. Thread: the writer's.
+  // True when the previous frame was never taken. Thread: the writer's.
   bool hand_over() noexcept {
     const std::uint8_t back = between_.exchange(writer_ | kFresh, std::memory_order_acq_rel);  // partner: take()
     writer_ = back & kIndex;
     return (back & kFresh) != 0;
   }
 
-  // The newest frame, the reader's until the next take(); null when there is none that is new. Thread: the reader's.
+  // The newest frame, valid until the next take(); null when there is no new one. Thread: the reader's.
   const Frame* take() noexcept {
-    if ((between_.load(std::memory_order_relaxed) & kFresh) == 0) return nullptr;     // the exchange orders
+    if ((between_.load(std::memory_order_relaxed) & kFresh) == 0) return nullptr;     // ordered by the exchange below
     const std::uint8_t back = between_.exchange(reader_, std::memory_order_acq_rel);  // partner: hand_over()
     reader_ = back & kIndex;
     return &frames_[reader_];
@@ -64,7 +64,7 @@ class NewestFrame {
   std::atomic<std::uint8_t> between_{2};
 };
 
-constexpr std::int64_t kFirstPauseNs = 500'000'000;  // between attempts to open a lost device, doubled up to:
+constexpr std::int64_t kFirstPauseNs = 500'000'000;  // between attempts to reopen a lost device, doubled up to:
 constexpr std::int64_t kLongestPauseNs = 5'000'000'000;
 constexpr std::chrono::seconds kStopLimit(2);
 
@@ -92,7 +92,7 @@ constexpr Names<PixelFormat, 3> kFormats{
 constexpr Names<Y16Unit, 2> kUnits{{{"10mk", Y16Unit::k10mK}, {"100mk", Y16Unit::k100mK}}};
 constexpr Names<Gain, 2> kGains{{{"auto", Gain::kAuto}, {"fixed", Gain::kFixed}}};
 
-constexpr double kHottestK = 65535.0;  // the largest count, too
+constexpr double kHottestK = 65535.0;  // also the largest count
 constexpr std::string_view kKelvin = "K (counts when the source has no kelvin)";
 
 void agc_keys(model::KeyTable& keys, AgcOptions& agc) {
@@ -123,10 +123,10 @@ struct V4l2Sink::Impl {
 
   // --- the sink's thread ---
   void run() {
-    // Nothing depends on it being granted: the name is for ps.
+    // The name is for ps; a refusal does not matter.
     (void)rt::apply_to_this_thread({.name = "bolo-v4l2"});
     while (!stop.load(std::memory_order_relaxed)) {
-      if (sem_wait(&wake) != 0) continue;  // a signal
+      if (sem_wait(&wake) != 0) continue;  // interrupted by a signal
       if (const Frame* frame = newest->take(); frame != nullptr) attempt([&] { serve(*frame); });
     }
     port->close();
@@ -144,7 +144,7 @@ struct V4l2Sink::Impl {
     if (code != EAGAIN) close_device(code, now_ns);
   }
 
-  // Opens a device that was lost, when it is time to try again.
+  // Reopens a lost device when the next attempt is due.
   bool ready(std::int64_t now_ns) {
     if (open) return true;
     if (now_ns < next_attempt_ns) return false;
@@ -154,7 +154,7 @@ struct V4l2Sink::Impl {
     return open;
   }
 
-  // A device is back when it takes a frame: one that can only be opened would be lost and back at every attempt.
+  // A device counts as back only when it accepts a frame: one that merely opens would be lost again at every attempt.
   void note_written(std::int64_t now_ns) {
     stats.written.add();
     if (!lost) return;
@@ -186,24 +186,24 @@ struct V4l2Sink::Impl {
   }
 
   const V4l2Options options;
-  const std::unique_ptr<VideoPort> port;  // the thread's while it runs
+  const std::unique_ptr<VideoPort> port;  // owned by the thread while it runs
   V4l2Stats stats;
   pipeline::Notices notices;
   std::optional<NewestFrame<Frame>> newest;
   sem_t wake{};
-  std::atomic<bool> stop{false};  // a flag and nothing else: relaxed
+  std::atomic<bool> stop{false};  // relaxed: publishes no other data
 
-  // The thread's own.
+  // Used by the thread only.
   VideoFormat format;
   std::optional<ImageMaker> images;
-  std::int64_t before_ns = 0;  // when the last frame that was shown was published
+  std::int64_t before_ns = 0;  // publish time of the last frame shown
   bool open = true;
-  bool lost = false;  // until it takes a frame again
+  bool lost = false;  // until it accepts a frame again
   std::int64_t lost_ns = 0;
   std::int64_t next_attempt_ns = 0;
   std::int64_t pause_ns = kFirstPauseNs;
 
-  std::mutex mutex;  // guards what follows; never taken by the pipeline
+  std::mutex mutex;  // guards new_agc; never taken by the pipeline
   std::optional<AgcOptions> new_agc;
 };
 

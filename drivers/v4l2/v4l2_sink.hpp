@@ -1,4 +1,4 @@
-// Frames as a video device: programs that know cameras, but nothing of Bolo, read it.
+// Publishes frames as a video device, for camera programs that know nothing of Bolo.
 #pragma once
 
 #include <future>
@@ -27,33 +27,32 @@ struct V4l2Options {
 
 // Since open(). Written by the sink's threads, read by any.
 struct V4l2Stats {
-  rt::Counter written;         // frames that the device took
-  rt::Counter dropped;         // frames that it did not: it was busy or gone, or a newer one came first
-  rt::Counter failures;        // times that the device failed and was let go
-  rt::Gauge<bool> open{true};  // now
+  rt::Counter written;         // frames that the device accepted
+  rt::Counter dropped;         // frames not accepted: device busy or gone, or replaced by a newer frame
+  rt::Counter failures;        // times that the device failed and was closed
+  rt::Gauge<bool> open{true};  // current state
 };
 
-// Writes on a thread of its own (bolo-v4l2): always the newest frame, so that a device that is slow, stuck or gone
-// holds up nobody. One that fails is opened again, after half a second at first and every five at last. The format is
-// the same for the life of the sink. Nothing is allocated between open() and a failure of the device.
+// Writes on its own thread (bolo-v4l2), always the newest frame, so that a slow, stuck or missing device delays nobody.
+// A failed device is reopened after half a second at first, every five seconds at most. The format stays the same for
+// the life of the sink. No allocation between open() and a failure of the device.
 class V4l2Sink final : public pipeline::FrameSink {
  public:
   // Writes to options.device.
   explicit V4l2Sink(V4l2Options options);
-  // The same through another port, which the sink comes to own.
+  // Writes to another port, for tests.
   V4l2Sink(V4l2Options options, std::unique_ptr<VideoPort> port);
   ~V4l2Sink() override;
 
-  // A device that is missing, or no v4l2loopback, is bad input, with the command that makes one.
+  // kBadInput, with the command that creates the device: it is missing, or not of v4l2loopback.
   Status open(const pipeline::SinkFormat& format) override;
   void publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& stats) noexcept override;
-  // Waits two seconds at most for a device that is stuck in a write.
+  // Waits at most two seconds for a device that is stuck in a write.
   void close() noexcept override;
 
   pipeline::SinkStatistics statistics() const override;
-  // Changes of the device.
   std::vector<pipeline::Notice> take_notices() override;
-  // Takes the AGC, from the next frame on.
+  // Applies the AGC options from the next frame on.
   void reload(const pipeline::SinkSection& read) override;
 
   // Thread: any.
@@ -61,12 +60,12 @@ class V4l2Sink final : public pipeline::FrameSink {
 
  private:
   struct Impl;
-  std::shared_ptr<Impl> impl_;  // shared with the thread, which a stuck device may keep beyond the sink
+  std::shared_ptr<Impl> impl_;  // shared with the thread, which may outlive the sink when the device is stuck
   std::thread thread_;
   std::future<void> ended_;
 };
 
-// --- The section of keys of one video device.
+// --- Configuration section of one video device.
 
 class V4l2Section final : public pipeline::SinkSection {
  public:

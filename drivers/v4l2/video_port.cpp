@@ -15,7 +15,7 @@ namespace bolo::v4l2 {
 namespace {
 
 constexpr std::string_view kDriver = "v4l2 loopback";
-constexpr double kPeriodUnit = 1e6;  // of timeperframe: microseconds
+constexpr double kPeriodUnit = 1e6;  // timeperframe in microseconds
 
 int request(int fd, unsigned long what, void* argument) {
   int result = 0;
@@ -25,7 +25,7 @@ int request(int fd, unsigned long what, void* argument) {
   return result;
 }
 
-// "modprobe v4l2loopback video_nr=10 exclusive_caps=1", with the number of this very path where it has one.
+// "modprobe v4l2loopback video_nr=10 exclusive_caps=1", with the number from the path if it has one.
 std::string advice(const std::string& path) {
   std::size_t digits = path.size();
   while (digits > 0 && std::isdigit(static_cast<unsigned char>(path[digits - 1])) != 0) --digits;
@@ -71,7 +71,7 @@ Status LoopbackPort::check_driver() const {
   return bad_input(path_ + " takes no frames: another program writes to it already; stop that, or use another device");
 }
 
-// The driver rounds sizeimage up to pages; each write has an image's own size.
+// The driver rounds sizeimage up to pages; each write has the size of one image.
 Status LoopbackPort::set_format(const VideoFormat& format) const {
   v4l2_format wanted{};
   wanted.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
@@ -95,7 +95,7 @@ Status LoopbackPort::set_format(const VideoFormat& format) const {
     return bad_input(path_ + ": cannot be set to " + what +
                      "; another program holds it to another format: close its readers, or load the module again");
   }
-  v4l2_streamparm rate{};  // readers see it; one that the driver does not take harms nothing
+  v4l2_streamparm rate{};  // informs readers; a refusal does no harm
   rate.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
   rate.parm.output.timeperframe.numerator =
       static_cast<std::uint32_t>(std::lround(format.frame_period_s * kPeriodUnit));
@@ -104,8 +104,8 @@ Status LoopbackPort::set_format(const VideoFormat& format) const {
   return {};
 }
 
-// The driver forgets its writer at close() only where it streamed: after one that merely wrote, the device would seem
-// taken for ever, to the next daemon too. Writing goes on as without streaming.
+// The driver releases its writer at close() only if it was streaming: otherwise the device would stay busy for ever,
+// even for the next daemon. write() works the same either way.
 Status LoopbackPort::become_writer() const {
   int type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
   if (request(fd_.get(), VIDIOC_STREAMON, &type) >= 0) return {};

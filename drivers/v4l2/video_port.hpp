@@ -1,4 +1,4 @@
-// Interface of a video device; a test puts its own in the device's place.
+// Interface of a video device; tests implement their own.
 #pragma once
 
 #include <cstddef>
@@ -23,22 +23,20 @@ class VideoPort {
  public:
   virtual ~VideoPort() = default;
 
-  // Opens the device and sets its format. A device that is not there, or cannot take this, is bad input, with the
-  // remedy. Thread: setup, or the sink's.
+  // Opens the device, sets its format. kBadInput: missing or unsuitable, with the remedy. Thread: setup, or the sink's.
   virtual Status open(const VideoFormat& format) = 0;
 
-  // Gives it one whole image. 0: it was taken; EAGAIN: not now; any other errno: the device is of no use any more.
-  // Thread: the sink's.
+  // Writes one whole image. 0: accepted; EAGAIN: busy; any other errno: the device is unusable. Thread: the sink's.
   virtual int write(std::span<const std::byte> image) noexcept = 0;
 
   // Thread: that of open() and write().
   virtual void close() noexcept = 0;
 
-  // As the configuration names it. Thread: any.
+  // As named in the configuration. Thread: any.
   virtual const std::string& path() const noexcept = 0;
 };
 
-// A device of the kernel module v4l2loopback: what is written into it, video programs read as from a camera.
+// A device of the kernel module v4l2loopback: video programs read what is written to it as from a camera.
 class LoopbackPort final : public VideoPort {
  public:
   explicit LoopbackPort(std::string path) : path_(std::move(path)) {}

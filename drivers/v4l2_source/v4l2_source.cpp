@@ -26,11 +26,11 @@ using pipeline::LostCause;
 using pipeline::SourceState;
 
 constexpr int kTickMs = 20;
-constexpr std::int64_t kFirstFrameNs = 3'000'000'000;  // cameras on USB take seconds to begin
+constexpr std::int64_t kFirstFrameNs = 3'000'000'000;  // USB cameras take seconds to start
 constexpr auto kPauseBetweenAttempts = std::chrono::milliseconds(200);
-constexpr std::int64_t kOldestStampNs = 1'000'000'000;  // an older one is no time of this frame
+constexpr std::int64_t kOldestStampNs = 1'000'000'000;  // older stamps are not the time of this frame
 
-// A program that writes to a loopback device chooses them: kept to what differences can be taken of.
+// A program that writes to a loopback device chooses the stamps freely: masked so that differences do not overflow.
 std::int64_t stamp_ns(const v4l2_buffer& buffer) {
   const auto s = static_cast<std::uint64_t>(buffer.timestamp.tv_sec);
   const auto us = static_cast<std::uint64_t>(buffer.timestamp.tv_usec);
@@ -46,7 +46,7 @@ bool is_monotonic(const v4l2_buffer& buffer) {
 struct V4l2Source::Impl {
   Impl(V4l2SourceOptions o, VideoSystem& s) : options(std::move(o)), system(s) {}
 
-  // Format of this device's frames, cut to the rows that are asked for.
+  // Format of the device's frames, cropped to the configured rows.
   Result<pipeline::SourceInfo> inspect(const VideoDevice& from) const {
     const Geometry whole = from.geometry();
     const int rows = options.rows.count != 0 ? options.rows.count : whole.height - options.rows.first;
@@ -96,13 +96,13 @@ struct V4l2Source::Impl {
     watch(now_ns);
   }
 
-  // At most as many frames as wait at once: of a loopback device whose writer never pauses there is always one more.
+  // Bounded by the number of buffers: a loopback device whose writer never pauses always has another frame.
   void drain() {
     VideoFrame frame;
     for (int taken = 0; taken < options.buffers && !stop_requested.load(std::memory_order_relaxed); ++taken) {
       const int error = device->take(frame);
       if (error == EAGAIN && taken > 0) return;
-      if (error == EAGAIN || error == EIO) {  // EIO: the kernel lost one buffer: its number will be missing
+      if (error == EAGAIN || error == EIO) {  // EIO: the kernel lost a buffer, which leaves a gap in the sequence
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
         return;
       }
@@ -126,7 +126,7 @@ struct V4l2Source::Impl {
     if (!verdict.deliver) return;
     const std::int64_t camera_ns = stamp_ns(frame.buffer);
     const std::int64_t mapped_ns = arrivals->map_time(verdict, camera_ns, now_ns);
-    // Most drivers' clock is the host's.
+    // Most drivers stamp with the host's clock.
     const bool same_clock = is_monotonic(frame.buffer) && camera_ns <= now_ns && now_ns - camera_ns < kOldestStampNs;
     const std::int64_t host_ns = same_clock ? camera_ns : mapped_ns;
     rt::FrameSlot* slot = inlet->borrow();
@@ -139,13 +139,13 @@ struct V4l2Source::Impl {
     }
     slot->meta.frame_id = verdict.frame_id;
     slot->meta.camera_ns = camera_ns;
-    slot->meta.receive_ns = std::min(host_ns, now_ns);  // its first byte: the kernel's stamp
+    slot->meta.receive_ns = std::min(host_ns, now_ns);  // time of its first byte: the kernel's stamp
     slot->meta.host_ns = host_ns;
     inlet->commit(*slot);
   }
 
-  // The driver's counter in 64 bits. Buffers come in order: one that stands still does not count, one that goes back
-  // began anew (a camera on USB that the computer woke up), and buffers are counted then.
+  // The driver's counter in 64 bits. Buffers arrive in order: a counter that stands still or goes back (USB camera
+  // restarted on resume) advances the id by one per buffer.
   std::uint64_t unwrap(const VideoFrame& frame) noexcept {
     const auto steps = static_cast<std::int32_t>(frame.buffer.sequence - sequence);
     id = any ? id + static_cast<std::uint64_t>(std::max(steps, 1)) : frame.buffer.sequence;
@@ -154,7 +154,6 @@ struct V4l2Source::Impl {
     return id;
   }
 
-  // Reports that frames flow, have stopped, or have stopped for good.
   void watch(std::int64_t now_ns) {
     if (device == nullptr) return;
     const bool arrived = last_frame_ns >= since_ns;
@@ -232,12 +231,12 @@ struct V4l2Source::Impl {
   pipeline::FrameInlet* inlet = nullptr;
   std::unique_ptr<pipeline::Arrivals> arrivals;
   pipeline::WatchLimits limits{};
-  std::int64_t since_ns = 0;       // when the device was opened last
-  std::int64_t last_frame_ns = 0;  // good ones; CLOCK_MONOTONIC
+  std::int64_t since_ns = 0;       // last opening of the device
+  std::int64_t last_frame_ns = 0;  // complete ones; CLOCK_MONOTONIC
   std::int64_t outage_from_ns = 0;
   std::uint64_t id = 0;  // of the last buffer, unwrapped
   std::uint32_t sequence = 0;
-  bool any = false;  // since the device was opened
+  bool any = false;  // true after the first buffer since the opening
   std::atomic<bool> stop_requested{false};
   std::thread thread;
 };

@@ -13,7 +13,7 @@ namespace bolo::v4l2_source {
 namespace {
 
 constexpr std::size_t kBytesAPixel = 2;
-constexpr std::uint32_t kMostPixels = 32U << 20;  // beyond any thermal camera: memory is taken for many frames
+constexpr std::uint32_t kMostPixels = 32U << 20;  // larger than any thermal camera: limits the memory of the buffers
 
 std::string text_of(std::uint32_t code) {
   std::string text;
@@ -31,7 +31,7 @@ std::string list_of(const std::vector<VideoNode>& nodes) {
 
 bool is_path(const std::string& device) { return device.find('/') != std::string::npos; }
 
-// The nodes to try, in order: a camera may have several, of which one sends frames.
+// Nodes to try, in order: a camera may have several, of which one sends frames.
 Result<std::vector<VideoNode>> candidates(VideoSystem& system, const std::string& device, const std::string& serial) {
   std::vector<VideoNode> all = system.nodes();
   std::vector<VideoNode> chosen;
@@ -41,7 +41,7 @@ Result<std::vector<VideoNode>> candidates(VideoSystem& system, const std::string
     if (right) chosen.insert(node.path == device ? chosen.begin() : chosen.end(), node);
   }
   if (!chosen.empty()) return chosen;
-  if (wanted.empty()) return std::vector<VideoNode>{{device, ""}};  // a link: the kernel knows
+  if (wanted.empty()) return std::vector<VideoNode>{{device, ""}};  // a symbolic link: let the kernel resolve it
   return bad_input("no video device has the serial number '" + wanted + "'; there are: " + list_of(all));
 }
 
@@ -107,14 +107,14 @@ std::string VideoDevice::offered() {
   v4l2_fmtdesc format{};
   format.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   for (std::uint32_t i = 0; i < 32; ++i) {
-    format.index = i;  // anew: the driver has it in hand meanwhile
+    format.index = i;  // set again, because the driver may change it
     if (system_.ioctl(fd_, VIDIOC_ENUM_FMT, &format) != 0) break;
     text += (text.empty() ? "" : ", ") + text_of(format.pixelformat);
   }
   return text.empty() ? "nothing" : text;
 }
 
-// In the size that the device has.
+// Keeps the device's image size.
 Status VideoDevice::agree_on_format(std::uint32_t wanted) {
   v4l2_format format{};
   format.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
@@ -140,7 +140,7 @@ Status VideoDevice::agree_on_format(std::uint32_t wanted) {
   geometry_ = {static_cast<int>(pixels.width), static_cast<int>(pixels.height)};
   stride_ = std::max<std::size_t>(pixels.bytesperline, kBytesAPixel * pixels.width);
   image_bytes_ = pixels.sizeimage;
-  // Frames of either size are taken as whole, so their last row must be within both.
+  // Frames of either size count as complete, so their last row must lie within both.
   const std::size_t last_row = stride_ * (pixels.height - 1);
   if (image_bytes_ < last_row + kBytesAPixel * pixels.width) {
     return refused(fmt::format("it sends frames of {} bytes, too few for {}x{} pixels of 16 bits", image_bytes_,

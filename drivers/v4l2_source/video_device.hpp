@@ -1,4 +1,4 @@
-// One opening of a video device, from its discovery to its last buffer.
+// One opening of a video device, from discovery to the last buffer.
 #pragma once
 
 #include <linux/videodev2.h>
@@ -14,7 +14,7 @@
 
 namespace bolo::v4l2_source {
 
-// A frame as the driver hands it out; its bytes are the device's until give_back().
+// A frame of the driver; its bytes belong to the device until give_back().
 struct VideoFrame {
   v4l2_buffer buffer{};
   std::span<const std::byte> bytes;
@@ -22,20 +22,20 @@ struct VideoFrame {
 
 class VideoDevice {
  public:
-  // Finds the device that the options name, and requests its format and its buffers; nothing flows yet. `serial`: of
-  // the required camera, wherever it is now; empty: any. Errors (kBadInput) have the remedy. Thread: setup, or acquire.
+  // Finds the device named in the options, requests its format and buffers; streaming is not started. `serial`: of the
+  // required camera, at any node; empty: any. Errors (kBadInput) include the remedy. Thread: setup, or acquire.
   static Result<std::unique_ptr<VideoDevice>> open(VideoSystem& system, const V4l2SourceOptions& options,
                                                    const std::string& serial);
   ~VideoDevice();
   VideoDevice(const VideoDevice&) = delete;
   VideoDevice& operator=(const VideoDevice&) = delete;
 
-  // Frames flow. Thread: acquire.
+  // Starts streaming. Thread: acquire.
   Status start();
 
-  // 1: a frame waits, or the device is gone. 0: neither in time. Thread: acquire.
+  // 1: a frame is ready, or the device is gone. 0: timeout. Thread: acquire.
   int wait(int timeout_ms) noexcept { return system_.poll(fd_, timeout_ms); }
-  // 0: `frame` is the next one. EAGAIN: there is none. Any other errno: the device's. Thread: acquire.
+  // 0: `frame` is the next one. EAGAIN: none ready. Any other errno: a device error. Thread: acquire.
   int take(VideoFrame& frame) noexcept;
   // Thread: acquire.
   void give_back(VideoFrame& frame) noexcept { system_.ioctl(fd_, VIDIOC_QBUF, &frame.buffer); }
@@ -43,11 +43,11 @@ class VideoDevice {
   const std::string& path() const noexcept { return path_; }
   const std::string& serial() const noexcept { return serial_; }
   const std::string& model() const noexcept { return model_; }
-  // Of a whole frame of the device, metadata and stacked images among it.
+  // Whole frames of the device, including metadata and stacked images.
   Geometry geometry() const noexcept { return geometry_; }
-  std::size_t stride() const noexcept { return stride_; }  // bytes a row
+  std::size_t stride() const noexcept { return stride_; }  // bytes per row
   double period_s() const noexcept { return period_s_; }   // 0: unknown to the driver
-  // A frame of so many bytes is one of this format.
+  // True for the byte count of a complete frame.
   bool is_whole(std::size_t bytes) const noexcept {
     return bytes == stride_ * static_cast<std::size_t>(geometry_.height) || bytes == image_bytes_;
   }

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The nearest device above that has a serial number: of a camera on USB its USB device, of which this is an interface.
+// Serial number of the nearest ancestor device that has one: for USB cameras, the USB device that owns this interface.
 std::string serial_of(const fs::path& node) {
   std::error_code error;
   fs::path device = fs::canonical(node / "device", error);

@@ -1,5 +1,4 @@
-// Effects: what makes a real camera differ from the nominal one. Those of a topic are a file in src/sim/effects, found
-// by the build.
+// Effects: deviations of a real camera from the nominal one, one file per topic in src/sim/effects, found by the build.
 #pragma once
 
 #include <cstdint>
@@ -13,10 +12,10 @@
 
 namespace bolo::sim {
 
-// The part of the camera that an effect sits in, along the way from the scene to the file.
+// Stage of the signal chain, from the scene to the file, that an effect belongs to.
 enum class Stage { kRadiometry, kOptics, kPixel, kPackage, kReadout, kNoise, kFirmware, kTransport };
 
-// "radiometry", "optics" ... as reports name it. Thread: any.
+// "radiometry", "optics" ... as in reports. Thread: any.
 std::string_view name_of(Stage stage);
 
 struct Range {
@@ -24,26 +23,26 @@ struct Range {
   double high = 0.0;
 };
 
-// One number of an effect. A standard value of NaN is taken from the scene as described in `about`.
+// A numeric parameter of an effect. A standard value of NaN is derived from the scene as described in `about`.
 struct Parameter {
   std::string_view key;
   std::string_view unit;  // "" for ratios
   double standard = 0.0;
   Range accepted;
-  std::vector<Range> realistic;  // what real cameras show; empty: it depends on the scene
+  std::vector<Range> realistic;  // of real cameras; empty: depends on the scene
   std::string_view about;
 };
 
 struct EffectDescription {
   std::string_view name;
   Stage stage = Stage::kReadout;
-  bool in_catalogue = true;  // false: no diagnosis knows it by name
+  bool in_catalogue = true;  // false: no diagnosis identifies it
   std::string_view about;
   std::vector<Parameter> parameters;
-  std::vector<std::string_view> forms;  // physical variants, the standard one first; empty: there is only one
+  std::vector<std::string_view> forms;  // physical variants, standard first; empty: only one
 };
 
-// An effect with its numbers. Keys that are missing in `values` stand at their standard, an empty form too.
+// An effect with its parameters. Keys missing in `values`, or an empty form, mean the standard.
 struct EffectSpec {
   std::string name;
   std::string form;
@@ -54,19 +53,19 @@ struct EffectSpec {
 // All effects by name. Thread: any.
 const std::vector<EffectDescription>& effect_descriptions();
 
-// nullptr when there is none of this name. Thread: any.
+// nullptr for an unknown name. Thread: any.
 const EffectDescription* find_effect(std::string_view name);
 
-// "NAME" or "NAME:key=value,...", where `form` is a key too. kBadInput has the fault in one line, with the nearest name
-// or key. Thread: any.
+// Parses "NAME" or "NAME:key=value,...", where `form` is a key, too. kBadInput: one line with the fault and the nearest
+// name or key. Thread: any.
 Result<EffectSpec> parse_effect(std::string_view text);
 
-// Names known, forms and keys theirs, values within what is accepted, each name once. Thread: any.
+// Checks that names, forms and keys are known, values accepted, and each name unique. Thread: any.
 Status check_effects(std::span<const EffectSpec> effects);
 
-// Every parameter that has a realistic range at a random value of it; the others, and the form, at their standard. The
-// logarithm is uniform where a range spans more than a factor of five, and signs and gaps are kept. The same seed gives
-// the same effect. kBadInput when there is none of this name. Thread: any.
+// Draws a random value for every parameter with a realistic range; the others, and the form, are standard. Log-uniform
+// where a range spans more than a factor of five; signs and gaps between ranges are kept. Deterministic in the seed.
+// kBadInput for an unknown name. Thread: any.
 Result<EffectSpec> draw_effect(std::string_view name, std::uint64_t seed);
 
 }  // namespace bolo::sim

@@ -17,52 +17,50 @@
 
 namespace bolo::sim {
 
-// Place of an effect in the signal chain. Hooks run in this order, within one place by name. White noise is added
-// between kOffset and kDefect.
+// Place in the signal chain. Hooks run in this order, then by name. White noise is added between kOffset and kDefect.
 enum class Order {
-  kEmission,    // what the scene sends out
-  kRadiance,    // from temperature to what the detector answers to
+  kEmission,    // radiation of the scene
+  kRadiance,    // from temperature to the detector's input
   kOptics,      // blur, ghosts, shading
-  kPixel,       // the pixel's own time constant, conduction, low-frequency noise
+  kPixel,       // time constant, conduction, low-frequency noise
   kGain,        // read-out, proportional to the signal
   kOffset,      // read-out, added
-  kDefect,      // pixels that do not answer
+  kDefect,      // dead pixels
   kLimit,       // the converter's range
   kFilter,      // firmware: filters over frames
   kCorrection,  // firmware: offset corrections
   kOutput,      // firmware: number format
-  kTransport,   // frames on their way
+  kTransport,   // frame loss and times
 };
 
-// One pixel array and its read-out, set to the nominal camera; effects change it before the first frame.
+// The pixel array and its read-out, initially nominal; effects change it before the first frame.
 struct CameraModel {
   Geometry geometry;
   double period_s = 0.005;
-  std::vector<double> tau_s;   // each pixel's
+  std::vector<double> tau_s;   // per pixel
   double falling_scale = 1.0;  // of tau while the pixel cools
-  double slow_share = 0.0;     // of the answer, with slow_tau_s
+  double slow_share = 0.0;     // of the response, with slow_tau_s
   double slow_tau_s = 0.0;
   double coupling = 0.0;            // conduction to each neighbour, in units of the pixel's own
   int neighbours = 4;               // or 8
-  std::vector<double> row_delay_s;  // when each row is read, from the frame's time
-  double window_s = 0.0;            // a row is the mean over so long before it is read; 0: an instant
+  std::vector<double> row_delay_s;  // read time of each row, relative to the frame's time
+  double window_s = 0.0;            // integration time before the read-out; 0: instantaneous
   bool radiance = false;            // pixels integrate band radiance, the read-out shows temperature
   double noise_scale = 1.0;
-  double noise_degrees = 0.0;  // of Student's t; 0: normal
-  int warm_up_frames = 0;      // frames before the first that the firmware remembers
-  double look_ahead_s = 0.0;   // the most that shift_s() may give, either way
+  double noise_degrees = 0.0;  // of Student's t distribution; 0: normal
+  int warm_up_frames = 0;      // frames before the first one that affect the firmware's state
+  double look_ahead_s = 0.0;   // maximum |shift_s()|
 };
 
-// The frame in work. The index counts the frames the camera takes, from 0; it is negative
-// while the firmware warms up.
+// The current frame. The index counts the camera's frames from 0; negative during the firmware's warm-up.
 struct FrameInstant {
   std::int64_t index = 0;
-  double t_s = 0.0;        // when it is taken: the capture's time
-  double session_s = 0.0;  // the same since the camera was switched on
+  double t_s = 0.0;        // time in the capture
+  double session_s = 0.0;  // time since power-on
 };
 
-// A grid of points spaced a pixel apart: columns column, column + 1 ... of rows row, row + 1 ... The first column may
-// lie between two pixels, and all may lie beyond the frame.
+// A grid of points spaced one pixel apart, from (column, row) to the right and down. The first column may lie between
+// two pixels, and points may lie outside the frame.
 struct Patch {
   double column = 0.0;
   int row = 0;
@@ -71,19 +69,19 @@ struct Patch {
   std::size_t points() const noexcept { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
 };
 
-// A view belongs to one band of rows and keeps its working space.
+// The signal arriving at one band of rows; has its own work buffers.
 class View {
  public:
   virtual ~View() = default;
-  // The signal at `patch`, row by row, at t. Thread: one at a time.
+  // The signal at `patch`, row-major, at t. Thread: one at a time.
   virtual void draw(double t_s, const Patch& patch, std::span<float> out) = 0;
-  // Factor by which its time steps may be longer than the bare field's, as optics blur what jumps.
+  // Factor by which its time steps may exceed those of the bare field, because optics smooth jumps.
   virtual double patience() const { return 1.0; }
-  // This view through a blur, when it is known in closed form; else nullptr. Thread: setup.
+  // This view after a blur, if known in closed form; otherwise nullptr. Thread: setup.
   virtual std::unique_ptr<View> blurred(const Blur& /*blur*/) const { return nullptr; }
 };
 
-// A view that changes each point by itself: change(value, x, y).
+// A view that maps each point independently: change(value, x, y).
 template <typename Change>
 class PointView final : public View {
  public:
@@ -114,37 +112,36 @@ class Effect {
   // Changes the camera. Thread: setup.
   virtual void configure(CameraModel&) {}
 
-  // Puts itself between the scene and the pixels. Called once for each band of rows. Thread: setup.
+  // Inserts itself between the scene and the pixels. Called once per band of rows. Thread: setup.
   virtual std::unique_ptr<View> filter_view(std::unique_ptr<View> inner, const CameraModel&) const { return inner; }
 
-  // Delay of the frame after its nominal time, s. Called once a frame, in order. Thread: one at a time.
+  // Delay of the frame relative to its nominal time, s. Called once per frame, in order. Thread: one at a time.
   virtual double shift_s(std::int64_t, double) { return 0.0; }
 
-  // Once a frame, in order, before its rows. Thread: one at a time.
+  // Called once per frame, in order, before its rows. Thread: one at a time.
   virtual void begin(const FrameInstant&) {}
 
-  // Changes what a row shows, K. Thread: any, different rows at once.
+  // Changes the values of a row, K. Thread: any, different rows concurrently.
   virtual void row(const FrameInstant&, int, std::span<double>) noexcept {}
 
-  // For the k-th frame sent: 1 when a frame before it is lost, -1 when it is the one before once more. Called once for
-  // each k, in order. Thread: one at a time.
+  // For the k-th sent frame: 1 if a frame before it is lost, -1 if it repeats the previous one. Called once for each k,
+  // in order. Thread: one at a time.
   virtual int frames_lost(std::uint64_t) { return 0; }
 };
 
-// Inputs to the making of an effect.
 class EffectSetup {
  public:
   EffectSetup(const EffectDescription& description, const EffectSpec& spec, const CameraSettings& settings,
               Extremes extremes);
 
-  double number(std::string_view key) const;  // as given, or standard
-  bool form(std::string_view name) const;     // as given, or standard
+  double number(std::string_view key) const;  // given or standard
+  bool form(std::string_view name) const;     // given or standard
   const CameraSettings& settings() const noexcept { return settings_; }
   const Geometry& geometry() const noexcept { return settings_.geometry; }
   double period_s() const noexcept { return 1.0 / settings_.rate_hz; }
   Extremes extremes() const noexcept { return extremes_; }
-  std::uint64_t pattern_seed() const noexcept { return pattern_seed_; }  // of what belongs to the camera
-  std::uint64_t noise_seed() const noexcept { return noise_seed_; }      // of what is new in every capture
+  std::uint64_t pattern_seed() const noexcept { return pattern_seed_; }  // for properties of the camera
+  std::uint64_t noise_seed() const noexcept { return noise_seed_; }      // for properties of one capture
 
  private:
   const EffectDescription& description_;
@@ -168,29 +165,28 @@ struct EffectType {
         make(std::move(from)) {}
 };
 
-// An effect that no diagnosis knows by name.
+// Marks an effect that no diagnosis identifies.
 inline EffectType outside_catalogue(EffectType type) {
   type.description.in_catalogue = false;
   return type;
 }
 
-// All types by name: those that the files in src/sim/effects give. Thread: any.
+// All types by name, from the files in src/sim/effects. Thread: any.
 const std::vector<EffectType>& effect_types();
 
-// The effects in the order of their places. `specs` are checked. Thread: setup.
+// An effect and its place; make_effects() sorts by place. The settings must be checked. Thread: setup.
 struct PlacedEffect {
   Order order = Order::kOffset;
   std::unique_ptr<Effect> effect;
 };
 std::vector<PlacedEffect> make_effects(const CameraSettings& settings, Extremes extremes);
 
-// Factory of an effect of the class T.
 template <typename T>
 auto maker() {
   return [](const EffectSetup& setup) -> std::unique_ptr<Effect> { return std::make_unique<T>(setup); };
 }
 
-// An effect of one hook: a function like configure(), filter_view(), row(), shift_s() or frames_lost().
+// An effect with a single hook: a function like configure(), filter_view(), row(), shift_s() or frames_lost().
 template <typename Hook>
 class HookEffect final : public Effect {
   static constexpr bool kConfigures = std::is_invocable_v<Hook&, CameraModel&>;
@@ -225,7 +221,7 @@ class HookEffect final : public Effect {
   Hook hook_;
 };
 
-// Factory of an effect from the hook that `hook_of(setup)` gives.
+// Factory of an effect from the hook returned by `hook_of(setup)`.
 template <typename HookOf>
 auto hooked(HookOf hook_of) {
   return [hook_of](const EffectSetup& setup) -> std::unique_ptr<Effect> {

@@ -1,5 +1,5 @@
-// Input of the pixels: the steady-state temperature T_ss of each pixel at any time. A field knows its own structure in
-// time, so that it is integrated exactly, or to a stated error, with few steps.
+// Input of the pixels: the steady-state temperature T_ss of each pixel at any time. A field knows its structure in
+// time, so that it is integrated exactly, or to a stated error, in few steps.
 #pragma once
 
 #include <cstdint>
@@ -15,46 +15,44 @@
 
 namespace bolo::sim {
 
-// --- Scenes: temperatures over a plane of pixels, drawn where they are needed.
+// --- Scenes: temperatures over a plane of pixels, drawn on demand.
 
 class Scene {
  public:
   virtual ~Scene() = default;
-  // Size of the scene's subject: [0, width) x [0, height). The scene goes on beyond.
+  // Size of the scene's subject: [0, width) x [0, height). The scene continues beyond it.
   virtual Geometry size() const = 0;
-  // The temperatures of a rectangle anywhere in the plane, K; a pixel's value is the same in every rectangle. Thread:
-  // setup.
+  // Temperatures of any rectangle of the plane, K; a pixel's value is the same in every rectangle. Thread: setup.
   virtual capture::StillImage draw(Region region) const = 0;
 };
 
-// A still. Beyond its borders it goes on by mirror reflection, the border pixel repeated: ..b a | a b c | c b..
+// A still image, continued by mirror reflection with the border pixel repeated: ..b a | a b c | c b..
 std::unique_ptr<const Scene> make_still_scene(capture::StillImage image);
 
-// An endless street in the evening as a thermal camera sees it, 278 to 311 K. `view` is the frame it is composed for:
-// its height spans from the roofs to the road. Each seed is another street. Thread: setup.
+// An endless evening street as seen by a thermal camera, 278 to 311 K. `view`: frame it is composed for, from the roofs
+// to the road. Each seed is another street. Thread: setup.
 std::unique_ptr<const Scene> make_street(Geometry view, std::uint64_t seed);
 
-// Temperatures of a picture's grey levels: black is cold_k, white hot_k, linear between.
+// Grey levels to temperatures: black is cold_k, white hot_k, linear between.
 struct GreySpan {
   double cold_k = 285.0;
   double hot_k = 310.0;
 };
 
 // Reads PNG (8 or 16 bit, grey or colour: colour becomes its luma), JPEG, or HDF5 with `image_k` in kelvin, detected by
-// their first bytes. kBadInput when the file is none of them, damaged, or over 64 million pixels. Thread: setup.
+// the first bytes. kBadInput: none of them, damaged, or over 64 million pixels. Thread: setup.
 Result<capture::StillImage> read_image(const std::filesystem::path& file, const GreySpan& span);
 
-// True if a picture's values come from grey levels (PNG, JPEG) rather than kelvin (HDF5).
+// True if the image has grey levels (PNG, JPEG) rather than kelvin (HDF5).
 Result<bool> has_grey_levels(const std::filesystem::path& file);
 
-// A picture as grey levels.
 struct GreyImage {
   int width = 0;
   int height = 0;
   std::vector<std::uint16_t> level;  // row-major, 0 black, 65535 white
 };
 
-// kBadInput, which does not name the file, as read_image(). Thread: setup.
+// kBadInput as read_image(), but without the file's name. Thread: setup.
 Result<GreyImage> read_png(const std::filesystem::path& file);
 
 // Lowest and highest T_ss of any pixel at any time, K.
@@ -63,9 +61,9 @@ struct Extremes {
   double high_k = 0.0;
 };
 
-// Point spread of the optics: a Gaussian, or a disc of radius 2 sigma, which has the same variance.
+// Point spread function of the optics: a Gaussian, or a disc of radius 2 sigma with the same variance.
 struct Blur {
-  double sigma_px = 0.0;  // along x and along y
+  double sigma_px = 0.0;  // along each axis
   bool disc = false;
 };
 
@@ -76,57 +74,54 @@ class Field {
   // T_ss of the pixels (0, row), (1, row) ... at t, K; at a jump the value after it. Thread: any.
   void sample(double t_s, int row, std::span<float> out) const noexcept { sample_from(t_s, 0.0, row, out); }
 
-  // The same of pixels centred at (column, row), (column + 1, row) ..., which need not be whole or within the frame.
-  // Beyond its border a still goes on with its last pixels. Thread: any.
+  // The same for pixels centred at (column, row), (column + 1, row) ..., possibly fractional or outside the frame. A
+  // still image is extended by its border pixels. Thread: any.
   virtual void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept = 0;
 
-  // Appends rising instants in (from_s, to_s], the last one to_s. Between neighbours T_ss is a quadratic of time, or so
-  // near to one that the answer of a pixel which averages over about `response_s` is off by less than
-  // kStepToleranceK. A jump is two neighbouring doubles: the last instant before it, and its own.
-  // Thread: any.
+  // Appends increasing instants in (from_s, to_s], the last one to_s. Between neighbours T_ss is quadratic in time, or
+  // close enough that a pixel averaging over about `response_s` errs by less than kStepToleranceK. A jump is a pair of
+  // adjacent doubles: the last instant before it, and its own. Thread: any.
   virtual void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const = 0;
 
   virtual Extremes extremes() const = 0;
 
-  // The field through a blur, when it is known in closed form; else nullptr. Thread: setup.
+  // The field after a blur, if known in closed form; otherwise nullptr. Thread: setup.
   virtual std::unique_ptr<const Field> blurred(const Blur& /*blur*/) const { return nullptr; }
 
-  // The `/stimulus` that describes this field from `from_s` to `to_s`. Thread: setup.
+  // The `/stimulus` of this field from `from_s` to `to_s`. Thread: setup.
   virtual capture::Stimulus stimulus(double from_s, double to_s) const = 0;
 };
 
 inline constexpr double kStepToleranceK = 0.0005;
 
-// Appends the ends of even steps from `from_s` to `to_s`, none longer than `longest_s`. Thread: any.
+// Appends the ends of equal steps from `from_s` to `to_s`, at most `longest_s` each. Thread: any.
 void divide(double from_s, double to_s, double longest_s, std::vector<double>& out);
 
 // A flat black body or closed shutter.
 std::unique_ptr<const Field> make_uniform(double temperature_k);
 
-// The whole field switches between levels at once. on_s, off_s and level_k of one length, pulses in order and apart.
+// The whole field switches between levels. on_s, off_s and level_k have equal length; pulses are ordered and disjoint.
 std::unique_ptr<const Field> make_chopper(capture::Chopper chopper);
 
 // Hot bars on cold. The bars cover phases [0, bar_width_px) of x - slant_px_per_row * row - velocity_px_s * t, modulo
-// period_px; a pixel sees the mean over its own width, [x - 0.5, x + 0.5], along its middle line.
+// period_px; a pixel averages over its width, [x - 0.5, x + 0.5], along its middle line.
 std::unique_ptr<const Field> make_bars(const capture::BarTarget& target);
 
-// The field that one of these three describes.
+// The field of a uniform, chopper or bar stimulus.
 std::unique_ptr<const Field> make_field(const capture::Stimulus& stimulus);
 
-// A still panned along a path: the pixel (0, 0) of a frame looks at image (x, y) = path.at(t), bilinear between the
-// centres of the image's pixels. The image must cover the path from `from_s` to `to_s`; beyond these times the view
-// stops at the image's borders.
+// A still image panned along a path: pixel (0, 0) looks at image (x, y) = path.at(t), bilinear between pixel centres.
+// The image must cover the path from `from_s` to `to_s`; outside these times the view stops at its borders.
 std::unique_ptr<const Field> make_scene(capture::StillImage image, Path path, Geometry view);
 
-// Draws the part of the scene that a view of size `view` sees between the two times and makes a field of it. `motion`
-// is relative: its position is added to `origin`, the scene position that pixel (0, 0) looks at for motion (0, 0).
-// kBadInput when the path runs over more than kMaxCanvasPixels. Thread: setup.
+// Makes a field of the part of the scene that a view of size `view` sees between the two times. `origin`: scene
+// position of pixel (0, 0) for motion (0, 0). kBadInput when the path covers over kMaxCanvasPixels. Thread: setup.
 Result<std::unique_ptr<const Field>> pan_over(const Scene& scene, const Path& motion, Position origin, Geometry view,
                                               double from_s, double to_s);
 
 inline constexpr double kMaxCanvasPixels = 256e6;
 
-// The origin that puts the middle of what the path sees on the middle of the scene, rounded to whole pixels.
+// Origin that centres the path's view on the scene, rounded to whole pixels.
 Position centred_origin(const Scene& scene, const Path& motion, Geometry view, double from_s, double to_s);
 
 }  // namespace bolo::sim

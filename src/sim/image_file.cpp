@@ -1,4 +1,4 @@
-// Pictures as scenes: PNG, JPEG, HDF5.
+// Image files as scenes: PNG, JPEG, HDF5.
 #include <png.h>
 #include <turbojpeg.h>
 
@@ -23,8 +23,8 @@ struct FileCloser {
   void operator()(std::FILE* file) const { std::fclose(file); }
 };
 
-// One PNG being read. libpng reports errors by longjmp: each call that may jump sits in a function of its own that has
-// no object with a destructor.
+// One PNG being read. libpng reports errors by longjmp: each call that may jump is in its own function without objects
+// that have destructors.
 class PngReader {
  public:
   PngReader() {
@@ -35,8 +35,7 @@ class PngReader {
   PngReader(const PngReader&) = delete;
   PngReader& operator=(const PngReader&) = delete;
 
-  // Reads the header and asks for 16-bit grey in the machine's byte order, whatever is stored: an 8-bit level v becomes
-  // 257 v, which is the same share of white.
+  // Reads the header and requests native 16-bit grey for any format: an 8-bit level v becomes 257 v (same fraction).
   bool read_header(std::FILE* file) {
     if (info_ == nullptr || setjmp(png_jmpbuf(png_)) != 0) return false;
     png_init_io(png_, file);

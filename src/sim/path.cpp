@@ -14,7 +14,7 @@
 namespace bolo::sim {
 namespace {
 
-// The index of the first point of the segment that holds t, or is the next to it.
+// Index of the first point of the segment that contains t, or is nearest to it.
 std::size_t segment_at(const std::vector<PathPoint>& points, double t_s) noexcept {
   const auto after = std::upper_bound(points.begin() + 1, points.end() - 1, t_s,
                                       [](double t, const PathPoint& point) { return t < point.t_s; });
@@ -26,7 +26,7 @@ Position between(const PathPoint& a, const PathPoint& b, double t_s) {
   return {a.x_px + part * (b.x_px - a.x_px), a.y_px + part * (b.y_px - a.y_px)};
 }
 
-// Times at which the straight line from value_a at a_s to value_b at b_s is a whole number, ends excluded.
+// Times at which the line from value_a at a_s to value_b at b_s is an integer, ends excluded.
 void append_crossings(double a_s, double value_a, double b_s, double value_b, std::vector<double>& out) {
   const double low = std::min(value_a, value_b);
   const double high = std::max(value_a, value_b);
@@ -37,8 +37,7 @@ void append_crossings(double a_s, double value_a, double b_s, double value_b, st
 
 constexpr std::string_view kHeader = "t_s,x_px,y_px";
 
-// Second derivatives, in time, of the natural cubic spline (Numerical Recipes in C, section 3.3): a tridiagonal system
-// whose first and last unknown are zero.
+// Second derivatives of the natural cubic spline (Numerical Recipes in C, 3.3): tridiagonal, first and last are zero.
 class NaturalSpline {
  public:
   explicit NaturalSpline(const std::vector<PathPoint>& points)

@@ -1,7 +1,7 @@
-// A band of rows of the pixel array, stepped in time, each row read when its turn comes.
+// A band of rows of the pixel array, integrated in time; each row is read at its own time.
 //
-//   tau dT/dt = x - T - k sum over neighbours (T - T_n)     T   what the pixel shows (its fast part)
-//   tau2 dS/dt = x - S                                      S   the slow part, share a: shown is (1 - a) T + a S
+// tau dT/dt = x - T - k sum over neighbours (T - T_n)     T   fast part of the pixel's temperature
+// tau2 dS/dt = x - S                                      S   slow part, share a: output is (1 - a) T + a S
 //   x   T_ss, a quadratic of time within a step             k   conduction
 #pragma once
 
@@ -16,16 +16,15 @@
 
 namespace bolo::sim {
 
-// One row to be read. With a window the first probe of the row opens it and the second closes it.
+// A row to be read. With integration, the row's first probe opens the window and the second closes it.
 struct Probe {
   double t_s = 0.0;
   int row = 0;
   bool opens = false;
   double* out = nullptr;   // the row's values
-  double* open = nullptr;  // the integral up to the window's beginning; nullptr without a window
+  double* open = nullptr;  // integral up to the window's start; nullptr without a window
 };
 
-// The two ends of a step.
 struct StepSpan {
   double from_s = 0.0;
   double to_s = 0.0;
@@ -60,7 +59,7 @@ class PixelBand {
     for (std::size_t i = 0; i < size; ++i) rate_[i] = 1.0 / model.tau_s[skip + i];
   }
 
-  // Steady state at t. Thread: one at a time.
+  // Sets the steady state at t. Thread: one at a time.
   void settle(double t_s) {
     view_->draw(t_s, patch_, seen_.end);
     std::ranges::copy(seen_.end, fast_.begin());
@@ -68,8 +67,7 @@ class PixelBand {
     std::ranges::fill(sum_, 0.0);
   }
 
-  // Goes through the steps, one after another, and reads the rows whose probes (sorted by time) fall into them.
-  // Thread: one at a time.
+  // Integrates the steps in order, and reads rows at their probes (sorted by time). Thread: one at a time.
   void run(std::span<const StepSpan> steps, std::span<const Probe> probes) {
     if (patch_.height == 0) return;  // more workers than rows
     std::size_t next = 0;
@@ -88,7 +86,7 @@ class PixelBand {
     double m0, m1, m2;
   };
 
-  // For z up to kShort: the series of m2; m1 and m0 follow without cancellation. Good to 1e-9.
+  // For z <= kShort: series of m2; m1 and m0 follow without cancellation. Accurate to 1e-9.
   static constexpr double kShort = 0.3;
   static Moments short_moments(double z) noexcept {
     const double m2 =
@@ -103,7 +101,7 @@ class PixelBand {
     return {m0, m1, 1.0 - 2.0 * m1 / z};
   }
 
-  // The quadratic through three values of a step, from its beginning to the part `f` of it.
+  // The quadratic through three values of a step, from its start over the fraction `f` of it.
   struct Quadratic {
     double start, slope, bend;
     Quadratic(float a, float m, float b, double f) noexcept
@@ -140,7 +138,7 @@ class PixelBand {
     advance(h, 1.0, 0, fast_.size(), fast_.data(), slow_.data(), sum_.empty() ? nullptr : sum_.data());
   }
 
-  // A pixel cools when what it sees is colder than what it shows.
+  // A pixel cools when its input is colder than the pixel.
   void choose_rates() {
     const double* const tau_s = model_.tau_s.data() + static_cast<std::size_t>(first_row_) * width_;
     for (std::size_t i = 0; i < rate_.size(); ++i) {
@@ -149,9 +147,8 @@ class PixelBand {
     }
   }
 
-  // Conduction as an input beside T_ss, a straight line from its value at the beginning to the one at the end that the
-  // first value foresees: the exponential Runge-Kutta method of second order (Hochbruck and Ostermann, Acta Numerica
-  // 2010, section 2.4).
+  // Adds conduction to T_ss, linear from its value at the start to the end value predicted from that: second-order
+  // exponential Runge-Kutta method (Hochbruck and Ostermann, Acta Numerica 2010, section 2.4).
   void add_conduction(double h) {
     const auto add = [this](const std::vector<float>& last) {
       for (std::size_t i = 0; i < flow_.size(); ++i) {
@@ -190,7 +187,7 @@ class PixelBand {
     }
   }
 
-  // Brings `count` pixels from `first` on through the part `part` of a step h. `fast`, `slow` and `sum` are theirs.
+  // Advances `count` pixels from `first` on by the fraction `part` of a step h. `fast`, `slow` and `sum` are theirs.
   void advance(double h, double part, std::size_t first, std::size_t count, double* fast, double* slow,
                double* sum) const {
     const double h_part = h * part;
@@ -199,7 +196,7 @@ class PixelBand {
     const auto b = std::span(input_->end).subspan(first, count);
     const double* const rate = rate_.data() + first;
     const double share = model_.slow_share;
-    if (sum != nullptr) {  // tau dT/dt = x - T: the integral of T is that of x, less tau times the change
+    if (sum != nullptr) {  // tau dT/dt = x - T: the integral of T is that of x minus tau times the change
       for (std::size_t i = 0; i < count; ++i) {
         sum[i] += h_part * Quadratic(a[i], m[i], b[i], part).mean() + (1.0 - share) / rate[i] * fast[i];
         if (share != 0.0) sum[i] += share * model_.slow_tau_s * slow[i];
@@ -223,7 +220,7 @@ class PixelBand {
     }
   }
 
-  // The row goes on from the step's beginning to the probe's time, aside.
+  // Advances a copy of the row from the step's start to the probe's time.
   void read(const Probe& probe, const StepSpan& span) {
     const auto first = static_cast<std::size_t>(probe.row - first_row_) * width_;
     const auto begin = static_cast<std::ptrdiff_t>(first);
@@ -258,15 +255,15 @@ class PixelBand {
   int first_row_;
   Patch patch_;
   std::size_t width_;
-  Inputs seen_;                   // T_ss at the step's beginning, middle and end
+  Inputs seen_;                   // T_ss at the step's start, middle and end
   Inputs driven_;                 // the same with conduction
-  const Inputs* input_ = &seen_;  // the one that drives the pixels
-  std::vector<float> flow_;       // conduction at the step's beginning
-  std::vector<float> flow_end_;   // and at its end, as far as it can be foreseen
-  std::vector<double> rate_;      // 1 / tau, as it is in this step
+  const Inputs* input_ = &seen_;  // input of the pixels: seen_ or driven_
+  std::vector<float> flow_;       // conduction at the step's start
+  std::vector<float> flow_end_;   // predicted conduction at its end
+  std::vector<double> rate_;      // 1 / tau in this step
   std::vector<double> fast_;
   std::vector<double> slow_;  // empty without a slow part
-  std::vector<double> sum_;   // integral of what is shown; empty without a window
+  std::vector<double> sum_;   // integral of the output; empty without a window
   std::vector<double> ahead_;
   std::vector<double> row_fast_;
   std::vector<double> row_slow_;

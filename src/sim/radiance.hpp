@@ -1,4 +1,4 @@
-// Band radiance of a black body from 7.5 to 14 um (Planck), in units that make it read like kelvin.
+// Band radiance of a black body from 7.5 to 14 um (Planck), scaled to be close to kelvin.
 #pragma once
 
 #include <functional>
@@ -6,7 +6,7 @@
 
 namespace bolo::sim {
 
-// A function of temperature as a table from 100 to 2000 K, every 0.1 K, straight between and beyond.
+// A function of temperature as a table from 100 to 2000 K in steps of 0.1 K, with linear inter- and extrapolation.
 class KelvinTable {
  public:
   explicit KelvinTable(const std::function<double(double)>& function);
@@ -22,11 +22,11 @@ class KelvinTable {
   std::vector<double> values_;
 };
 
-// The radiance of a black body at `kelvin`, straightened so that it touches the kelvin scale at 300 K: value and slope
-// are those of the temperature there. Good to 20 uK from 100 to 2000 K, straight beyond. Thread: any.
+// Radiance of a black body at `kelvin`, shifted and scaled so that at 300 K its value is 300 and its slope 1. Accurate
+// to 20 uK from 100 to 2000 K, extrapolated linearly. Thread: any.
 double radiance_of(double kelvin) noexcept;
 
-// The temperature of a black body of this radiance. Thread: any.
+// Temperature of a black body of this radiance. Thread: any.
 double temperature_of(double radiance) noexcept;
 
 }  // namespace bolo::sim

@@ -33,7 +33,7 @@ void fill_normal(std::uint64_t seed, std::uint64_t frame, std::uint64_t row, std
   }
 }
 
-// Student's t with unit variance (Bailey, "Polar generation of random variates with the t-distribution", 1994).
+// Bailey, "Polar generation of random variates with the t-distribution", 1994.
 void fill_student(std::uint64_t seed, double degrees, std::span<double> out) noexcept {
   SplitMix random(seed);
   const double unit_variance = std::sqrt((degrees - 2.0) / degrees);
@@ -80,7 +80,7 @@ std::vector<double> standardised(std::vector<double> values) {
 }
 
 std::vector<double> smooth_plane(std::uint64_t seed, Geometry geometry) {
-  constexpr int kWaves = 3;  // up to so many half periods along each side
+  constexpr int kWaves = 3;  // maximum number of half periods along each side
   std::vector<double> weights(static_cast<std::size_t>((kWaves + 1) * (kWaves + 1)));
   fill_normal(seed, 2, 0, weights);
   return plane_of(geometry, [&weights](double x, double y) {

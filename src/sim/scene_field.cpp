@@ -1,4 +1,4 @@
-// A still as a scene without end, and a scene panned along a path.
+// A still image as an unlimited scene, and a scene panned along a path.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -8,7 +8,7 @@
 namespace bolo::sim {
 namespace {
 
-// The index that mirror reflection with the border repeated gives `i` in [0, n).
+// Index in [0, n) of `i` by mirror reflection with the border repeated.
 int mirrored(int i, int n) {
   const int period = 2 * n;
   const int phase = ((i % period) + period) % period;
@@ -43,7 +43,7 @@ class SceneField final : public Field {
   SceneField(capture::StillImage image, Path path, Geometry view)
       : image_(std::move(image)), path_(std::move(path)), view_(view) {}
 
-  // Where a pixel lies beyond the image its border goes on.
+  // The image is extended by its border pixels.
   void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
     const Position at = path_.at(t_s);
     const double left = std::clamp(at.x_px, 0.0, static_cast<double>(image_.width - view_.width)) + column;
@@ -74,7 +74,7 @@ class SceneField final : public Field {
     for (std::ptrdiff_t x = inner_end; x < size; ++x) to[x] = held(x);
   }
 
-  // The image is bilinear and the path straight between these, so T_ss is exactly a quadratic.
+  // The image is bilinear and the path linear between these instants, so T_ss is exactly quadratic.
   void instants(double from_s, double to_s, double, std::vector<double>& out) const override {
     path_.crossings(from_s, to_s, out);
   }
@@ -109,7 +109,7 @@ class SceneField final : public Field {
   Geometry view_;
 };
 
-// Whole-pixel rectangle that the view sees along the path. Rounding of the path must not add a pixel.
+// Pixel rectangle seen along the path. Rounding of the path must not add a pixel.
 Region seen(const Path::Bounds& bounds, Geometry view) {
   constexpr double kRounding = 1e-6;
   const int left = static_cast<int>(std::floor(bounds.low.x_px + kRounding));

@@ -12,13 +12,12 @@
 namespace bolo::sim {
 namespace {
 
-// Time constants that a pixel remembers, as exp(-14) is under a millionth, and that a slow part of it does.
+// Memory of a pixel in time constants (exp(-14) < 1e-6), and that of its slow part.
 constexpr double kMemory = 14.0;
 constexpr double kSlowMemory = 8.0;
 
 bool within(double value, double low, double high) { return value >= low && value <= high; }
 
-// Message about the first invalid setting; empty if all are valid.
 std::string fault(const CameraSettings& s) {
   const ReadoutSettings& r = s.readout;
   if (s.geometry.width < 1 || s.geometry.width > 16384) return "width must be 1 to 16384 pixels";
@@ -35,7 +34,7 @@ std::string fault(const CameraSettings& s) {
   return {};
 }
 
-// Writes the camera's settings, as root attributes beside the format's own.
+// Writes the camera's settings as root attributes beside the format's own.
 Status write_settings(capture::CaptureWriter& writer, const CameraSettings& settings) {
   return writer.write_attributes({{"simulated_tau_s", settings.tau_s},
                                   {"simulated_noise_k", settings.readout.noise_k},
@@ -43,8 +42,8 @@ Status write_settings(capture::CaptureWriter& writer, const CameraSettings& sett
                                   {"simulated_seed", std::to_string(settings.readout.seed)}});
 }
 
-// With effects steps are so many times longer, squared, than kStepToleranceK asks for: within 3 mK, a tenth of a
-// camera's noise.
+// With effects, the squared step length is this many times that for kStepToleranceK: errors stay within 3 mK, a tenth
+// of a camera's noise.
 constexpr double kPatience = 4.0;
 
 CameraModel nominal(const CameraSettings& settings) {
@@ -72,16 +71,16 @@ class BareView final : public View {
   }
 
  private:
-  std::unique_ptr<const Field> owned_;  // nullptr when the field is lent
+  std::unique_ptr<const Field> owned_;  // nullptr when the field is borrowed
   const Field& field_;
 };
 
 }  // namespace
 
-// The camera, and its effects: scene -> optics -> pixels -> read-out -> firmware -> transport.
+// The camera with its effects: scene -> optics -> pixels -> read-out -> firmware -> transport.
 class EffectCamera {
  public:
-  // Lends settings, field and team. The settings are checked. Thread: setup.
+  // Borrows settings, field and team. The settings must be checked. Thread: setup.
   EffectCamera(const CameraSettings& settings, const Field& field, rt::WorkerTeam& team)
       : settings_(settings),
         field_(field),
@@ -93,7 +92,7 @@ class EffectCamera {
     for (auto& row : noise_) row.resize(static_cast<std::size_t>(settings.geometry.width));
     for (const PlacedEffect& placed : effects_) placed.effect->configure(model_);
 
-    // Rows that touch each other through conduction are stepped together.
+    // Rows coupled by conduction must be integrated together.
     const int count = model_.coupling != 0.0 ? 1 : settings.threads;
     const int height = settings.geometry.height;
     bands_.reserve(static_cast<std::size_t>(count));
@@ -112,7 +111,7 @@ class EffectCamera {
     taken_ = planned_ = -model_.warm_up_frames;
   }
 
-  // The next frame that is sent, in the settings' type. Thread: one at a time.
+  // The next frame sent, in the settings' type. Thread: one at a time.
   void next(void* plane) {
     int frames = 1;
     for (const PlacedEffect& placed : effects_) frames += placed.effect->frames_lost(sent_);
@@ -126,12 +125,12 @@ class EffectCamera {
   }
 
  private:
-  // A frame that is being taken: what its rows show is filled in as their times come.
+  // A frame being taken: its rows are filled in at their read times.
   struct Flight {
     FrameInstant instant;
-    double last_s = 0.0;  // when its last row is read
+    double last_s = 0.0;  // read time of its last row
     std::vector<double> shown;
-    std::vector<double> opened;  // integrals at the beginning of each row's window
+    std::vector<double> opened;  // integrals at the start of each row's window
   };
 
   void take() {
@@ -171,7 +170,7 @@ class EffectCamera {
     ++planned_;
   }
 
-  // The camera was running before the first frame. The distant past of a slow part is integrated in coarse steps.
+  // The camera ran before the first frame. The distant past of a slow part is integrated in coarse steps.
   void settle(double first_s) {
     const double slowest_s = *std::ranges::max_element(model_.tau_s) * std::max(1.0, model_.falling_scale);
     const double fine_s = first_s - kMemory * slowest_s;
@@ -190,7 +189,7 @@ class EffectCamera {
     now_s_ = steps_.back().to_s;
   }
 
-  // Steps from now on, so that the last row of the frame can be read.
+  // Plans the steps needed to read the frame's last row.
   void plan_steps(double to_s) {
     steps_.clear();
     if (to_s <= now_s_) return;
@@ -254,21 +253,21 @@ class EffectCamera {
   std::vector<PlacedEffect> effects_;
   CameraModel model_;
   std::vector<PixelBand> bands_;
-  std::vector<std::vector<double>> noise_;  // one row a part
+  std::vector<std::vector<double>> noise_;  // one row per worker
 
   std::uint64_t sent_ = 0;
-  std::int64_t taken_ = 0;    // index of the frame that is taken next
-  std::int64_t planned_ = 0;  // index of the next one to be planned
+  std::int64_t taken_ = 0;    // index of the next frame to take
+  std::int64_t planned_ = 0;  // index of the next frame to plan
   std::int64_t look_ahead_ = 1;
   std::deque<Flight> flights_;  // from taken_ to planned_ - 1
   double now_s_ = 0.0;
   double longest_step_s_ = 0.0;
   bool settled_ = false;
   std::vector<double> instants_;  // of the field
-  std::vector<double> ends_;      // of the steps up to one of these
+  std::vector<double> ends_;      // step ends up to one of these
   std::vector<StepSpan> steps_;
   std::vector<Probe> probes_;     // not read yet, sorted by time
-  std::vector<std::byte> frame_;  // the last one taken, as it is sent
+  std::vector<std::byte> frame_;  // last frame taken, as sent
 };
 
 LinearScale readout_scale(const ReadoutSettings& settings) {
@@ -361,7 +360,7 @@ Status write_capture(Simulator& simulator, const OutputFile& file, const Capture
     status = writer.append(static_cast<double>(k) / settings.rate_hz, k, plane.data(), truth_plane);
     if (status && !progress(k + 1) && k + 1 < options.frames) return writer.complete();
   }
-  if (!status) writer.discard();  // a part is of no use: the same seed makes all of it again
+  if (!status) writer.discard();  // a partial file is useless: the same seed reproduces all of it
   return status ? writer.close() : status;
 }
 

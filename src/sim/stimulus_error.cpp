@@ -18,7 +18,7 @@ struct Item {
   std::string_view name;
   double StimulusError::*value;
   Range range;
-  unsigned kinds;  // of stimuli it has a meaning for
+  unsigned kinds;  // applicable stimuli
 };
 
 constexpr std::array<Item, 14> kItems{{{"sweep_s", &StimulusError::sweep_s, {-1.0, 1.0}, kChopper},
@@ -53,7 +53,7 @@ Status take(StimulusError& error, std::string_view item) {
   return {};
 }
 
-// One field as it really is, described by another.
+// The real field with the stimulus of the nominal one.
 class Misdescribed final : public Field {
  public:
   Misdescribed(std::unique_ptr<const Field> nominal, std::unique_ptr<const Field> real, const StimulusError& error)
@@ -89,7 +89,7 @@ class Misdescribed final : public Field {
   double mixed(double kelvin) const noexcept { return (1.0 - share_) * kelvin + share_ * surroundings_k_; }
 
   std::unique_ptr<const Field> nominal_;
-  std::unique_ptr<const Field> real_;  // nullptr: the nominal one, but for the reflection
+  std::unique_ptr<const Field> real_;  // nullptr: nominal except for the reflection
   double share_;
   double surroundings_k_;
 };

@@ -1,4 +1,4 @@
-// Fields without a picture: uniform, chopper and bars, ideal and with the errors of a real bench.
+// Fields without an image: uniform, chopper and bars, ideal or with the errors of a real bench.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,7 +9,7 @@
 namespace bolo::sim {
 namespace {
 
-// The longest step in which a kink, where dT_ss/dt changes by `kink_k_s`, is within kStepToleranceK; see SoftBars.
+// Longest step in which a kink (dT_ss/dt changes by `kink_k_s`) stays within kStepToleranceK; see SoftBars.
 double longest_step_s(double kink_k_s, double response_s) {
   return kink_k_s > 0.0 ? std::sqrt(24.0 * kStepToleranceK * response_s / kink_k_s)
                         : std::numeric_limits<double>::infinity();
@@ -105,7 +105,7 @@ class SweptChopper final : public Field {
     }
   }
 
-  // Fine steps while the blade is in sight, none between.
+  // Fine steps while the blade is in view, none between.
   void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const override {
     double contrast = 0.0;
     for (const double level_k : chopper_.level_k) contrast = std::max(contrast, std::abs(level_k - chopper_.cold_k));
@@ -130,7 +130,8 @@ class SweptChopper final : public Field {
     if (now_s < to_s) out.push_back(to_s);
   }
 
-  // Blur of a moving edge is blur in time, here of the ramp: pixels a hundred times slower depend on its variance only.
+  // Blur of a moving edge is blur in time, here of the ramp; only its variance matters to pixels a hundred times
+  // slower.
   std::unique_ptr<const Field> blurred(const Blur& blur) const override {
     auto field = std::make_unique<SweptChopper>(*this);
     field->ramp_s_ = std::hypot(ramp_s_, std::sqrt(12.0) * blur.sigma_px * std::abs(sweep_s_) / width_);
@@ -142,7 +143,7 @@ class SweptChopper final : public Field {
   capture::Stimulus stimulus(double, double) const override { return chopper_; }
 
  private:
-  // The first pulse that ends after t.
+  // First pulse that ends after t.
   std::size_t first_after(double t_s) const noexcept {
     return static_cast<std::size_t>(std::ranges::upper_bound(chopper_.off_s, t_s) - chopper_.off_s.begin());
   }
@@ -150,7 +151,7 @@ class SweptChopper final : public Field {
     const double way = (column + 0.5) / width_;
     return sweep_s_ >= 0.0 ? sweep_s_ * way : -sweep_s_ * (1.0 - way);
   }
-  // Columns beyond the frame are seen through blurring optics; the ramp reaches a little further.
+  // Blurring optics also see columns outside the frame; the ramp extends a little further.
   double margin_s() const noexcept { return std::abs(sweep_s_) * kMarginPx / width_; }
   double earliest_s() const noexcept { return -ramp_s_ / 2.0 - margin_s(); }
   double latest_s() const noexcept { return std::abs(sweep_s_) + ramp_s_ / 2.0 + margin_s(); }
@@ -163,8 +164,7 @@ class SweptChopper final : public Field {
   double ramp_s_ = 0.0;
 };
 
-// A pixel's view of an edge at distance d to its left: the mean over the pixel of a step that is blurred by a
-// Gaussian, and by a disc seen from its side.
+// Response to an edge at distance d to the left: pixel mean of a step blurred by a Gaussian and a disc.
 class EdgeProfile {
  public:
   EdgeProfile(double sigma, double radius) : reach_(0.5 + 5.0 * sigma + radius) {
@@ -185,7 +185,7 @@ class EdgeProfile {
   }
 
  private:
-  // A disc's chords are a semicircle, whose moments Gauss and Chebyshev's rule of the second kind has exactly.
+  // A disc's chords form a semicircle; the Gauss-Chebyshev rule of the second kind integrates its moments exactly.
   static double value(double d, double sigma, double radius) {
     if (radius <= 0.0) return risen(d + 0.5, sigma) - risen(d - 0.5, sigma);
     constexpr int kNodes = 64;
@@ -197,7 +197,7 @@ class EdgeProfile {
     }
     return sum;
   }
-  // Integral of the step blurred by the Gaussian, up to z.
+  // Integral up to z of the Gaussian-blurred step.
   static double risen(double z, double sigma) {
     if (sigma <= 0.0) return std::max(z, 0.0);
     const double u = z / sigma;
@@ -226,16 +226,16 @@ class SoftBars final : public Field {
     }
   }
 
-  // A pixel's T_ss is made of lines whose slope changes by contrast * velocity at each kink, when an edge enters or
-  // leaves it, most of all a sharp one. Simpson's rule misjudges the area of a kink within a step h by at most slope
-  // change * h^2 / 24, and the pixel spreads it over its response time.
+  // A pixel's T_ss is piecewise linear; its slope changes by at most contrast * velocity at each kink, when a sharp
+  // edge enters or leaves it. Simpson's rule misjudges the area of a kink within a step h by at most slope change *
+  // h^2/24, and the pixel spreads that over its response time.
   void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const override {
     const double fastest = std::abs(target_.velocity_px_s * (1.0 + error_.velocity)) * (1.0 + std::abs(error_.uneven));
     divide(from_s, to_s, longest_step_s(std::abs(target_.hot_k - target_.cold_k) * fastest, response_s), out);
   }
 
   Extremes extremes() const override { return extremes_of(target_); }
-  // Across a straight edge, which is what a blur acts along, x runs sqrt(1 + slant^2) times as far. One disc at most.
+  // A blur acts across the edge; along x it is sqrt(1 + slant^2) times as wide. At most one disc.
   std::unique_ptr<const Field> blurred(const Blur& blur) const override {
     const double along_x = blur.sigma_px * std::hypot(1.0, target_.slant_px_per_row);
     if (blur.disc) return disc_px_ > 0.0 ? nullptr : std::make_unique<SoftBars>(target_, error_, 2.0 * along_x);
@@ -268,7 +268,7 @@ class SoftBars final : public Field {
 
   capture::BarTarget target_;
   StimulusError error_;
-  double disc_px_;  // radius of the disc that blurs the edges along x as well
+  double disc_px_;  // radius of an additional disc blur of the edges along x
   EdgeProfile profile_;
 };
 

@@ -1,4 +1,4 @@
-// `bolo bench`: how many times faster than its camera this computer deblurs, by solver.
+// `bolo bench`: speed of each solver on this computer, relative to its camera.
 #include <chrono>
 #include <cstdio>
 #include <vector>
@@ -23,14 +23,14 @@ constexpr deblur::Method kMethods[] = {deblur::Method::kAdmm, deblur::Method::kD
                                        deblur::Method::kMotion, deblur::Method::kInverse};
 constexpr double kSpeed_px_s = 300.0;
 
-constexpr int kFrames = 64;  // that the window goes over, to the end and back
+constexpr int kFrames = 64;  // the window runs over them to the end and back
 
 struct Stream {
   StreamFormat format;
   std::vector<std::vector<std::uint16_t>> frames;
 };
 
-// A street that pans past the nominal camera.
+// A street panning past the nominal camera.
 Result<Stream> make_stream(int frames) {
   sim::CameraSettings camera;
   camera.geometry = kFrame;
@@ -49,7 +49,7 @@ Result<Stream> make_stream(int frames) {
   return stream;
 }
 
-// ms a frame, the median.
+// Median time per frame, ms.
 Result<double> measure(const Stream& input, deblur::Method method, int threads, double seconds) {
   deblur::Settings settings;
   settings.method = method;

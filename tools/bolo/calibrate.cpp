@@ -130,7 +130,7 @@ void print_calibration(const Calibration& r, const Given& given) {
   std::printf("\n");
 }
 
-// The profile's numbers to the digits that they are known to, and how they are known.
+// Rounds the profile's numbers to their significant digits; returns how each is known.
 model::Origins round_measured(Calibration& r) {
   const diagnose::Estimate& tau_s = r.fit.tau_s;
   const double half = 0.5 * (tau_s.high - tau_s.low);
@@ -138,7 +138,7 @@ model::Origins round_measured(Calibration& r) {
   r.profile.tau_s = std::stod(fmt::format("{:.{}f}", tau_s.value, digits));
   model::Origins origins{
       {"tau_s", fmt::format("measured, 95 % interval {:.{}f} to {:.{}f}", tau_s.low, digits, tau_s.high, digits)}};
-  if (r.profile.noise_k != r.noise_k) return origins;  // of captures without kelvin
+  if (r.profile.noise_k != r.noise_k) return origins;  // captures without kelvin
   r.profile.noise_k = std::stod(fmt::format("{:.4g}", r.noise_k));
   origins.emplace("noise_k", "measured");
   return origins;

@@ -23,7 +23,7 @@ Error unreachable(const std::string& path) {
                                     "; is the daemon running, and may this user use it (control.mode)?"};
 }
 
-// Anybody may take the name of an ended daemon's socket, and perhaps of its folder.
+// Anybody may take over the socket name of an ended daemon, and perhaps its folder.
 Status check_daemon(int fd, const std::string& path) {
   ucred peer{};
   socklen_t size = sizeof peer;
@@ -50,7 +50,7 @@ Result<std::string> ask_daemon(const std::string& path, std::string_view request
   const UniqueFd fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const timeval longest{patience.count(), 0};
   setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &longest, sizeof longest);
-  setsockopt(fd.get(), SOL_SOCKET, SO_SNDTIMEO, &longest, sizeof longest);  // also where it accepts nobody
+  setsockopt(fd.get(), SOL_SOCKET, SO_SNDTIMEO, &longest, sizeof longest);  // also if it does not accept
   const std::string line = std::string(request) + "\n";
   if (connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
     return tl::unexpected<Error>(unreachable(path));

@@ -1,4 +1,4 @@
-// `bolo convert`: captures, pictures, raw dumps, radiometric stills and films into one another.
+// `bolo convert`: converts between captures, image files, raw dumps, radiometric stills and films.
 #include <charconv>
 #include <cmath>
 #include <csignal>
@@ -17,7 +17,7 @@ constexpr int kMostSide = 1 << 15;
 
 struct ConvertRequest {
   Files in;
-  std::optional<std::size_t> frame;  // this one only
+  std::optional<std::size_t> frame;  // only this frame
   Target out;
   std::string topic;
   StatedFormat stated;
@@ -75,7 +75,7 @@ Result<RawLayout> parse_raw(const std::string& text) {
   return layout;
 }
 
-// A name that ROS takes: letters, digits and '_' between slashes, beginning with a letter.
+// Checks for a valid ROS name: letters, digits and '_' between slashes, starting with a letter.
 Status check_name(const std::string& name) {
   bool begins = true;
   for (const char c : name) {
@@ -116,7 +116,7 @@ bool is_capture(const std::filesystem::path& file) {
   return extension == ".h5" || extension == ".mat" || extension == ".part" || extension == ".hdf5";
 }
 
-// An option that nothing would follow: whoever gives it expects other values than he would get.
+// Refuses options without effect: the user would expect other values.
 Status check_followed(const cxxopts::ParseResult& parsed, const ConvertRequest& request) {
   const auto given = [&](const char* name) { return parsed.count(name) != 0; };
   const std::filesystem::path& in = request.in.front();
@@ -144,7 +144,7 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   RETURN_IF_ERROR(check_name(request.out.name));
   if (parsed.count("topic") != 0) request.topic = parsed["topic"].as<std::string>();
   request.stated.rate_hz = parsed["rate"].as<double>();
-  if (!(request.stated.rate_hz >= 1e-6 && request.stated.rate_hz <= 1e6))  // what captures can state
+  if (!(request.stated.rate_hz >= 1e-6 && request.stated.rate_hz <= 1e6))  // limits of the capture format
     return bad_input("--rate must be 0.000001 to 1000000 frames a second");
   RETURN_IF_ERROR(read_scale(parsed, request));
   if (parsed.count("raw") != 0) {
@@ -153,7 +153,7 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
     request.raw = layout;
   }
   RETURN_IF_ERROR(check_followed(parsed, request));
-  // Outputs of a series of pictures are checked when their number is known.
+  // Outputs of an image series are checked when their number is known.
   if (request.out.file.path.extension() == ".png") return request;
   RETURN_IF_ERROR(check_outputs({request.out.file.path}, request.in, request.out.file.replace));
   return request;
@@ -177,7 +177,7 @@ Result<std::unique_ptr<Footage>> open_footage(const ConvertRequest& request) {
   return recording ? open_mcap(request.in.front(), request.topic, request.stated) : open_capture(request.in.front());
 }
 
-// One frame of other footage, which has a single part.
+// One frame of other footage, as footage of its own.
 class OneFrame final : public Footage {
  public:
   OneFrame(std::unique_ptr<Footage> from, std::size_t frame) : from_(std::move(from)), frame_(frame) {
@@ -185,7 +185,7 @@ class OneFrame final : public Footage {
     info_.frames = 1;
   }
   Status read(std::size_t, Frame& frame) override { return from_->read(frame_, frame); }
-  // Events are of other moments.
+  // Drops events, which belong to other times.
   Result<Extras> extras() const override {
     auto extras = from_->extras();
     if (extras) extras->events.clear();
@@ -221,9 +221,9 @@ Status convert(Footage& footage, FootageSink& sink) {
 }
 
 Status run_convert(const cxxopts::ParseResult& given) {
-  std::signal(SIGPIPE, SIG_IGN);  // an encoder that ends is an error, not the end
+  std::signal(SIGPIPE, SIG_IGN);  // the end of an encoder is an error, not a reason to end
   ASSIGN_OR_RETURN(const auto request, convert_request(given));
-  // Films and recordings are unpacked as a whole first, perhaps for minutes: a signal may end that.
+  // Films and recordings are unpacked completely first, perhaps for minutes: signals still end the process.
   ASSIGN_OR_RETURN(const auto footage, chosen_footage(request));
   catch_interrupts();
   ASSIGN_OR_RETURN(const auto sink, open_sink(request.out, *footage));

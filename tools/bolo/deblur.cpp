@@ -1,4 +1,4 @@
-// `bolo deblur`: captures through the same pipeline as the camera's frames, as fast as it goes.
+// `bolo deblur`: runs captures through the camera's pipeline, as fast as possible.
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -23,7 +23,7 @@ constexpr const char* kDeblurVerb = "deblur";
 
 double seconds_since(std::int64_t start_ns) { return static_cast<double>(monotonic_ns() - start_ns) / kNsPerSecond; }
 
-// With a line of progress under the name `what`.
+// Shows progress under the name `what`.
 Result<CaptureSummary> deblur(CaptureRun& run, const DeblurFile& file, Replace replace, const std::string& made_from,
                               const std::string& what) {
   Progress progress(what, run.info().frames);
@@ -44,14 +44,14 @@ Status deblur_one(const DeblurRequest& request) {
   return {};
 }
 
-// Killed between giving a file its name and removing the records of its commits, a process leaves these.
+// Removes journals left by a process killed between renaming its output and removing them.
 void remove_left_records(const std::filesystem::path& output) {
   const std::filesystem::path part = output.string() + ".part";
   std::error_code ignored;
   if (!std::filesystem::exists(part, ignored)) capture::remove_records(part);
 }
 
-// One capture of many: what is done stays, and what another process is at is left to it.
+// Deblurs one capture of many: skips finished output, and output that another process is writing.
 Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, FolderSummary& summary) {
   ASSIGN_OR_RETURN(auto run, CaptureRun::open(request, file.input));
   ASSIGN_OR_RETURN(const auto source, made_from(request, run.reader()));
@@ -69,7 +69,7 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
     return bad_input(file.output.string() +
                      ".part is there: an unfinished recording; save it with bolo recover, or choose another folder");
   }
-  // Output that a killed run left under ".part" is begun again.
+  // Restarts output that a killed run left under ".part".
   auto capture = deblur(run, file, Replace::kExisting, source, kDeblurVerb + (" " + file.input.filename().string()));
   if (capture) {
     summary.captures.push_back(std::move(*capture));
@@ -81,7 +81,7 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
   return {};
 }
 
-// A capture that fails keeps nobody from the others. The exit code is that of the worst.
+// Continues after a failed capture. The exit code is the worst one.
 Result<int> deblur_many(const DeblurRequest& request) {
   const std::int64_t start_ns = monotonic_ns();
   FolderSummary summary;
@@ -104,7 +104,7 @@ Result<int> run_deblur(const cxxopts::ParseResult& given) {
   };
   request.options.give_up = &interrupted();
   if (request.into_folder) return deblur_many(request);
-  if (!request.share.has(0)) return kExitDone;  // another rank's
+  if (!request.share.has(0)) return kExitDone;  // belongs to another rank
   RETURN_IF_ERROR(deblur_one(request));
   return kExitDone;
 }

@@ -1,4 +1,4 @@
-// `bolo demo`: simulated camera, daemon and live page in one command, judged by the simulation's truth.
+// `bolo demo`: simulated camera, daemon and live page in one command, compared with the simulation's truth.
 #include <unistd.h>
 
 #include <array>
@@ -29,12 +29,12 @@ using namespace std::chrono_literals;
 constexpr auto kStartLimit = 30s;
 constexpr double kEndLimit_s = 10.0;
 constexpr double kLongest_s = 86400.0;
-// The paper's first; the page goes on with the last.
+// The paper's solver first; the page shows the last.
 constexpr std::array kSolvers{"admm", "motion"};
-constexpr std::array kLogs{"simulate", "fakecam", "bolod", "view"};  // .out and .err each
+constexpr std::array kLogs{"simulate", "fakecam", "bolod", "view"};  // .out and .err for each
 
 Status check_room(const fs::path& named) {
-  constexpr std::uintmax_t kNeeded = 400;  // MB: the capture with its truth is 370
+  constexpr std::uintmax_t kNeeded = 400;  // MB: the capture with its truth has 370
   std::error_code error;
   fs::path folder = named.empty() ? fs::temp_directory_path(error) : fs::absolute(named, error);
   while (folder.has_relative_path() && !fs::exists(folder, error)) folder = folder.parent_path();
@@ -45,7 +45,7 @@ Status check_room(const fs::path& named) {
                    std::to_string(kNeeded) + " MB; name a folder with more by -o FOLDER, or by TMPDIR");
 }
 
-// A folder that is gone afterwards, or the one that the user named.
+// A temporary folder, or the one named by the user.
 struct Folder {
   static Result<Folder> make(const fs::path& named) {
     if (named.empty()) {
@@ -97,7 +97,7 @@ class Demonstration {
     std::fflush(stdout);
     std::vector<std::string> words{bolo_,      "simulate", "-o",     capture(), "--scene",  "street", "--width", "640",
                                    "--height", "120",      "--rate", "200",     "--frames", "800",    "--speed", "300"};
-    if (replace_ == Replace::kExisting) words.emplace_back("--overwrite");  // what an interrupted one left, too
+    if (replace_ == Replace::kExisting) words.emplace_back("--overwrite");  // also what an interrupted run left
     auto simulation = start(std::move(words), "simulate");
     if (!simulation) return tl::unexpected(simulation.error());
     while (!simulation->ended()) {
@@ -120,7 +120,7 @@ class Demonstration {
                              "\"\nwidth = 640\nheight = 120\nrate_hz = 200.0\n\n[deblur]\nsolver = \"" + solver +
                              "\"\n";
     RETURN_IF_ERROR(write_file({configuration(), replace_configuration_}, text));
-    replace_configuration_ = Replace::kExisting;  // it is this demonstration's own from here on
+    replace_configuration_ = Replace::kExisting;  // from now on it is this demonstration's own
     ASSIGN_OR_RETURN(auto daemon, start({bolod_, "--config", configuration()}, "bolod"));
     daemon_.emplace(std::move(daemon));
     return wait_for(*daemon_, "bolod.err", "frames arrive", "bolod");
@@ -138,7 +138,7 @@ class Demonstration {
     return {};
   }
 
-  // Before and after, by every solver; in the picture without those that did not come to the first one's frame.
+  // Results before and after each solver; the image omits solvers that did not process the first one's frame.
   Status conclude() {
     std::printf("\nRMSE against truth   before %.3f K", outcomes_.front().error.rmse_before());
     std::vector<LiveResult> results;
@@ -185,7 +185,7 @@ class Demonstration {
   }
 
   Result<Process> start(std::vector<std::string> words, const std::string& log) {
-    std::error_code ignored;  // logs are written on from where they end
+    std::error_code ignored;  // logs are appended to
     fs::remove(folder_ / (log + ".out"), ignored);
     fs::remove(folder_ / (log + ".err"), ignored);
     return Process::start({std::move(words), folder_ / log});
@@ -208,7 +208,7 @@ class Demonstration {
     return failed(what + " ended early: " + last_line_of(process));
   }
 
-  // Of this process's own, so that two demonstrations do not meet.
+  // Unique to this process, so that two demonstrations do not interfere.
   static std::string name() { return "demo-" + std::to_string(getpid()); }
   static std::string address() { return "127.0.77." + std::to_string(1 + getpid() % 250); }
   fs::path capture() const { return folder_ / "street.h5"; }
@@ -222,7 +222,7 @@ class Demonstration {
   fs::path bolod_;
   std::optional<Process> camera_;
   std::optional<Process> daemon_;
-  std::vector<LiveOutcome> outcomes_;  // of kSolvers, in order
+  std::vector<LiveOutcome> outcomes_;  // in the order of kSolvers
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// bolo diagnose: how far the simulator is from a camera, why, and what closes the gap.
+// bolo diagnose: the gap between simulator and camera, its causes, and how to close it.
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -51,7 +51,6 @@ Result<diagnose::Options> options_of(const Given& given) {
   return options;
 }
 
-// Output files; empty: no profile.
 struct Files {
   std::filesystem::path folder;
   std::filesystem::path profile;
@@ -73,8 +72,8 @@ Status check(const Files& files, const std::vector<std::filesystem::path>& input
   return check_outputs(outputs, inputs, files.replace);
 }
 
-// A line on stderr for each step; on a terminal one line that is written over. Elsewhere none before all captures are
-// read: an unreadable one prints a single line.
+// Prints each step on stderr; on a terminal overwriting one line. Otherwise nothing before all captures are read: then
+// an unreadable one prints a single line.
 class Steps {
  public:
   Steps() : terminal_(isatty(STDERR_FILENO) == 1) {}

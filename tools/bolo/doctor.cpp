@@ -1,4 +1,4 @@
-// bolo doctor: what of this host stands between a camera and sharp frames, and the fix for each.
+// bolo doctor: what on this host is in the way of sharp frames, and the fix for each problem.
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -36,7 +36,7 @@ doctor::Needs needs_of(const daemon::DaemonConfig& config, const cxxopts::ParseR
   return needs;
 }
 
-// As bolod opens it.
+// Opens the device like bolod.
 Result<std::string> look_at(const v4l2_source::V4l2SourceOptions& options) {
   v4l2_source::V4l2Source source(options);
   ASSIGN_OR_RETURN(const pipeline::SourceInfo info, source.open());

@@ -1,4 +1,4 @@
-// bolo info: what a capture or a still holds, and what is odd about it.
+// bolo info: contents and irregularities of a capture or a still.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -23,10 +23,10 @@ using capture::CaptureReader;
 using nlohmann::json;
 
 constexpr std::size_t kPlacesShown = 5;
-constexpr double kLastUtc_s = 4e9;  // the year 2096: later ones are no times
-constexpr double kIrregular = 0.2;  // of a period, off the frame grid
+constexpr double kLastUtc_s = 4e9;  // the year 2096: later ones are invalid
+constexpr double kIrregular = 0.2;  // fraction of a period off the frame grid
 
-// Interval before each frame in periods' worth: dt divided by the jump of the frame number.
+// Frame intervals divided by the step of the frame number.
 std::vector<double> steps_s(const CaptureReader& reader) {
   std::vector<double> steps;
   for (std::size_t i = 1; i < reader.t().size(); ++i) {
@@ -137,7 +137,7 @@ json fields(const capture::SceneStimulus& s) {
           {"trajectory_y_px", {*top, *bottom}}};
 }
 
-// UTC of a time of /t: that of the frame there, or of the first one after it.
+// UTC at a time of /t: that of the first frame at or after it.
 json utc_at(const CaptureReader& reader, double t_s) {
   const auto frame = std::lower_bound(reader.t().begin(), reader.t().end(), t_s);
   if (!reader.info().has_times || frame == reader.t().end()) return nullptr;
@@ -169,7 +169,7 @@ Result<json> describe(const CaptureReader& reader) {
   const StreamFormat& format = info.format;
   ASSIGN_OR_RETURN(json values, values_of(reader));
   ASSIGN_OR_RETURN(json attributes, attributes_of(reader));
-  const capture::Stimulus stimulus = reader.stimulus().value_or(capture::NoStimulus{});  // warnings() has the error
+  const capture::Stimulus stimulus = reader.stimulus().value_or(capture::NoStimulus{});  // warnings() reports the error
   ASSIGN_OR_RETURN(const std::vector<capture::Point> points, reader.points());
   return json{{"kind", "capture"},
               {"format", reader.file_format() == capture::FileFormat::kMatlab ? "matlab-v7.3" : "bolo-capture"},
@@ -247,7 +247,7 @@ std::string irregular_text(const json& irregular) {
   return text;
 }
 
-// One line of "name value" pairs; long lists are counted.
+// One line of "name value" pairs; long lists are only counted.
 std::string pairs_text(const json& object) {
   std::string text;
   for (const auto& [name, value] : object.items()) {

@@ -17,7 +17,7 @@ using nlohmann::json;
 
 json pair(double low, double high) { return json::array({low, high}); }
 
-// Null for one that is not finite: taken from the scene, or no end.
+// Null for non-finite values: derived from the scene, or without end.
 json standard_of(double standard) { return std::isfinite(standard) ? json(standard) : json(); }
 
 std::string standard_text(double standard) { return std::isfinite(standard) ? fmt::format("{:g}", standard) : "..."; }
@@ -54,7 +54,7 @@ json to_json(const fakecam::FaultType& type) {
   return {{"name", type.name}, {"about", type.about}, {"keys", keys}};
 }
 
-// Each key with its standard value, unit and range on a line of its own.
+// Each key with its standard value, unit and range on its own line.
 std::string text_of(const sim::EffectDescription& effect) {
   std::string text = fmt::format("{:<26}{:<12}{}{}\n", effect.name, sim::name_of(effect.stage), effect.about,
                                  effect.in_catalogue ? "" : " [not in the catalogue]");
@@ -66,7 +66,7 @@ std::string text_of(const sim::EffectDescription& effect) {
   return text;
 }
 
-// Keys with their standard values on one line; one without is a key that may be left out.
+// Keys with their standard values on one line; keys without one are optional.
 std::string text_of(const fakecam::FaultType& type) {
   std::string keys;
   for (const fakecam::FaultKey& key : type.keys) {

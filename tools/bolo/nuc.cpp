@@ -1,4 +1,4 @@
-// `bolo nuc`: has a running daemon's camera correct its pixels now.
+// `bolo nuc`: triggers a NUC of a running daemon's camera.
 #include <cstdio>
 #include <string>
 

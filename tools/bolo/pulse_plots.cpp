@@ -11,7 +11,7 @@ namespace {
 
 using plot::format;
 
-constexpr double kClose_s = 0.35;  // that the magnified part shows
+constexpr double kClose_s = 0.35;  // length of the magnified part
 constexpr double kWidth = 980.0;   // px
 
 struct Window {
@@ -19,7 +19,6 @@ struct Window {
   double to_s = 0.0;
 };
 
-// The part of the recording with the most switches.
 Window closest(const diagnose::PulseFit& fit) {
   const double end_s = fit.trace.t_s.back();
   if (end_s <= kClose_s) return {0.0, end_s};

@@ -1,4 +1,4 @@
-// The plots of a fit of pulses, as the paper's Fig. 3: one pixel measured against simulated, and what is left.
+// Plots of a pulse fit, as in the paper's Fig. 3: measurement and simulation of one pixel, and the residual.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace bolo::tools {
 
-// The whole recording, its most telling switches magnified, and the residual with the noise's width. Empty when the fit
+// The whole recording, a magnified part with many switches, and the residual with the noise's width. Empty when the fit
 // has no pixel to show. Thread: any.
 std::vector<plot::Plot> pulse_plots(const diagnose::PulseFit& fit, double noise_k);
 

@@ -1,4 +1,4 @@
-// `bolo record`: a running daemon's frames into a capture file.
+// `bolo record`: records a running daemon's frames to a capture file.
 #include <algorithm>
 #include <chrono>
 #include <csignal>
@@ -56,7 +56,6 @@ Result<fs::path> folder_of(const cxxopts::ParseResult& parsed) {
   return folder;
 }
 
-// The options that every recording gets.
 std::vector<std::string> common_options(const cxxopts::ParseResult& parsed) {
   std::vector<std::string> words;
   for (const cxxopts::KeyValue& option : parsed.arguments()) {
@@ -87,7 +86,7 @@ void show_errors(Recorder& recorder) {
   }
 }
 
-// Until all have ended. An interrupt is passed on, and each ends its file in good order.
+// Waits until all have ended. Forwards an interrupt, upon which each completes its file.
 int wait_for(std::vector<Recorder>& recorders) {
   bool signalled = false;
   for (bool running = true; running;) {
@@ -111,8 +110,8 @@ int wait_for(std::vector<Recorder>& recorders) {
   return worst > kExitUsage ? kExitFailed : worst;
 }
 
-// A `bolo record` for each name, with the other options as given, into the folder of --output; a process each, so that
-// none waits for another's disk or daemon. Returns the exit code: the worst of theirs. Thread: setup.
+// Runs a `bolo record` process for each name with the other options into the folder of --output, so that none waits for
+// another's disk or daemon. Returns the worst exit code. Thread: setup.
 Result<int> record_several(const cxxopts::ParseResult& parsed) {
   const std::vector<std::string> names = names_of(parsed, "name");
   RETURN_IF_ERROR(check_names(names));
@@ -184,7 +183,7 @@ Result<RecordRequest> record_request(const cxxopts::ParseResult& parsed) {
   request.plane = plane == "raw" ? RecordedPlane::kRaw : RecordedPlane::kDeblurred;
   writer.replace = replace_of(parsed);
   writer.log = [](const std::string& line) { std::fprintf(stderr, "bolo record: %s\n", printable(line).c_str()); };
-  RETURN_IF_ERROR(check_first_file(writer));  // a recording must not cost an earlier one
+  RETURN_IF_ERROR(check_first_file(writer));  // a recording must not destroy an earlier one
   return request;
 }
 
@@ -195,10 +194,10 @@ std::string files_text(const FileWriterResult& written) {
   return text;
 }
 
-// Where the frames of a recording are that ended with an error.
+// Where to find the frames of a recording that ended with an error.
 std::string saved_text(const FileWriterResult& written) {
   if (written.files.empty() && written.parts.empty()) return "no file was finished";
-  // A file that could not be finished may lack the last ones that were appended.
+  // A file that could not be completed may lack the last appended frames.
   std::string text = (written.parts.empty() ? "" : "up to ") + std::to_string(written.frames) + " frames are in ";
   if (!written.files.empty()) text += files_text(written);
   for (const fs::path& part : written.parts) text += (text.back() == ' ' ? "" : " and ") + part.string();
@@ -244,7 +243,7 @@ void print(const RecordResult& result) {
 }
 
 Result<int> run_record(const cxxopts::ParseResult& given) {
-  std::signal(SIGPIPE, SIG_IGN);  // the reader of its output may have ended: no reason to end a recording
+  std::signal(SIGPIPE, SIG_IGN);  // a broken output pipe must not end a recording
   if (given.count("name") > 1) return record_several(given);
   ASSIGN_OR_RETURN(const auto request, record_request(given));
   auto recorded = [&] {

@@ -1,4 +1,4 @@
-// `bolo recover`: what an interrupted recording or a damaged capture holds, as a good capture.
+// `bolo recover`: saves an interrupted recording or a damaged capture as a valid capture.
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -48,7 +48,7 @@ Result<RecoverRequest> recover_request(const cxxopts::ParseResult& parsed) {
     return bad_input("where to? usage: bolo recover " + request.damaged.string() + " -o OUT.h5");
   }
   request.out.replace = replace_of(parsed);
-  // The damaged file itself may lie under the output's name and ".part": it stays as it is, or is what gets the name.
+  // The damaged file may be the output's ".part": no conflict, it stays unchanged or is renamed to the output.
   const bool itself = request.damaged == std::filesystem::path(request.out.path.string() + ".part");
   const std::vector<std::filesystem::path> inputs{itself ? std::filesystem::path() : request.damaged};
   RETURN_IF_ERROR(check_outputs({request.out.path}, inputs, request.out.replace));

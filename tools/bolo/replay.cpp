@@ -1,4 +1,4 @@
-// `bolo replay`: the daemon with a capture in the camera's place.
+// `bolo replay`: runs the daemon with a capture instead of a camera.
 
 #include "drivers/shm/shm_object.hpp"
 #include "tools/bolo/verbs.hpp"

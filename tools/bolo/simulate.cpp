@@ -1,4 +1,4 @@
-// bolo simulate: a capture of a simulated camera, with its truth and its stimulus.
+// bolo simulate: writes a capture of a simulated camera, with its truth and its stimulus.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -33,7 +33,6 @@ struct StimulusName {
 constexpr std::array<StimulusName, 4> kStimuli{
     {{"uniform", kUniform}, {"chopper", kChopper}, {"bar_target", kBars}, {"scene", kScene}}};
 
-// Which stimuli an option has a meaning for.
 struct OptionUse {
   const char* option;
   unsigned stimuli;
@@ -53,7 +52,7 @@ constexpr std::array<OptionUse, 14> kUses{{{"scene", kBars | kScene},
                                            {"period", kBars},
                                            {"slant", kBars}}};
 
-// The stimulus that --stimulus and --scene ask for together; every option given must have a meaning for it.
+// The stimulus selected by --stimulus and --scene; every given option must apply to it.
 Result<StimulusKind> stimulus_kind(const Options& given) {
   const bool bars = given["scene"].as<std::string>() == "bars";
   StimulusName chosen = bars ? kStimuli[2] : kStimuli[3];
@@ -87,8 +86,8 @@ Result<Field> uniform_field(const Options& given) {
   return kelvin(given, "temperature").map([](double k) { return sim::make_uniform(k); });
 }
 
-// Every length at every height, over and over, as many as end within the capture. The default gap is no multiple of a
-// frame, so that the pulses begin at many phases of it.
+// Every length at every level, repeated while pulses end within the capture. The default gap is no multiple of a frame,
+// so that the pulses start at many phases of it.
 Result<Field> chopper_field(const Options& given, double duration_s) {
   ASSIGN_OR_RETURN(const double cold, kelvin(given, "cold", 295.0));
   ASSIGN_OR_RETURN(const double gap_ms, number_of<double>(given, "gap", 0.1, 1e6));
@@ -230,7 +229,7 @@ cxxopts::Options simulate_options() {
 
 Result<std::vector<sim::EffectSpec>> effects_of(const Options& given) {
   std::vector<sim::EffectSpec> effects;
-  for (const auto& argument : given.arguments()) {  // a list would be split at the commas
+  for (const auto& argument : given.arguments()) {  // a list would be split at commas
     if (argument.key() != "effect") continue;
     ASSIGN_OR_RETURN(auto effect, at("--effect", sim::parse_effect(argument.value())));
     effects.push_back(std::move(effect));
@@ -303,8 +302,7 @@ Result<Field> nominal_field(const Options& given, const sim::CameraSettings& cam
   return scene_field(given, camera, -sim::history_s(camera), to_s);
 }
 
-// The field for a capture of `frames` frames. Options that contradict each other, or have no meaning for the stimulus
-// asked for, are kBadInput.
+// The field for `frames` frames. kBadInput: contradictory options, or options that do not apply to the stimulus.
 Result<Field> field_of(const Options& given, const sim::CameraSettings& camera, std::size_t frames) {
   auto field = nominal_field(given, camera, frames);
   if (!field || given.count("stimulus-error") == 0) return field;

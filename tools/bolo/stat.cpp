@@ -1,4 +1,4 @@
-// `bolo stat`: what a running daemon does, from its shared memory.
+// `bolo stat`: state of a running daemon, from its shared memory.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -23,11 +23,11 @@
 namespace bolo::tools {
 namespace {
 
-// Texts in shared memory may be cut within a letter.
+// Texts in shared memory may be truncated within a UTF-8 character.
 constexpr auto kReplace = nlohmann::ordered_json::error_handler_t::replace;
 constexpr double kMinInterval = 0.05;
 constexpr double kMaxInterval = 3600.0;
-constexpr std::chrono::seconds kStatePatience(1);  // a daemon that stands still holds up the others' rows
+constexpr std::chrono::seconds kStatePatience(1);  // a stalled daemon delays the others' rows
 
 struct StatOptions {
   double interval_s = 1.0;
@@ -35,7 +35,7 @@ struct StatOptions {
   bool once = false;
 };
 
-// Shared memory has what every reader needs; the rest only the daemon itself reports.
+// Shared memory holds what every reader needs; the rest is only available from the daemon.
 nlohmann::ordered_json query_state(const shm::ShmReader& reader, const std::string& name) {
   const auto path = control_socket_of(reader, name);
   if (!path) return {};
@@ -50,7 +50,7 @@ StatSnapshot take_snapshot(const shm::ShmReader& reader, const std::string& name
   return snapshot;
 }
 
-// Shows texts one below the other, or on a terminal one over the other with the history of what was added.
+// Prints texts below each other, or on a terminal in place, with a history of the samples.
 class Display {
  public:
   explicit Display(const StatOptions& options) : options_(options), history_(options.interval_s) {
@@ -72,7 +72,7 @@ class Display {
     std::fflush(stdout);
   }
 
-  // For an interval. False when interrupted, or when output could not be written.
+  // Waits for an interval. False when interrupted, or when output failed.
   bool pause() {
     if (std::ferror(stdout) != 0) return false;
     const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(options_.interval_s * kNsPerSecond);
@@ -91,7 +91,6 @@ class Display {
   bool shown_ = false;
 };
 
-// A camera, followed across restarts.
 struct FollowedCamera {
   shm::FollowedStream stream;
   StatSnapshot before;
@@ -104,7 +103,7 @@ void add_camera(Cameras& cameras, const std::string& name, shm::FollowedStream s
   cameras.emplace(name, FollowedCamera{std::move(stream), std::move(snapshot)});
 }
 
-// Takes up daemons that have come since the last call.
+// Adds daemons that were started since the last call.
 void find_cameras(Cameras& cameras) {
   for (const std::string& name : shm::object_names()) {
     if (cameras.contains(name)) continue;
@@ -120,8 +119,7 @@ std::string row_of(const std::string& name, const StatSnapshot& snapshot, const 
                      s.latency_p99_ms, s.lost_total, printable(h.solver));
 }
 
-// Shows a sample an interval: of a single name whichever daemon has it; else a row a camera, of all that run, for as
-// long as they are known.
+// Shows a sample per interval: of a single name across restarts, otherwise a row per running camera.
 void follow(const StatOptions& options, Cameras cameras) {
   const bool single = cameras.size() == 1;
   Display display(options);

@@ -21,7 +21,6 @@ bool is_set(const char* variable) {
   return value != nullptr && *value != '\0';
 }
 
-// The first `columns` characters.
 std::string cut(std::string_view line, int columns) {
   int letters = 0;
   for (std::size_t i = 0; i < line.size(); ++i) {
@@ -33,7 +32,7 @@ std::string cut(std::string_view line, int columns) {
 
 constexpr double kShown_s = 60.0;
 constexpr std::size_t kLeastColumns = 60;
-constexpr int kLabel = 9;  // characters before the bars, as in the table above them
+constexpr int kLabel = 9;  // characters before the bars, as in the table above
 constexpr int kMostBarRows = 4;
 constexpr double kNoFrame = std::numeric_limits<double>::quiet_NaN();
 
@@ -42,7 +41,7 @@ constexpr const char* kMagenta = "\x1b[35m";
 constexpr const char* kRed = "\x1b[1;31m";
 constexpr const char* kPlain = "\x1b[0m";
 
-// 1, 2 or 5 times a power of ten.
+// Rounds up to 1, 2 or 5 times a power of ten.
 double round_top(double value) {
   const double decade = std::pow(10.0, std::floor(std::log10(std::max(value, 1e-3))));
   for (const double factor : {1.0, 2.0, 5.0}) {
@@ -61,7 +60,7 @@ std::string in_colour(const std::string& text, const char* colour, bool wanted) 
   return wanted ? colour + text + kPlain : text;
 }
 
-// Frames lost in each interval: a digit, or + for ten and more.
+// Frames lost per interval: a digit, or + for ten and more.
 std::string loss_marks(std::span<const StatColumn> shown) {
   std::string out;
   for (const StatColumn& column : shown) {
@@ -83,8 +82,8 @@ StatColumn column_of(const StatSample& sample) {
           static_cast<std::uint64_t>(std::lround(lost))};
 }
 
-// Bars of eighths of a character from 0 to `top`, `rows` lines from the top down: no bar where a value is not finite,
-// at least an eighth where it is; those above the top end there.
+// Bars in eighths of a character from 0 to `top`, `rows` lines from the top down: none for non-finite values, otherwise
+// at least an eighth; clipped at `top`.
 std::vector<std::string> character_bars(std::span<const double> values, double top, int rows) {
   constexpr std::array<const char*, 9> kEighths{" ",      "\u2581", "\u2582", "\u2583", "\u2584",
                                                 "\u2585", "\u2586", "\u2587", "\u2588"};
@@ -100,15 +99,14 @@ std::vector<std::string> character_bars(std::span<const double> values, double t
   return lines;
 }
 
-// Of standard output; 80 by 24 where it is no terminal.
+// Of standard output; 80 by 24 if it is no terminal.
 TextSpace terminal_space() {
   winsize size{};
   if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) return {};
   return {size.ws_col, size.ws_row};
 }
 
-// A table of ended lines and lines below it, cut to what a terminal shows: first the table's end goes. Letters count
-// as one column each.
+// A table and lines below, clipped to the terminal (the table's end first). Each letter counts as one column.
 std::vector<std::string> fitted(const std::string& table, const std::vector<std::string>& below, TextSpace space) {
   std::vector<std::string> lines;
   for (std::size_t begin = 0; begin < table.size();) {
@@ -116,7 +114,7 @@ std::vector<std::string> fitted(const std::string& table, const std::vector<std:
     lines.push_back(cut(std::string_view(table).substr(begin, end - begin), space.columns));
     begin = end + 1;
   }
-  // The cursor stands in the line after the last one.
+  // The cursor occupies the line after the last one.
   const int room = space.rows - 1;
   const int of_table = std::max(0, room - static_cast<int>(below.size()));
   lines.resize(std::min(lines.size(), static_cast<std::size_t>(of_table)));
@@ -125,7 +123,7 @@ std::vector<std::string> fitted(const std::string& table, const std::vector<std:
   return lines;
 }
 
-// Text that draws `lines` over the `drawn` lines above the cursor without blanking them in between.
+// Text that draws `lines` over the `drawn` lines above the cursor, without blanking them first (no flicker).
 std::string redrawn(const std::vector<std::string>& lines, int drawn) {
   std::string out = drawn > 0 ? "\x1b[" + std::to_string(drawn) + "A\r" : "";
   for (const std::string& line : lines) out += line + "\x1b[K\n";
@@ -180,7 +178,7 @@ StatScreen::StatScreen() : colour_(!is_set("NO_COLOR")), space_(terminal_space()
 void StatScreen::show(const std::string& table, const StatHistory& history) {
   table_ = table;
   const auto lines_of_table = static_cast<int>(std::ranges::count(table, '\n'));
-  // On a low terminal the bars get four lines and the table is cut.
+  // On a low terminal the bars get four lines and the table is clipped.
   constexpr int kLeastHistory = 4;
   const TextSpace below{space_.columns, std::max(kLeastHistory, space_.rows - 1 - lines_of_table)};
   const std::vector<std::string> lines = fitted(table, history_lines(history, below, colour_), space_);
@@ -194,7 +192,7 @@ void StatScreen::follow_size(const StatHistory& history) {
   const TextSpace now = terminal_space();
   if (table_.empty() || (now.columns == space_.columns && now.rows == space_.rows)) return;
   space_ = now;
-  // Lines that have been broken stand anywhere.
+  // Resizing rewraps lines unpredictably: clear everything.
   std::fputs("\x1b[2J\x1b[H", stdout);
   drawn_ = 0;
   show(std::string(table_), history);

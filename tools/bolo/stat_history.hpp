@@ -1,4 +1,4 @@
-// The last minute of `bolo stat` as bars of characters: latency and losses, a column an interval.
+// The last minute of `bolo stat` as character bars: latency and losses, one column per interval.
 #pragma once
 
 #include <cstdint>
@@ -10,14 +10,13 @@
 
 namespace bolo::tools {
 
-// One interval's column.
 struct StatColumn {
-  double p50_ms = 0.0;  // not a number when no frame came
+  double p50_ms = 0.0;  // NaN if no frame came
   double p99_ms = 0.0;
-  std::uint64_t lost = 0;  // frames, by all causes
+  std::uint64_t lost = 0;  // frames, all causes
 };
 
-// At most a minute, and at least sixty columns. Thread: one at a time.
+// At most a minute, but at least sixty columns. Thread: one at a time.
 class StatHistory {
  public:
   explicit StatHistory(double interval_s);
@@ -36,19 +35,19 @@ struct TextSpace {
   int rows = 24;
 };
 
-// p99, p50 and losses with the scale of both, the newest at the right: lines of at most `columns` characters, at most
-// `rows` of them. Nothing where there is no room. Thread: any.
+// p99, p50 and losses with a common scale, newest at the right: at most `rows` lines of `columns` characters. Empty if
+// there is no room. Thread: any.
 std::vector<std::string> history_lines(const StatHistory& history, TextSpace space, bool colour);
 
-// The terminal that `bolo stat` draws on, one picture over the other.
+// The terminal that `bolo stat` redraws in place.
 class StatScreen {
  public:
-  // True if standard output is a terminal that can be drawn over.
+  // True if standard output is a terminal that supports it.
   static bool is_there();
 
   StatScreen();
   void show(const std::string& table, const StatHistory& history);
-  // Draws the last picture again when the terminal has got another size.
+  // Redraws the last content after a change of the terminal's size.
   void follow_size(const StatHistory& history);
 
  private:

@@ -1,4 +1,4 @@
-// `bolo usb`: lists and describes USB cameras, and watches them come and go.
+// `bolo usb`: lists, describes and watches USB cameras.
 #include <chrono>
 #include <cstdio>
 #include <string>
@@ -20,7 +20,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using usb::UsbDevice;
 
-// Ids have four digits each, so that 1:4 can only be a place.
+// Ids have four digits each, so 1:4 can only be BUS:ADDRESS.
 Result<usb::DeviceFilter> parse_device(const std::string& text) {
   if (auto ids = usb::parse_ids(text)) return ids;
   const std::size_t colon = text.find(':');

@@ -25,8 +25,7 @@ int stat_main(int argc, char** argv);
 int usb_main(int argc, char** argv);
 int view_main(int argc, char** argv);
 
-// Every effect of the simulator with its stage, keys and forms, and every fault of the fake camera with its keys: a
-// table, or one JSON array.
+// The simulator's effects with stage, keys and forms; the fake camera's faults with keys. A table or a JSON array.
 void print_effects(bool json);
 void print_faults(bool json);
 

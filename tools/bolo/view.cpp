@@ -34,7 +34,7 @@ struct ViewOptions {
   bool json = false;
 };
 
-// All that run, where none was named.
+// All running daemons if none is named.
 Result<std::vector<std::string>> choose_daemons(const std::vector<std::string>& named) {
   for (const std::string& name : named) {
     RETURN_IF_ERROR(shm::object_path(name));
@@ -85,8 +85,7 @@ std::string url_of(const ViewOptions& options, const view::Access& access) {
   std::string host = options.listen.empty() ? "localhost" : options.listen;
   if (host == "0.0.0.0" || host == "::") host = access.host_name;
   if (host.find(':') != std::string::npos) host = "[" + host + "]";
-  // A token that was given is not printed, for it is good for longer: output ends up in logs. One made for this run is
-  // known by nobody else.
+  // Does not print a given token: it stays valid, and output ends up in logs. A generated one is for this run only.
   const bool given = !options.token.empty() || !options.token_file.empty();
   return "http://" + host + ":" + std::to_string(access.port) + "/?token=" + (given ? "TOKEN" : access.token);
 }
@@ -101,7 +100,7 @@ void print_addresses(const ViewOptions& options, const std::string& name, const 
 }
 
 Status view_daemon(const ViewOptions& options) {
-  RETURN_IF_ERROR(within(options.port, "port", 0, UINT16_MAX));  // of its own type it would be the lower half
+  RETURN_IF_ERROR(within(options.port, "port", 0, UINT16_MAX));  // before the conversion drops the upper bits
   std::error_code ignored;
   if (!options.page.empty() && !std::filesystem::is_directory(options.page, ignored)) {
     return bad_input("--page " + options.page + ": there is no such folder");

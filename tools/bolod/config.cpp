@@ -54,13 +54,13 @@ constexpr Names<LogFormat, 3> kFormats{
 
 constexpr double kWatchGapS = 60.0;
 
-// Keys that take the place of a value of the profile when they are given.
+// Keys that override a value of the profile.
 struct Overrides {
   std::optional<double> rate_hz;
   std::optional<genicam::PixelOrder> pixel_order;
   std::optional<int> metadata_rows;
   std::optional<double> tau_s;
-  bool scene_nuc = false;  // by the profile, else
+  bool scene_nuc = false;  // otherwise by the profile
   bool watch_gap = false;
   std::vector<int> rows;
   double scale_k = 0.0;
@@ -294,7 +294,7 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
   return keys;
 }
 
-// Maps are large, and replaced as a whole.
+// Size and time of the maps file, which is large and always replaced as a whole.
 std::string stamp(const std::filesystem::path& file) {
   std::error_code error;
   const auto bytes = std::filesystem::file_size(file, error);
@@ -302,14 +302,14 @@ std::string stamp(const std::filesystem::path& file) {
   return error ? "" : std::to_string(bytes) + " " + std::to_string(time.time_since_epoch().count());
 }
 
-// Files that the configuration names change the daemon, too.
+// Changes of the profile and its maps count as changes of the configuration.
 void note_profile(DaemonConfig& config) {
   if (config.profile_file.empty()) return;
   config.texts.emplace("what the profile says", read_input(config.profile_file).value_or(""));
   if (!config.profile.maps.empty()) config.texts.emplace("the profile's maps", stamp(config.profile.maps));
 }
 
-// Profile first, then the keys that take its place.
+// Applies the profile first, then the keys that override it.
 Status apply_profile(const KeyTable& keys, DaemonConfig& config, const Overrides& overrides) {
   if (!config.profile_file.empty()) {
     ASSIGN_OR_RETURN(config.profile, at(keys.where("profile") + "profile", model::read_profile(config.profile_file)));
@@ -362,7 +362,7 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config, const Ov
   if (config.source == SourceType::kReplay && config.replay.file.empty()) {
     return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
   }
-  std::error_code none;  // of a name that no file can have
+  std::error_code none;  // of an impossible file name
   if (config.source == SourceType::kReplay && !std::filesystem::exists(config.replay.file, none)) {
     return here("source.file", "source.file: there is no " + config.replay.file.string());
   }

@@ -23,7 +23,7 @@
 namespace bolo::daemon {
 
 enum class SourceType {
-  kGenicam,  // a camera, or its fake, on the network
+  kGenicam,  // a camera on the network, or its fake
   kReplay,   // a capture file, in process
   kV4l2,     // a video device of the kernel
 };
@@ -37,9 +37,9 @@ struct ReplayOptions {
 inline constexpr std::string_view kShmGyro = "shm:";
 
 enum class LogFormat {
-  kAuto,     // kJournal when standard error leads to the journal, else kText
+  kAuto,     // kJournal if standard error is the journal, otherwise kText
   kText,     // time, level, message
-  kJournal,  // to the journal, with fields; "<6>message" on standard error where there is none
+  kJournal,  // to the journal, with fields; "<6>message" on standard error without a journal
 };
 
 struct LogOptions {
@@ -49,28 +49,27 @@ struct LogOptions {
 
 struct ControlOptions {
   bool enabled = true;
-  std::string socket;  // empty: at the default place (tools/bolod/control.hpp)
+  std::string socket;  // empty: default path (tools/bolod/control.hpp)
   unsigned mode = 0660;
 };
 
 struct MetricsOptions {
   bool enabled = false;
   std::string listen = "127.0.0.1:9464";
-  bool allow_remote = false;  // an address that other computers reach
+  bool allow_remote = false;  // allow an address that other computers can reach
 };
 
-// The sinks that a daemon may have, in the order of their sections in the file, in which they are served: another one
-// is a line in daemon.cpp. Thread: any.
+// The available sinks, in the order of their sections, which is that of service. Add one in daemon.cpp. Thread: any.
 std::vector<std::shared_ptr<pipeline::SinkSection>> sink_sections();
 
 struct DaemonConfig {
-  DaemonConfig();  // the defaults for an A655sc at 200 Hz
+  DaemonConfig();  // defaults for an A655sc at 200 Hz
 
-  std::filesystem::path file;                             // that it was read from
-  std::map<std::string, std::string, std::less<>> texts;  // its value for each key; of the profile's files, too
+  std::filesystem::path file;                             // source of this configuration
+  std::map<std::string, std::string, std::less<>> texts;  // value of each key; includes the profile's files
 
   std::string name = "camera";         // of the shared memory and in the log
-  std::filesystem::path profile_file;  // empty: `profile` as built in
+  std::filesystem::path profile_file;  // empty: built-in `profile`
   model::CameraProfile profile;
   SourceType source = SourceType::kGenicam;
   genicam::CameraOptions camera;
@@ -90,24 +89,23 @@ struct DaemonConfig {
   pipeline::SinkContext sink_context() const;
 };
 
-// Reads a configuration and the profile that it names, and checks its keys against each other. Anything wrong is bad
-// input: file, line and item. Thread: setup.
+// Reads and checks a configuration and its profile. Any fault is bad input: file, line and item. Thread: setup.
 Result<DaemonConfig> read_config(const std::filesystem::path& file);
 
-// --- Changes of a configuration that is read again by a running daemon.
+// --- Changes of the configuration while the daemon runs.
 
-// Keys that a running daemon takes up; all others need a restart. Thread: any.
+// Keys that take effect at run time; all others need a restart. Thread: any.
 std::vector<std::string> live_keys(const DaemonConfig& config);
 
 struct ConfigChange {
-  std::vector<std::string> live;     // changed keys that can be taken up
-  std::vector<std::string> restart;  // changed keys that cannot
+  std::vector<std::string> live;     // changed keys that take effect
+  std::vector<std::string> restart;  // changed keys that need a restart
 };
 
 // Thread: any.
 ConfigChange compare(const DaemonConfig& running, const DaemonConfig& read);
 
-// The complete commented default configuration. Thread: any.
+// The complete default configuration with comments. Thread: any.
 std::string document_config();
 
 }  // namespace bolo::daemon

@@ -26,8 +26,7 @@ namespace {
 
 constexpr RequestServer::Limits kLimits{.clients = 16, .patience_ms = 1000, .longest_request = 256};
 
-// With write permission to the folder another user could put a socket of his own there. In a folder such as /tmp, whose
-// files only their owners can take away, he can't.
+// With write permission to the folder another user could replace the socket, unless it is sticky (/tmp).
 Status check_folder(const std::string& folder) {
   struct stat status {};
   if (stat(folder.c_str(), &status) != 0) return {};  // bind() reports why
@@ -41,7 +40,7 @@ Status check_folder(const std::string& folder) {
                    folder + ", or set control.socket");
 }
 
-// A missing folder is made without write permission for others, regardless of the umask.
+// A missing folder is created without write permission for others, regardless of the umask.
 void make_folder(const std::filesystem::path& folder) {
   using std::filesystem::perms;
   std::error_code ignored;  // bind() reports why
@@ -55,7 +54,7 @@ bool is_listening(const sockaddr_un& address) {
   return connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
 }
 
-// Device and inode; zeros where there is nothing.
+// Device and inode; zeros if the path does not exist.
 std::pair<dev_t, ino_t> file_at(const std::string& path) {
   struct stat status {};
   return lstat(path.c_str(), &status) == 0 ? std::pair(status.st_dev, status.st_ino) : std::pair<dev_t, ino_t>();
@@ -93,7 +92,6 @@ std::string sink_json(const pipeline::SinkStatistics& sink) {
   return json.text();
 }
 
-// Of the sinks that are one group, a list.
 std::string sinks_json(const pipeline::Pipeline& pipeline, std::string_view group) {
   std::string list;
   for (const pipeline::FrameSink* sink : pipeline.sinks()) {
@@ -146,7 +144,7 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
   UniqueFd listener(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int fd = listener.get();
   if (fd < 0 || bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return cannot(path, errno);
-  // Not through a link: another user may have put one in the place of the folder or of the socket by now.
+  // Does not follow links: another user may have replaced the folder or the socket by one.
   if (fchmodat(AT_FDCWD, path.c_str(), static_cast<mode_t>(mode), AT_SYMLINK_NOFOLLOW) != 0 ||
       listen(fd, RequestServer::kBacklog) != 0)
     return cannot(path, errno);
@@ -158,7 +156,7 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
   }
 }
 
-// A request is a line.
+// A request is one line.
 ControlServer::ControlServer(std::string path, UniqueFd listener, Answer answer)
     : path_(std::move(path)),
       file_(file_at(path_)),
@@ -173,7 +171,7 @@ ControlServer::~ControlServer() {
   if (is_there()) unlink(path_.c_str());
 }
 
-// No other file has its number while it is listened to, even without a name.
+// The inode number stays unique while the socket is open, even without a name.
 bool ControlServer::is_there() const { return file_at(path_) == file_; }
 
 std::string state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline) {

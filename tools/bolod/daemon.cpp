@@ -55,9 +55,9 @@ Result<ComposedSource> make_replay(const ReplayOptions& options) {
 
 namespace event = pipeline::event;
 
-constexpr std::int64_t kRetryNs = 2'000'000'000;  // of what others took away, or have
-constexpr std::chrono::seconds kReadPatience{2};  // with the disk of the configuration
-constexpr timespec kPollPeriod{0, 100'000'000};   // how late a signal's or the source's end may be noticed
+constexpr std::int64_t kRetryNs = 2'000'000'000;  // for removed or occupied resources
+constexpr std::chrono::seconds kReadPatience{2};  // for reading the configuration from disk
+constexpr timespec kPollPeriod{0, 100'000'000};   // maximum delay until a signal or the source's end is noticed
 
 sigset_t our_signals() {
   sigset_t signals;
@@ -71,19 +71,16 @@ std::string_view name_of(int signal) {
   return signal == SIGTERM ? "SIGTERM" : "SIGINT";
 }
 
-// Memory that is locked is never given back.
+// Locked memory is never given back.
 void keep_memory_small() {
-  // Large blocks, such as a connection's frame buffers, go back to the system when they are freed. By itself the C
-  // library would keep them from the second connection on.
+  // Returns large freed blocks (a connection's buffers) to the system; glibc keeps them from the second connection on.
   constexpr int kLargeBytes = 128 << 10;
   mallopt(M_MMAP_THRESHOLD, kLargeBytes);
-  // A connection's threads would each be given an arena of their own, which stays. Nothing allocates while frames flow,
-  // so one is enough for all.
+  // One arena instead of a permanent one per thread of each connection: nothing allocates while frames flow.
   mallopt(M_ARENA_MAX, 1);
 }
 
-// Locks the program and its libraries whole, before other threads have stacks, which would be locked whole too. If it
-// is refused, lock_memory() reports that.
+// Locks the program before there are threads, whose stacks would be locked whole. lock_memory() reports a refusal.
 void lock_program() { mlockall(MCL_CURRENT); }
 
 rlim_t memory_limit() {
@@ -180,7 +177,7 @@ void ignore_signals() {
 struct Daemon::Impl {
   DaemonConfig config;
   std::shared_ptr<spdlog::logger> log;
-  std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;  // of make_sinks(); outlive the pipeline
+  std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;  // from make_sinks(); outlive the pipeline
   std::unique_ptr<Gyro> gyro;                               // outlives the pipeline; null: none
   genicam::GenicamSource* camera = nullptr;                 // owned by the pipeline
   replay::ReplaySource* replay = nullptr;                   // owned by the pipeline
@@ -191,13 +188,13 @@ struct Daemon::Impl {
   pipeline::PeriodChange period_change;
   Status result;  // of the pipeline; written before `ended`, read after the thread is joined
 
-  std::optional<Supervisor> supervisor;    // from create() on
-  std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others
+  std::optional<Supervisor> supervisor;    // set by create()
+  std::unique_ptr<ControlServer> control;  // this and the next are destroyed first: they query all others
   std::unique_ptr<RequestServer> metrics;
   std::int64_t next_metrics_try_ns = 0;
   std::int64_t next_control_check_ns = 0;
-  bool control_missed = false;                // and logged
-  std::future<Result<DaemonConfig>> reading;  // the file once more
+  bool control_missed = false;                // already logged
+  std::future<Result<DaemonConfig>> reading;  // reload of the file
 
   Status compose() {
     ASSIGN_OR_RETURN(ComposedSource source, make_source(config));
@@ -232,7 +229,7 @@ struct Daemon::Impl {
                                 [this](std::string_view request) { return answer(request); });
   }
 
-  // A place that was not asked for may fail: frames matter more than commands.
+  // A failure at the default path is only a warning: frames matter more than commands.
   Status listen() {
     if (config.control.socket.empty()) return {};
     auto made = make_control();
@@ -241,11 +238,11 @@ struct Daemon::Impl {
       return {};
     }
     if (config.control.socket != default_control_socket(config.name)) return tl::unexpected<Error>(made.error());
-    log->warn(made.error().message);  // the default place: not asked for
+    log->warn(made.error().message);  // default path: not requested
     return {};
   }
 
-  // Cleaners of temporary files remove sockets, too, and with them every command.
+  // Recreates the socket after a cleanup of temporary files has removed it.
   void keep_listening() {
     if (control == nullptr || monotonic_ns() < next_control_check_ns) return;
     next_control_check_ns = monotonic_ns() + kRetryNs;
@@ -260,7 +257,7 @@ struct Daemon::Impl {
     }
   }
 
-  // A taken port is tried again: frames matter more than metrics.
+  // Retries an occupied port: frames matter more than metrics.
   void serve_metrics() {
     if (!config.metrics.enabled || metrics != nullptr || monotonic_ns() < next_metrics_try_ns) return;
     const bool first = std::exchange(next_metrics_try_ns, monotonic_ns() + kRetryNs) == 0;
@@ -275,9 +272,9 @@ struct Daemon::Impl {
     }
   }
 
-  // On the control server's thread.
+  // Runs on the control server's thread.
   std::string answer(std::string_view request) const {
-    // May contain text of the camera, which need be no UTF-8.
+    // May contain text of the camera that is not UTF-8.
     const auto refused = [](const std::string& why) {
       shm::JsonMembers json;
       json.add("ok", false);
@@ -307,7 +304,7 @@ struct Daemon::Impl {
     service::notify_stopping();
   }
 
-  // Frames are solved with the period that the camera's own clock shows, once it is known to be another one.
+  // Adopts the frame period measured by the camera's clock once it clearly differs from the configured one.
   void follow_period() {
     const pipeline::SourceStatus* source = pipeline->stats().source;
     const double fresh_s = pipeline->stats().fresh_period_s.value();
@@ -322,7 +319,7 @@ struct Daemon::Impl {
               taken ? "so from now on" : "as before: " + taken.error().message, taken ? advice : "");
   }
 
-  // True when it asks for the end.
+  // True when the daemon should end.
   bool take_signal(OnHangup on_hangup) {
     const sigset_t signals = our_signals();
     const int signal = sigtimedwait(&signals, nullptr, &kPollPeriod);
@@ -333,7 +330,7 @@ struct Daemon::Impl {
     return true;
   }
 
-  // A file that is wrong changes nothing.
+  // An invalid file changes nothing.
   void reload() {
     service::notify_reloading();
     const Result<DaemonConfig> read = tried([this] { return read_again(); });
@@ -346,7 +343,7 @@ struct Daemon::Impl {
     service::notify_ready(read ? "read its file again" : "could not read its file again");
   }
 
-  // On a thread of its own, which a disk that hangs keeps; a file that still comes after that is not taken.
+  // Reads on a separate thread, which a hanging disk may block; a file that arrives too late is ignored.
   Result<DaemonConfig> read_again() {
     if (config.file.empty()) return bad_input("there is no file that could have changed");
     const auto comes_within = [this](std::chrono::seconds wait) {
@@ -381,8 +378,7 @@ struct Daemon::Impl {
     log_notice(*log, spdlog::level::info, {false, "reload: " + taken, event::kReload});
   }
 
-  // Locks the memory in use before frames flow, and with no limit also pages that are touched later: a limit could make
-  // later allocations fail.
+  // Locks the memory in use and, without a limit, pages touched later: with a limit, allocations could fail.
   void lock_memory() const {
     if (!config.lock_memory) return;
     const bool unlimited = memory_limit() == RLIM_INFINITY || geteuid() == 0;
@@ -420,7 +416,7 @@ Status Daemon::run(OnHangup on_hangup) {
   std::thread runner([&self] {
     try {
       self.result = self.pipeline->run(self.stop_requested);
-    } catch (const std::exception& e) {  // for want of memory or threads
+    } catch (const std::exception& e) {  // out of memory or threads
       self.result = failed("cannot go on: " + describe_exception(e));
     }
     self.ended.store(true, std::memory_order_release);  // partner: the load in watch()

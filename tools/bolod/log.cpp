@@ -4,7 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define SD_JOURNAL_SUPPRESS_LOCATION  // where in our code a message comes from is of no use to its reader
+#define SD_JOURNAL_SUPPRESS_LOCATION  // source locations are useless to the reader
 #include <systemd/sd-journal.h>
 
 #include <algorithm>
@@ -86,7 +86,7 @@ struct Entry {
   std::optional<pipeline::Notice> notice;
 };
 
-// Outlives the sink where its thread is held up.
+// Outlives the sink if its thread is blocked.
 struct Queue {
   std::shared_ptr<spdlog::sinks::sink> inner;
   std::size_t most = 0;
@@ -111,9 +111,8 @@ void log_dropped(spdlog::sinks::sink& to, std::uint64_t dropped) {
   to.flush();
 }
 
-// Of the thread.
 void write_all(Queue& queue) {
-  (void)rt::apply_to_this_thread({.name = "bolo-log"});  // a name alone is never refused
+  (void)rt::apply_to_this_thread({.name = "bolo-log"});  // setting only a name cannot fail
   std::unique_lock lock(queue.mutex);
   for (;;) {
     queue.changed.wait(lock, [&queue] { return queue.closing || !queue.waiting.empty(); });
@@ -171,8 +170,8 @@ class QueuedSink final : public spdlog::sinks::sink {
   }
 
  private:
-  // With the first message, not before: mlockall() has locked the memory by then without this thread's stack. While the
-  // system gives no thread, the caller writes.
+  // Started by the first message, not before: mlockall() has then locked the memory without this thread's stack. If no
+  // thread is available, the caller writes.
   void start() {
     try {
       std::thread([queue = queue_] { write_all(*queue); }).detach();
@@ -186,7 +185,7 @@ class QueuedSink final : public spdlog::sinks::sink {
   const std::chrono::milliseconds patience_;
 };
 
-// A message made printable: cameras and files contribute text.
+// The message made printable: cameras and files contribute text.
 class PrintableText final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& to) override {
@@ -214,7 +213,7 @@ spdlog::sink_ptr text_sink() {
   return sink;
 }
 
-// Without a journal the sink writes to standard error.
+// Without a journal, the sink writes to standard error.
 spdlog::sink_ptr journal_sink(const std::string& name) {
   if (journal_listens()) return make_journal_sink(name, send_to_journal);
   return make_journal_sink(name, [](const std::vector<iovec>&) { return -1; });
@@ -271,7 +270,7 @@ void write_to_stderr(std::string_view text, int patience_ms) {
   while (!text.empty()) {
     const int ready = poll(&event, 1, patience_ms);
     if (ready == 0) return;
-    // A pipe that is ready takes PIPE_BUF bytes without waiting.
+    // A writable pipe accepts PIPE_BUF bytes without blocking.
     const ssize_t done =
         ready < 0 ? -1 : ::write(STDERR_FILENO, text.data(), std::min<std::size_t>(text.size(), PIPE_BUF));
     if (done < 0 && errno != EINTR) return;

@@ -1,4 +1,4 @@
-// The log: messages on standard error or in systemd's journal, written by a thread of their own.
+// The log: messages to standard error or systemd's journal, written by a separate thread.
 #pragma once
 
 #include <sys/uio.h>
@@ -19,29 +19,29 @@
 
 namespace bolo::daemon {
 
-// A logger that writes one line or one entry of the journal a message, on a thread of its own: callers never wait.
-// `name`: of the daemon, a field in the journal. Thread: setup; the logger: any, but never the hot path.
+// Creates a logger that writes one line or journal entry per message on its own thread: callers never wait. `name`: of
+// the daemon, a field in the journal. Thread: setup; the logger: any, but never the hot path.
 std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::string& name);
 
-// --- systemd's journal: messages with fields that programs can ask for ---
+// --- systemd's journal: messages with structured fields ---
 
-// Hands the fields of one message on; negative: the journal did not take it. Thread: any.
+// Sends the fields of one message; negative: refused by the journal. Thread: any.
 using SendFields = std::function<int(const std::vector<iovec>& fields)>;
 
-// Standard error is the journal (JOURNAL_STREAM names it), as for a service. Thread: any.
+// True if standard error is the journal (JOURNAL_STREAM), as for a service. Thread: any.
 bool stderr_is_journal();
 
-// A journal listens on this computer. Thread: any.
+// True if a journal listens on this computer. Thread: any.
 bool journal_listens();
 
-// Writes MESSAGE, PRIORITY, SYSLOG_IDENTIFIER=bolod, BOLO_NAME and, of a notice, BOLO_EVENT and its counts in capitals
+// Writes MESSAGE, PRIORITY, SYSLOG_IDENTIFIER=bolod, BOLO_NAME and, for a notice, BOLO_EVENT and its counts in capitals
 // (BOLO_LOST_MISSING=3). Messages refused by the journal go to standard error as "<6>message". Thread: any.
 std::shared_ptr<spdlog::sinks::sink> make_journal_sink(std::string name, SendFields send);
 
 // sd_journal_sendv(3). Thread: any.
 int send_to_journal(const std::vector<iovec>& fields);
 
-// While it lives, the notice, or none, is what this thread logs. spdlog itself carries text only. Thread: any.
+// While it lives, `notice` (null: none) goes with this thread's messages, as spdlog carries text only. Thread: any.
 class NoticeOnThisThread {
  public:
   explicit NoticeOnThisThread(const pipeline::Notice* notice);
@@ -52,21 +52,20 @@ class NoticeOnThisThread {
 // Null: none.
 const pipeline::Notice* notice_on_this_thread();
 
-// Logs a notice; sinks that know fields write its event and counts, too. Thread: any.
+// Logs a notice; sinks with fields also write its event and counts. Thread: any.
 void log_notice(spdlog::logger& log, spdlog::level::level_enum level, const pipeline::Notice& notice);
 
-// --- the queue: a journal, terminal or pipe that takes nothing keeps nobody waiting ---
+// --- Queue: a blocked journal, terminal or pipe never blocks a caller ---
 
-// Hands messages, each with the notice that log_notice() is logging, to `inner` on a thread that the first one starts.
-// Logging never waits. Beyond `most` that wait they are dropped, and their number is logged once `inner` takes messages
-// again. Its end waits for what is left, but not longer than `patience`. Thread: any.
+// Passes messages, each with its notice from log_notice(), to `inner` on a thread started by the first message. Logging
+// never waits. More than `most` pending messages are dropped; their number is logged once `inner` accepts messages
+// again. The destructor waits for pending ones for at most `patience`. Thread: any.
 std::shared_ptr<spdlog::sinks::sink> make_queued_sink(std::shared_ptr<spdlog::sinks::sink> inner,
                                                       std::size_t most = 1000,
                                                       std::chrono::milliseconds patience = std::chrono::seconds(1));
 
-// Onto standard error past stdio, whose lock a thread that hangs there (a pipe that nobody reads) would hold: the end
-// of the program takes that lock. What standard error does not take in time is dropped; -1: it is waited for. Thread:
-// any.
+// Writes to standard error without stdio, whose lock a thread blocked there (on a pipe that nobody reads) would hold,
+// and which the program's exit needs. What is not accepted within patience_ms is dropped; -1: waits. Thread: any.
 void write_to_stderr(std::string_view text, int patience_ms);
 
 }  // namespace bolo::daemon

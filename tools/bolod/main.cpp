@@ -1,4 +1,4 @@
-// `bolod`: the daemon. One instance a camera.
+// `bolod`: the daemon. One instance per camera.
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -20,7 +20,7 @@ namespace {
 constexpr int kExitDone = 0;
 constexpr int kExitFailed = 1;
 constexpr int kExitUsage = 2;
-constexpr int kPatience_ms = 1000;  // with a reader of the last line, which is to hold up no restart
+constexpr int kPatience_ms = 1000;  // for writing the last line, so that a blocked reader does not delay a restart
 
 cxxopts::Options bolod_options() {
   cxxopts::Options options("bolod", "Deblurs a thermal camera's frames and hands them to other programs.");
@@ -38,14 +38,14 @@ int report(const bolo::Error& error) {
   return error.exit_code();
 }
 
-// The file is right, but what it names is not there, or another program has it. That may pass: to a service manager it
-// is no bad input (2), after which it would not try again.
+// The file is valid, but a resource that it names is missing or in use. That may be temporary, so a service manager
+// gets exit code 1: after 2 (bad input) it would not restart.
 int report_start(const bolo::Error& error) {
   const int exit_code = report(error);
   return std::getenv("NOTIFY_SOCKET") == nullptr ? exit_code : kExitFailed;
 }
 
-// Standard output may be a file: on a full disk that is a failure.
+// A failure to write standard output (full disk) is an error.
 int printed() {
   std::cout.flush();
   if (std::cout.good() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return kExitDone;
@@ -58,14 +58,14 @@ int usage(const std::string& what) {
 }
 
 int run(const std::string& file, bool check_only) {
-  if (!check_only) bolo::daemon::end_by_signals();  // the disk of the file may hang
+  if (!check_only) bolo::daemon::end_by_signals();  // the file's disk may hang
   const bolo::Result<bolo::daemon::DaemonConfig> config = bolo::daemon::read_config_to_run(file);
   if (!config) return report(config.error());
   if (check_only) {
     std::printf("%s: ok\n", bolo::printable(file).c_str());
     return printed();
   }
-  bolo::daemon::block_signals();  // a signal during set-up waits for the watch, and still ends in good order
+  bolo::daemon::block_signals();  // a signal during set-up stays pending for run(), which ends cleanly
   const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log, config->name));
   if (!daemon) return bolo::daemon::end_requested() ? kExitDone : report_start(daemon.error());
   const bolo::Status status = (*daemon)->run(bolo::daemon::OnHangup::kReload);
@@ -98,7 +98,7 @@ int main(int argc, char** argv) {
     return run(parsed["config"].as<std::string>(), parsed.count("check-config") != 0);
   } catch (const cxxopts::exceptions::exception& e) {
     return usage(e.what());
-  } catch (const std::exception& e) {  // for want of memory or threads
+  } catch (const std::exception& e) {  // out of memory or threads
     return report({bolo::ErrorKind::kFailed, "cannot go on: " + bolo::describe_exception(e)});
   }
 }

@@ -29,10 +29,10 @@ constexpr double kSecondsPerNs = 1e-9;
 constexpr double kSecondsPerMs = 1e-3;
 constexpr double kZeroCelsius = 273.15;
 
-// Families in the order in which they are begun.
+// Metric families in the order of their begin().
 class Families {
  public:
-  // Goes on with the family when it was begun before. Names in _total are counters.
+  // Starts a family, or continues an existing one. Names in _total are counters.
   void begin(std::string_view name, std::string_view help, MetricType others = MetricType::Gauge) {
     const auto found =
         std::find_if(families_.begin(), families_.end(), [name](const auto& f) { return f.name == name; });
@@ -61,7 +61,7 @@ class Families {
     metric.label = std::move(labels);
     return metric;
   }
-  // Two buckets an octave of the eight that are counted, from 64 us to 1 s: enough to see a percentile move.
+  // Two of the eight counted buckets per octave, from 64 us to 1 s: enough to see a percentile move.
   static ClientMetric::Histogram convert(const rt::LatencyHistogram& source) {
     constexpr std::size_t kFirst = 31;  // its upper edge is 64 us
     constexpr std::size_t kLast = 143;  // 1.05 s
@@ -87,7 +87,7 @@ void add_information(const MetricsView& view, Families& to) {
   const pipeline::SourceInfo& source = view.pipeline.source();
   to.begin("bolo_build_info", "The program; always 1");
   to.value(1.0, {{"version", BOLO_VERSION}});
-  // Prometheus refuses the whole answer where a label is no UTF-8.
+  // Prometheus rejects the whole scrape if a label is not UTF-8.
   to.begin("bolo_stream_info", "Who deblurs what, and how; always 1");
   to.value(1.0, {{"name", view.name},
                  {"camera_model", printable(source.camera_model)},
@@ -104,7 +104,7 @@ double metric_value(const pipeline::CounterRow<Source>& row, std::uint64_t word)
   return static_cast<double>(word) * row.metric_scale;
 }
 
-// Read from the last row to the first: counters derived from other frames' are then never larger than these.
+// Reads from the last row to the first, so that derived counters never exceed those they derive from.
 template <typename Source, std::size_t N>
 void add_rows(const std::array<pipeline::CounterRow<Source>, N>& rows, const Source& source, Families& to) {
   std::array<std::vector<std::uint64_t>, N> words;
@@ -123,7 +123,7 @@ void add_rows(const std::array<pipeline::CounterRow<Source>, N>& rows, const Sou
   }
 }
 
-// 1 for the one of an enumeration's values that holds now.
+// 1 for the enumeration's current value, 0 for the others.
 template <typename Enum>
 void add_choice(const char* metric, const char* help, const char* label, std::size_t count, Enum now, Families& to) {
   to.begin(metric, help);
@@ -166,7 +166,7 @@ void add_camera(const pipeline::SourceStatus& source, Families& to) {
   }
 }
 
-// Sinks of a kind share the families of their numbers.
+// Sinks of the same kind share metric families.
 void add_sinks(std::span<pipeline::FrameSink* const> sinks, Families& to) {
   for (const pipeline::FrameSink* sink : sinks) {
     const pipeline::SinkStatistics statistics = sink->statistics();
@@ -202,7 +202,7 @@ std::string http_answer(const std::string& status, const std::string& body) {
          std::to_string(body.size()) + "\r\nConnection: close\r\n\r\n" + body;
 }
 
-// Nothing: the headers have not ended yet.
+// Nothing: the headers are incomplete.
 std::optional<std::string> answer_to(std::string_view received, const CollectMetrics& collect) {
   if (received.find("\r\n\r\n") == std::string_view::npos) return std::nullopt;
   if (!received.starts_with("GET ")) return http_answer("405 Method Not Allowed", "only GET is understood\n");

@@ -1,4 +1,4 @@
-// The daemon's numbers as Prometheus knows them; names and units follow its conventions.
+// The daemon's metrics for Prometheus; names and units follow its conventions.
 #pragma once
 
 #include <functional>
@@ -20,19 +20,19 @@ namespace bolo::daemon {
 struct MetricsView {
   const std::string& name;
   const pipeline::Pipeline& pipeline;
-  const rt::Gauge<bool>& flows;  // as given to the watchdog
+  const rt::Gauge<bool>& flows;  // as reported to the watchdog
 };
 
-// Reads counters that are kept anyway: nothing is spent on it between scrapes. Thread: any.
+// Reads existing counters: costs nothing between scrapes. Thread: any.
 std::vector<prometheus::MetricFamily> collect_metrics(const MetricsView& view);
 
 // --- Answers Prometheus' scrapes over HTTP.
 
-// An address and port; of another computer's reach only where that is allowed. Thread: any.
+// Checks for an address and port; reachable from other computers only if allowed. Thread: any.
 Status check_listen(const MetricsOptions& options);
 
-// Serves /metrics; `collect` collects the metrics for a scrape, on the server's thread. An address that another program
-// has, or no interface, is a failure. Thread: setup.
+// Serves /metrics; `collect` collects the metrics for a scrape, on the server's thread. kFailed: an address in use, or
+// of no interface. Thread: setup.
 using CollectMetrics = std::function<std::vector<prometheus::MetricFamily>()>;
 Result<std::unique_ptr<RequestServer>> metrics_server(const MetricsOptions& options, CollectMetrics collect);
 

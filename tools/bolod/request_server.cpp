@@ -20,19 +20,19 @@
 namespace bolo::daemon {
 namespace {
 
-constexpr int kNoRoomPause_ms = 100;  // where the process has no descriptor left for a client
-constexpr int kPoll_ms = 100;         // for the end, where no event could be made to signal it
+constexpr int kNoRoomPause_ms = 100;  // when the process has no descriptor left for a client
+constexpr int kPoll_ms = 100;         // for the end, if there is no event to signal it
 
 struct Client {
   UniqueFd socket;
   std::int64_t deadline_ns;
   std::string received{};
-  std::string answer{};  // what is left of it to be sent
+  std::string answer{};  // remaining bytes to send
 };
 
 bool passing(int error) { return error == EAGAIN || error == EINTR || error == ECONNABORTED; }
 
-// False: the client has all, or takes no more.
+// False: the client has everything, or accepts no more.
 bool send_rest(Client& client) {
   const ssize_t sent = send(client.socket.get(), client.answer.data(), client.answer.size(), MSG_NOSIGNAL);
   if (sent < 0) return passing(errno);
@@ -72,7 +72,7 @@ struct RequestServer::Impl {
     }
   }
 
-  // Until the first client's time is over, or there may be descriptors again.
+  // Time until the first client's deadline, or until descriptors may be available again.
   int wait_ms() const {
     std::int64_t until_ns = monotonic_ns() < no_room_until_ns ? no_room_until_ns : INT64_MAX;
     if (!stop) until_ns = std::min(until_ns, monotonic_ns() + std::int64_t{kPoll_ms} * kNsPerMs);
@@ -81,7 +81,7 @@ struct RequestServer::Impl {
     return static_cast<int>(std::max<std::int64_t>(0, until_ns - monotonic_ns()) / kNsPerMs + 1);
   }
 
-  // Requests are read before clients whose time is over are closed: an answer to another may have taken their time.
+  // Reads requests before closing expired clients: an answer to another client may have used up their time.
   void attend(const std::vector<pollfd>& events) {
     std::vector<Client> stay;
     for (std::size_t i = 0; i < clients.size(); ++i) {
@@ -111,7 +111,7 @@ struct RequestServer::Impl {
     for (std::size_t i = 0; i < limits.clients; ++i) {
       UniqueFd socket(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
       if (!socket) {
-        // The listener stays readable meanwhile: without a pause this would turn for ever.
+        // The listener stays readable meanwhile: without a pause this would be a busy loop.
         if (!passing(errno)) no_room_until_ns = monotonic_ns() + std::int64_t{kNoRoomPause_ms} * kNsPerMs;
         return;
       }
@@ -125,7 +125,7 @@ struct RequestServer::Impl {
   std::atomic<bool> ending{false};
   Limits limits;
   Answer answer;
-  std::vector<Client> clients{};  // the oldest first
+  std::vector<Client> clients{};  // oldest first
   std::int64_t no_room_until_ns = 0;
   std::thread thread{};
 };

@@ -12,22 +12,22 @@
 
 namespace bolo::daemon {
 
-// Serves its clients side by side on a thread of its own, apart from the frames' way. A client that sends nothing, or
-// does not read, is closed in time; where all places are taken, the oldest is closed.
+// Serves clients concurrently on its own thread, apart from the frame path. A client that sends nothing or does not
+// read is closed after a timeout; when all places are taken, the oldest is closed.
 class RequestServer {
  public:
   static constexpr int kBacklog = 64;  // of the listener
   struct Limits {
     std::size_t clients = 16;
-    int patience_ms = 1000;              // with a request, and with an answer
+    int patience_ms = 1000;              // for a request, and for an answer
     std::size_t longest_request = 4096;  // bytes
   };
-  // Returns the answer to a whole request; nothing when there is more to come. Thread: the server's.
+  // Returns the answer to a complete request; nothing when it is incomplete. Thread: the server's.
   using Answer = std::function<std::optional<std::string>(std::string_view received)>;
 
-  // `listener` listens, and does not block. Thread: setup.
+  // `listener` must be listening and non-blocking. Thread: setup.
   RequestServer(UniqueFd listener, const Limits& limits, Answer answer);
-  // Ends the thread, once it has answered.
+  // Ends the thread after its current answer.
   ~RequestServer();
 
  private:

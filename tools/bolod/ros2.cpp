@@ -16,13 +16,13 @@
 namespace bolo::daemon {
 namespace {
 
-constexpr std::int64_t kPauseNs = 2'000'000'000;    // from one start to the next
-constexpr std::int64_t kStableNs = 60'000'000'000;  // after which an end is logged again
+constexpr std::int64_t kPauseNs = 2'000'000'000;    // between starts
+constexpr std::int64_t kStableNs = 60'000'000'000;  // run time after which an end is logged again
 constexpr timespec kPoll{0, 10'000'000};
-constexpr int kPolls = 100;  // within which it ends by itself
+constexpr int kPolls = 100;  // time to end by itself
 constexpr double kMostDomain = 232.0;
 
-// Beside this program (as built) or where the package has it; empty: neither.
+// Beside this program (build folder) or installed; empty: neither.
 std::filesystem::path program() {
   std::error_code error;
   const std::filesystem::path folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
@@ -58,7 +58,7 @@ Ros2Process::Ros2Process(const Ros2Options& options, const std::string& name) {
   words_ = {program().string(), "--with-parent", "--domain", std::to_string(options.domain)};
   if (options.kelvin) words_.emplace_back("--kelvin");
   if (!options.frame_id.empty()) words_.push_back("--frame-id=" + options.frame_id);
-  words_.insert(words_.end(), {"--", name});  // which may begin with a '-'
+  words_.insert(words_.end(), {"--", name});  // may begin with a '-'
 }
 
 Ros2Process::~Ros2Process() {
@@ -88,7 +88,7 @@ void Ros2Process::poll(const std::function<void(const std::string&)>& warn) {
   if (started_ns_ == 0 || now - started_ns_ >= kPauseNs) start(warn);
 }
 
-// Without fork(): that would have the deblurring threads fault on every page they write to.
+// Without fork(), after which the deblurring threads would fault on every page that they write.
 void Ros2Process::start(const std::function<void(const std::string&)>& warn) {
   started_ns_ = monotonic_ns();
   std::vector<char*> arguments;
@@ -97,7 +97,7 @@ void Ros2Process::start(const std::function<void(const std::string&)>& warn) {
   posix_spawnattr_t attributes{};
   posix_spawnattr_init(&attributes);
   sigset_t none;
-  sigemptyset(&none);  // the daemon blocks what ends it
+  sigemptyset(&none);  // the daemon blocks the signals that end it
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
   const int error = posix_spawn(&pid_, words_.front().c_str(), nullptr, &attributes, arguments.data(), environ);

@@ -1,5 +1,4 @@
-// [ros2]: the program bolo-ros2, which hands the daemon's frames to ROS 2. It runs beside the daemon, not in it: no
-// network traffic to DDS stops frames.
+// [ros2]: bolo-ros2 publishes frames to ROS 2, in a separate process, so that DDS traffic cannot stop frames.
 #pragma once
 
 #include <sys/types.h>
@@ -22,25 +21,25 @@ struct Ros2Options {
 
   // Thread: any.
   void declare(model::KeyTable& keys);
-  // kBadInput where bolo-ros2 is not installed. Thread: any.
+  // kBadInput if bolo-ros2 is not installed. Thread: any.
   Status check(const model::KeyTable& keys, bool has_shared_memory) const;
 };
 
-// Runs it, and again when it ended. Thread: main.
+// Runs bolo-ros2, and restarts it when it has ended. Thread: main.
 class Ros2Process {
  public:
   Ros2Process(const Ros2Options& options, const std::string& name);
   Ros2Process(const Ros2Process&) = delete;
   Ros2Process& operator=(const Ros2Process&) = delete;
-  ~Ros2Process();  // ends it
+  ~Ros2Process();  // terminates the process
 
-  // Starts it where it does not run; `warn` hears of an end that was not asked for, once until it runs for a while.
+  // Starts the process if it does not run; reports an unexpected end by `warn`, once until it has run for a while.
   void poll(const std::function<void(const std::string&)>& warn);
 
  private:
   void start(const std::function<void(const std::string&)>& warn);
 
-  std::vector<std::string> words_;  // empty: not asked for
+  std::vector<std::string> words_;  // empty: disabled
   pid_t pid_ = -1;
   std::int64_t started_ns_ = 0;
   bool warned_ = false;

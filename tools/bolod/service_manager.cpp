@@ -7,9 +7,9 @@
 namespace bolo::daemon::service {
 namespace {
 
-constexpr std::int64_t kFeedsAPeriod = 4;  // one that comes late then harms nothing
+constexpr std::int64_t kFeedsAPeriod = 4;  // tolerates a late one
 
-// The result is ignored: a daemon without a service manager does the same work.
+// The result is ignored: the daemon works the same without a service manager.
 void notify(const std::string& state) { sd_notify(0, state.c_str()); }
 
 }  // namespace

@@ -54,7 +54,7 @@ std::jthread guard_setup(std::chrono::milliseconds grace) {
   try {
     return std::jthread([grace](const std::stop_token& over) { watch(over, grace); });
   } catch (const std::system_error&) {
-    return {};  // whatever needs threads reports it
+    return {};  // whatever needs threads will report it
   }
 }
 

@@ -18,12 +18,12 @@ namespace event = pipeline::event;
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 constexpr std::int64_t kLossNoticeNs = 10 * kSecondNs;
 constexpr double kPatiencePeriods = 20.0;
-constexpr std::int64_t kPatienceNs = 2 * kSecondNs;         // with our own threads
-constexpr std::int64_t kSourcePatienceNs = 30 * kSecondNs;  // opening a lost camera takes its time
+constexpr std::int64_t kPatienceNs = 2 * kSecondNs;         // for our own threads
+constexpr std::int64_t kSourcePatienceNs = 30 * kSecondNs;  // reopening a lost camera takes its time
 constexpr double kSpareFrames = 2.0;
-constexpr std::int64_t kLinePeriodNs = kSecondNs;  // from one line for `systemctl status` to the next
+constexpr std::int64_t kLinePeriodNs = kSecondNs;  // between status lines for `systemctl status`
 
-// "3 missing, 1 queue_full"; "none" when there is none.
+// "3 missing, 1 queue_full"; "none" if all are zero.
 std::string describe_losses(const LossCounts& losses) {
   std::string words;
   for (std::size_t i = 0; i < kLossCauses; ++i) {
@@ -33,7 +33,7 @@ std::string describe_losses(const LossCounts& losses) {
   return words.empty() ? "none" : words;
 }
 
-// Adds those that are not zero to the notice's counts, as "lost_missing".
+// Adds the nonzero ones to the notice's counts, as "lost_missing".
 void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice) {
   for (std::size_t i = 0; i < kLossCauses; ++i) {
     if (losses[i] > 0) notice.counts.emplace_back("lost_" + std::string(name(static_cast<LossCause>(i))), losses[i]);
@@ -54,7 +54,6 @@ std::string describe_camera(const pipeline::SourceStatus* source) {
   return "camera " + std::string(name(state)) + "; ";
 }
 
-// Logged while it lasts.
 std::string describe_quality(pipeline::QualityLevel effort) {
   return effort == pipeline::QualityLevel::kFull ? "" : "overloaded, deblurring is " + std::string(name(effort)) + "; ";
 }
@@ -113,7 +112,7 @@ void Health::check_losses(const Snapshot& now, std::vector<pipeline::Notice>& no
   last_loss_notice_ns_ = now.now_ns;
 }
 
-// The end of an overload is logged once nothing of it was seen for as long as its notices are apart.
+// The end of an overload is logged after no overload for the interval between its notices.
 void Health::check_quality(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
   if (now.now_ns - last_effort_notice_ns_ < kLossNoticeNs) return;
   std::string words;
@@ -150,7 +149,7 @@ std::string FlowWatch::check(const Signs& signs) {
   if (signs.now_ns - signs.polled_ns > kPatienceNs) {
     return "the pipeline has not moved for " + for_how_long(signs.polled_ns);
   }
-  if (signs.now_ns - received_.since_ns <= patience_ns_) {  // frames come
+  if (signs.now_ns - received_.since_ns <= patience_ns_) {  // frames arrive
     if (signs.now_ns - handled_.since_ns <= patience_ns_) return {};
     return "frames come, but none was published for " + for_how_long(handled_.since_ns);
   }
@@ -227,7 +226,7 @@ Signs Supervisor::signs(std::int64_t now_ns) const {
   return signs;
 }
 
-// Only while frames really flow, or the source gives the reason why they don't.
+// Feeds the watchdog only while frames flow, or the source reports why they don't.
 void Supervisor::feed_watchdog(std::int64_t now_ns) {
   std::string trouble = flow_.check(signs(now_ns));
   flows_.set(trouble.empty());

@@ -1,5 +1,5 @@
-// Health of a running daemon: notices for the log (changes of state, not single frames), and the check that frames
-// flow; the main thread monitors it, for the log and the service manager.
+// Health of a running daemon, polled by the main thread: notices for the log (changes of state, not single frames), and
+// the check for the service manager that frames flow.
 #pragma once
 
 #include <array>
@@ -28,23 +28,21 @@ using QualityCounts = std::array<std::uint64_t, pipeline::kQualityLevels>;
 // Thread: any.
 QualityCounts quality_counts(const pipeline::PipelineStats& stats);
 
-// State of the pipeline at one moment.
 struct Snapshot {
   std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
   std::uint64_t received = 0;  // frames
   LossCounts losses{};
-  bool watched = false;  // the source itself reports when frames stop and come back
+  bool watched = false;  // the source itself reports when frames stop and resume
   QualityCounts by_effort{};
 };
 
 // Turns a series of snapshots into notices. Thread: one at a time.
 class Health {
  public:
-  // `frame_period_s` decides how long without a frame is too long.
+  // `frame_period_s` determines how long without a frame is too long.
   explicit Health(double frame_period_s, std::int64_t start_ns);
 
-  // At a few calls a second. Lost frames and overload are logged at most every 10 s, so that a bad link or a slow
-  // machine does not flood the log.
+  // Call a few times per second. Lost frames and overload are logged at most every 10 s, so as not to flood the log.
   std::vector<pipeline::Notice> poll(const Snapshot& now);
 
  private:
@@ -67,28 +65,26 @@ class Health {
 // State of pipeline and source at one moment. Times: CLOCK_MONOTONIC.
 struct Signs {
   std::int64_t now_ns = 0;
-  std::int64_t polled_ns = 0;   // when the pipeline thread last polled for a frame; 0: it does not run yet
+  std::int64_t polled_ns = 0;   // last poll of the pipeline thread for a frame; 0: not running yet
   std::uint64_t received = 0;   // frames that reached the queue
-  std::uint64_t handled = 0;    // frames published, or dropped as repeats of the one before
+  std::uint64_t handled = 0;    // frames published, or dropped as repeats
   bool watched = false;         // the source monitors a camera and reports its state:
-  bool streams = false;         // it reports that the camera streams
-  std::int64_t watched_ns = 0;  // when it last checked
+  bool streams = false;         // the camera streams
+  std::int64_t watched_ns = 0;  // last check of the camera
 };
 
-// All is well while frames that come are published, or while none comes and the source reports the cause: its camera
-// stalls, is lost or does a NUC, and is being monitored. A source that is not monitored has no frame due when none
-// comes. Thread: one at a time.
+// Healthy: arriving frames are published, or none arrives and a monitored source reports why (its camera stalls, is
+// lost or does a NUC). For an unmonitored source, no frame is due when none arrives. Thread: one at a time.
 class FlowWatch {
  public:
-  // stall_ns: after such a silence a monitored source reports that its camera stalls. lookahead: frames that come
-  // before the first is published.
+  // stall_ns: silence after which a monitored source reports a stall. lookahead: frames before the first publication.
   FlowWatch(double frame_period_s, int lookahead, std::int64_t stall_ns, std::int64_t start_ns);
 
-  // The fault, empty when all is well. At several calls a second.
+  // Returns the fault; empty when healthy. Call several times per second.
   std::string check(const Signs& signs);
 
  private:
-  // A number that should rise, and when it last did.
+  // A number that should rise, and the time of its last change.
   struct Progress {
     std::uint64_t value = 0;
     std::int64_t since_ns = 0;
@@ -98,7 +94,7 @@ class FlowWatch {
       since_ns = now_ns;
     }
   };
-  const std::int64_t patience_ns_;  // from a frame's arrival to its being published
+  const std::int64_t patience_ns_;  // from a frame's arrival to its publication
   const std::int64_t stall_ns_;
   Progress received_;
   Progress handled_;
@@ -106,12 +102,12 @@ class FlowWatch {
 
 // --- Monitors the running daemon from the main thread, for the log and the service manager.
 
-// Rate and latency of the time since the last line, losses since the start. Thread: one at a time.
+// Rate and latency since the last line, losses since the start. Thread: one at a time.
 class StatusLine {
  public:
   explicit StatusLine(std::int64_t start_ns) : before_ns_(start_ns) {}
 
-  // "200.0 frames/s, latency p50 0.61 ms, p99 0.92 ms; lost: none", with the camera's state before it when it does not
+  // "200.0 frames/s, latency p50 0.61 ms, p99 0.92 ms; lost: none", preceded by the camera's state if it does not
   // stream. now_ns: CLOCK_MONOTONIC.
   std::string next(const pipeline::PipelineStats& stats, std::int64_t now_ns);
 
@@ -122,10 +118,10 @@ class StatusLine {
   Counts latency_{};
 };
 
-// Thread: one at a time, but for flows().
+// Thread: one at a time, except flows().
 class Supervisor {
  public:
-  // All outlive it. stall_ms: of the source, as it was asked for.
+  // All must outlive it. stall_ms: configured value of the source.
   struct Subject {
     spdlog::logger& log;
     pipeline::Pipeline& pipeline;
@@ -133,12 +129,12 @@ class Supervisor {
   };
   explicit Supervisor(const Subject& subject);
 
-  // At some ten calls a second: sends readiness, status and watchdog to the service manager, and events to the log.
+  // Call about ten times per second. Notifies the service manager (readiness, status, watchdog); logs events.
   void poll();
   // Logs the last events and the totals, after the pipeline has ended.
   void log_end();
 
-  // The watchdog gets signs of life. Thread: any.
+  // True while the watchdog is fed. Thread: any.
   const rt::Gauge<bool>& flows() const noexcept { return flows_; }
 
  private:
@@ -157,7 +153,7 @@ class Supervisor {
   service::Watchdog watchdog_;
   std::int64_t next_line_ns_ = 0;
   bool ready_ = false;   // the service manager was notified
-  std::string trouble_;  // reason for which the watchdog was not fed at the last poll
+  std::string trouble_;  // reason why the watchdog was not fed at the last poll
   rt::Gauge<bool> flows_{true};
 };
 

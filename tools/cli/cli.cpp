@@ -28,13 +28,13 @@ static_assert(std::atomic<bool>::is_always_lock_free, "the signal handler stores
 
 std::string g_program = "bolo";
 
-// cxxopts names the value that it cannot read, not the option: "--frames: ", of the one before it.
+// cxxopts reports the unreadable value but not its option: returns "--frames: ", the option before it.
 std::string option_of(const std::string& message, int argc, char** argv) {
   const std::string before = "Argument " + cxxopts::LQUOTE;
   const std::string after = cxxopts::RQUOTE + " failed to parse";
   if (!message.starts_with(before) || !message.ends_with(after)) return {};
   const std::string value = message.substr(before.size(), message.size() - before.size() - after.size());
-  // Whole, or one of a list: a part of another option's value is none of it.
+  // A whole value or an element of a list, not part of another option's value.
   const auto has_value = [&value](const std::string& given) {
     return ("," + given + ",").find("," + value + ",") != std::string::npos;
   };
@@ -72,7 +72,7 @@ void print_usage(const Program& program, std::span<const Verb> verbs, std::FILE*
   }
 }
 
-// Output may have gone to a file on a full disk: that is a failure, too.
+// A failure to write standard output (full disk) is an error.
 int printed(const std::string& who, int code) {
   std::cout.flush();
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good()) return code;
@@ -81,7 +81,7 @@ int printed(const std::string& who, int code) {
   return code == kExitDone ? kExitFailed : code;
 }
 
-// An exception of a library, for want of memory or threads, becomes an error message and exit code instead of an abort.
+// Exceptions of libraries (out of memory or threads) become an error message and exit code instead of an abort.
 int guarded(const std::string& program, const Verb& verb, int argc, char** argv) {
   try {
     grow_stack();
@@ -167,7 +167,7 @@ void catch_interrupts() {
   sigaction(SIGTERM, &action, nullptr);
   struct sigaction before {};
   sigaction(SIGHUP, nullptr, &before);
-  if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // nohup wants it to go on
+  if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // under nohup, keep it ignored
 }
 
 Error interrupted_after(std::uint64_t frames, const std::filesystem::path& capture) {
@@ -190,8 +190,7 @@ Progress::~Progress() {
   if (printed_) show("\n");
 }
 
-// A terminal that takes nothing (Ctrl-S, a connection that stalls) must not hold up the work: a recorder would lose
-// frames.
+// A blocked terminal (Ctrl-S, a stalled connection) must not delay the work: a recorder would lose frames.
 void Progress::show(std::string_view text) const {
   pollfd event{own_ ? own_.get() : STDERR_FILENO, POLLOUT, 0};
   if (poll(&event, 1, 0) <= 0) return;
@@ -203,7 +202,7 @@ void Progress::start_rate(std::uint64_t done) {
   rate_from_ = done;
 }
 
-// ", 12.5 a second, 3 s left"; nothing while neither is known.
+// ", 12.5 a second, 3 s left"; empty while unknown.
 std::string Progress::rate(std::uint64_t done, std::chrono::steady_clock::time_point now) const {
   const double seconds = std::chrono::duration<double>(now - rate_start_).count();
   if (done <= rate_from_ || seconds <= 0.0) return {};
@@ -226,7 +225,7 @@ void Progress::update(std::uint64_t done) {
     show(fmt::format("\r{}: {}, {:.1f} s ", what_, done, seconds));
     return;
   }
-  // Spaces wipe out what is left of a longer line.
+  // Spaces erase the rest of a longer line.
   const double percent = 100.0 * static_cast<double>(done) / static_cast<double>(total_);
   show(fmt::format("\r{}: {} of {} ({:.0f} %){}    ", what_, done, total_, percent, rate(done, now)));
 }
@@ -260,7 +259,7 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
   }
   for (const Verb& verb : verbs) {
     if (verb.name != word) continue;
-    std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: a write error, which is reported
+    std::signal(SIGXFSZ, SIG_IGN);  // a file size limit then is a reported write error, like a full disk
     return printed(name + " " + std::string(verb.name), guarded(name, verb, argc - 1, argv + 1));
   }
   std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), printable(argv[1]).c_str(),

@@ -19,10 +19,10 @@
 #include "src/core/text.hpp"
 #include "src/core/unique_fd.hpp"
 
-// cxxopts itself takes the number that a value begins with, and drops the rest: "0,03" was 0.
+// cxxopts parses the leading number of a value and ignores the rest: "0,03" became 0.
 template <>
 inline void cxxopts::values::stringstream_parser<double>(const std::string& text, double& value) {
-  const auto whole = bolo::number_of(bolo::trimmed(text));  // a list may have blanks behind its commas
+  const auto whole = bolo::number_of(bolo::trimmed(text));  // a list may have blanks after its commas
   if (!whole) throw exceptions::incorrect_argument_type(text);
   value = *whole;
 }
@@ -33,39 +33,38 @@ inline constexpr int kExitDone = 0;
 inline constexpr int kExitFailed = 1;
 inline constexpr int kExitUsage = 2;
 
-// The program's name at the start of messages: "bolo", or another that uses these functions. Thread: setup.
+// Program name in messages: "bolo", or another that uses these functions. Thread: setup.
 void set_program_name(std::string name);
 
-// Parses argv; adds --help. On --help prints it and returns the exit code 0; on wrong usage prints one line to stderr
-// and returns 2; otherwise returns nothing and fills `parsed`. Positional arguments beyond those declared are refused,
-// and so is a flag with a value: `--overwrite=false` would be one that was given.
+// Parses argv; adds --help. --help prints it and returns exit code 0; wrong usage prints one line to stderr and returns
+// 2; otherwise returns nothing and fills `parsed`. Refuses undeclared positional arguments, and flags with a value:
+// `--overwrite=false` would count as given.
 std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed);
 
-// The values of an option that takes names or files, as they were given: a vector of cxxopts splits them at commas.
+// Values of an option that takes names or files, unchanged: a vector of cxxopts would split them at commas.
 std::vector<std::string> names_of(const cxxopts::ParseResult& parsed, const std::string& option);
 std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option);
 
-// --overwrite, of every verb that writes files. Thread: setup.
+// --overwrite, for all verbs that write files. Thread: setup.
 void add_overwrite_option(cxxopts::Options& options);
 Replace replace_of(const cxxopts::ParseResult& parsed);
 
 // Prints "bolo VERB: message" to stderr and returns the error's exit code.
 int report(const std::string& verb, const Error& error);
 
-// The exit code of what a verb did: its own, or that of the error, which is reported.
+// Exit code of a verb's result: its own, or that of the error, which is reported.
 int exit_code_of(const std::string& verb, const Status& done);
 int exit_code_of(const std::string& verb, const Result<int>& done);
 
-// Set by SIGINT, SIGTERM and SIGHUP (the terminal is closed; not under nohup) once catch_interrupts() was called; long
-// work polls it and ends in good order.
+// Set by SIGINT, SIGTERM, SIGHUP (not under nohup) after catch_interrupts(); long work polls it and ends cleanly.
 const std::atomic<bool>& interrupted();
 void catch_interrupts();
 
-// The error of work that was interrupted after `frames` of this capture, which its ".part" keeps. Thread: any.
+// Error for work interrupted after `frames` of this capture, which its ".part" keeps. Thread: any.
 Error interrupted_after(std::uint64_t frames, const std::filesystem::path& capture);
 
-// Parses, does `work(given)`, a Status or a Result of the exit code, and reports errors. Returns the exit code.
-// `interruptible`: the work polls interrupted(), and ends in good order. Thread: setup.
+// Parses, runs `work(given)`, which returns a Status or Result<int> with the exit code, and reports errors. Returns the
+// exit code. `interruptible`: the work polls interrupted(). Thread: setup.
 template <typename Work>
 int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, Work&& work,
              bool interruptible = true) {
@@ -79,8 +78,7 @@ int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, 
   }
 }
 
-// An option of a verb: what follows it, its value when it is not given (nullptr: none), and the value's name in the
-// help. bool: a flag. Thread: setup.
+// Adds an option: description, default (nullptr: none), value's name in the help. bool: a flag. Thread: setup.
 template <typename T>
 void add_option(cxxopts::Options& options, const char* name, const std::string& words, const char* standard = nullptr,
                 const char* argument = "", const char* group = "") {
@@ -100,14 +98,13 @@ Result<T> number_of(const cxxopts::ParseResult& given, const char* option, doubl
   return value;
 }
 
-// A line of progress on stderr: on a terminal one that changes, at most ten times a second; elsewhere a new one each
-// `log_every_s`, for the logs of long work (0: none).
+// Progress on stderr: on a terminal one line, at most ten updates a second; else a line every `log_every_s` (0: none).
 class Progress {
  public:
-  explicit Progress(std::string what, std::uint64_t total, double log_every_s = 0.0);  // total 0: not known
+  explicit Progress(std::string what, std::uint64_t total, double log_every_s = 0.0);  // total 0: unknown
   ~Progress();                                                                         // ends the line
   void update(std::uint64_t done);
-  // Restarts the rate: work up to here was none, or of another kind.
+  // Restarts the rate: earlier work was none, or of another kind.
   void start_rate(std::uint64_t done);
 
  private:
@@ -119,7 +116,7 @@ class Progress {
   std::uint64_t total_;
   double log_every_s_;
   bool terminal_;
-  UniqueFd own_;  // the terminal once more, for writes that do not wait; none where it can't be opened
+  UniqueFd own_;  // the terminal opened again for non-blocking writes; invalid if not possible
   bool printed_ = false;
   std::chrono::steady_clock::time_point start_;
   std::chrono::steady_clock::time_point rate_start_;
@@ -127,9 +124,9 @@ class Progress {
   std::chrono::steady_clock::time_point last_;
 };
 
-// --- From a program's first argument to one of its verbs.
+// --- Dispatch from a program's first argument to a verb.
 
-// A verb of a program. argv[0] is the verb itself; `run` returns the exit code.
+// A verb of a program. argv[0] is the verb; `run` returns the exit code.
 struct Verb {
   std::string_view name;
   std::string_view summary;
@@ -141,28 +138,26 @@ struct Program {
   std::string_view summary;
 };
 
-// Runs the verb that argv[1] names, or answers --help and --version. Returns the exit code. Thread: main.
+// Runs the verb named by argv[1], or answers --help and --version. Returns the exit code. Thread: main.
 int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char** argv);
 
 // --- JSON for other programs.
 
-// Whatever bytes names of files and texts of devices hold: what is no UTF-8 becomes U+FFFD, where the library by itself
-// would end the program. `indent`: spaces a level; -1: all on one line. Thread: any.
+// Replaces invalid UTF-8 by U+FFFD instead of throwing. `indent`: spaces per level; -1: one line. Thread: any.
 template <typename Json>
 std::string json_text(const Json& json, int indent = -1) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
-// --- --plot FILE.svg|FILE.html of the verbs that run long: what they measured, drawn.
+// --- --plot FILE.svg|FILE.html of long-running verbs: draws their measurements.
 
-// With --overwrite. `what`: as in "Draw the table". Thread: setup.
+// Also adds --overwrite. `what`: as in "Draw the table". Thread: setup.
 void add_plot_option(cxxopts::Options& options, const std::string& what);
 
-// The file that was asked for, or none. kBadInput when it ends neither with .svg nor with .html, or may not be written.
-// Thread: any.
+// The requested file, or none. kBadInput: neither .svg nor .html, or it must not be written. Thread: any.
 Result<OutputFile> plot_file_of(const cxxopts::ParseResult& given);
 
-// Processor and its number of threads, for what depends on the machine. Thread: any.
+// Processor and number of threads, for machine-dependent results. Thread: any.
 std::string describe_machine();
 
 }  // namespace bolo::tools

@@ -25,7 +25,7 @@ void lead(int descriptor, const char* file) {
   if (fd >= 0) dup2(fd, descriptor);
 }
 
-// In the child: nothing that allocates.
+// Runs in the child: must not allocate.
 [[noreturn]] void become(char* const* words, char* const* variables, const Command& command, const char* out,
                          const char* err) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -34,7 +34,7 @@ void lead(int descriptor, const char* file) {
   const int input = command.input >= 0 ? command.input : open("/dev/null", O_RDONLY | O_CLOEXEC);
   if (input >= 0) dup2(input, STDIN_FILENO);
   if (command.most_file_bytes > 0) {
-    ::signal(SIGXFSZ, SIG_IGN);  // writes fail then, as on a full disk
+    ::signal(SIGXFSZ, SIG_IGN);  // writes then fail as on a full disk
     const rlimit limit{command.most_file_bytes, command.most_file_bytes};
     setrlimit(RLIMIT_FSIZE, &limit);
   }

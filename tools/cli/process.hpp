@@ -1,4 +1,4 @@
-// A program that another one runs: started, signalled, watched, ended.
+// A child process: started, signalled, watched, ended.
 #pragma once
 
 #include <sys/types.h>
@@ -16,14 +16,14 @@ namespace bolo::tools {
 
 struct Command {
   std::vector<std::string> words;     // the first is the program's path
-  std::filesystem::path log;          // LOG.out and LOG.err are written on from where they end
-  std::uint64_t most_file_bytes = 0;  // no file may grow larger (RLIMIT_FSIZE), as on a full disk; 0: any size
-  std::filesystem::path folder{};     // it works in; empty: this program's
-  std::optional<std::vector<std::string>> variables{};  // all of its environment, "NAME=VALUE"; nothing: this program's
-  int input = -1;                                       // a descriptor that it reads; -1: it has no input
+  std::filesystem::path log;          // LOG.out and LOG.err are appended to
+  std::uint64_t most_file_bytes = 0;  // maximum file size (RLIMIT_FSIZE), to simulate a full disk; 0: unlimited
+  std::filesystem::path folder{};     // working folder; empty: this program's
+  std::optional<std::vector<std::string>> variables{};  // whole environment, "NAME=VALUE"; nothing: this program's
+  int input = -1;                                       // descriptor for its standard input; -1: none
 };
 
-// Ends with its parent, however that ends, and has none of its open files. Thread: one at a time.
+// Dies with its parent, and inherits none of its open files. Thread: one at a time.
 class Process {
  public:
   static Result<Process> start(const Command& command);
@@ -36,7 +36,7 @@ class Process {
   void signal(int number) const noexcept;
   // The exit code, or 128 + the signal that ended it; nothing while it runs.
   std::optional<int> ended() noexcept;
-  // Waits for its end. Nothing when it does not come in time.
+  // Waits for its end. Nothing on timeout.
   std::optional<int> wait(double seconds) noexcept;
 
  private:
@@ -59,27 +59,26 @@ class LineTail {
   std::uintmax_t at_ = 0;
 };
 
-// The program of this name in PATH; empty: there is none. Thread: any.
+// The program of this name in PATH; empty if there is none. Thread: any.
 std::filesystem::path find_program(const std::string& name);
 
-// A program of ours: beside this one, else in PATH. kBadInput where it is in neither. Thread: any.
+// A program of ours: in this one's folder, otherwise in PATH. kBadInput if in neither. Thread: any.
 Result<std::filesystem::path> find_own_program(const std::string& name);
 
-// All of a file; empty where it cannot be read. Thread: any.
+// A whole file; empty if unreadable. Thread: any.
 std::string contents(const std::filesystem::path& file);
 
-// --- A folder for a program's own files while it runs.
+// --- A temporary folder, removed with its contents by the destructor.
 
-// A folder of its own, gone afterwards with all that is in it.
 class ScratchFolder {
  public:
-  // In `parent`, or, where that is empty, where temporary files go. kFailed where none can be made. Thread: any.
+  // In `parent`, or by default where temporary files go. kFailed if it cannot be created. Thread: any.
   static Result<ScratchFolder> make(std::filesystem::path parent = {});
   ScratchFolder(ScratchFolder&& other) noexcept : path_(std::exchange(other.path_, {})) {}
   ScratchFolder& operator=(ScratchFolder&&) = delete;
   ~ScratchFolder();
   const std::filesystem::path& path() const { return path_; }
-  // Gives up the folder: it stays.
+  // Keeps the folder.
   void keep() { path_.clear(); }
 
  private:
@@ -87,18 +86,18 @@ class ScratchFolder {
   std::filesystem::path path_;
 };
 
-// --- Programs of others, from PATH.
+// --- Third-party programs from PATH.
 
-// kBadInput where it is not installed: it is in the Debian package `package`. Thread: any.
+// kBadInput if it is not installed; the message names the Debian package `package`. Thread: any.
 Result<Process> start_foreign(Command command, const std::string& package);
 
 // The last line of its error output; empty: none. Thread: any.
 std::string last_line_of(const Process& process);
 
-// Waits for its end, however long. kFailed where that is not a good one, with its last line of error. Thread: any.
+// Waits for its end without limit. kFailed, with its last error line, after an unsuccessful end. Thread: any.
 Status ended_well(Process& process, const std::string& name);
 
-// Its standard output, in a file that goes with this. Errors: those of both. Thread: any.
+// Its standard output, in a temporary file. Errors: those of start_foreign() and ended_well(). Thread: any.
 struct ForeignOutput {
   ScratchFolder folder;
   std::filesystem::path file;

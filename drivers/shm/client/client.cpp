@@ -1,5 +1,4 @@
-// The C functions of bolo/client.h: arguments checked, exceptions stopped, everything else in Handle, which is C++ on
-// the inside and the C structures that its user reads on the outside.
+// The C functions of bolo/client.h: they check arguments and stop exceptions; the C++ class Handle does the rest.
 #include "bolo/client.h"
 
 #include <algorithm>
@@ -28,7 +27,6 @@
 namespace bolo::shm {
 namespace {
 
-// Rounded up, into 32 bits.
 std::uint32_t microseconds(std::int64_t ns) noexcept {
   constexpr std::int64_t kMost = std::numeric_limits<std::uint32_t>::max();
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(ns / kNsPerUs + (ns % kNsPerUs > 0 ? 1 : 0), 0, kMost));
@@ -36,10 +34,10 @@ std::uint32_t microseconds(std::int64_t ns) noexcept {
 
 }  // namespace
 
-// One line of a fixed length, so that saying that memory is short takes none.
+// Fixed-size text, so that an out-of-memory message needs no memory.
 class ErrorText {
  public:
-  // Cut to fit. Thread: one at a time.
+  // Truncates to fit. Thread: one at a time.
   void set(std::string_view text) noexcept {
     const std::size_t length = std::min(text.size(), text_.size() - 1);
     std::copy_n(text.begin(), length, text_.begin());
@@ -52,13 +50,12 @@ class ErrorText {
   std::array<char, 512> text_{};
 };
 
-// Results are enum bolo_client_result; those below 0, and BOLO_CLIENT_ENDED, leave a line in `error`. Thread: one at a
-// time.
+// Returns enum bolo_client_result; negative ones and BOLO_CLIENT_ENDED set a message in `error`. Thread: one at a time.
 class Handle {
  public:
   explicit Handle(FollowedStream stream) : stream_(std::move(stream)) { fill_info(); }
 
-  // info_ points into this.
+  // Not copyable: info_ points into this.
   Handle(const Handle&) = delete;
   Handle& operator=(const Handle&) = delete;
 
@@ -84,7 +81,7 @@ class Handle {
     return state_;
   }
 
-  // One of FollowedStream's.
+  // FollowedStream::next or latest.
   using Take = decltype(&FollowedStream::next);
 
   int take(Take one, int timeout_ms, bolo_client_frame& frame) {
@@ -221,7 +218,7 @@ class Handle {
   std::string control_socket_;
   bolo_client_info info_{};
   bolo_client_state state_{};
-  std::vector<std::uint32_t> pixels_;  // that point_reader_ was made for
+  std::vector<std::uint32_t> pixels_;  // of point_reader_
   std::vector<std::uint16_t> solved_;
   std::optional<PointReader> point_reader_;
 };
@@ -237,7 +234,7 @@ struct bolo_client_hold {
 };
 // NOLINTEND(readability-identifier-naming)
 
-// Programs in use rely on these; bolo.py declares the same structures.
+// ABI of programs in use; bolo.py declares the same structures.
 static_assert(sizeof(bolo_client_info) == 128);
 static_assert(sizeof(bolo_client_frame) == 136);
 static_assert(sizeof(bolo_client_state) == 216);
@@ -252,10 +249,10 @@ static_assert(offsetof(bolo_client_state, camera) == 192);
 namespace bolo::shm {
 namespace {
 
-// Of the thread's last call without a handle.
+// Of this thread's last call without a handle.
 thread_local ErrorText thread_error;
 
-// The result of `call`, or BOLO_CLIENT_FAILED for what it threw.
+// Result of `call`, or BOLO_CLIENT_FAILED after an exception.
 template <typename Call>
 int guarded(ErrorText& error, Call call) noexcept {
   try {

@@ -34,7 +34,7 @@ std::vector<bolo_client_point> points_of(char** first, char** last) {
   return points;
 }
 
-// The frame whose look-ahead is complete with the newest one. Nothing is printed unless the result is BOLO_CLIENT_OK.
+// Prints the frame whose look-ahead ends with the newest one. Prints nothing unless the result is BOLO_CLIENT_OK.
 int print_points(bolo_client* camera, std::uint64_t newest, const std::vector<bolo_client_point>& points) {
   const std::uint64_t lookahead = bolo_client_get_info(camera)->lookahead;
   if (newest < lookahead) return BOLO_CLIENT_NOT_YET;
@@ -69,7 +69,7 @@ int main(int argc, char** argv) {
     if (result == BOLO_CLIENT_OK) {
       result = print_points(camera.get(), frame.number, points);
       if (result == BOLO_CLIENT_OK) --left;
-      if (result >= 0) continue;  // below: a point outside the frame, a stream whose points cannot be solved
+      if (result >= 0) continue;  // negative: a point outside the frame, or a stream whose points cannot be solved
     }
     std::fprintf(stderr, "points: %s\n", result == BOLO_CLIENT_TIMEOUT ? "no frames" : bolo_client_error(camera.get()));
     return 1;

@@ -36,19 +36,19 @@ import numpy as np
 
 __all__ = ["Camera", "Flag", "Frame", "Info", "State", "Error", "NotFound", "Denied", "Unavailable", "streams", "version"]
 
-_SLICE_MS = 100  # of a wait: how long Ctrl-C and close() may take
+_SLICE_MS = 100  # of a wait: maximum delay of Ctrl-C and close()
 
 
 class Flag(enum.IntFlag):
     """What is special about a frame; enum bolo_shm_flag."""
     GAP = 1  # a frame of its window was lost
     WARM_UP = 2  # no full window yet: the deblurred plane is the raw one
-    NUC = 4  # the camera was correcting
+    NUC = 4  # the camera was performing a NUC
     SATURATED = 8  # raw values at the end of the range
     JITTER = 16  # camera timestamp off the frame grid
-    REDUCED = 32  # too many were waiting: by a cheaper solver
-    INVERSE = 64  # the same: by the inverse filter
-    RAW = 128  # the same: not solved, the deblurred plane is the raw one
+    REDUCED = 32  # overload: a cheaper solver was used
+    INVERSE = 64  # overload: inverse filter
+    RAW = 128  # overload: not solved, the deblurred plane is the raw one
 
 
 class Error(RuntimeError):
@@ -191,7 +191,7 @@ class Info:
     camera_serial: str
     solver: str
     control_socket: str
-    lambda_: Optional[float]  # None: the daemon does not tell
+    lambda_: Optional[float]  # None: not published
     kappa: Optional[float]
 
     @staticmethod
@@ -221,14 +221,14 @@ class State:
     warm_up: int
     gap_frames: int
     lost: dict[str, int]  # frames, by cause
-    camera: Optional[str]  # "streaming", "lost" ...; None: the daemon does not tell
+    camera: Optional[str]  # "streaming", "lost" ...; None: not published
     reopened: int
     temperature_k: Optional[float]
-    ptp: Optional[str]  # port state of the camera's PTP clock, "slave" ...; None: PTP is off, or not told
-    ptp_offset_s: Optional[float]  # from its PTP master, as the camera reckons
-    clock_synchronised: bool  # something disciplines the host's clock, as its kernel says
-    clock_error_s: float  # of the host's UTC, at most; 16: nothing bounds it
-    clock_steps: int  # times that somebody set it
+    ptp: Optional[str]  # port state of the camera's PTP clock, "slave" ...; None: PTP is off or not published
+    ptp_offset_s: Optional[float]  # from its PTP master, computed by the camera
+    clock_synchronised: bool  # the host's clock is disciplined, according to its kernel
+    clock_error_s: float  # maximum error of the host's UTC; 16: unknown
+    clock_steps: int  # number of times the clock was set
 
     @staticmethod
     def _of(state: _State) -> "State":
@@ -256,7 +256,7 @@ class _Ring:
 
     def view(self, address: int, *shape: int, kind=ctypes.c_uint16) -> np.ndarray:
         words = (kind * int(np.prod(shape))).from_address(address)
-        words.ring = self  # the array's base keeps it
+        words.ring = self  # the array's base keeps the ring mapped
         return np.frombuffer(memoryview(words).toreadonly(), np.dtype(kind)).reshape(shape)
 
 
@@ -271,7 +271,7 @@ class Frame:
     def __init__(self, lent: _Frame, ring: _Ring, info: Info, restarted: bool):
         self._lent, self._ring = lent, ring
         self.info, self._own = info, False
-        self.restarted = restarted  # the first one of another daemon: info may differ
+        self.restarted = restarted  # first frame of another daemon: info may differ
 
     @cached_property
     def raw(self) -> np.ndarray:
@@ -341,20 +341,20 @@ class Camera(AbstractContextManager):
         self.name, self.follow = name, follow
         self._handle = ctypes.c_void_p()
         self._lock = threading.RLock()  # held while the library uses the handle
-        self._users = 0  # of the handle: one, and a signal's handler that came in between
+        self._users = 0  # of the handle: one, plus an interrupting signal handler
         self._closed = self._restarted = False
         end = _end(timeout)
-        encoded = os.fsencode(name).replace(b"\0", b"/")  # neither is in a name, and C's would end at the first
+        encoded = os.fsencode(name).replace(b"\0", b"/")  # names contain neither; C would stop at the first NUL
         while (result := _client.open(encoded, _slice_ms(end), ctypes.byref(self._handle))) != _OK:
             if result not in (-1, -2, -3) or time.monotonic() >= end:
                 raise _error(result)
         self._close = weakref.finalize(self, _client.close, self._handle)
-        self._close.atexit = False  # the process's end frees it all; another thread may still wait
+        self._close.atexit = False  # the process's end frees everything; another thread may still wait
         self._refresh()
 
     def _refresh(self) -> None:
         info = _client.get_info(self._handle).contents
-        self.info, self.restarts = Info._of(info), info.restarts  # daemons followed after the first one
+        self.info, self.restarts = Info._of(info), info.restarts  # restarts followed
         self._ring = _Ring(self._handle)
 
     def __exit__(self, *_) -> None:

@@ -1,4 +1,4 @@
-// The firmware's processing of whole frames: filters, offset corrections, number format.
+// Firmware processing of whole frames: filters, offset corrections, number format.
 #include <algorithm>
 #include <cmath>
 
@@ -7,9 +7,8 @@
 namespace bolo::sim {
 namespace {
 
-constexpr double kMotion = 5.0;  // sigma of a change that the adaptive filter takes for motion
+constexpr double kMotion = 5.0;  // changes above this many sigma count as motion in the adaptive filter
 
-// The camera's firmware averages over frames.
 class Iir final : public Effect {
  public:
   explicit Iir(const EffectSetup& setup)
@@ -19,7 +18,7 @@ class Iir final : public Effect {
         motion_k_(kMotion * setup.settings().readout.noise_k),
         state_(setup.geometry().pixels()) {}
 
-  // Until what was before is forgotten to a thousandth.
+  // Until the initial state has decayed to a thousandth.
   void configure(CameraModel& model) override {
     const double frames = alpha_ < 1.0 ? std::ceil(std::log(1e-3) / std::log1p(-alpha_)) : 1.0;
     model.warm_up_frames = std::max(model.warm_up_frames, std::clamp(static_cast<int>(frames), 2, 100));
@@ -45,10 +44,10 @@ class Iir final : public Effect {
   double motion_k_;
   std::uint64_t frames_ = 0;
   bool first_ = true;
-  std::vector<double> state_;  // the frame before: as shown, or as read for the box
+  std::vector<double> state_;  // previous frame: output, or input for the box
 };
 
-// The camera corrects its offsets: the picture freezes behind the shutter, and the pattern is another one afterwards.
+// NUC: the image freezes behind the shutter, and the offset pattern differs afterwards.
 class NucFreeze final : public Effect {
  public:
   explicit NucFreeze(const EffectSetup& setup)
@@ -83,13 +82,12 @@ class NucFreeze final : public Effect {
   double to_s_;
   double half_frame_s_;
   std::vector<double> offset_k_;
-  std::vector<double> held_;  // the last frame before the freeze
+  std::vector<double> held_;  // last frame before the freeze
   bool holds_ = false;
   bool frozen_ = false;
   bool corrected_ = false;
 };
 
-// The offset jumps, at once and for good.
 auto jump(const EffectSetup& setup) {
   std::vector<double> share(setup.geometry().pixels(), 1.0);
   if (setup.form("pixel")) share = normal_plane(setup.pattern_seed(), setup.geometry());
@@ -102,7 +100,6 @@ auto jump(const EffectSetup& setup) {
       };
 }
 
-// Values in coarser steps than stated.
 auto coarsen(const EffectSetup& setup) {
   return [step_k = setup.number("step_k")](const FrameInstant&, int, std::span<double> kelvin) {
     for (double& k : kelvin) k = std::round(k / step_k) * step_k;

@@ -1,4 +1,4 @@
-// Noise, of the frame, of its rows and columns and of single pixels.
+// Noise of frames, rows, columns and single pixels.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,7 +17,7 @@ auto spread_noise(const EffectSetup& setup) {
   return [degrees = setup.number("degrees")](CameraModel& model) { model.noise_degrees = degrees; };
 }
 
-// One offset for the whole frame, new in every frame.
+// A common offset of all pixels, new in every frame.
 class Flicker final : public Effect {
  public:
   explicit Flicker(const EffectSetup& setup)
@@ -39,10 +39,10 @@ class Flicker final : public Effect {
   double sigma_k_;
   double correlation_;
   std::uint64_t seed_;
-  double state_;  // unit variance, from its first frame on
+  double state_;  // unit variance from the first frame on
 };
 
-// A new offset for each column and each row, every frame.
+// A new offset for each column and row in every frame.
 class Stripes final : public Effect {
  public:
   explicit Stripes(const EffectSetup& setup)
@@ -69,9 +69,8 @@ class Stripes final : public Effect {
   std::vector<double> column_;
 };
 
-// Each pixel's own slow noise.
-// 1/f as a sum of first-order noises of one variance, their corners a constant factor apart (Keshner, "1/f noise",
-// Proceedings of the IEEE 1982): within 4 % of 1/f from 0.05 Hz to a quarter of the frame rate.
+// 1/f noise of each pixel, a sum of first-order noises of equal variance with geometrically spaced corners (Keshner,
+// "1/f noise", Proceedings of the IEEE 1982): within 4 % of 1/f from 0.05 Hz to a quarter of the frame rate.
 constexpr double kLowestHz = 0.02;
 constexpr double kFactor = 3.0;
 constexpr std::size_t kParts = 8;
@@ -113,7 +112,7 @@ class OneOverF final : public Effect {
   }
 
  private:
-  // Fresh samples may be uniform: sums over many frames are normal all the same.
+  // Uniform samples suffice: sums over many frames are approximately normal.
   static constexpr double kUniform = 3.4641016151377544;  // sqrt(12)
   struct Part {
     double keep = 0.0;
@@ -124,7 +123,7 @@ class OneOverF final : public Effect {
   std::array<std::vector<double>, kParts> states_;
 };
 
-// The pixels, at least one, that an effect chooses by its fraction.
+// The pixels (at least one) selected by an effect's fraction.
 std::vector<std::size_t> chosen(const EffectSetup& setup) {
   const std::size_t size = setup.geometry().pixels();
   const double wanted = setup.number("fraction") * static_cast<double>(size);
@@ -132,7 +131,7 @@ std::vector<std::size_t> chosen(const EffectSetup& setup) {
   return choose(setup.pattern_seed(), size, count);
 }
 
-// Calls visit(pixel, its value) for those of `pixels`, sorted by place, that lie in the row.
+// Calls visit(pixel, its value) for those of `pixels` (sorted by place) that lie in the row.
 template <typename Pixel, typename Visit>
 void visit_row(std::vector<Pixel>& pixels, int row, std::span<double> kelvin, Visit visit) noexcept {
   const std::size_t begin = static_cast<std::size_t>(row) * kelvin.size();
@@ -142,7 +141,7 @@ void visit_row(std::vector<Pixel>& pixels, int row, std::span<double> kelvin, Vi
   }
 }
 
-// Some pixels jump between two levels: random telegraph signal.
+// Random telegraph signal: pixels that jump between two levels.
 class Rts final : public Effect {
  public:
   explicit Rts(const EffectSetup& setup)
@@ -167,11 +166,11 @@ class Rts final : public Effect {
   };
   double step_k_;
   std::uint64_t seed_;
-  double chance_;  // that a level is another one in the next frame
+  double chance_;  // of changing the level between two frames
   std::vector<Pixel> pixels_;
 };
 
-// Pixels that do not answer: stuck at a level, or nothing but noise.
+// Dead pixels: stuck at a level, or pure noise.
 class DeadPixels final : public Effect {
  public:
   explicit DeadPixels(const EffectSetup& setup) : seed_(setup.noise_seed()) {

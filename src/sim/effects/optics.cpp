@@ -1,4 +1,4 @@
-// The way of the radiation to the pixels: what the scene sends out, blur, ghosts, shading.
+// The radiation's path to the pixels: emission, blur, ghosts, shading.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace bolo::sim {
 namespace {
 
-// The scene emits less than a black body, and reflects its surroundings.
+// The scene emits less than a black body and reflects its surroundings.
 auto grey_body(const EffectSetup& setup) {
   const double e = setup.number("emissivity");
   const double reflected = radiance_of(setup.number("surroundings_k"));
@@ -21,7 +21,7 @@ auto grey_body(const EffectSetup& setup) {
   };
 }
 
-// The pixel is linear in the radiance it gets, not in the temperature that it is read out as.
+// The pixel is linear in radiance, while the output is a temperature.
 class RadiometricNonlinearity final : public Effect {
  public:
   explicit RadiometricNonlinearity(const EffectSetup&) {}
@@ -33,13 +33,13 @@ class RadiometricNonlinearity final : public Effect {
   }
 };
 
-constexpr int kPhases = 8;  // points a pixel, along x: the scene's edges are finer than its pixels
+constexpr int kPhases = 8;  // samples per pixel along x, because the scene's edges are finer than its pixels
 
-// The blur in rows of weights: from row `-reach` to `reach`, points 1 / kPhases pixel apart from -reach pixels on.
+// Blur weights by row, from `-reach` to `reach`; within a row samples 1 / kPhases pixel apart, from -reach pixels on.
 struct Kernel {
   int reach = 0;
-  std::vector<double> down;                 // weight of each row, when all rows have one profile
-  std::vector<std::vector<float>> profile;  // along x: one, or one for each row
+  std::vector<double> down;                 // weight of each row, if all rows share one profile
+  std::vector<std::vector<float>> profile;  // along x: one, or one per row
 };
 
 std::size_t taps(int reach) { return static_cast<std::size_t>(2 * reach * kPhases + 1); }
@@ -56,8 +56,7 @@ void normalise(Kernel& kernel) {
   }
 }
 
-// Rows have unit steps: a sampled Gaussian has too little variance there, so its own sigma is found for which it has
-// it.
+// Sampled one pixel apart, a Gaussian has too little variance: finds the sigma that yields the requested one.
 std::vector<double> rows_of_variance(double variance, int reach) {
   std::vector<double> weights(static_cast<std::size_t>(2 * reach + 1));
   double low = 1e-3;
@@ -91,7 +90,7 @@ Kernel gaussian(double sigma) {
   return kernel;
 }
 
-// Length of the line at x that the disc covers within the row y - 0.5 to y + 0.5.
+// Length of the disc's vertical chord at x within the row y - 0.5 to y + 0.5.
 double chord(double radius, double x, double y) {
   if (std::abs(x) >= radius) return 0.0;
   const double half = std::sqrt(radius * radius - x * x);
@@ -151,11 +150,11 @@ class BlurredView final : public View {
     }
   }
 
-  // Edges that are blurred over a pixel bend the signal far less than bare ones.
+  // Edges blurred over a pixel are far smoother than bare ones.
   double patience() const override { return 4.0 * inner_->patience(); }
 
  private:
-  // Adds what the row `y` of the wide patch gives through one profile.
+  // Adds the contribution of row `y` of the wide patch through one profile.
   void add_row(int y, const std::vector<float>& profile, std::span<float> target) const {
     const std::size_t width = target.size() + static_cast<std::size_t>(2 * kernel_.reach);
     for (std::size_t tap = 0; tap < profile.size(); ++tap) {
@@ -186,7 +185,7 @@ class OpticalPsf final : public Effect {
   Kernel kernel_;
 };
 
-// The lens transmits less to the corners, and emits the difference at its own temperature.
+// The lens transmits less towards the corners, and emits the difference at its own temperature.
 auto darken_corners(const EffectSetup& setup) {
   const double x0 = (setup.geometry().width - 1) / 2.0;
   const double y0 = (setup.geometry().height - 1) / 2.0;
@@ -201,7 +200,6 @@ auto darken_corners(const EffectSetup& setup) {
   };
 }
 
-// The lens throws a faint second picture on the first.
 class GhostView final : public View {
  public:
   GhostView(std::unique_ptr<View> inner, Geometry frame, double share, bool mirrored, double shift_px)
@@ -214,7 +212,7 @@ class GhostView final : public View {
   void draw(double t_s, const Patch& patch, std::span<float> out) override {
     inner_->draw(t_s, patch, out);
     Patch other = patch;
-    if (mirrored_) {  // about the middle of the frame, up and down as well
+    if (mirrored_) {  // point reflection about the frame's centre
       other.column = frame_.width - patch.width - patch.column;
       other.row = frame_.height - patch.height - patch.row;
     } else {

@@ -1,4 +1,4 @@
-// The pixel itself: its time constants, its neighbours, and when it is read.
+// The pixel: its time constants, its neighbours, and its read-out time.
 #include <algorithm>
 #include <cmath>
 
@@ -7,7 +7,7 @@
 namespace bolo::sim {
 namespace {
 
-// Of tau, mean 0, variance 1 over the frame.
+// Relative spread of tau, mean 0, variance 1 over the frame.
 std::vector<double> spread_of(const EffectSetup& setup) {
   const std::uint64_t seed = setup.pattern_seed();
   if (setup.form("gradient")) return gradient_plane(seed, setup.geometry());
@@ -29,7 +29,7 @@ auto spread_tau(const EffectSetup& setup) {
   std::vector<double> spread = spread_of(setup);
   for (double& value : spread) value *= setup.number("rms");
   return [spread = std::move(spread)](CameraModel& model) {
-    constexpr double kLeast = 0.2;  // of tau, however wide the spread
+    constexpr double kLeast = 0.2;  // lower limit of tau for a wide spread
     for (std::size_t i = 0; i < spread.size(); ++i) model.tau_s[i] *= std::max(kLeast, 1.0 + spread[i]);
   };
 }

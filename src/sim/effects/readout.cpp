@@ -9,10 +9,9 @@
 namespace bolo::sim {
 namespace {
 
-constexpr double kScenes = std::numeric_limits<double>::quiet_NaN();  // a level that the scene's span gives
-constexpr double kCut = 0.15;                                         // of that span
+constexpr double kScenes = std::numeric_limits<double>::quiet_NaN();  // level derived from the scene's range
+constexpr double kCut = 0.15;                                         // fraction of that range
 
-// Each pixel has a gain of its own.
 auto fixed_gains(const EffectSetup& setup) {
   std::vector<double> excess = normal_plane(setup.pattern_seed(), setup.geometry());  // gain - 1
   for (double& one : excess) one *= setup.number("rms");
@@ -23,7 +22,7 @@ auto fixed_gains(const EffectSetup& setup) {
   };
 }
 
-// Each pixel and column has an offset of its own, the same in every frame of the camera.
+// Per-pixel and per-column offsets, the same in all frames of the camera.
 auto fixed_offsets(const EffectSetup& setup) {
   std::vector<double> offset_k = normal_plane(setup.pattern_seed(), setup.geometry());
   std::vector<double> column(static_cast<std::size_t>(setup.geometry().width));
@@ -41,7 +40,6 @@ auto fixed_offsets(const EffectSetup& setup) {
 
 double phase_of(std::uint64_t seed) { return SplitMix(seed).between(0.0, 1.0); }  // in turns
 
-// The gain moves within a capture.
 auto drift_gain(const EffectSetup& setup) {
   return [amplitude = setup.number("amplitude"), period_s = setup.number("period_s"),
           reference_k = setup.number("reference_k"),
@@ -51,7 +49,7 @@ auto drift_gain(const EffectSetup& setup) {
   };
 }
 
-// A part of each pixel's signal is still on the line when the next column is read.
+// Part of each pixel's signal remains on the line when the next column is read.
 auto smear_columns(const EffectSetup& setup) {
   return [share = setup.number("share")](const FrameInstant&, int, std::span<double> kelvin) {
     for (std::size_t x = kelvin.size(); x-- > 1;) kelvin[x] += share * (kelvin[x - 1] - kelvin[x]);
@@ -67,10 +65,10 @@ auto heat_rows(const EffectSetup& setup) {
   };
 }
 
-// The package warms up, and offsets with it, slowly and through all captures of a session.
+// The package warms up slowly over all captures of a session, and offsets drift with it.
 auto drift_offsets(const EffectSetup& setup) {
-  constexpr double kPeriods = 4.0;  // time_s of the sine is about from its middle to its top
-  std::vector<double> answer = normal_plane(setup.pattern_seed(), setup.geometry());  // of each pixel, 1 on average
+  constexpr double kPeriods = 4.0;  // time_s is about a quarter of the sine's period
+  std::vector<double> answer = normal_plane(setup.pattern_seed(), setup.geometry());  // per pixel, 1 on average
   for (double& value : answer) value = 1.0 + setup.number("spread") * value;
   const bool sine = setup.form("sine");
   const double phase = SplitMix(setup.pattern_seed()).between(0.0, 2.0 * std::numbers::pi);
@@ -85,7 +83,7 @@ auto drift_offsets(const EffectSetup& setup) {
   };
 }
 
-// The mains hum through, with opposite signs in the two halves of the read-out.
+// Mains hum with opposite signs in the two halves of the read-out.
 auto hum(const EffectSetup& setup) {
   return [amplitude_k = setup.number("amplitude_k"), frequency_hz = setup.number("frequency_hz"),
           phase = phase_of(setup.noise_seed()),
@@ -95,7 +93,6 @@ auto hum(const EffectSetup& setup) {
   };
 }
 
-// Values above a level, or below one, are clipped.
 template <bool kAbove>
 auto cut(const EffectSetup& setup) {
   const auto [low_k, high_k] = setup.extremes();

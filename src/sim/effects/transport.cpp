@@ -1,4 +1,4 @@
-// Frames on their way, and their times.
+// Transport of frames, and their times.
 #include <algorithm>
 #include <cmath>
 
@@ -7,15 +7,13 @@
 namespace bolo::sim {
 namespace {
 
-// The camera's clock runs slow or fast.
 auto skew_clock(const EffectSetup& setup) {
   return [skew = setup.number("skew")](std::int64_t, double nominal_s) { return skew * nominal_s; };
 }
 
-constexpr double kRare = 0.03;  // of the frames, for the form of few large ones
-constexpr double kMost = 0.45;  // of the frame period: frames stay in order
+constexpr double kRare = 0.03;  // fraction of the frames, for rare large outliers
+constexpr double kMost = 0.45;  // fraction of the frame period: keeps frames in order
 
-// Frames are taken off their nominal times.
 class Jitter final : public Effect {
  public:
   explicit Jitter(const EffectSetup& setup)
@@ -40,7 +38,7 @@ class Jitter final : public Effect {
   std::uint64_t seed_;
 };
 
-// Frames are lost, or sent twice, without a trace in counter or time.
+// Frames are lost or repeated, without a trace in counter or time.
 auto lose_frames(const EffectSetup& setup) {
   return [chance = setup.number("per_thousand") / 1000.0, seed = setup.noise_seed(), only_lost = setup.form("lost"),
           only_repeated = setup.form("repeated")](std::uint64_t sent) {
@@ -51,7 +49,7 @@ auto lose_frames(const EffectSetup& setup) {
   };
 }
 
-// Frames whose lower part is still the frame before.
+// Frames whose lower part is still the previous frame.
 class TornFrames final : public Effect {
  public:
   explicit TornFrames(const EffectSetup& setup)
@@ -80,7 +78,7 @@ class TornFrames final : public Effect {
   int height_;
   std::uint64_t seed_;
   std::uint64_t frames_ = 0;
-  int cut_ = 0;  // first row of the frame before
+  int cut_ = 0;  // first row of the previous frame
   std::vector<double> before_;
   std::vector<double> now_;
 };

@@ -6,7 +6,7 @@
 namespace bolo::sim::street {
 namespace {
 
-// Mortar between rows of bricks, every second row shifted by half a brick.
+// Mortar between rows of bricks; every second row is shifted by half a brick.
 double bricks(double x, double y) noexcept {
   const double row = std::floor(y / 3.0);
   const double shifted = x + (static_cast<std::int64_t>(row) % 2 == 0 ? 0.0 : 3.0);
@@ -24,7 +24,7 @@ void paint_window(Painter& painter, const Box& glass, SplitMix& random) {
   painter.rectangle(glass, pane);
   painter.rectangle({middle - 0.4, glass.top, middle + 0.4, glass.bottom}, frame);
   painter.rectangle({glass.left, bar - 0.4, glass.right, bar + 0.4}, frame);
-  // Warm air leaves below the sill's radiator niche.
+  // The radiator niche below the sill warms the wall.
   if (heated)
     painter.rectangle({glass.left - 1.5, glass.bottom + 1.0, glass.right + 1.5, glass.bottom + 3.2}, Surface{297.0});
 }
@@ -101,7 +101,7 @@ void paint_tree(Painter& painter, Point foot, SplitMix random) {
     const double out = std::sqrt(random.between(0.0, 1.0));
     const Point c{fork.x + 17.0 * out * std::cos(angle), fork.y - 17.0 + 14.0 * out * std::sin(angle)};
     const double shade = random.between(284.3, 287.0);
-    // Leaves: gaps show what is behind.
+    // Leaves: gaps show the background.
     const double r = random.between(4.5, 8.0);
     const auto leaves = [c, r](double x, double y) {
       const double u = (x - c.x) / r;

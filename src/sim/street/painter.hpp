@@ -1,5 +1,4 @@
-// Drawing with temperatures: shapes are painted over each other on a raster four times as fine as the picture and then
-// averaged, so that edges are sharp without steps.
+// Drawing with temperatures: shapes painted over each other on a raster of four times the resolution, then averaged.
 #pragma once
 
 #include <algorithm>
@@ -13,8 +12,8 @@
 
 namespace bolo::sim::street {
 
-// Lengths are in the street's unit: 1/120 of the height of the view it is composed for, one pixel of a 640x120 frame.
-// x to the right, y down, y = 0 at the top of that view.
+// Lengths are in the street's unit: 1/120 of the view's height, one pixel of a 640x120 frame.
+// x to the right, y down, y = 0 at the top of the view.
 struct Point {
   double x = 0.0;
   double y = 0.0;
@@ -27,10 +26,10 @@ struct Box {
   double bottom = 0.0;
 };
 
-// Random but smooth between points of a grid `size` apart: about -1 to 1, the same for the same place and seed.
+// Smooth random noise with grid spacing `size`: about -1 to 1, deterministic in place and seed.
 double texture(double x, double y, double size, std::uint64_t seed) noexcept;
 
-// A surface: its temperature at `y0`, how it changes downwards, and its texture.
+// A surface: its temperature at `y0`, vertical gradient and texture.
 struct Surface {
   double kelvin = 0.0;
   double grain_k = 0.0;
@@ -46,15 +45,15 @@ struct Surface {
 
 class Painter {
  public:
-  // `pixels`: the part of the picture to draw; `pixels_per_unit`: its resolution.
+  // `pixels`: the part of the image to draw; `pixels_per_unit`: its resolution.
   Painter(Region pixels, double pixels_per_unit);
 
-  // Only objects inside this box may be seen.
+  // Only objects inside this box can be visible.
   const Box& box() const noexcept { return box_; }
-  // The pixels' mean temperatures, row-major. `out` has pixels.width * pixels.height values, rows `stride` apart.
+  // Mean temperatures of the pixels, row-major. `out` has pixels.width * pixels.height values, rows `stride` apart.
   void average(float* out, std::size_t stride) const;
 
-  // Paints surface(x, y) wherever inside(x, y) within `bounds`.
+  // Paints surface(x, y) where inside(x, y) holds within `bounds`.
   template <typename Inside, typename Shade>
   void fill(const Box& bounds, Inside inside, Shade surface) {
     const int first_x = std::max(0, column(bounds.left));
@@ -87,7 +86,7 @@ class Painter {
     fill({c.x - rx, c.y - ry, c.x + rx, c.y + ry}, inside, surface);
   }
 
-  // A limb: round ends, `from_r` thick at one and `to_r` at the other.
+  // A limb with round ends and radius `from_r` to `to_r`.
   template <typename Shade>
   void limb(Point from, double from_r, Point to, double to_r, Shade surface) {
     const double dx = to.x - from.x;
@@ -125,7 +124,7 @@ class Painter {
   static constexpr int kFineness = 4;
   static bool encloses(std::span<const Point> corners, Point p) noexcept;
 
-  // Clamped well outside the raster, so that far shapes do not overflow.
+  // Clamped just outside the raster, so that far shapes do not overflow.
   int column(double x) const noexcept { return index((x - box_.left) / step_, width_); }
   int line(double y) const noexcept { return index((y - box_.top) / step_, height_); }
   static int index(double value, int size) noexcept {
@@ -149,16 +148,16 @@ inline constexpr double kRoadTop = 93.5;
 // A house front from `left` to `right`, with its roof in the upper quarter of the view.
 void paint_house(Painter& painter, double left, double right, SplitMix random);
 
-// Their feet stand at `foot`.
+// `foot`: the point where they stand.
 void paint_person(Painter& painter, Point foot, SplitMix random);
 void paint_tree(Painter& painter, Point foot, SplitMix random);
 void paint_lamp(Painter& painter, Point foot, SplitMix random);
 void paint_sign(Painter& painter, Point foot, SplitMix random);
 
-// A car seen from its side; `ground` is the road below its middle.
+// A car in side view; `ground`: the road below its middle.
 void paint_car(Painter& painter, Point ground, SplitMix random);
 
-// Nothing of any object is farther than this from its place.
+// Maximum extent of an object from its place.
 inline constexpr double kReach = 130.0;
 
 }  // namespace bolo::sim::street

@@ -1,5 +1,5 @@
-// Layout of the street. The plane is cut into slots for each kind of thing; what stands in a slot follows
-// from the seed and the slot's number alone, so the street has no end and any part of it can be drawn by itself.
+// Layout of the street: slots for each kind of object. The content of a slot depends only on the seed and the slot's
+// number, so the street is endless and any part of it can be drawn separately.
 #include <cmath>
 
 #include "src/sim/field.hpp"
@@ -29,7 +29,7 @@ void paint_sky(Painter& painter) {
   Box above = painter.box();
   above.bottom = std::min(above.bottom, kPavementTop);
   painter.rectangle(above, sky);
-  // Far trees against the sky, seen where no house stands.
+  // Distant trees against the sky, visible between houses.
   const auto under_crowns = [](double x, double y) { return y > 62.0 + 9.0 * texture(x, 0.0, 17.0, 31); };
   const Box far{painter.box().left, 45.0, painter.box().right, kPavementTop};
   painter.fill(far, under_crowns, Surface{285.2, 0.8, 2.2, 60.0, 0.06});
@@ -41,7 +41,7 @@ void paint_ground(Painter& painter) {
   painter.rectangle({left, kPavementTop, right, kKerb}, pavement);
   painter.rectangle({left, kKerb, right, kRoadTop}, Surface{294.2, 0.3});
   painter.rectangle({left, kRoadTop, right, std::max(painter.box().bottom, kRoadTop)}, road);
-  // The paint of the lane's dashes reflects the sky.
+  // The paint of the lane markings reflects the sky.
   const auto dash = [](double x, double) { return std::fmod(std::fmod(x, 64.0) + 64.0, 64.0) < 30.0; };
   painter.fill({left, 110.0, right, 112.2}, dash, Surface{287.2, 0.4, 1.2});
 }
@@ -55,7 +55,7 @@ class Street final : public Scene {
   Geometry size() const override { return view_; }
 
   capture::StillImage draw(Region region) const override {
-    constexpr int kTile = 256;  // columns; the fine raster of a whole pan would be large
+    constexpr int kTile = 256;  // columns; limits the memory of the fine raster
     capture::StillImage image{region.width, region.height, {}};
     image.kelvin.resize(Geometry{region.width, region.height}.pixels());
     for (int x = 0; x < region.width; x += kTile) {
@@ -67,7 +67,7 @@ class Street final : public Scene {
   }
 
  private:
-  // Calls paint_one(x, random) for each slot of which something may be in sight; x is somewhere in the slot.
+  // Calls paint_one(x, random) for each slot that may be visible; x is a random place in the slot.
   template <typename PaintOne>
   void each(const Painter& painter, Thing kind, double pitch, double probability, PaintOne paint_one) const {
     const std::uint64_t kind_key = key(seed_, static_cast<std::uint64_t>(kind));

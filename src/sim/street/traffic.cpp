@@ -7,7 +7,7 @@
 namespace bolo::sim::street {
 namespace {
 
-// The car drives towards +forward; up is above the road.
+// The car faces +forward; up is above the road.
 struct Frame {
   Point ground;
   double facing;
@@ -62,7 +62,7 @@ void paint_glass(Painter& painter, const Frame& car) {
 }
 
 void paint_heat(Painter& painter, const Frame& car) {
-  // The engine warms the bonnet from the middle.
+  // The engine warms the bonnet from its middle.
   const Point engine = car.at(35.0, 18.0);
   const auto bonnet = [engine](double x, double y) {
     const double u = (x - engine.x) / 12.0;
@@ -91,7 +91,7 @@ struct Clothes {
 
 constexpr Surface kSkin{306.3, 0.5, 1.5};
 
-// `facing` is 1 to the right, -1 to the left; `stride` half the distance of the feet.
+// `facing`: 1 to the right, -1 to the left; `stride`: half the distance between the feet.
 struct Pose {
   Point foot;
   double size;  // height of the person / 46
@@ -137,7 +137,7 @@ void paint_car(Painter& painter, Point ground, SplitMix random) {
   const double body_k = random.between(285.6, 289.4);
   const bool running = random.chance(0.75);
   const double brake_k = running ? random.between(305.0, 310.0) : 297.0;
-  // The road below is warmed, and shaded from the cold sky.
+  // The road below is warmed, and shielded from the cold sky.
   painter.ellipse(car.at(0.0, 0.6), 50.0, 3.4, Surface{running ? 296.5 : 292.8, 0.5, 1.3});
   if (running) painter.ellipse(car.at(30.0, 0.8), 14.0, 2.4, Surface{299.0, 0.4});
 
