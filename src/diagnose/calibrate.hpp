@@ -76,8 +76,7 @@ struct PulseFit {
   PixelTrace trace;
 };
 
-// kBadInput with one line when there are no pulses to fit: no switches, too few frames, clipped values, or a frame
-// period too long for tau. Thread: setup.
+// kBadInput: no pulses to fit (no switches, too few frames, clipped values, a period too long for tau). Thread: setup.
 Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress);
 
 // Results from a still field (closed shutter, flat black body).

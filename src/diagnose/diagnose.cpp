@@ -82,8 +82,7 @@ void learn_undo(const LearnTask& task, model::Undo& undo) {
   if (task.found("radiometric_nonlinearity") != nullptr) undo.radiance = camera.radiance > 0.5;
 }
 
-// Converts maps fitted to frames already corrected by `known` to maps of the uncorrected frames. Dead pixels need no
-// conversion.
+// Converts maps of frames corrected by `known` to maps of uncorrected frames. Dead pixels are the same in both.
 void follow(const model::PixelMaps& known, model::PixelMaps& maps) {
   const std::size_t pixels = std::max(known.gain.size(), known.offset.size());
   if (pixels > 0 && maps.offset.empty()) maps.offset.assign(pixels, 0.0F);

@@ -64,14 +64,12 @@ struct Effect {
   std::string needs;      // captures required to identify it
   Predicate testable_in;  // true if a session has such captures
   WithoutBench without_bench = WithoutBench::kNever;
-  // Effects on the mean have parameters and maps. Effects of noise and transport have neither, but statistics of their
-  // own.
+  // Effects on the mean have parameters and maps. Effects of noise and transport have their own statistics instead.
   std::function<std::vector<Parameter>(const Session&)> parameters = [](const Session&) {
     return std::vector<Parameter>{};
   };
   MapKind map = MapKind::kNone;
-  // Lower limit of the first parameter or the map's rms: a smaller effect would only absorb another effect's model
-  // errors.
+  // Least first parameter or rms of the map: a smaller effect would only absorb model errors of another.
   double least = 0.0;
   // The effect is confounded with stimulus levels: tried whenever levels are off, even without a residual.
   bool as_levels = false;
@@ -93,8 +91,7 @@ const Effect* find_effect(std::string_view name);
 
 bool has_kind(const Session& session, Kind kind);
 Predicate any_of(std::initializer_list<Kind> kinds);  // a recording of one of these kinds
-// A parameter for a number of the state: `at` returns a reference to it, `as` transforms it for the fit, `from` inverts
-// that.
+// A parameter for a number of the state: at(state) refers to it, `as` transforms it for the fit, `from` inverts that.
 template <typename At, typename As = std::identity, typename From = std::identity>
 Parameter number_at(std::string name, double step, double low, double high, At at, As as = {}, From from = {}) {
   return {std::move(name),

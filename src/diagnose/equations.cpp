@@ -82,8 +82,7 @@ MatrixXd solve(const MatrixXd& normal, const MatrixXd& right) {
   return scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * right);
 }
 
-// Derivatives of a frame's values, K, with respect to the target's shift (moving bars, px) or the frame's delay
-// (chopper, s).
+// Derivatives of a frame's values, K, by the target's shift (moving bars, px) or the frame's delay (chopper, s).
 Series slopes_of(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels,
                  const Series& base) {
   if (session.recordings[recording].kind == Kind::kMovingBars) {

@@ -108,8 +108,7 @@ void judge_still(const Session& session, const Recording& r, double hop_k, BadPi
   if (steady.front().size() < kLeastSteady) return;
   const auto levels = mapped(steady, [](const auto& series) { return two_levels(smooth(series)); });
   const std::vector<double> rough = mapped(steady, roughness);
-  // Simulated white noise: of a million pixels, 95 would exceed kStepOverTypical in 60 frames, 290 in 40; none exceeds
-  // this.
+  // White noise: of a million pixels, 95 would exceed kStepOverTypical in 60 frames, 290 in 40; none exceeds this.
   const double by_chance = std::pow(std::max(kUsualFrames / static_cast<double>(steady.front().size()), 1.0), 0.25);
   const double least_step = kStepOverTypical * by_chance * median(mapped(levels, &TwoLevels::step));
   const double usual_rough = median(rough);
@@ -124,8 +123,7 @@ void judge_still(const Session& session, const Recording& r, double hop_k, BadPi
   }
 }
 
-// True if a pixel hardly changes. Parts of a field recording may be still except for noise: there a constant pixel is
-// stuck only if the pixels around it show noise.
+// True if a pixel hardly changes. In a field recording, which may be still, only if the pixels around it show noise.
 bool is_stuck(const Recording& r, std::size_t pixel, double typical_range) {
   const FrameStatistics& s = r.statistics;
   if (typical_range <= 0.0) return true;

@@ -12,12 +12,11 @@ constexpr int kTiles = 8;           // along the width and the height
 // Largest share of blocks with local motion for which a scene counts as tracked.
 constexpr double kMostOwn = 0.35;
 constexpr std::size_t kFewestTriplets = 12;
-// Patterns need more triplets, or one per two frames: when a scene rests except for some jerks, it stays on the same
-// pixels in both halves of the data.
+// Patterns need more triplets, or one per two frames: a scene at rest but for some jerks stays on the same pixels in
+// both halves of the data.
 constexpr std::size_t kFewestOfPattern = 48;
 
-// Minimum of a component common to both halves of the data, in standard errors and in units of the noise: recordings
-// without effects stay below both.
+// Least component common to both halves of the data, in standard errors and in noise: above recordings without effects.
 constexpr double kPatternIsSure = 6.0;
 constexpr double kLeastPattern = 0.4;  // slow pixel noise looks like a pattern for a while
 // Above so many standard errors half of that suffices: the prediction errors of a sharp scene are counted as noise.

@@ -5,8 +5,7 @@
 
 namespace bolo::diagnose {
 
-// Results from field recordings. If any recording of a session has a model, the bench decides and field recordings are
-// only observed.
+// Results from field recordings, which are only observed if any recording of the session has a model.
 struct Field {
   bool judged = false;       // false: too little data, or there is a bench
   std::string why;           // reason if not judged

@@ -20,8 +20,7 @@ constexpr Index kFarthest = 16;  // frames on either side
 // Largest difference in lag between a frame and the two that predict it.
 constexpr double kMostLag_px = 1.0;
 constexpr double kLargestDifference = 1e3;  // clip of matched values, in noise sigmas
-// Time constant, in periods, of the innovations that are matched: so short that frames are matched with their thermal
-// lag.
+// Time constant of the matched innovations, in periods: so short that frames keep their thermal lag.
 constexpr double kAsTheyAre = 0.05;
 
 // Frames of one size, matched with one another.
@@ -69,8 +68,7 @@ std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by)
   return std::nullopt;
 }
 
-// Frames before which others were lost. `frame`: indices in the recording; `step`: motion of the scene since the frame
-// before.
+// Frames before which others were lost. `frame`: indices in the recording; `step`: motion since the frame before.
 std::vector<std::size_t> find_lost(const std::vector<Index>& frame, const std::vector<Shift>& step) {
   constexpr Index kAround = 2;          // steps on either side
   constexpr double kLeastSpeed = 0.35;  // px per frame
@@ -204,8 +202,7 @@ Result<Advance> advance_of(UsedFrames& used, Matcher& matcher) {
   return out;
 }
 
-// The longest run of used frames without a freeze, after which the pixels' offsets differ: first frame and one past the
-// last.
+// The longest run of used frames without a freeze, which changes offsets: first index, and one past the last.
 std::pair<std::size_t, std::size_t> longest_stretch(const std::vector<Index>& frame) {
   std::pair<std::size_t, std::size_t> longest{0, 0};
   std::size_t first = 0;
@@ -294,8 +291,7 @@ Result<FieldMotion> follow_field(const Recording& recording, const model::PixelM
   used.jumps = jumps_among(recording.statistics, noise);
   Matcher matcher{used.geometry(), noise};
   ASSIGN_OR_RETURN(auto advance, advance_of(used, matcher));
-  // An offset smaller than the changes that the scene caused in each pixel is not among these candidates, and disturbed
-  // its frame's match.
+  // An offset smaller than the scene's changes is not yet a candidate, and disturbed the match of its frame.
   if (auto seen = jumps_among(advance.rise, noise); !seen.empty()) {
     for (Observation::Jump& jump : seen) jump.frame = static_cast<std::size_t>(used.frame[jump.frame]);
     const auto removed = [&](const Observation::Jump& jump) { return used.jump_from(jump.frame) != 0.0; };

@@ -110,8 +110,7 @@ std::optional<Estimate> jackknifed(const Of& without) {
 
 int block_of(std::size_t burst, std::size_t bursts) { return static_cast<int>(burst * kBlocks / bursts); }
 
-// Precision-weighted mean of the bursts' time constants, relative to the given one, without outliers and without one
-// block.
+// Precision-weighted mean of the bursts' relative time constants, without outliers and without one block.
 std::optional<double> mean_of(const std::vector<GapFigures>& bursts, int left_out) {
   const std::vector<double> all = mapped(bursts, &GapFigures::tau_ratio);
   const double middle = median(all);

@@ -199,8 +199,7 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
   return gain;
 }
 
-// Correlation of neighbours. Gains of a camera's pixels are independent; prediction errors of a recurring scene are
-// correlated along its structures.
+// Correlation of neighbours: gains of pixels are independent, prediction errors of a scene follow its structures.
 double likeness(const std::array<ArrayXf, 2>& half, Geometry g) {
   double beside = 0.0;
   double same = 0.0;

@@ -35,8 +35,7 @@ struct FieldMotion {
   // Evenly spread over the longest run of frames without a freeze; empty: still, or too small to be tracked.
   std::vector<Triplet> triplets;
   bool after_freeze = false;  // that run follows a NUC, whose offsets it has
-  // Frames preceded by losses despite a continuous counter: there the otherwise even motion advances by two or more
-  // steps.
+  // Frames preceded by losses despite a continuous counter: there the even motion advances by two or more steps.
   std::vector<std::size_t> lost;
   // Offset steps of the whole picture along the motion, already removed from `frames`.
   std::vector<Observation::Jump> jumps;
@@ -68,8 +67,7 @@ Residual predict_field(const FieldFrames& frames, const std::vector<Triplet>& tr
 // Mean square of each block (triplets x blocks) without bad pixels; negative: no prediction.
 Series squares_of(const Residual& residual, const Mask& bad);
 
-// Residual variance of blocks without local motion, which is due to noise and to interpolation at edges: the median
-// over blocks of similar contrast.
+// Residual variance by noise and interpolation at edges, without motion: median over blocks of similar contrast.
 class PredictionFloor {
  public:
   PredictionFloor(const Residual& residual, const Mask& bad);
@@ -125,8 +123,7 @@ class Aligner {
   motion::PaddedPlane before_, after_, now_, out_;
 };
 
-// --- Components of the residual, each estimated from two independent halves of the data: the covariance of both is due
-// to the camera, the rest is chance or the scene.
+// --- Components of the residual: what two independent halves of the data share. The rest is chance or the scene.
 
 // Fixed-pattern offsets, rms.
 struct Offsets {

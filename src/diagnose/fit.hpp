@@ -10,8 +10,7 @@
 namespace bolo::diagnose {
 
 inline constexpr int kCellFrames = 24;  // at most
-// Frames of a cell: 0.12 s. With longer cells, a short capture of a slow camera had too few to agree on an effect.
-// Thread: any.
+// Frames of a cell: 0.12 s, since short captures of slow cameras have too few longer ones. Thread: any.
 Index cell_frames(const Session& session);
 
 // `cell`: index of a block of cell_frames() frames. `pixel`: index within the grid.
@@ -79,8 +78,7 @@ struct Columns {
 Columns columns_of(const FitData& data, std::size_t recording, const State& state,
                    const std::vector<Parameter>& parameters);
 
-// Normal equations of one block of frames, separately for training and held-out cells: products of all columns, the
-// residual being the last one.
+// Normal equations of a block of frames, for training and held-out cells: products of all columns, the residual last.
 struct Group {
   MatrixXd train;
   MatrixXd test;

@@ -1,5 +1,4 @@
-// Maps of the full frame. The diagnosis works on a grid that omits most pixels, so the captures are read again here,
-// some rows at a time.
+// Maps of the full frame. The diagnosis' grid omits most pixels, so the captures are read again, some rows at a time.
 
 #include "src/diagnose/stages.hpp"
 

@@ -1,6 +1,5 @@
-// Forward models in closed form: a pixel's response to a chopper (sums of exponentials) and to moving bars (a Fourier
-// series, in which optics, pixel and read-out multiply each harmonic); the state of camera and stimulus, and the
-// predicted readings.
+// Forward models in closed form: a pixel's response to a chopper (sums of exponentials) and to moving bars (Fourier
+// series; optics, pixel and read-out are factors on each harmonic); the state of camera and stimulus.
 #pragma once
 
 #include <complex>
@@ -232,8 +231,7 @@ std::vector<std::size_t> modelled(const Session& session);  // indices of the re
 bool has_bench(const Session& session);                     // true if there are any
 // Prediction of a recording that has_model() at pixels of the grid: frames x pixels, K. Thread: any.
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
-// Predicted mean over these pixels of each frame, K, and its derivatives by the recording's levels (frames x levels,
-// K/K). Thread: any.
+// Each frame's mean over these pixels, K, and its derivatives by the levels (frames x levels, K/K). Thread: any.
 VectorXd frame_means(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 MatrixXd level_slopes(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 

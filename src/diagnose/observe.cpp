@@ -40,8 +40,7 @@ void add_freezes(const FrameStatistics& s, Observation& out) {
   }
 }
 
-// Sigma of the line pattern. Differences of lines from their neighbours are correlated between both halves of the
-// frame.
+// Sigma of the line pattern: the covariance, between both halves of the frame, of lines' deviations from neighbours.
 double pattern_of(const FrameStatistics& s, bool columns) {
   const int lines = columns ? s.width : s.height;
   const int along = columns ? s.height : s.width;

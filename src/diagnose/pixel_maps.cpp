@@ -21,8 +21,7 @@ void begin_drift(const Session& session, State& state) {
   }
 }
 
-// Drift of each recording from the pattern of the pixels' shares, since the levels of an imperfect bench cannot tell
-// it.
+// Drift of each recording from the pattern of the pixels' shares: an imperfect bench's levels cannot tell it.
 void refine_drift(const FitData& data, State& state) {
   for (const std::size_t i : modelled(data.session)) {
     const Series r = data.residual(i, state, data.all_pixels);

@@ -86,8 +86,7 @@ Match search(FrameMatcher& matcher, const Recording& r) {
   return matcher.refine(seen, at, best.shift, 6);
 }
 
-// Tracks from the middle frame outwards. A frame that fits badly at its expected position is also searched one or two
-// frame periods ahead and behind.
+// Tracks from the middle outwards. A frame that fits badly is also searched one or two periods ahead and behind.
 double follow_bars(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
   const Recording& recording = session.recordings[index];
   StimulusState& stimulus = state.stimuli[index];

@@ -115,8 +115,7 @@ struct Selector {
     return false;
   }
 
-  // Removes the effect of smallest gain; false if all gain enough. `stand_ins`: considers only effects that stand in
-  // for an unknown one, whatever they gain.
+  // Removes the effect of smallest gain; false if all gain enough. `stand_ins`: only those that stands_in() finds.
   bool drop(bool stand_ins = false) {
     auto& all = selection.chosen;
     std::optional<std::size_t> least;
@@ -149,9 +148,8 @@ struct Selector {
     });
   }
 
-  // True if an effect has absorbed part of an unknown one: its map makes a capture worse; a parameter is at a bound; it
-  // explains only a small share of what remains; or its map is a trend over the rows rather than differences between
-  // pixels.
+  // True if an effect has absorbed part of an unknown one: its map makes a capture worse, a parameter is at a bound, it
+  // explains little of what remains, or its map is a trend over rows rather than differences of pixels.
   bool stands_in(const Chosen& one) const {
     const Effect& effect = *one.choice.effect;
     if (effect.map != MapKind::kNone && harms(one.before, one.after)) return true;
@@ -172,8 +170,7 @@ struct Selector {
 
   bool levels_are_off(const State& state) const { return level_error(levels, state) > kLevelsOff * kLevelResolution; }
 
-  // Probability, from the scatter of groups and the levels' log-likelihoods, that the fit `first` beats both the
-  // current one and `second`.
+  // Probability, from the groups' scatter and the levels' likelihoods, that a fit beats the current one and `second`.
   double confidence(const FitResult& first, const FitResult& second) const {
     const auto sure = [&](const FitResult& other) {
       const Gain more = gain_between(other.score, first.score);
@@ -184,13 +181,12 @@ struct Selector {
     return std::min({sure(selection.fit), sure(second), kMostConfidence});
   }
 
-  // Gain of a fit over another, on held-out cells and by the agreement of the levels with their files. The latter rests
-  // on few data and suffices alone only if large.
+  // Gain of a fit over another on held-out cells and by the levels' agreement with their files, which suffices alone
+  // only if large: levels are few.
   Gain gain(const FitResult& before, const FitResult& after) const {
     Gain g = gain_between(before.score, after.score);
     double evidence = level_evidence(levels, after.state) - level_evidence(levels, before.state);
-    // The two parameters fit any two levels; only further levels show that the target is the cause, not the black
-    // bodies.
+    // Two parameters fit any two levels; only further ones show that the target deviates, not the black bodies.
     const auto as_levels = [](const Choice& c) { return c.effect->as_levels; };
     if (evidence > 0.0 && std::ranges::any_of(after.choices, as_levels) &&
         std::ranges::none_of(before.choices, as_levels)) {

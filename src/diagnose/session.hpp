@@ -50,8 +50,7 @@ struct Grid {
 inline constexpr int kGridRows = 48;  // at most
 inline constexpr int kGridColumns = 64;
 
-// Statistics of every pixel and every frame of a recording, gathered while frames are read, because the grid of the
-// fits omits most pixels of a large frame.
+// Statistics of every pixel and frame, gathered while frames are read: the grid of the fits omits most pixels.
 struct FrameStatistics {
   int width = 0;
   int height = 0;
@@ -184,8 +183,7 @@ class FrameReader {
   const capture::CaptureReader& capture() const { return capture_; }
   // Format of read_plane(): the capture's, but float32 if maps are applied.
   StreamFormat format() const;
-  // Reads a whole frame as stored values, plane_bytes() long. Returns the number of pixels at the limits of 16 bits in
-  // the capture.
+  // Reads a whole frame as stored values, plane_bytes() long. Returns the number of pixels clipped to 16 bits.
   Result<std::size_t> read_plane(std::size_t frame, std::byte* plane);
   // The same from pixel `first` on, in K (counts if not radiometric).
   Result<std::size_t> read(std::size_t frame, std::size_t first, std::span<float> out);
@@ -198,13 +196,12 @@ class FrameReader {
   std::vector<std::byte> plane_;
 };
 
-// Opens a recording's capture again, for all pixels. Error: size or times of its frames differ from those read before.
-// Thread: setup.
+// Opens a recording's capture again, for all pixels. Error: its frames have changed in size or time. Thread: setup.
 Result<FrameReader> open_again(const Recording& recording, const model::PixelMaps& known);
 
-// Reads the captures of a session; Session::known becomes `known`. The first one defines the camera; captures of
-// another camera or size, empty and saturated ones are excluded with a line in `warnings`. kBadInput when none is left.
-// Thread: setup.
+// Reads a session's captures; `known` becomes Session::known. The first one defines the camera; captures of other
+// cameras or sizes, empty and saturated ones are left out with a line in `warnings`. kBadInput: none is left. Thread:
+// setup.
 Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress,
                              model::PixelMaps known = {});
 

@@ -1,5 +1,4 @@
-// Likelihood fits (spectrum of the pixels' noise, tails of its distribution) and effects identified by noise
-// statistics.
+// Likelihood fits of the noise (spectrum, tails of the distribution), and effects identified by noise statistics.
 #include <complex>
 
 #include <unsupported/Eigen/FFT>
@@ -24,8 +23,7 @@ using Spectrum = std::vector<Bin>;
 constexpr double kFlattest = 0.5;
 constexpr double kSteepest = 1.7;
 
-// Model of the spectrum: white noise that rises below a corner, a frame filter, and rounding of values after the
-// filter.
+// Model of the spectrum: white noise that rises below a corner, a frame filter, and rounding behind the filter.
 struct SpectrumFit {
   double rate_hz = 200.0;
   double rounding = 0.0;  // variance of the rounding error

@@ -4,8 +4,7 @@
 namespace bolo::diagnose {
 namespace {
 
-// With these weights and limits at least 99 % of the effect-free sessions of the blind check stay below
-// kRemainderLimit.
+// Set so that 99 % of the blind check's sessions without effects stay below kRemainderLimit.
 
 constexpr double kMostOfOne = 16.0;        // clip of a squared value in its frame's sum, squared floors
 constexpr double kLeastAmplitude = 0.008;  // of a component along a basis, rms in floors: error of the forward models
@@ -136,8 +135,7 @@ struct Halves {
     sum(at, is_second ? 1 : 0) += value;
     count(at, is_second ? 1 : 0) += 1.0;
   }
-  // Correlation of the two halves' means, as a fixed pattern causes it, in standard errors; 0 if its rms is below
-  // `allowed`.
+  // Correlation of both halves' means by a fixed pattern, in standard errors; 0 if its rms is below `allowed`.
   double z(double allowed, double most = 1e9) const {
     const auto known = places_where<Index>(static_cast<std::size_t>(sum.rows()), [this](std::size_t i) {
       return count.row(static_cast<Index>(i)).minCoeff() >= 1.0;

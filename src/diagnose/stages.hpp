@@ -1,5 +1,4 @@
-// The stages of the diagnosis and their parts. Each is a function of earlier ones: Session -> Events -> Noise -> Fit ->
-// Remainders -> Report.
+// Stages of the diagnosis, each a function of earlier ones: Session -> Events -> Noise -> Fit -> Remainders -> Report.
 #pragma once
 
 #include "src/diagnose/fit.hpp"
@@ -40,8 +39,7 @@ std::vector<std::pair<std::size_t, std::size_t>> runs_of(const std::vector<char>
 // Values (row-major, of the frame) of the up to eight neighbours of a pixel. Thread: any.
 std::vector<double> values_around(const FrameStatistics& statistics, const std::vector<float>& values, PixelPlace at);
 
-// Finds long runs of identical frames; frames of short runs are counted in `repeated_frames`. Marks all but the first
-// frame of a run as not used.
+// Finds long runs of identical frames and counts those of short runs. Only the first frame of a run remains used.
 std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& repeated_frames);
 
 // Stuck and noisy pixels of the whole frame; after jumps are removed, those that hop between two levels by more than
@@ -70,11 +68,9 @@ double find_step(const Session& session);
 // Level at which a recording's values are clipped; infinity: none.
 double find_ceiling(const Recording& recording, double level_step);
 
-// Observations of a recording without a model of its scene: jumps, freezes, flicker, noise, patterns and outlier
-// pixels. Thread: any.
+// Observes jumps, freezes, flicker, noise, patterns and outlier pixels without a model of the scene. Thread: any.
 Observation observe(const Recording& recording);
-// Frames in which nearly all pixels changed in the same direction by far more than usual. `noise`: standard deviation
-// of one value. Thread: any.
+// Frames in which nearly all pixels jump the same way, far more than usual. `noise`: sigma of one value. Thread: any.
 std::vector<Observation::Jump> jumps_among(const FrameStatistics& statistics, double noise);
 
 // --- Noise
@@ -119,8 +115,7 @@ struct NoiseStatistics {
 // marking of bad pixels. Recordings with values at `ceiling` are excluded.
 NoiseStatistics measure_noise(const Session& session, double ceiling);
 
-// True if the camera is still: changes of neighbouring pixels are hardly correlated, and a quarter of the pixels vary
-// no more than by noise.
+// True if the camera is still: neighbours' changes are uncorrelated, and a quarter of the pixels vary by noise only.
 bool is_still(const Session& session, const Recording& recording);
 
 struct Bin {
@@ -164,8 +159,7 @@ struct Transport {
 // state.stimuli[].late_s and registers choppers again.
 Transport judge_transport(const Session& session, State& state, double floor_k, std::span<const int> pixels);
 
-// Jitter of frames from the shifts of moving bars in `state`. Since model errors scatter the shifts, this is repeated
-// once the effects are known.
+// Jitter from the shifts of moving bars in `state`; repeated once effects are known, as model errors scatter shifts.
 void judge_jitter(const Session& session, const State& state, double floor_k, std::span<const int> pixels,
                   Transport& transport);
 bool is_jittered(const Transport& transport);

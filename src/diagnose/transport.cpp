@@ -39,8 +39,7 @@ std::optional<std::array<double, 2>> parabola_about(const Recording& recording, 
   return std::array{values[k] + fitted[0], fitted[1]};
 }
 
-// Robust speed around frame k, px/s, from consecutive frames. At low frame rates a parabola through a lost frame would
-// look like a faster target.
+// Robust speed around frame k, px/s: a parabola through a lost frame looks like a faster target if frames are slow.
 double usual_speed(const Recording& r, const StimulusState& s, std::size_t k) {
   const auto [from, to] = around(static_cast<long>(k), 12, static_cast<long>(r.used.size()));
   std::vector<double> speeds;
@@ -58,8 +57,7 @@ void count_periods(int periods, Transport& t) {
   if (periods < 0) t.inserted -= periods;
 }
 
-// Delay of each frame of moving bars in whole periods. Jitter affects one frame, a lost or inserted frame all that
-// follow.
+// Delay of each frame of moving bars in periods. Jitter affects one frame, a lost or inserted one all that follow.
 void count_steps(const Session& session, std::size_t index, State& state, Transport& t) {
   constexpr std::size_t kSide = 3;  // frames on either side for the median
   const Recording& r = session.recordings[index];
@@ -173,8 +171,7 @@ struct ChopperClock {
     std::vector<int> late;  // of each frame, periods
   };
 
-  // Fits the levels at the path's times: level errors of the files look like a late frame at an edge, and would bias
-  // the path.
+  // Fits the levels at the path's times: level errors look like a late frame at an edge and would bias the path.
   void take_levels(const Path& path) {
     StimulusState& s = believed.stimuli[index];
     State now = believed;

@@ -44,9 +44,8 @@ Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) 
   return m;
 }
 
-// True if the scene changed: the frames' mean changes, pixels change slowly, or some pixels scatter far more than
-// others. `variance`: of each pixel over time; `own`: of each pixel between neighbouring frames; `of_means`: of the
-// frames' means.
+// True if the scene changed: the frames' mean or single pixels change slowly, or some pixels scatter far more than
+// most. Variances: of each pixel over time, of its steps between frames (`own`), and of the frames' means.
 bool moves(const std::vector<double>& variance, const std::vector<double>& own, double of_means, double least) {
   const double usual = std::max(median(own), least * least);
   const double slow = median(variance) - usual - of_means;

@@ -95,8 +95,7 @@ Status check_pixels(const FrameSeries& frames, const CommonSignal& common, const
                    "higher contrast, or hold the camera still before a chopper");
 }
 
-// Confidence interval of tau. Pixels have independent errors and a shared one (flicker, drift of a level), which is
-// estimated from differences between intervals.
+// Confidence interval of tau. The error that all pixels share (flicker, drift) shows in differences between intervals.
 Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, const SignalFit& fit, double bias) {
   const double shared2 = std::max(0.0, fit.interval_variance - noise_error * noise_error);
   const double error2 = pixel_error * pixel_error + shared2;

@@ -10,8 +10,7 @@ constexpr double kTauRatio = 1.12;     // between two trial taus
 constexpr double kShortestTau = 0.3;   // in frame periods
 constexpr double kLongestTau = 60.0;
 
-// Line of y over e = exp(-(t - t_first) / tau): slope and residual. With too little scatter in e, only the mean is
-// fitted.
+// Line of y over e = exp(-(t - t_first) / tau). With too little scatter in e, only the mean is fitted.
 constexpr double kLeastScatter = 1e-12;
 
 double slope_of(const Line& line) {

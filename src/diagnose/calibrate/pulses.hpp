@@ -32,8 +32,7 @@ double freedom_of(const std::vector<Interval>& intervals);
 // Times between consecutive frames, s.
 std::vector<double> gaps_of(std::span<const double> t_s);
 
-// Regressors of one interval at one tau: e = exp(-t / tau) less its mean, and u, its derivative by ln tau, orthogonal
-// to 1 and e.
+// Regressors of an interval and tau: e = exp(-t / tau) less its mean; u: derivative by ln tau, orthogonal to 1 and e.
 struct Regressors {
   Regressors(std::span<const double> t_s, const Interval& interval, double tau_s);
   std::vector<double> e;

@@ -193,8 +193,7 @@ std::vector<Effect> readout_effects() {
        .least = 5e-07,
        .forms = {[](State& s) { s.camera.two_halves = false; }, [](State& s) { s.camera.two_halves = true; }},
        .report = first_as("row_delay_s")},
-      // The read-out averages over a part of the frame. Its mean delay looks like a start phase; only the window's
-      // square shows.
+      // The read-out averages over part of the frame. Only the window's square shows; its mean delay is a start phase.
       {.name = "integration_window",
        .stage = "readout",
        .words = {"Integration window",

@@ -1,5 +1,4 @@
-// The report as files. report.json follows the table in docs/formats.md, key for key. JSON has no NaN and no infinity:
-// unmeasured values are null.
+// The report as files. report.json: the table in docs/formats.md, key for key; unmeasured values (NaN) are null.
 #include <algorithm>
 
 #include <nlohmann/json.hpp>
