@@ -63,6 +63,7 @@ struct LiveResult {
   LiveFigures figures;
 };
 
+// Thread: any.
 plot::Sheet sheet_of(std::span<const LiveResult> results);
 
 // --- Frame numbers of a capture that a fake camera replays in a loop.
