@@ -1,4 +1,4 @@
-// PROMISES.md on readers: however many, frozen, killed or slow, they do not change the writer's rate or latency.
+// docs/guarantees.md on readers: however many, frozen, killed or slow, they do not change the writer's rate or latency.
 #include "tests/test.hpp"
 #include "tools/lab/bench/bench.hpp"
 
