@@ -21,13 +21,11 @@ double value_of(const LearnTask& task, const char* effect, const char* key, doub
   return parameter_of(task, effect, key).value_or(otherwise);
 }
 
-// A grey body: emissivity and reflected temperature.
 struct Grey {
   double emissivity = 1.0;
   double reflected_k = kSurroundings;
 };
 
-// Temperature of a reflected radiance, clamped to plausible values.
 double reflected_temperature(double signal) { return std::clamp(band_temperature(signal), 150.0, 600.0); }
 
 // From the fit, whose radiances are relative to that of kSurroundings.

@@ -322,7 +322,6 @@ Columns columns_of(const FitData& data, std::size_t recording, const State& stat
   const Series seen = r.values(Eigen::all, data.fit_pixels);
   const Series base = predict(data.session, recording, state, data.fit_pixels);
   const auto weight = static_cast<float>(1.0 / data.floor_k);
-  // Values at or near a ceiling are not used.
   const float limit = usable_limit(data, state);
   const bool limited = std::isfinite(state.camera.clip_k);
   const auto without_clipped = [&](Series& of) {

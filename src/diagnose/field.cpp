@@ -16,7 +16,7 @@ constexpr std::size_t kFewestTriplets = 12;
 // both halves of the data.
 constexpr std::size_t kFewestOfPattern = 48;
 
-// Least component common to both halves of the data, in standard errors and in noise: above recordings without effects.
+// Least pattern that both halves of the data share, in standard errors or noise; more than without effects.
 constexpr double kPatternIsSure = 6.0;
 constexpr double kLeastPattern = 0.4;  // slow pixel noise looks like a pattern for a while
 // Above so many standard errors half of that suffices: the prediction errors of a sharp scene are counted as noise.

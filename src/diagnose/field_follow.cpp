@@ -23,7 +23,6 @@ constexpr double kLargestDifference = 1e3;  // clip of matched values, in noise 
 // Time constant of the matched innovations, in periods: so short that frames keep their thermal lag.
 constexpr double kAsTheyAre = 0.05;
 
-// Frames of one size, matched with one another.
 struct Matcher {
   Geometry geometry;
   double noise;
@@ -287,7 +286,7 @@ Result<FieldMotion> follow_field(const Recording& recording, const model::PixelM
   if (used.frame.size() > kMostFrames) used.frame.resize(kMostFrames);
   FieldMotion out;
   if (std::min(used.geometry().width, used.geometry().height) < motion::kLeastSide) return out;
-  // Frames are first matched without candidate jumps; a change along the motion then confirms them.
+  // Candidate jumps are removed before matching; a change along the motion then confirms them.
   used.jumps = jumps_among(recording.statistics, noise);
   Matcher matcher{used.geometry(), noise};
   ASSIGN_OR_RETURN(auto advance, advance_of(used, matcher));

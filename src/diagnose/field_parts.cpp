@@ -271,7 +271,6 @@ FieldMaps maps_of(const Cells& cells, const std::vector<Triplet>& triplets, cons
   return maps;
 }
 
-// Index of the half to which a triplet belongs.
 std::size_t half_of_time(Index triplet, Index triplets) {
   return static_cast<std::size_t>(triplet * kGroups / triplets) % 2;
 }

@@ -106,7 +106,6 @@ void fill_dead(FieldFrames& frames, const Mask& dead);
 // the fixed pattern, which moves relative to the scene.
 bool follows(const FieldFrames& frames, const std::vector<Triplet>& triplets, const Residual& with);
 
-// Copies a frame into a plane of its size.
 void load(const float* from, motion::PaddedPlane& to);
 
 // Predicts a triplet's frame from the two others.

@@ -86,7 +86,6 @@ std::vector<Step> steps_of(const capture::Chopper& chopper, const StimulusState&
   return steps;
 }
 
-// Applies the frame filter along time.
 void filter_frames(const Response& r, Series& y) {
   if (r.filter == FrameFilter::kNone || r.alpha >= 1.0) return;
   const auto alpha = static_cast<float>(r.alpha);

@@ -32,7 +32,6 @@ std::optional<ArrayXXd> longest_block(const Session& session, const Recording& r
   return block;
 }
 
-// Components by frame, row, column and pixel.
 struct Parts {
   ArrayXd frame;    // mean of each frame
   ArrayXXd row;     // frames x rows, relative to the frame
@@ -149,7 +148,6 @@ void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
   }
 }
 
-// Sums over the still recordings.
 struct NoiseSums {
   const Session& session;
   std::vector<int> good = session.good_pixels();
@@ -240,7 +238,7 @@ struct NoiseSums {
     const double m2 = square / frames;
     kurtosis.push_back(x.square().square().mean() / std::max(1e-18, m2 * m2) - 3.0);
     for (Index k = pixel % kSampled; k < block.rows(); k += kSampled) {
-      // Without the frame's mean only: removing row and column means would mix neighbours into each value.
+      // Only the frame's mean is removed: those of row and column would mix neighbours into each value.
       if (sample.size() < kMostSampled) sample.push_back(block(k, pixel) - parts.frame[k]);
     }
     const std::vector<double> own = periodogram(x);

@@ -143,7 +143,6 @@ plot::Plot grid_plot(const Session& session, const std::string& title, const std
   return map_plot(title, unit, size, std::move(values));
 }
 
-// The curves before and after, scaled by `factor`.
 std::vector<plot::Series> both(const Curve& before, const Curve& after, double factor) {
   std::vector<plot::Series> series{{.label = "before", .hue = plot::Hue::kBlurred, .x = before.x, .y = before.y},
                                    {.label = "after", .hue = plot::Hue::kDeblurred, .x = after.x, .y = after.y}};

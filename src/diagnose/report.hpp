@@ -82,7 +82,6 @@ struct NoiseStatistic {
   double explained = 0.0;  // with the diagnosed effects
 };
 
-// A pixel of the camera's frame.
 struct PixelPlace {
   int x = 0;
   int y = 0;

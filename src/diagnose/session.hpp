@@ -199,9 +199,8 @@ class FrameReader {
 // Opens a recording's capture again, for all pixels. Error: its frames have changed in size or time. Thread: setup.
 Result<FrameReader> open_again(const Recording& recording, const model::PixelMaps& known);
 
-// Reads a session's captures; `known` becomes Session::known. The first one defines the camera; captures of other
-// cameras or sizes, empty and saturated ones are left out with a line in `warnings`. kBadInput: none is left. Thread:
-// setup.
+// Reads a session's captures; `known` becomes Session::known. The first one defines the camera; those of other cameras
+// or sizes, empty and saturated ones are left out with a line in `warnings`. kBadInput: none left. Thread: setup.
 Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress,
                              model::PixelMaps known = {});
 

@@ -147,7 +147,6 @@ double floor_of(const Events& events, const Noise& noise, const model::CameraPro
   return std::max(floor_k, std::sqrt(p.noise_k * p.noise_k + events.step_k * events.step_k / 12.0));
 }
 
-// Noise of whole frames, rows and columns.
 void name_components(const NoiseStatistics& n, Findings& out) {
   if (shows(n.flicker)) {
     out.add("flicker", n.flicker.z, "whole frames differ by an offset", {{"sigma_k", n.flicker.estimate()}});
@@ -271,7 +270,6 @@ void judge_spectrum(const Spectrum& s, double rate_hz, double rounding, NoiseSta
     n.alpha.error = curvature_error(s, best, false);
     n.alpha.z = std::sqrt(2.0 * std::max(0.0, best.likelihood - pink.likelihood));
   }
-  // Largest deviation of a band from the fit.
   constexpr std::size_t kBands = 12;
   for (std::size_t b = 0; b < kBands; ++b) {
     const std::size_t first = b * s.size() / kBands;

@@ -4,7 +4,7 @@
 namespace bolo::diagnose {
 namespace {
 
-// Set so that 99 % of the blind check's sessions without effects stay below kRemainderLimit.
+// Weights and limits: 99 % of the blind check's sessions without effects stay below kRemainderLimit.
 
 constexpr double kMostOfOne = 16.0;        // clip of a squared value in its frame's sum, squared floors
 constexpr double kLeastAmplitude = 0.008;  // of a component along a basis, rms in floors: error of the forward models
@@ -253,7 +253,6 @@ void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
   tallies.frame_square.push_back(std::max(0.0, about));
 }
 
-// Collects one recording's remainders.
 struct Collector {
   const Recording& recording;
   std::vector<Remainder>& found;

@@ -23,7 +23,6 @@ bool has(const Report& report, std::initializer_list<std::string_view> effects) 
                              [&](const FoundEffect& e) { return std::ranges::count(effects, e.name) != 0; });
 }
 
-// Effects visible in the values themselves.
 Findings judge_values(const Events& events, const Noise& noise, const Options& options) {
   Findings out;
   const Session& session = events.session;

@@ -205,7 +205,6 @@ struct Findings {
 FoundEffect named(const std::string& name, double confidence, Estimates parameters = {});
 bool allowed(const Options& options, const std::string& name);
 
-// Events of whole frames and pixels.
 struct Events {
   Session session;  // without jumps; repeated frames and bad pixels are marked
   Session raw;      // as read
@@ -220,7 +219,6 @@ struct Events {
 };
 Events find_events(Session session, const Options& options);
 
-// The noise statistics and the effects that they identify.
 struct Noise {
   NoiseStatistics statistics;
   double nominal_k = 0.0;  // rms of one value by the profile; measured if not radiometric

@@ -71,8 +71,8 @@ Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, co
 Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const StatedFormat& stated);
 Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& layout, const StatedFormat& stated);
 
-// --- CPTV version 2: films of Lepton cameras as The Cacophony Project records them, gzipped. A frame is stored as its
-// difference from the one before, along a snake through the rows as further differences, in as few bits as they need
+// --- CPTV version 2: films of Lepton cameras as The Cacophony Project records them, gzipped. A frame is its difference
+// from the one before, stored as successive differences along a snake through the rows, in as few bits as they need
 // (github.com/TheCacophonyProject/go-cptv, SPECv2.md; compression scheme 1 of its reader).
 
 // Values are counts unless `stated` has a scale: the file has none. Skips background frames, which a device computes.

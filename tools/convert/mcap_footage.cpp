@@ -18,7 +18,7 @@ namespace bolo::tools {
 namespace {
 
 constexpr std::size_t kMostFrames = std::size_t{1} << 24U;  // 23 hours at 200 Hz
-// Of the file per message, however compressed, as its time takes: else a few kilobytes could fill all memory.
+// Least bytes of the file per message, however compressed: otherwise a few kilobytes could fill all memory.
 constexpr std::uint64_t kLeastBytesOfAMessage = 2;
 
 struct Still {

@@ -152,7 +152,6 @@ class McapSink final : public FootageSink {
     return static_cast<std::uint64_t>(std::max(ns, std::int64_t{0}));
   }
 
-  // Writes events up to this time.
   Status write_events(double until_s) {
     for (; next_event_ < events_.size() && events_[next_event_].t_s <= until_s; ++next_event_) {
       if (!base_ns_) continue;

@@ -19,7 +19,6 @@ struct Plane {
   std::vector<std::uint16_t> u16;
   std::vector<float> f32;
 
-  // Resizes to this number of values of the type.
   void* resize(PixelType type, std::size_t pixels) {
     u16.resize(type == PixelType::kUint16 ? pixels : 0);
     f32.resize(type == PixelType::kUint16 ? 0 : pixels);

@@ -105,8 +105,7 @@ Status read_lambda(const std::string& text, deblur::Settings& settings) {
   return bad_input("--lambda '" + text + "': give a number of 0 or more, or auto");
 }
 
-// Computed before the file is read, so that outputs do not match a file that changes meanwhile. Its reader reports
-// faults.
+// Computed before the file is read: outputs do not match a file that changes later. Its reader reports faults.
 void note_sum(const char* name, const fs::path& file, DeblurRequest& request) {
   if (!request.into_folder || file.empty()) return;
   if (const auto sum = checksum_of_file(file)) request.sums[name] = *sum;

@@ -22,7 +22,7 @@
 
 namespace bolo::tools {
 
-// --- The share of one of several processes started on the same captures: every N-th, without communication.
+// --- Several processes started on the same captures share them: each does every N-th, without communication.
 
 struct Share {
   std::size_t index = 0;
@@ -38,12 +38,11 @@ Result<Share> share_named(const std::string& text);
 // Looks up an environment variable; null if it is not set.
 using Environment = std::function<const char*(const char*)>;
 
-// The share by a scheduler's variables: this process among the ranks of mpirun (Open MPI, MPICH, others that set PMI's)
-// or srun, times this task of a Slurm array. All if none are set. kBadInput if they contradict each other. Thread: any.
+// The share by a scheduler: this process among the ranks of mpirun (Open MPI, MPICH, others with PMI's variables) or
+// srun, times this task of a Slurm array. All without one. kBadInput for contradictory variables. Thread: any.
 Result<Share> share_of(const Environment& environment);
 
-// Processors for this process: as Slurm assigned, else `processors` divided by ranks on this host. At least 1. Thread:
-// any.
+// Processors for this process: Slurm's assignment, else `processors` over ranks on this host. At least 1. Thread: any.
 int threads_of(const Environment& environment, int processors);
 
 // --- A gyro's samples from a CSV file, on the clock of a capture.

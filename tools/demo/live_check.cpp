@@ -22,7 +22,6 @@ using plot::Hue;
 
 constexpr double kPictureWidth = 1240.0;  // px
 constexpr double kBetween = 26.0;         // px, between close-ups
-// Of the solvers, in order.
 constexpr std::array kSolverHues{Hue::kDeblurred, Hue::kGreen, Hue::kPurple};
 constexpr double kSides = 70.0;  // px, part of a plane's width that its axis takes
 constexpr int kCloseUpColumns = 128;
@@ -109,7 +108,6 @@ struct Layer {
   Hue hue;
 };
 
-// The frame's row along which the profile is drawn.
 int middle_row(Region region) { return region.y + region.height / 2; }
 
 plot::Plot profile(const std::vector<Layer>& layers, Geometry g, Region region) {

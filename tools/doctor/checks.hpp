@@ -77,8 +77,7 @@ struct CameraQuery {
   bool ask_network = true;  // false: sends nothing
 };
 
-// Reads the host below `root` ("/"; in tests another, then files only) and queries the network: some seconds. Thread:
-// setup.
+// Reads the host below `root` (in tests not "/": only files) and queries the network; takes seconds. Thread: setup.
 Facts gather(const CameraQuery& query, const std::filesystem::path& root = "/");
 
 // For a video device that was refused as in use ("DEVICE: another program uses it ..."): names the program, as far as

@@ -176,7 +176,7 @@ void gather_interfaces(Facts& facts) {
   }
 }
 
-// Tries it on a separate thread: the kernel's answer is more reliable than limits and capabilities.
+// Tries realtime priority on a thread of its own: the kernel's answer is more reliable than limits and capabilities.
 void try_limits(Facts& facts) {
   rlimit limit{};
   if (getrlimit(RLIMIT_RTPRIO, &limit) == 0) {

@@ -200,7 +200,6 @@ void finalize(GObject* object) {
   G_OBJECT_CLASS(bolo_deblur_parent_class)->finalize(object);
 }
 
-// Makes a solver from the properties and the stream.
 Result<std::unique_ptr<StreamDeblur>> make_stream(const Options& options, const GstVideoInfo& info, double period_s) {
   ASSIGN_OR_RETURN(const auto method, deblur::method_from_name(options.solver));
   if (!(period_s > 0.0)) {

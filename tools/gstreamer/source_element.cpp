@@ -117,7 +117,6 @@ bool is_given_name(std::string_view name) {
   return name.starts_with(kBegin) && std::all_of(name.begin() + kBegin.size(), name.end(), digit);
 }
 
-// Names of the running daemons.
 std::vector<std::string> running_cameras() {
   const int bytes = bolo_client_streams(nullptr, 0);
   std::string text(static_cast<std::size_t>(std::max(bytes, 1)), '\0');

@@ -39,8 +39,7 @@ Json list_of(const Range& items, Of json_of) {
   return list;
 }
 
-// A report for people, with the names of its JSON; lists and objects of objects are tables if not too wide. Thread:
-// any.
+// A report for people, with the names of its JSON; lists and objects of objects as tables if not too wide. Thread: any.
 std::string report_text(const Json& report);
 
 // Prints to stdout, as JSON or as text. Thread: one at a time.

@@ -21,7 +21,6 @@ struct Recording {
   std::vector<std::vector<float>> truth;  // K
 };
 
-// A street that passes by.
 struct StreetPass {
   std::uint64_t street = 5;  // which street
   double speed_px_s = 60.0;

@@ -104,7 +104,6 @@ std::string topic_name(std::string name) {
   return digit(name.empty() ? '0' : name.front()) ? "camera_" + name : name;
 }
 
-// The planes of one frame, copied out of the ring.
 struct Planes {
   std::vector<std::uint16_t> raw;
   std::vector<std::uint16_t> deblurred;

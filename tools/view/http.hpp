@@ -30,7 +30,6 @@ class Request {
   std::optional<std::string> argument(const char* name) const { return value(MHD_GET_ARGUMENT_KIND, name); }
   std::optional<std::string> cookie(const char* name) const { return value(MHD_COOKIE_KIND, name); }
 
-  // Time since the request arrived.
   std::chrono::milliseconds waited() const {
     return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() - since_);
   }
@@ -54,7 +53,6 @@ struct Answer {
   std::vector<std::pair<std::string, std::string>> headers{};
 };
 
-// A one-line text.
 Answer line(unsigned status, const std::string& words);
 
 class HttpServer {

@@ -13,7 +13,7 @@ constexpr double kSlow = 1.5;     // slow changes of a pixel, in units of its no
 constexpr double kUneven = 3.0;   // times the median noise: if over 5 % of the pixels exceed it, the scene moves
 constexpr double kFarOff = 12.0;  // outlier limit, in scatters of the fixed pattern
 
-// Sums over time. `rough`: of squared differences between neighbouring frames, less the change of the frame's mean.
+// Sums over time. `rough`: of squared differences between neighbouring frames, without what all pixels share.
 struct Moments {
   std::vector<float> base;
   std::vector<double> y, yy, rough;

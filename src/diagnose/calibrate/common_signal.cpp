@@ -1,4 +1,3 @@
-// The common signal of a recording's pixels.
 #include "src/diagnose/calibrate/pulses.hpp"
 #include "src/diagnose/session.hpp"
 

@@ -245,7 +245,6 @@ Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, co
   return std::sqrt(sum / std::max(1.0, static_cast<double>(pixels.size())));
 }
 
-// The steps of one fit, in order, and their results.
 struct PulseFitter {
   const FrameSeries& frames;
   const Progress& progress;

@@ -79,7 +79,6 @@ std::vector<Interval> joined(std::span<const double> t_s, std::span<const double
   return out;
 }
 
-// One interval's score and information on ln tau.
 struct IntervalScore {
   double score = 0.0;
   double information = 0.0;

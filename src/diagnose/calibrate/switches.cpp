@@ -11,7 +11,6 @@ constexpr double kSweepMargin = 0.05;     // this share of the sweep
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// One of the consecutive curves and its end.
 struct Piece {
   Decay decay;
   std::size_t count = 0;

@@ -1,4 +1,3 @@
-// The effects of the catalogue.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -126,7 +125,6 @@ std::vector<Effect> scene_and_pixel_effects() {
        .inside = "share",
        .forms = edge_forms,
        .report = first_as("share")},
-      // The time constant of all pixels, relative to the profile's.
       {.name = "tau_global",
        .stage = "pixel",
        .words = {"Time constant",

@@ -139,10 +139,8 @@ std::string parameters_text(const FoundEffect& effect, Wording wording) {
                        [&](const auto& one) { return one.first + ' ' + quantity(one.first, one.second, wording); }));
 }
 
-// A quantity in K or counts.
 std::string amount(double value, const std::string& unit) { return quantity("size_k", value, {.kelvin = unit == "K"}); }
 
-// At most the first `most` elements.
 template <typename T>
 std::span<const T> first_of(const std::vector<T>& all, std::size_t most) {
   return std::span(all).first(std::min(most, all.size()));

@@ -27,7 +27,6 @@ std::string fact(const std::string& value, const std::string& name) {
 
 std::string arrow(const Gaps& gap) { return gap_text(gap, " \u2192 "); }
 
-// A line in a figure of gaps.
 struct GapLine {
   std::string name;
   double from = 1.0;

@@ -143,8 +143,7 @@ class Runner {
   }
 
   // Times of the fastest repeat for a whole frame; errors against the optimum, over the first pixels. `scaling`: time
-  // on one thread over this time; `throughput_of_plain`: frame rate over that without profile or losses; 1 if not
-  // measured.
+  // on one thread over this; `throughput_of_plain`: frame rate over that without profile or losses, or 1.
   Json result(const std::vector<float>& exact) {
     std::ranges::sort(times_);
     const auto pixels = static_cast<std::size_t>(rows_ * kFrame.width);

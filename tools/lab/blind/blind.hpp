@@ -69,7 +69,6 @@ Result<Finding> parse_finding(const std::string& text);
 
 // --- The score.
 
-// A session and its diagnosis.
 struct Trial {
   Session session;
   std::optional<Finding> finding;  // nothing: the diagnosis failed

@@ -70,7 +70,7 @@ std::vector<std::string> split_names(const std::string& text);
 
 // --- Labels of a still, as a moving camera sees them at one instant.
 
-// An object is ignored if a smaller part of it lies in the view.
+// Least share of an object in the view; with less it is ignored.
 inline constexpr double kLeastVisible = 0.5;
 
 // The labels of a still of size `still` in a view of size `view` whose pixel (0, 0) is at the still's pixel `at`: moved

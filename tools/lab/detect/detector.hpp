@@ -71,7 +71,7 @@ struct DetectorDescription {
 // kBadInput: file, line and remedy; also when keys contradict each other. Thread: setup.
 Result<DetectorDescription> read_description(const std::filesystem::path& file);
 
-// Places the networks' files in `folder` (absolute paths stay). kBadInput names a missing file. Thread: setup.
+// Resolves the networks' files against `folder`. kBadInput names a missing file. Thread: setup.
 Result<DetectorDescription> with_files_in(DetectorDescription description, const std::filesystem::path& folder);
 
 // --- Decoding of network outputs.
@@ -93,8 +93,8 @@ struct GflLayout {
 Result<std::vector<Detection>> decode_nanodet(std::span<const Tensor> outputs, Geometry input, const GflLayout& layout,
                                               double least_score);
 
-// Greedy non-maximum suppression: in falling order of score, drops boxes that overlap a kept one of the same class by
-// more than `nms_iou`. Thread: any.
+// Greedy non-maximum suppression: by falling score, drops boxes that overlap a kept one of their class by more than
+// `nms_iou`. Thread: any.
 std::vector<Detection> suppressed(std::vector<Detection> detections, double nms_iou);
 
 // --- Conversion of kelvin to a network's input.

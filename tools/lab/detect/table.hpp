@@ -73,7 +73,6 @@ struct Options {
   int threads = 2;
 };
 
-// Detections in one view.
 struct Observation {
   View view;
   double speed_px_s = 0.0;                                 // of the picture on the sensor, at the judged instant
@@ -87,7 +86,7 @@ struct Found {
   std::vector<Observation> observations;
 };
 
-// Opens stills and networks, simulates, restores, detects. kBadInput names a bad input; kFailed: interrupted. Thread:
+// Opens stills and networks, simulates, restores, detects. kBadInput names a bad input; kFailed: interrupt. Thread:
 // setup.
 Result<Found> run(const Options& options);
 

@@ -46,8 +46,7 @@ struct RunResult {
 // Time of the first frame in each stream of the fake camera; the others follow at the frame period.
 inline constexpr std::int64_t kFirstCameraNs = 1'000'000'000;
 
-// Options for a fake camera: the scene's size and rate, several packets per frame, no delays for real cameras. Thread:
-// any.
+// Options for a fake camera: the scene's size and rate, several packets per frame, no long waits. Thread: any.
 genicam::CameraOptions camera_options(const Recording& scene, const std::string& address);
 
 // A new loopback address for each call; it contains the process id, so that programs can run in parallel. Thread: any.

@@ -96,13 +96,11 @@ Planes target_truth(const CleanSequence& clean);
 // Root mean square error over all planes, K. Thread: any.
 double rmse(const Planes& estimate, const Planes& truth);
 
-// 10-90 % rise, px, of the median profile across the truth's strongest vertical edges without another within 16
-// columns; profiles are scaled so that the truth's levels on both sides are 0 and 1. NaN without edge or crossing.
-// Thread: any.
+// 10-90 % rise, px, of the median profile across the truth's strongest vertical edges with no other within 16 columns;
+// profiles are scaled to the truth's levels on both sides, 0 and 1. NaN without edge or crossing. Thread: any.
 double edge_width(const Planes& estimate, const Planes& truth, Geometry geometry);
 
-// RMSE without lag, over common pixels: each plane at its best shift, up to 24 px along x and 8 along y, with
-// fractions. Thread: any.
+// RMSE over common pixels at each plane's best shift, up to 24 px along x and 8 along y: without lag. Thread: any.
 double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry geometry);
 
 // Noise regardless of lag: standard deviation of the error within tiles, rms over the 10 % of 16x16 tiles in which the

@@ -68,7 +68,6 @@ Json report_json(const SoakRequest& request, const std::string& command, const S
           {"disturbances", list(struck)}};
 }
 
-// The schedule, one line per disturbance.
 std::string schedule_text(const Schedule& schedule) {
   std::string out = format("seed %llu: %zu round(s) of %.1f s\n", static_cast<unsigned long long>(schedule.seed),
                            schedule.rounds.size(), schedule.round_s);
@@ -81,7 +80,7 @@ std::string schedule_text(const Schedule& schedule) {
   return out;
 }
 
-// The verdict, then the report without its long list.
+// The verdict, then the report without its list of disturbances.
 std::string describe_report(Json report) {
   std::vector<std::string> unjudged;
   for (const Json& invariant : report["invariants"]) {

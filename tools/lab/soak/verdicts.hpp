@@ -58,7 +58,6 @@ struct Struck {
   std::optional<double> recovery_s;  // after its end; nothing: none before the soak ended
 };
 
-// One second of a soak.
 struct Second {
   double at_s = 0.0;  // of its end
   bool quiet = false;

@@ -17,7 +17,7 @@ struct Recognised {
 };
 
 inline constexpr double kShutterOffset_k = 0.5;
-// Of the capture's first frame, and so of each stream's: keeps a clock that jumps back above 0, where it would stop.
+// Time of the first frame of capture and streams: keeps a clock that jumps back above 0, where it would stop.
 inline constexpr double kFirst_s = 10.0;
 
 class Truth {
@@ -130,7 +130,6 @@ struct GoodRun {
   std::uint64_t frames = 0;
 };
 
-// The daemon's counters.
 struct Counters {
   int life = 0;
   faults::Losses lost{};  // over all lives
