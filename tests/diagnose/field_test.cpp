@@ -95,8 +95,7 @@ TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
   }
 }
 
-// Effects corrected by the profile's maps are not named again, remaining ones are; new maps apply to uncorrected
-// frames.
+// Effects that the profile's maps correct are not named again, others are; new maps are for uncorrected frames.
 TEST_F(FieldRecording, AppliesKnownMapsBefore) {
   Shot shot = hand();
   shot.view = {128, 96};
