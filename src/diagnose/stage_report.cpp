@@ -5,7 +5,7 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr double kPartly = 1.2;       // with a larger one the gap is not explained
+constexpr double kPartly = 1.2;       // largest gap left that counts as explained
 constexpr double kNoGap = 1.001;      // smaller ones count as none
 constexpr double kLargeStep = 8.0;    // least step of a single jumping pixel, noise floors
 constexpr double kStepScatter = 0.4;  // relative scatter of the jumping pixels' steps

@@ -39,7 +39,7 @@ std::vector<std::pair<std::size_t, std::size_t>> runs_of(const std::vector<char>
 // Values (row-major, of the frame) of the up to eight neighbours of a pixel. Thread: any.
 std::vector<double> values_around(const FrameStatistics& statistics, const std::vector<float>& values, PixelPlace at);
 
-// Finds long runs of identical frames and counts those of short runs. Only the first frame of a run remains used.
+// Finds long runs of identical frames; `repeated_frames` counts frames of short ones. Only a run's first stays used.
 std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& repeated_frames);
 
 // Stuck and noisy pixels of the whole frame; after jumps are removed, those that hop between two levels by more than
