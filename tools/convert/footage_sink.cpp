@@ -295,7 +295,7 @@ class FilmSink final : public FootageSink {
         meaning_(eye_meaning(format, range, "the scale follows the scene")) {}
 
   FileBeside file_;
-  ScratchFolder folder_;  // holds its messages
+  ScratchFolder folder_;  // holds ffmpeg's messages
   UniqueFd input_;
   Process ffmpeg_;  // must end before the file is removed
   Preview preview_;

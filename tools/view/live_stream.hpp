@@ -97,7 +97,7 @@ class LiveStream {
   const std::function<void()> on_frame_;
   std::atomic<bool> ending_{false};
 
-  std::mutex mutex_;  // guards all members below
+  std::mutex mutex_;  // guards the members up to now_
   std::optional<shm::ShmReader> reader_;
   bolo_shm_header format_{};
   std::uint64_t epoch_ = 0;
