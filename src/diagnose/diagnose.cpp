@@ -1,4 +1,4 @@
-// Runs all stages and learns the profile of the whole camera.
+// Runs all stages and derives the profile of the whole camera.
 #include "src/diagnose/diagnose.hpp"
 
 #include <chrono>
@@ -9,7 +9,7 @@
 namespace bolo::diagnose {
 namespace {
 
-// The value of a found effect's parameter, if both exist.
+// The value of a parameter of an effect that was found, if both exist.
 std::optional<double> parameter_of(const LearnTask& task, std::string_view effect, const std::string& key) {
   const FoundEffect* found = task.found(effect);
   if (found == nullptr) return std::nullopt;
@@ -21,16 +21,14 @@ double value_of(const LearnTask& task, const char* effect, const char* key, doub
   return parameter_of(task, effect, key).value_or(otherwise);
 }
 
-// A grey body: emissivity and reflected temperature.
 struct Grey {
   double emissivity = 1.0;
   double reflected_k = kSurroundings;
 };
 
-// Temperature of a reflected radiance, limited to plausible values.
 double reflected_temperature(double signal) { return std::clamp(band_temperature(signal), 150.0, 600.0); }
 
-// From the fit: the model's radiance is relative to that of kSurroundings.
+// From the fit, whose radiances are relative to that of kSurroundings.
 Grey grey_of(const CameraModel& camera) {
   constexpr double kLeastReflected = 1e-3;
   Grey grey{std::clamp(1.0 - camera.reflected, 0.3, 1.0)};
@@ -40,15 +38,15 @@ Grey grey_of(const CameraModel& camera) {
   return grey;
 }
 
-// Regression of all stimuli's fitted levels on the stated ones. Bench errors are independent between levels; if all lie
-// on a grey body's line (fitted radiance = e stated radiance + rest), significantly against their scatter, the free
-// levels have absorbed the emissivity.
+// Regression of all fitted stimulus levels on the stated ones. Errors of a bench are independent between levels, so if
+// all levels lie on the line of a grey body (fitted radiance = e * stated radiance + rest), significantly against their
+// scatter, the free levels have absorbed the emissivity.
 std::optional<Grey> grey_of_levels(const LearnTask& task) {
   constexpr double kLeastLevels = 6.0;
-  constexpr double kLeastT = 8.0;            // of Student's t of the slope
+  constexpr double kLeastT = 8.0;            // Student's t of the slope
   constexpr double kLeastReflected = 0.012;  // a bench may reflect 1 %
   const State files = nominal_state(task.session, task.profile);
-  Line line;  // of radiances, less that at kReference
+  Line line;  // of radiances, relative to kReference
   for (const std::size_t i : modelled(task.session)) {
     const auto& stated = files.stimuli[i].level_k;
     const auto& seen = task.state->stimuli[i].level_k;
@@ -82,7 +80,7 @@ void learn_undo(const LearnTask& task, model::Undo& undo) {
   if (task.found("radiometric_nonlinearity") != nullptr) undo.radiance = camera.radiance > 0.5;
 }
 
-// Turns maps of frames to which `known` was applied into maps of the camera's own frames. Dead pixels are all there.
+// Converts maps of frames corrected by `known` to maps of uncorrected frames. Dead pixels are the same in both.
 void follow(const model::PixelMaps& known, model::PixelMaps& maps) {
   const std::size_t pixels = std::max(known.gain.size(), known.offset.size());
   if (pixels > 0 && maps.offset.empty()) maps.offset.assign(pixels, 0.0F);
@@ -95,7 +93,6 @@ void follow(const model::PixelMaps& known, model::PixelMaps& maps) {
   if (maps.tau_s.empty()) maps.tau_s = known.tau_s;
 }
 
-// The profile common to all pixels, and the maps if requested.
 Result<Learned> learn(const LearnTask& task, const Options& options, const Progress& progress) {
   Learned learned{task.profile, {}};
   model::CameraProfile& profile = learned.profile;

@@ -1,5 +1,5 @@
-// The diagnosis' side of an effect of the catalogue. A file in src/diagnose/effects/ defines a list of them,
-// `std::vector<Effect> NAME_effects()` in NAME.cpp; the build finds it there.
+// The diagnosis' side of an effect of the catalogue. A file NAME.cpp in src/diagnose/effects/ defines a list of
+// effects, `std::vector<Effect> NAME_effects()`; the build finds it there.
 #pragma once
 
 #include <initializer_list>
@@ -11,8 +11,8 @@ namespace bolo::diagnose {
 // One number that the effect adds to the model; 0: no effect.
 struct Parameter {
   std::string name;
-  double step = 0.0;  // for differences, and a typical size
-  double low = 0.0;   // bounds of the model's validity
+  double step = 0.0;  // of finite differences; also a typical size
+  double low = 0.0;   // range in which the model is valid
   double high = 0.0;
   std::function<double(const State&)> get;
   std::function<void(State&, double)> set;
@@ -20,17 +20,17 @@ struct Parameter {
 
 struct NoiseStatistics;
 
-// Maps that an effect adds: one value a pixel, found by regression.
+// A map that an effect adds: one value per pixel, found by regression.
 enum class MapKind { kNone, kOffset, kGain, kTau, kDrift };
 
-// The camera's map of a kind, which is not kNone.
+// The camera's map of a kind other than kNone.
 template <typename Camera>
 auto& map_of(Camera& camera, MapKind kind) {
   using enum MapKind;
   return kind == kOffset ? camera.offset : kind == kGain ? camera.gain : kind == kTau ? camera.tau : camera.drift_share;
 }
 
-// Sets one of the physical forms of an effect, before its parameters are used.
+// Selects one of the physical forms of an effect, before its parameters are used.
 using Form = std::function<void(State&)>;
 
 using Predicate = std::function<bool(const Session&)>;
@@ -44,17 +44,17 @@ struct Fitted {
 using Estimates = std::map<std::string, Estimate>;
 using EffectReport = std::function<Estimates(const Fitted&)>;  // reported parameters
 
-// Texts of an effect. `plain` has places for parameters: {key} is the value with its unit, {key~} its distance from 1
-// in percent, {key%} the value in percent, {key?more|less} the first word when it is above its neutral value (1 for
-// scales, 0 else), the second below. Of [numbers|none] the second, which is optional, is written when a parameter of
-// the first is missing.
+// Texts of an effect. Placeholders of `plain`: {key} is a parameter with its unit, {key~} its distance from 1 in
+// percent, {key%} the value in percent, {key?more|less} the first word when it is above its neutral value (1 for
+// scales, else 0) and the second below. Of [with numbers|without] the second, optional part is written when a parameter
+// of the first is missing.
 struct Words {
   std::string title{};
   std::string plain{};
 };
 
 // Recordings without a bench that also identify an effect: still ones, and those with a tracked scene. The latter
-// identify no noise, flicker or stripes: moved sub-pixel texture and edges with a motion error look alike.
+// cannot identify noise, flicker or stripes: moved sub-pixel texture, and edges with a motion error, look alike.
 enum class WithoutBench : std::uint8_t { kNever, kStill, kMoving, kBoth };
 
 struct Effect {
@@ -62,20 +62,20 @@ struct Effect {
   std::string stage;
   Words words{};
   std::string needs;      // captures required to identify it
-  Predicate testable_in;  // true if a session has them
+  Predicate testable_in;  // true if a session has such captures
   WithoutBench without_bench = WithoutBench::kNever;
-  // Effects on the mean: parameters and maps. Effects of noise and transport have none: they have separate statistics.
+  // Effects on the mean have parameters and maps. Effects of noise and transport have their own statistics instead.
   std::function<std::vector<Parameter>(const Session&)> parameters = [](const Session&) {
     return std::vector<Parameter>{};
   };
   MapKind map = MapKind::kNone;
-  // Lower limit of the first parameter or the map's rms: a smaller effect would only absorb model errors of another.
+  // Least first parameter or rms of the map: a smaller effect would only absorb model errors of another.
   double least = 0.0;
-  // It is confounded with stimulus levels: tried whenever levels are off, even without a residual.
+  // The effect is confounded with stimulus levels: tried whenever levels are off, even without a residual.
   bool as_levels = false;
-  // The per-pixel map that absorbs it entirely and is searched for it.
+  // The per-pixel map that absorbs the effect entirely, and in which it is searched.
   MapKind hides_in = MapKind::kNone;
-  // The parameter that a fit to another, unknown effect takes to an end of its range; empty: none.
+  // The parameter that reaches a bound when the effect is fitted to another, unknown one; empty: none.
   std::string inside{};
   // Condition on the noise for trying the effect; empty: none.
   std::function<bool(const NoiseStatistics&)> suspected_by{};
@@ -91,7 +91,7 @@ const Effect* find_effect(std::string_view name);
 
 bool has_kind(const Session& session, Kind kind);
 Predicate any_of(std::initializer_list<Kind> kinds);  // a recording of one of these kinds
-// A parameter for a number of the state: `at` refers to it, `as` transforms it for the fit, `from` is the inverse.
+// A parameter for a number of the state: at(state) refers to it, `as` transforms it for the fit, `from` inverts that.
 template <typename At, typename As = std::identity, typename From = std::identity>
 Parameter number_at(std::string name, double step, double low, double high, At at, As as = {}, From from = {}) {
   return {std::move(name),
@@ -101,7 +101,6 @@ Parameter number_at(std::string name, double step, double low, double high, At a
           [=](const State& s) { return as(at(s)); },
           [=](State& s, double v) { at(s) = from(v); }};
 }
-// A number of the camera model or of its linear response.
 inline Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member) {
   return number_at(
       std::move(name), step, low, high, [member](auto& s) -> auto& { return s.camera.*member; });
@@ -110,7 +109,7 @@ inline Parameter number_of(std::string name, double step, double low, double hig
   return number_at(
       std::move(name), step, low, high, [member](auto& s) -> auto& { return s.camera.response.*member; });
 }
-// The square of a number of the state, and the logarithm of its share of `about`.
+// Parameters for the square of a number of the state, and for the logarithm of its ratio to `about`.
 template <typename At>
 Parameter square_of(std::string name, double step, double high, At at) {
   const auto root = [](double v) { return std::sqrt(std::max(0.0, v)); };
@@ -124,20 +123,20 @@ Parameter log_of(std::string name, double step, double reach, double about, At a
 }
 // The same parameters in every session.
 std::function<std::vector<Parameter>(const Session&)> always(std::vector<Parameter> parameters);
-// The root of a parameter that stands for a variance, with its interval.
+// Square root of a parameter that is a variance, with its interval.
 Estimate root_interval(double value, double error);
-// factor exp(value).
+// The interval of factor * exp(x), x having this value and standard error.
 Estimate exp_interval(double factor, double value, double error);
-// Reports the first parameter under this name.
+// Reports the first parameter under the name `key`.
 EffectReport first_as(const std::string& key);
-// Reports the rms over the pixels of a map.
+// Reports the rms of a map over the pixels.
 EffectReport rms_of(MapKind map);
 
-// Root mean square over the pixels that are not 0, and of its column means (less the expected noise).
+// Root mean square over the non-zero pixels, and of the column means (less the expected noise).
 struct MapSpread {
   double pixel = 0.0;
   double column = 0.0;
-  double pixels = 0.0;            // that are not 0
+  double pixels = 0.0;            // number of non-zero pixels
   double relative_error() const;  // of a standard deviation over these pixels
 };
 MapSpread spread_of(const Session& session, const Eigen::VectorXf& map);

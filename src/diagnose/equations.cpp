@@ -1,4 +1,4 @@
-// A fit's unknowns and its normal equations.
+// The unknowns of a fit and its normal equations.
 #include "src/core/threads.hpp"
 #include "src/diagnose/fit.hpp"
 
@@ -7,19 +7,19 @@ namespace {
 
 constexpr double kLevelReach = 30.0;          // K
 constexpr double kEdgePrior = 0.2;            // px
-constexpr double kShapePrior = 0.5;           // uninformative between a Gaussian and a straight ramp
+constexpr double kShapePrior = 0.5;           // covers both a Gaussian and a straight ramp
 constexpr double kAperturePrior = 0.15;       // px
 constexpr double kSmallestAperture_px = 0.6;  // a fill factor of 0.36
 constexpr int kFitPixels = 288;
-constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours differ from the model's
-constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, above which values are not used
+constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours the model does not know
+constexpr double kClearOfCeiling = 4.0;  // noise floors: values closer below a ceiling are not used
 constexpr double kPriorFloor = 1e-12;
 constexpr double kCell_s = 0.12;       // kCellFrames at 200 Hz
 constexpr Index kFewestOfCell = 6;     // frames
-constexpr double kLeastPull = 1e-6;    // of an unknown from its bound, in log-likelihood
-constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: minimum to estimate a frame's time
+constexpr double kLeastPull = 1e-6;    // smallest gain in log-likelihood that frees an unknown from its bound
+constexpr float kLeastSlope = 100.0F;  // squared slope in units of the noise: minimum to estimate a frame's time
 
-// The bench's stated temperature accuracy.
+// The temperature accuracy that the bench states, K.
 double accuracy_of(const capture::Stimulus& stimulus) {
   return std::visit(
       [](const auto& of) {
@@ -35,16 +35,16 @@ bool touches(int owner, const Session& session, std::size_t recording) {
   return is_bars(session.recordings[recording].kind);
 }
 
-// The standard deviation of one level at this spread, K.
+// Standard deviation of one level, K, at this spread.
 double level_width(const Nuisance& level, double spread) { return std::hypot(spread * level.prior, kLevelResolution); }
 
-// Values below it are unaffected by the ceiling.
+// Values below this limit are unaffected by the ceiling.
 float usable_limit(const FitData& data, const State& state) {
   return static_cast<float>(state.camera.clip_k - kClearOfCeiling * data.floor_k);
 }
 
-// Adds one group's frames to augmented normal matrices: train and test. In double: derivatives by levels and emissivity
-// differ by less than the rounding of float sums.
+// Adds one group's frames to two augmented normal matrices, train and test. In double: derivatives by levels and by
+// emissivity differ by less than the rounding error of float sums.
 void add_group(const Session& session, const Series& residual, const std::vector<Series>& columns,
                std::span<const int> pixels, Index from, Index to, Group& group) {
   std::vector<Index> present;
@@ -74,7 +74,7 @@ void add_group(const Session& session, const Series& residual, const std::vector
   }
 }
 
-// Scaled to a unit diagonal, with a tiny ridge: columns without data give zero.
+// Solves with the diagonal scaled to 1 and a tiny ridge: unknowns without data become zero.
 MatrixXd solve(const MatrixXd& normal, const MatrixXd& right) {
   const VectorXd scale = normal.diagonal().cwiseMax(kPriorFloor).cwiseSqrt().cwiseInverse();
   MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
@@ -95,7 +95,7 @@ Series slopes_of(const Session& session, std::size_t recording, const State& sta
     }
     return slopes;
   }
-  constexpr double kStep = 3e-4;  // wide enough to reach an edge just after a frame
+  constexpr double kStep = 3e-4;  // wide enough to include an edge just after a frame
   State later = state;
   State earlier = state;
   for (double& late : later.stimuli[recording].late_s) late += kStep;
@@ -104,7 +104,7 @@ Series slopes_of(const Session& session, std::size_t recording, const State& sta
          static_cast<float>(0.5 / kStep);
 }
 
-// The shift of every frame is free: projects it out of the residual and of every column.
+// Every frame's shift is free: projects it out of the residual and all columns.
 void take_out_shifts(const FitData& data, std::size_t recording, const Series& slopes, Columns& c) {
   c.shift.assign(static_cast<std::size_t>(slopes.rows()), 0.0);
   c.turn.assign(c.column.size(), c.shift);
@@ -148,11 +148,11 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
                      static_cast<int>(i), true, level, accuracy_of(recording.stimulus)});
     }
     if (recording.kind == Kind::kChopper) {
-      // Free frame times leave no common delay.
+      // With free frame times, a common delay is not an unknown.
       const bool common = !stimulus.times_free;
       if (common) add(member("delay", &StimulusState::delay_s, 0.0005, 0.05), 0.0);
       add(member("sweep", &StimulusState::sweep_s, 0.001, 0.03), 0.005);
-      // The softness' square, s^2: a symmetric ramp changes the response to second order only.
+      // The square of the softness, s^2: a symmetric ramp changes the response in second order only.
       const auto softness = [i](auto& s) -> auto& { return s.stimuli[i].softness_s; };
       if (common) add(square_of("softness", 1e-6, 2.5e-5, softness), 2e-6);
     }
@@ -160,7 +160,7 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
     bars = bars || is_bars(recording.kind);
   }
   if (nominal.camera.response.filter != FrameFilter::kNone && nominal.camera.response.alpha < 1.0) {
-    // Known from the noise to a percent; the delayed edges are more precise.
+    // The noise determines alpha to a percent; the delayed edges are more precise.
     all.push_back({number_of("alpha", 0.02, 0.05, 1.0, &Response::alpha), kAllRecordings, false, 1.0, 0.0});
   }
   if (bars) {
@@ -263,7 +263,7 @@ FitData::FitData(const Session& of, double floor, int most_threads)
       return at_border(session.grid.row_of(p), session.height) || at_border(session.grid.column_of(p), session.width);
     });
   }
-  // A scattered part of them, always the same.
+  // A scattered subset, the same in every run.
   fit_pixels = all_pixels;
   std::ranges::sort(fit_pixels, {}, [](int p) { return static_cast<std::uint32_t>(p) * 2654435761U; });
   if (fit_pixels.size() > kFitPixels) fit_pixels.resize(kFitPixels);
@@ -322,7 +322,6 @@ Columns columns_of(const FitData& data, std::size_t recording, const State& stat
   const Series seen = r.values(Eigen::all, data.fit_pixels);
   const Series base = predict(data.session, recording, state, data.fit_pixels);
   const auto weight = static_cast<float>(1.0 / data.floor_k);
-  // Values at or near a ceiling are not used.
   const float limit = usable_limit(data, state);
   const bool limited = std::isfinite(state.camera.clip_k);
   const auto without_clipped = [&](Series& of) {
@@ -333,7 +332,7 @@ Columns columns_of(const FitData& data, std::size_t recording, const State& stat
   without_clipped(c.residual);
   for (const Parameter& parameter : parameters) {
     Series& column = c.column.emplace_back();
-    if (parameter.step == 0.0) continue;  // not of this recording
+    if (parameter.step == 0.0) continue;  // not an unknown of this recording
     State moved = state;
     const double at = parameter.get(state);
     const double step = at + parameter.step > parameter.high ? -parameter.step : parameter.step;
@@ -387,7 +386,7 @@ VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const Vecto
       (x[j] == wanted ? still_free : held).push_back(j);
     }
     if (still_free.size() == free.size()) {
-      // Clamped beside another that was then clamped itself, one may want to return: its gradient points inwards.
+      // An unknown clamped together with another may have to be freed again: its gradient points inwards.
       const VectorXd pull = right - normal * x;
       const auto back = std::ranges::find_if(held, [&](Index j) {
         return pull[j] * pull[j] > kLeastPull * normal(j, j) && (pull[j] > 0.0 ? x[j] < high[j] : x[j] > low[j]);

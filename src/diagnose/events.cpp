@@ -1,4 +1,4 @@
-// Events of whole frames and single pixels, found and excluded before any fit.
+// Events of whole frames and of single pixels, found and excluded before any fit.
 #include <complex>
 
 #include "src/diagnose/stages.hpp"
@@ -6,26 +6,25 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kCoarse = 1.5;  // times the profile's step: coarse above
+constexpr double kCoarse = 1.5;  // times the profile's step: larger steps are reported
 
-constexpr std::size_t kLeastSteady = 32;  // frames to judge a pixel by
-constexpr double kStuckRange = 0.15;      // of the pixels' range
-constexpr double kNoiseSteps = 1.5;       // between values: larger ranges are not hidden by rounding
+constexpr std::size_t kLeastSteady = 32;  // fewest frames to judge a pixel
+constexpr double kStuckRange = 0.15;      // of the pixels' median range
+constexpr double kNoiseSteps = 1.5;       // steps between values: rounding does not hide a larger range
 constexpr double kNoisySigma = 5.0;       // of the pixels' median
 
-// Two levels of a pixel: set by effect-free shutters of 160 to 240 frames.
-constexpr double kUsualFrames = 160.0;    // in fewer, chance makes larger steps
-constexpr double kStepOverTypical = 2.2;  // times that of a typical pixel, due to noise
-constexpr double kStepOverWithin = 3.2;   // times the scatter about the two
-constexpr double kSlower = 0.75;          // of the usual roughness
-constexpr double kHop = 1.4;              // of the step between values: less is rounding to either of two
+// Pixels that hop between two levels: limits set on effect-free shutters of 160 to 240 frames.
+constexpr double kUsualFrames = 160.0;    // with fewer frames, chance makes larger steps
+constexpr double kStepOverTypical = 2.2;  // times the step of a typical pixel, which is due to noise
+constexpr double kStepOverWithin = 3.2;   // times the scatter about the two levels
+constexpr double kSlower = 0.75;          // of the median roughness
+constexpr double kHop = 1.4;              // of the step between values: a smaller hop is rounding
 
-// Steps between values, and clipped values.
 constexpr double kLargestStep = 200.0;  // of values, in stored steps
 constexpr double kPiled = 0.002;        // of all values
-constexpr long kPileOverBelow = 8;      // times those of the two steps below
+constexpr long kPileOverBelow = 8;      // times the count of the two steps below
 
-// A frozen stream carries no information on the camera.
+// A frozen stream carries no information about the camera: used for events only.
 void leave_out_frozen(Session& session, std::vector<std::string>& warnings) {
   for (Recording& r : session.recordings) {
     const std::size_t distinct = r.statistics.distinct_frames();
@@ -37,14 +36,14 @@ void leave_out_frozen(Session& session, std::vector<std::string>& warnings) {
   }
 }
 
-// True if frame `k` repeats the one before, and is not equal by clipping at `top`.
+// True if frame `k` repeats the one before, but not because both are clipped at `top`.
 bool repeats(const Recording& r, Index k, float top) {
   if (!(r.values.row(k).array() == r.values.row(k - 1).array()).all()) return false;
   if (r.statistics.frames() > 0 && r.statistics.distinct_frames() == 1) return true;
   return (r.values.row(k).array() == top).count() * 2 < r.values.cols();
 }
 
-// Used values less the frames' medians, by pixel of the grid.
+// Used values relative to the frames' medians, by grid pixel.
 std::vector<std::vector<float>> steady_series(const Recording& r) {
   std::vector<std::vector<float>> steady(static_cast<std::size_t>(r.values.cols()));
   for (const Index k : r.used_frames()) {
@@ -60,7 +59,7 @@ double roughness(const std::vector<float>& x) {
   return 2.0 / wander(Eigen::Map<const ArrayXf>(x.data(), std::ssize(x)).cast<double>());
 }
 
-// Medians of five.
+// Running median of five.
 std::vector<float> smooth(const std::vector<float>& x) {
   std::vector<float> out;
   for (std::size_t k = 2; k + 2 < x.size(); ++k) {
@@ -73,10 +72,10 @@ std::vector<float> smooth(const std::vector<float>& x) {
 
 struct TwoLevels {
   double step = 0.0;
-  double within = 0.0;  // rms about the two
+  double within = 0.0;  // rms about the two levels
 };
 
-// Two means (Otsu).
+// Two clusters by Otsu's method.
 TwoLevels two_levels(const std::vector<float>& x) {
   std::vector<float> sorted = x;
   std::ranges::sort(sorted);
@@ -109,7 +108,7 @@ void judge_still(const Session& session, const Recording& r, double hop_k, BadPi
   if (steady.front().size() < kLeastSteady) return;
   const auto levels = mapped(steady, [](const auto& series) { return two_levels(smooth(series)); });
   const std::vector<double> rough = mapped(steady, roughness);
-  // Of white noise: of a million pixels, 95 would exceed kStepOverTypical in 60 frames, 290 in 40, none this.
+  // White noise: of a million pixels, 95 would exceed kStepOverTypical in 60 frames, 290 in 40; none exceeds this.
   const double by_chance = std::pow(std::max(kUsualFrames / static_cast<double>(steady.front().size()), 1.0), 0.25);
   const double least_step = kStepOverTypical * by_chance * median(mapped(levels, &TwoLevels::step));
   const double usual_rough = median(rough);
@@ -124,8 +123,7 @@ void judge_still(const Session& session, const Recording& r, double hop_k, BadPi
   }
 }
 
-// True if a pixel hardly changes. Parts of a field recording may be still except for noise: if the pixels around show
-// noise, a constant pixel is stuck.
+// True if a pixel hardly changes. In a field recording, which may be still, only if the pixels around it show noise.
 bool is_stuck(const Recording& r, std::size_t pixel, double typical_range) {
   const FrameStatistics& s = r.statistics;
   if (typical_range <= 0.0) return true;
@@ -133,18 +131,18 @@ bool is_stuck(const Recording& r, std::size_t pixel, double typical_range) {
   return s.range[pixel] <= 0.0F && median(values_around(s, s.range, place_of(pixel, s.width))) > kNoiseSteps * r.step;
 }
 
-// True if a stimulus changes by far more than the noise, which reveals unresponsive pixels.
+// True if a stimulus changes by far more than the noise, which exposes unresponsive pixels.
 bool changes_much(const Recording& r) {
-  constexpr double kLeastRange = 40.0;  // of the noise, from the smallest value to the largest
+  constexpr double kLeastRange = 40.0;  // median range, in noise levels
   if (r.kind != Kind::kChopper && r.kind != Kind::kMovingBars) return false;
   const FrameStatistics& s = r.statistics;
   if (s.distinct_frames() < kLeastSteady) return false;
-  std::vector<double> scatter = s.scatter;  // of neighbouring frames; low quantiles are of small changes
+  std::vector<double> scatter = s.scatter;  // between neighbouring frames; low quantiles are those of small changes
   std::ranges::sort(scatter);
   return median(s.range) > kLeastRange * std::max(scatter[scatter.size() / 10], r.step / kNoiseSteps);
 }
 
-// Mean direction of values on a circle of this circumference: 1 if all are multiples of it, apart from one offset.
+// Mean resultant length of the values on a circle of this circumference: 1 if they are its multiples plus one offset.
 double coherence(const std::map<long, long>& seen, double circumference) {
   std::complex<double> sum;
   double all = 0.0;
@@ -155,12 +153,12 @@ double coherence(const std::map<long, long>& seen, double circumference) {
   return std::abs(sum) / all;
 }
 
-// Spacing of values that are rounded to whole numbers, which it need not be itself; from 2 on, 1: none, 0: there is but
-// one value. Below 2 it cannot be told from another one above.
+// Spacing of values rounded to whole numbers; the spacing itself need not be whole. At least 2; 1: no spacing found
+// (below 2 it is ambiguous), 0: only one value.
 double spacing_of(std::map<long, long> seen) {
-  constexpr long kAround = 1000;     // of the most frequent value
-  constexpr double kBeside = 1.5;    // times the usual gap: no value is missing between
-  constexpr double kAbout = 0.6;     // error of the gaps' mean
+  constexpr long kAround = 1000;     // distance from the most frequent value
+  constexpr double kBeside = 1.5;    // times the median gap: up to it no value is missing between
+  constexpr double kAbout = 0.6;     // largest error of the gaps' mean
   constexpr double kCoherent = 0.9;  // of the coherence that rounding leaves
   if (seen.empty()) return 0.0;
   const auto most = *std::ranges::max_element(seen, {}, [](const auto& one) { return one.second; });
@@ -175,7 +173,7 @@ double spacing_of(std::map<long, long> seen) {
   std::erase_if(gaps, [usual](double gap) { return gap > kBeside * usual; });
   const double mean = sum_of(gaps) / static_cast<double>(gaps.size());
   const auto range = static_cast<double>(seen.rbegin()->first - seen.begin()->first);
-  const double parts = std::ceil(8.0 * range / mean / mean);  // of one: whole numbers are tried
+  const double parts = std::ceil(8.0 * range / mean / mean);  // trial spacings per unit: whole numbers are among them
   double best = 1.0;
   double highest = 0.0;
   for (double part = std::floor((mean + kAbout) * parts); part >= std::max(2.0, mean - kAbout) * parts; part -= 1.0) {
@@ -218,7 +216,7 @@ BadPixels find_dead_pixels(Session& session) {
   std::vector<std::size_t> noisy(pixels, 0);  // number of steady recordings
   std::size_t asked = 0;
   std::size_t steady = 0;
-  // With a changing stimulus, an unresponsive pixel is dead even if noisy; still recordings then are not judged.
+  // With a changing stimulus, an unresponsive pixel is dead even if noisy; still recordings are then not judged.
   const bool changes = std::ranges::any_of(session.recordings, changes_much);
   for (const Recording& r : session.recordings) {
     const FrameStatistics& s = r.statistics;
@@ -231,8 +229,8 @@ BadPixels find_dead_pixels(Session& session) {
     ++steady;
     for (const int p : noisy_pixels(s)) ++noisy[static_cast<std::size_t>(p)];
   }
-  // Stuck in all recordings: one with a ceiling or a freeze holds all pixels and cannot distinguish them. Noisy in all:
-  // an outlier of one capture is not enough.
+  // Stuck in all recordings: in one with a ceiling or a freeze all pixels are. Noisy in all: an outlier of one capture
+  // is not enough.
   bad.stuck = places_where<int>(pixels, [&](std::size_t p) { return stuck[p] == asked; });
   bad.noisy = places_where<int>(pixels, [&](std::size_t p) { return noisy[p] > 0 && noisy[p] == steady; });
   if (bad.stuck.size() * 2 > pixels) bad.stuck.clear();
@@ -279,7 +277,7 @@ void find_jumping_pixels(Session& session, BadPixels& bad, double step_k, Kind o
 
 double find_step(const Session& session) {
   const Recording& first = session.recordings.front();
-  std::map<long, long> seen;  // values of all recordings in stored steps, and how often
+  std::map<long, long> seen;  // count of each value of all recordings, in stored steps
   for (const Recording& r : session.recordings) {
     if (r.step <= 0.0) return 0.0;
     if (r.step != first.step) continue;
@@ -314,7 +312,7 @@ Events find_events(Session session, const Options& options) {
   for (const Recording& r : session.recordings) {
     events.ceiling_k = std::min(events.ceiling_k, find_ceiling(r, events.step_k));
   }
-  // In a field recording the motion is unknown: steps of the scene would be taken for jumps.
+  // In a field recording the motion is unknown: steps of the scene would be mistaken for jumps.
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     if (session.recordings[i].kind != Kind::kUniform) continue;
     if (auto jump = find_jump(session, i, session.recordings[i].values, events.freezes)) {

@@ -5,29 +5,28 @@
 namespace bolo::diagnose {
 namespace {
 
-// Tiles of a still recording with local motion change more than the others.
-constexpr double kOwnMotion = 6.0;  // standard deviations of the quiet tiles
-constexpr double kLeastOwn = 1.5;   // times the quiet tiles
+// Local motion in a still recording: a tile changes more than the quiet ones.
+constexpr double kOwnMotion = 6.0;  // above the quiet tiles, in standard deviations of those
+constexpr double kLeastOwn = 1.5;   // times the change of the quiet tiles
 constexpr int kTiles = 8;           // along the width and the height
-// Share of blocks with local motion above which a scene is not tracked.
+// Largest share of blocks with local motion for which a scene counts as tracked.
 constexpr double kMostOwn = 0.35;
 constexpr std::size_t kFewestTriplets = 12;
-// Patterns need more of them, or every second frame: a scene at rest except for some jerks is at the same pixels in
+// Patterns need more triplets, or one per two frames: a scene at rest but for some jerks stays on the same pixels in
 // both halves of the data.
 constexpr std::size_t kFewestOfPattern = 48;
 
-// Minimum of a component common to both halves of the data, in standard errors and relative to the noise: effect-free
-// recordings stay below both.
+// Least pattern that both halves of the data share, in standard errors or noise; more than without effects.
 constexpr double kPatternIsSure = 6.0;
-constexpr double kLeastPattern = 0.4;  // slow pixel noise is temporarily a pattern
-// Beyond so many standard errors half of that counts: a sharp scene's own prediction errors pass for noise.
+constexpr double kLeastPattern = 0.4;  // slow pixel noise looks like a pattern for a while
+// Above so many standard errors half of that suffices: the prediction errors of a sharp scene are counted as noise.
 constexpr double kPatternIsClear = 100.0;
 constexpr double kLeastColumn = 0.2;
-constexpr double kLeastGrowth = 1.0;  // over the recording, of the mean: from 0.5 to 1.5 times it
+constexpr double kLeastGrowth = 1.0;  // over the recording, relative to the mean: from 0.5 to 1.5 times it
 constexpr double kLeastGain = 0.0015;
-constexpr double kMostLikeness = 0.2;  // of gains of neighbours
-constexpr double kClearTime = 3.5;     // standard errors of a time, model error included
-constexpr double kLeastTau = 0.025;    // of the time constant: smallest reported deviation
+constexpr double kMostLikeness = 0.2;  // correlation of neighbouring pixels' gains
+constexpr double kClearTime = 3.5;     // in standard errors, model error included
+constexpr double kLeastTau = 0.025;    // smallest reported relative deviation of the time constant
 constexpr double kLeastDelay_s = 5e-6;
 
 void note_jumps(Events& events, std::size_t index, std::span<const Observation::Jump> jumps) {
@@ -39,7 +38,7 @@ void note_jumps(Events& events, std::size_t index, std::span<const Observation::
   }
 }
 
-// Removes and returns steps of the whole picture found by frame statistics.
+// Removes and returns the steps of the whole picture that the frame statistics show.
 std::vector<Observation::Jump> take_jumps(Recording& r) {
   std::vector<Observation::Jump> jumps = observe(r).jumps;
   for (const Observation::Jump& seen : jumps) {
@@ -48,10 +47,10 @@ std::vector<Observation::Jump> take_jumps(Recording& r) {
   return jumps;
 }
 
-// The quarter with the least slow variation.
+// Statistics of the quarter with the least slow variation.
 struct Quiet {
-  double ratio = 0.0;   // typical of these
-  double spread = 0.0;  // of a single one
+  double ratio = 0.0;   // typical value of these
+  double spread = 0.0;  // of one of these
 };
 
 Quiet quiet_of(const std::vector<double>& ratio) {
@@ -85,7 +84,7 @@ Series tiles_of(const Session& session, const Recording& r) {
   return tiles;
 }
 
-// True if an object moves before a still camera: tiles vary more than most, slowly or from frame to frame.
+// True if an object moves in front of a still camera: some tiles vary more than most, slowly or from frame to frame.
 bool something_moves(const Session& session, const Recording& r) {
   const Series tiles = tiles_of(session, r);
   std::vector<double> ratio;
@@ -102,7 +101,6 @@ bool something_moves(const Session& session, const Recording& r) {
   });
 }
 
-// For a still field only.
 void find_noisy_pixels(Events& events, const Recording& r) {
   std::vector<int> both;
   std::ranges::set_union(events.bad.noisy, noisy_pixels(r.statistics), std::back_inserter(both));
@@ -110,7 +108,7 @@ void find_noisy_pixels(Events& events, const Recording& r) {
   leave_out_dead(events.session, events.bad);
 }
 
-// Adds each effect once. `alike`: an effect of the same signature.
+// Adds an effect unless it is listed already. `alike`: another effect with the same signature.
 void add_named(Findings& out, const std::string& effect, double z, Estimates parameters, Gaps gap, const char* where,
                const char* alike = nullptr) {
   if (std::ranges::any_of(out.effects, [&](const Finding& known) { return known.effect.name == effect; })) return;
@@ -124,7 +122,7 @@ void name_parts(const FieldParts& parts, Findings& out) {
   const auto clear = [&](const Measured& m, double least) {
     return m.z > kPatternIsSure && m.value > (m.z > kPatternIsClear ? 0.5 : 1.0) * least * parts.noise;
   };
-  // A pattern that grows while the scene drifts resembles gains.
+  // A pattern that grows while the scene drifts looks like gains.
   const bool gain = parts.gain.z > std::max(kPatternIsSure, parts.growth.z) && parts.gain.value > kLeastGain &&
                     std::abs(parts.gain_likeness) < kMostLikeness;
   const Offsets& offset = gain ? parts.beside_gain : parts.offset;
@@ -133,7 +131,7 @@ void name_parts(const FieldParts& parts, Findings& out) {
               "pixels show more or less of the scene's changes than others");
   }
   if (parts.after_freeze || !(clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn))) return;
-  if (parts.gap.after >= parts.gap.before) return;  // of the scene: what one half tells does not help the other
+  if (parts.gap.after >= parts.gap.before) return;  // caused by the scene: what one half shows does not help the other
   if (parts.growth.value > kLeastGrowth && parts.growth.z > kPatternIsSure) {
     const double change = parts.growth.value * offset.pixel.value;
     add_named(out, "drift", parts.growth.z, {{"change_k", interval(change, parts.growth.error * offset.pixel.value)}},
@@ -146,7 +144,7 @@ void name_parts(const FieldParts& parts, Findings& out) {
   }
 }
 
-// Compares the motion's time constants with the profile's. Returns the reduction of the squared gap.
+// Compares the time constants found from motion with the profile's. Returns the reduction of the squared gap.
 double name_times(const FromMotion& motion, const Options& options, Findings& out) {
   double closed = 0.0;
   const auto judge = [&](const char* effect, const char* key, const FromMotion::Figure& found, double nominal,
@@ -184,13 +182,13 @@ void name_values(const Events& events, Field& field) {
   }
 }
 
-// A first estimate of a value's noise, from the profile and from moments of a still scene.
+// Initial estimate of the noise of a value, from the profile and from moments when the scene is still.
 double first_noise(const Recording& r, const Options& options) {
   const double seen = quantile(r.statistics.of_new_frames(r.statistics.scatter), 0.1) / std::numbers::sqrt2;
   return r.kelvin ? std::min(options.profile.noise_k, std::max(seen, 1e-4)) : std::max(seen, 0.5);
 }
 
-// Judges a recording with a moving scene; if it cannot be tracked, jumps only.
+// Judges a recording with a moving scene; if tracking fails, only its jumps.
 Result<FieldParts> judge_moving(const Recording& r, Events& events, const Options& options) {
   ASSIGN_OR_RETURN(auto motion, follow_field(r, events.session.known, first_noise(r, options), options.profile.tau_s));
   FieldParts parts;
@@ -209,7 +207,7 @@ Result<FieldParts> judge_moving(const Recording& r, Events& events, const Option
   return parts;
 }
 
-// The whole field at one temperature at a time: nothing in it moves.
+// True if the field has one temperature at any time, so that nothing in it moves.
 bool is_even(const Recording& r) { return r.kind == Kind::kUniform || r.kind == Kind::kChopper; }
 
 }  // namespace
@@ -224,8 +222,8 @@ bool Field::tells(const Effect& effect) const {
 
 bool is_still(const Session& session, const Recording& r) {
   constexpr double kStillRatio = 3.0;
-  // Changes by noise are each pixel's own (0.01 in an Atto 320's captures), but where the camera filters them (0.37 in
-  // a Lepton's of its shutter); those by motion are of edges (0.89 and 0.96 in an A65's and a Lepton's).
+  // Changes by noise are independent between pixels (0.01 in captures of an Atto 320), unless the camera filters them
+  // (0.37 in a Lepton's of its shutter); those by motion belong to edges (0.89 and 0.96 in an A65's and a Lepton's).
   constexpr double kMostLike = 0.45;
   const std::vector<Index> used = r.used_frames();
   if (used.size() < kMinFrames || median(r.statistics.of_new_frames(r.statistics.likeness)) > kMostLike) return false;
@@ -243,9 +241,9 @@ void prepare_field(Events& events) {
   });
   for (std::size_t i = 0; i < events.session.recordings.size(); ++i) {
     Recording& r = events.session.recordings[i];
-    if (is_even(r)) continue;  // declared, though in counts
-    // Noise is measured on still fields; moving ones are scenes. There a jerk over an uneven sky resembles an offset
-    // step, so jumps are searched along the motion.
+    if (is_even(r)) continue;  // declared even, though in counts
+    // Noise is measured on still recordings; moving ones become scenes. There a jerk over an uneven sky looks like an
+    // offset step, so jumps are searched along the motion.
     Recording still = r;
     const std::vector<Observation::Jump> jumps = take_jumps(still);
     r.kind = Kind::kScene;
@@ -264,7 +262,7 @@ Result<Field> judge_field(Events& events, const Noise& noise, const Options& opt
   double before = 0.0;
   double after = 0.0;
   double closed = 0.0;   // reduction of the squared gap by time constants from motion
-  std::size_t most = 0;  // predictions of a recording that told patterns
+  std::size_t most = 0;  // most predictions of a recording that identified patterns
   const bool bench = has_bench(events.session);
   for (const Recording& r : events.session.recordings) {
     if (has_model(r)) continue;

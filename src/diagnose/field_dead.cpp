@@ -1,16 +1,16 @@
-// Dead pixels of a recording of a moving scene.
+// Dead pixels in a recording of a moving scene.
 #include "src/diagnose/field_parts.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kSeenContrast = 6.0;  // minimum variation of a pixel's scene, in sigmas, to judge its response
-constexpr double kFollows = 0.4;       // slope of a pixel's value against its prediction: below it is dead
-constexpr double kFollow = 0.85;       // of its neighbours, at least
-constexpr double kNoisyScatter = 5.0;  // times the usual scatter
+constexpr double kSeenContrast = 6.0;  // minimum variation of the scene at a pixel, in sigmas, to judge its response
+constexpr double kFollows = 0.4;       // slope of a pixel's value over its prediction: dead below it
+constexpr double kFollow = 0.85;       // least slope of its neighbours
+constexpr double kNoisyScatter = 5.0;  // times the scatter of its neighbours
 constexpr double kOfEdge = 0.5;        // position error of an edge, px
 
-// The median of a map's known values at the eight pixels around one.
+// The median of a map's known values at the eight neighbours of a pixel.
 double around(const ArrayXf& map, Index p, Geometry g) {
   std::vector<float> values;
   visit_around(g, place_of(static_cast<std::size_t>(p), g.width), 1, [&](std::size_t other) {
@@ -20,7 +20,7 @@ double around(const ArrayXf& map, Index p, Geometry g) {
   return values.size() < 3 ? 0.0 : median(std::move(values));
 }
 
-// Difference of the mean scene between opposite neighbours, the larger of both directions.
+// Difference of the mean scene between opposite neighbours, in the steeper direction.
 double slope_at(const ArrayXf& map, Index p, Geometry g) {
   const Index x = p % g.width;
   const Index y = p / g.width;
@@ -29,8 +29,8 @@ double slope_at(const ArrayXf& map, Index p, Geometry g) {
   return std::max(std::abs(across), std::abs(down));
 }
 
-// Pixels that, in some of the triplets, do not respond to the scene as their neighbours do, or scatter far more: either
-// beyond the effect of an edge at rest with a small tracking error.
+// Pixels that, in these triplets, do not respond to the scene as their neighbours do, or scatter far more; in both
+// cases by more than an edge at rest with a small tracking error explains.
 Mask unresponsive_in(const Cells& cells, const FieldFrames& frames, const std::vector<Triplet>& triplets,
                      const std::vector<Index>& of, double floor) {
   const Geometry g = cells.residual.geometry;
@@ -38,7 +38,7 @@ Mask unresponsive_in(const Cells& cells, const FieldFrames& frames, const std::v
   ArrayXf scatter = ArrayXf::Zero(pixels);
   ArrayXf follows = ArrayXf::Zero(pixels);  // slope + 0.5; 0: unknown
   ArrayXf varies = ArrayXf::Zero(pixels);   // scatter of the prediction
-  ArrayXf level = ArrayXf::Zero(pixels);    // in the mean
+  ArrayXf level = ArrayXf::Zero(pixels);    // of the mean scene
   std::vector<double> predicted;
   std::vector<double> missed;
   for (Index p = 0; p < pixels; ++p) {

@@ -12,18 +12,17 @@ using motion::PaddedPlane;
 using motion::Vec2;
 using motion::VectorField;
 
-constexpr std::size_t kMostResidual = 16'000'000;  // values; frames in memory: at most three times as many
+constexpr std::size_t kMostResidual = 16'000'000;  // values; the frames in memory have at most three times as many
 constexpr Index kMostTriplets = 320;
-// Minimum motion of the scene, beyond a pixel's neighbours, to separate a fixed pattern from it.
+// Minimum motion of the scene, in pixels, that separates a fixed pattern from it.
 constexpr double kLeastMove_px = 3.0;
 constexpr Index kFarthest = 16;  // frames on either side
-// Maximum difference in lag between a frame and the two that predict it.
+// Largest difference in lag between a frame and the two that predict it.
 constexpr double kMostLag_px = 1.0;
 constexpr double kLargestDifference = 1e3;  // clip of matched values, in noise sigmas
-// Frames are matched with their thermal lag, as innovations of this time constant (in periods).
+// Time constant of the matched innovations, in periods: so short that frames keep their thermal lag.
 constexpr double kAsTheyAre = 0.05;
 
-// Frames of one size, matched with one another.
 struct Matcher {
   Geometry geometry;
   double noise;
@@ -57,7 +56,7 @@ struct Matcher {
 
 using Shift = Eigen::Vector2d;
 
-// The nearest frame, in direction `by`, at sufficient motion of the scene.
+// The nearest frame in direction `by` with sufficient motion of the scene in between.
 std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by) {
   for (Index i = 1; i <= kFarthest; ++i) {
     const Index other = k + by * i;
@@ -68,12 +67,12 @@ std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by)
   return std::nullopt;
 }
 
-// `frame`: of the recording, `step`: of the scene since the frame before.
+// Frames before which others were lost. `frame`: indices in the recording; `step`: motion since the frame before.
 std::vector<std::size_t> find_lost(const std::vector<Index>& frame, const std::vector<Shift>& step) {
   constexpr Index kAround = 2;          // steps on either side
-  constexpr double kLeastSpeed = 0.35;  // px a frame
-  constexpr double kUneven = 0.15;      // of a step: deviation of its neighbours from their mean
-  constexpr double kOff = 0.2;          // of a step: deviation of the long one from whole steps
+  constexpr double kLeastSpeed = 0.35;  // px per frame
+  constexpr double kUneven = 0.15;      // deviation of the neighbours from their mean, in steps
+  constexpr double kOff = 0.2;          // deviation of the long step from whole steps
   constexpr double kMost = 4.0;         // steps at once
   std::vector<std::size_t> lost;
   for (Index k = kAround + 1; k + kAround < static_cast<Index>(frame.size()); ++k) {
@@ -94,7 +93,7 @@ std::vector<std::size_t> find_lost(const std::vector<Index>& frame, const std::v
   return lost;
 }
 
-// Variance gain of white noise in a triplet's residual, by simulation.
+// Variance gain of white noise in the residual of a triplet, by simulation.
 double noise_gain(Aligner& aligner, const Triplet& triplet, const Series& noise) {
   const PaddedPlane& mean = aligner.mean(triplet, noise.row(0).data(), noise.row(1).data(), noise.row(2).data());
   const Geometry g = mean.geometry();
@@ -108,14 +107,14 @@ double noise_gain(Aligner& aligner, const Triplet& triplet, const Series& noise)
   return std::max(1.0, sum / static_cast<double>(g.pixels()));
 }
 
-// The used frames of a recording, read again from its file, with jumps removed.
+// The used frames of a recording, read again from its file, without jumps.
 struct UsedFrames {
   FrameReader reader;
-  std::vector<Index> frame;  // of the recording
+  std::vector<Index> frame;  // index in the recording
   std::vector<Observation::Jump> jumps{};
 
   Geometry geometry() const { return reader.format().geometry; }
-  // The offset removed from a frame of the recording on.
+  // The offset removed from this frame of the recording on.
   double jump_from(std::size_t at) const {
     return sum_of(jumps, [at](const Observation::Jump& jump) { return jump.frame == at ? jump.size : 0.0; });
   }
@@ -131,13 +130,13 @@ struct UsedFrames {
   }
 };
 
-// Change of each used frame from the one before.
+// Change between consecutive used frames.
 struct Advance {
   std::vector<Shift> step;  // of the scene
-  FrameStatistics rise;     // of values along the motion: changes and their agreement
+  FrameStatistics rise;     // of values along the motion: changes and their likeness
 };
 
-// `jump`: already removed from `now`.
+// `jump`: the one already removed from `now`.
 void add_rise(const std::vector<float>& last, const std::vector<float>& now, Geometry g, const motion::Affine& by,
               double jump, FrameStatistics& out) {
   constexpr int kEvery = 4;  // pixels, each way
@@ -170,8 +169,8 @@ void add_rise(const std::vector<float>& last, const std::vector<float>& now, Geo
   out.repeated.push_back(0);
 }
 
-// True if a frame's change, less a jump, is at most its neighbours' or far less than the jump: after an untracked jerk
-// the picture is another. So is most of it where the scene moved far.
+// True if a frame's change, apart from a jump, is at most like its neighbours' or far less than the jump. Otherwise
+// tracking was lost in a jerk; also where the scene moved far, most of the picture is new.
 bool is_followed(const Advance& advance, Geometry g, std::size_t k, double jump) {
   constexpr double kMost = 2.0;
   constexpr double kOfJump = 0.2;
@@ -202,7 +201,7 @@ Result<Advance> advance_of(UsedFrames& used, Matcher& matcher) {
   return out;
 }
 
-// The longest run of used frames without a freeze, which changes the pixels' offsets. First, and one past the last.
+// The longest run of used frames without a freeze, which changes offsets: first index, and one past the last.
 std::pair<std::size_t, std::size_t> longest_stretch(const std::vector<Index>& frame) {
   std::pair<std::size_t, std::size_t> longest{0, 0};
   std::size_t first = 0;
@@ -214,8 +213,8 @@ std::pair<std::size_t, std::size_t> longest_stretch(const std::vector<Index>& fr
   return longest;
 }
 
-// Evenly spread over used frames [first, last). Frames within a jerk are excluded: they mix two positions of the scene.
-// `lag`: of pixels, in periods.
+// Triplets evenly spread over used frames [first, last). Frames within a jerk are excluded: they mix two positions of
+// the scene. `lag`: thermal lag of the pixels, in periods.
 std::vector<Triplet> choose_triplets(const std::vector<Shift>& step, std::size_t first, std::size_t last, double lag,
                                      std::size_t pixels) {
   std::vector<Shift> place(last - first, Shift::Zero());
@@ -239,7 +238,7 @@ std::vector<Triplet> choose_triplets(const std::vector<Shift>& step, std::size_t
   return chosen;
 }
 
-// Reads the triplets' frames and changes their indices to rows of the result.
+// Reads the triplets' frames and converts their indices to rows of the result.
 Result<FieldFrames> read_for(std::vector<Triplet>& triplets, UsedFrames& used) {
   std::map<Index, Index> row;  // of each needed frame
   const auto of_triplets = [&triplets](const auto& visit) {
@@ -287,12 +286,11 @@ Result<FieldMotion> follow_field(const Recording& recording, const model::PixelM
   if (used.frame.size() > kMostFrames) used.frame.resize(kMostFrames);
   FieldMotion out;
   if (std::min(used.geometry().width, used.geometry().height) < motion::kLeastSide) return out;
-  // Frames are matched without candidate jumps, which are confirmed by a change along the motion.
+  // Candidate jumps are removed before matching; a change along the motion then confirms them.
   used.jumps = jumps_among(recording.statistics, noise);
   Matcher matcher{used.geometry(), noise};
   ASSIGN_OR_RETURN(auto advance, advance_of(used, matcher));
-  // An offset that moved by less than the scene changed each pixel is not yet among these, and disturbed its frame's
-  // match.
+  // An offset smaller than the scene's changes is not yet a candidate, and disturbed the match of its frame.
   if (auto seen = jumps_among(advance.rise, noise); !seen.empty()) {
     for (Observation::Jump& jump : seen) jump.frame = static_cast<std::size_t>(used.frame[jump.frame]);
     const auto removed = [&](const Observation::Jump& jump) { return used.jump_from(jump.frame) != 0.0; };

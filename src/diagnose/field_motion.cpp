@@ -9,29 +9,28 @@ namespace {
 using deblur::GapFigures;
 using deblur::GapMeter;
 
-constexpr int kBlocks = 16;             // of time, of the jackknife
+constexpr int kBlocks = 16;             // of time, for the jackknife
 constexpr int kFewestShears = 192;      // frames
 constexpr double kOutlyingShear = 6.0;  // standard deviations of a shear
-constexpr double kMostChange_px = 8.0;  // of the velocity, a frame: beyond it tracking has failed
+constexpr double kMostChange_px = 8.0;  // of velocity, per frame: beyond it tracking has failed
 constexpr std::size_t kFewestBursts = 4;
 constexpr double kOutlyingBurst = 5.0;  // standard deviations of the bursts' time constants
-// Systematic errors of the models: from simulated streets, over trajectories and sizes.
+// Systematic errors of the models, from simulated streets over several trajectories and sizes.
 constexpr double kTauError = 0.01;
 constexpr double kDelayError_s = 0.3e-6;
-constexpr double kWidestInterval = 0.1;   // half width, of the time constant: wider ones are discarded
-constexpr double kMostDelayError = 3e-6;  // the same of a row delay, s
+constexpr double kWidestInterval = 0.1;   // half width, relative to the time constant: wider ones are discarded
+constexpr double kMostDelayError = 3e-6;  // the same for a row delay, s
 
-// Frames with known, consecutive motion.
 struct MotionTrack {
   struct Frame {
     bool there = false;              // its motion is known
     std::array<double, 6> affine{};  // SceneMotion::affine
-    std::array<double, 2> place{};   // sum of the displacements so far, px
+    std::array<double, 2> place{};   // sum of all displacements up to here, px
   };
   std::vector<Frame> frames;
-  std::vector<GapFigures> bursts;  // informative ones, in order
+  std::vector<GapFigures> bursts;  // informative bursts, in order
 
-  // True if frames first..last are consecutive.
+  // True if the motion of all frames first..last is known.
   bool whole(Index first, Index last) const {
     if (first < 0 || last >= static_cast<Index>(frames.size())) return false;
     return std::all_of(frames.begin() + first, frames.begin() + last + 1, [](const Frame& f) { return f.there; });
@@ -39,7 +38,7 @@ struct MotionTrack {
   const Frame& at(Index k) const { return frames[static_cast<std::size_t>(k)]; }
 };
 
-// Whole periods between two frames of the camera's counter; a counter that does not rise counts as a loss.
+// Whole periods between two values of the camera's frame counter; a counter that does not rise counts as a loss.
 std::uint64_t periods_between(std::uint64_t before, std::uint64_t now) {
   constexpr std::uint64_t kMany = 64;
   return now > before ? std::min(now - before, kMany) : kMany;
@@ -50,13 +49,13 @@ Result<MotionTrack> follow(FrameReader& reader, const Recording& recording, cons
   const std::vector<std::uint64_t>& frame_id = reader.capture().frame_id();
   auto solver = deblur::Solver::create(settings, format, PixelType::kFloat32);
   if (!solver) return MotionTrack{};  // no motion solver for this format
-  // The newest planes, of the solver's window and of a burst.
+  // The newest planes: enough for the solver's window and for a burst.
   constexpr std::size_t kKept = GapMeter::kFrames;
   const auto window = static_cast<std::size_t>(settings.window);
   std::vector<std::vector<std::byte>> ring(kKept, std::vector<std::byte>(plane_bytes(format.geometry, format.type)));
   std::vector<const void*> planes(kKept, nullptr);
   GapMeter meter(format, settings.tau_s);
-  int whole = 0;  // planes in a row, since the last burst's middle
+  int whole = 0;  // planes in a row since the middle of the last burst
   MotionTrack out;
   out.frames.resize(std::min({frame_id.size(), recording.used.size(), kMostFrames}));
   std::uint64_t newest = 0;
@@ -93,7 +92,7 @@ Result<MotionTrack> follow(FrameReader& reader, const Recording& recording, cons
   return out;
 }
 
-// Interval of a value by the jackknife over blocks of the data.
+// Value and interval by the jackknife over blocks of the data.
 template <typename Of>
 std::optional<Estimate> jackknifed(const Of& without) {
   const std::optional<double> value = without(-1);
@@ -111,8 +110,7 @@ std::optional<Estimate> jackknifed(const Of& without) {
 
 int block_of(std::size_t burst, std::size_t bursts) { return static_cast<int>(burst * kBlocks / bursts); }
 
-// The mean time constant of the bursts but a block of them, in units of the given one; weighted by precision, without
-// outliers.
+// Precision-weighted mean of the bursts' relative time constants, without outliers and without one block.
 std::optional<double> mean_of(const std::vector<GapFigures>& bursts, int left_out) {
   const std::vector<double> all = mapped(bursts, &GapFigures::tau_ratio);
   const double middle = median(all);
@@ -137,7 +135,7 @@ std::optional<FromMotion::Figure> find_tau(const std::vector<GapFigures>& bursts
   const double ratio = found->value;
   const double error = std::hypot(found->error(), kTauError * ratio);
   if (1.96 * error > kWidestInterval * ratio) return std::nullopt;
-  // Each burst is predicted with the other blocks' estimate.
+  // Each burst is predicted with the estimate from the other blocks.
   std::array<double, kBlocks> others{};
   for (int b = 0; b < kBlocks; ++b) others[static_cast<std::size_t>(b)] = mean_of(bursts, b).value_or(ratio);
   double before = 0.0;
@@ -154,31 +152,30 @@ std::optional<FromMotion::Figure> find_tau(const std::vector<GapFigures>& bursts
 
 // ------------------------------------------------------------------ shear against acceleration
 
-// Velocity along an axis at frame k, px a frame: a difference of the fourth order.
+// Velocity along an axis at frame k, px per frame: a difference of the fourth order.
 double velocity_at(const MotionTrack& all, Index k, std::size_t axis) {
   const auto p = [&](Index i) { return all.at(k + i).place[axis]; };
   return (8.0 * (p(1) - p(-1)) - (p(2) - p(-2))) / 12.0;
 }
 
-// A change over this many frames. Each frame's own error is as large in its shear since the frame before as in that
-// since one long ago, while the velocity has changed by more; over still longer, true turns and slopes add up.
+// Shears are compared over this many frames. A frame's own error is as large over one frame as over many, while the
+// velocity changes by more; over still longer spans true turns and slopes accumulate.
 constexpr Index kApart = 5;
 
 struct Shear {
   Index frame = 0;
-  double change = 0.0;  // of the velocity, px a frame
-  double shear = 0.0;   // px a row
-  double turn = 0.0;    // px a column, of the other axis' displacement: a turned camera shears rows as well
+  double change = 0.0;  // of the velocity, px per frame
+  double shear = 0.0;   // px per row
+  double turn = 0.0;    // px per column, of the other axis' displacement: a turned camera shears rows as well
 };
 
-// Sums of an entry of the affine motions, up to each frame.
+// Running sums of an entry of the affine motions.
 std::vector<double> summed(const MotionTrack& all, std::size_t entry) {
   std::vector<double> out = mapped(all.frames, [entry](const MotionTrack::Frame& f) { return f.affine[entry]; });
   std::partial_sum(out.begin(), out.end(), out.begin());
   return out;
 }
 
-// Changes over `apart` frames.
 std::vector<Shear> shears_of(const MotionTrack& all, std::size_t axis, Index apart) {
   const std::vector<double> shear = summed(all, 3 * axis + 2);
   const std::vector<double> turn = summed(all, axis == 0 ? 4 : 1);
@@ -199,8 +196,8 @@ std::vector<Shear> shears_of(const MotionTrack& all, std::size_t axis, Index apa
   return out;
 }
 
-// Of shear: on the change of velocity, which is the row delay in periods, and on the turn, which is 1 if it is measured
-// without error. Without a block of time.
+// Regression slopes of the shear, without one block of time: on the change of velocity (the row delay, in periods) and
+// on the turn (1 if that is free of measurement errors).
 Eigen::Vector2d slopes_of(const std::vector<Shear>& shears, Index frames, int left_out) {
   Eigen::Matrix2d squares = Eigen::Matrix2d::Identity() * 1e-12;
   Eigen::Vector2d products = Eigen::Vector2d::Zero();
@@ -213,20 +210,19 @@ Eigen::Vector2d slopes_of(const std::vector<Shear>& shears, Index frames, int le
   return squares.ldlt().solve(products);
 }
 
-// Residual sum of squares of the shears.
 double left_of(const std::vector<Shear>& shears, const Eigen::Vector2d& slopes) {
   return sum_of(shears,
                 [&](const Shear& s) { return std::pow(s.shear - slopes[0] * s.change - slopes[1] * s.turn, 2); });
 }
 
-// Weighted mean of two estimates. Its error grows where they differ by more than chance.
+// Weighted mean of two estimates, whose error grows if they differ by more than chance.
 Estimate agreed(const Estimate& a, const Estimate& b) {
   const double share = b.error() * b.error() / (a.error() * a.error() + b.error() * b.error());
   const double apart = std::abs(a.value - b.value) / (1.96 * std::hypot(a.error(), b.error()));
   return interval(share * a.value + (1.0 - share) * b.value, std::sqrt(share) * a.error() * std::max(1.0, apart));
 }
 
-// Of a stored row. `nominal_s`: the profile's.
+// Delay per stored row. `nominal_s`: the profile's.
 std::optional<FromMotion::Figure> find_row_delay(const MotionTrack& all, double period_s, double nominal_s) {
   const auto frames = std::ssize(all.frames);
   std::array<Estimate, 2> told{};
@@ -237,7 +233,7 @@ std::optional<FromMotion::Figure> find_row_delay(const MotionTrack& all, double 
     const auto one = jackknifed([&](int left_out) { return std::optional(slopes_of(shears, frames, left_out)[0]); });
     if (!one) return std::nullopt;
     told[axis] = interval(one->value * period_s, std::max(one->error() * period_s, 1e-12));
-    // What it explains of a frame's shear since the one before.
+    // The part of a frame's shear since the frame before that the delay explains.
     const std::vector<Shear> next = shears_of(all, axis, 1);
     const double turn = slopes_of(next, frames, -1)[1];
     before += left_of(next, {nominal_s / period_s, turn}) / left_of(next, {one->value, turn});

@@ -3,17 +3,17 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kOwnVariance = 4.0;  // times the floor's variance: above, the block's motion is wrong
-constexpr int kGroups = 16;           // of time, alternately of one half and the other
+constexpr double kOwnVariance = 4.0;  // times the floor's variance: a block above it has local motion
+constexpr int kGroups = 16;           // of consecutive triplets; they alternate between the two halves
 constexpr int kPatternRounds = 8;     // of the search for a fixed pattern
-constexpr double kStep = 0.7;         // of each
+constexpr double kStep = 0.7;         // relaxation factor of each round
 constexpr double kClip = 3.0;         // clip of residuals, in sigmas
-constexpr float kTelling = 1e4F;      // minimum of 1 / squared error of a gain
-constexpr double kMostPattern = 0.2;  // of the picture's standard deviation
+constexpr float kTelling = 1e4F;      // least 1 / squared error of a gain
+constexpr double kMostPattern = 0.2;  // largest pattern, in the picture's standard deviation
 
-// Covariance of two estimates of the same numbers, as a standard deviation; its error from the scatter over groups.
+// Covariance of two estimates of the same numbers, as a standard deviation; its error is the scatter over groups.
 struct Sharing {
-  Eigen::Array2Xd sums = Eigen::Array2Xd::Zero(2, kGroups);  // of products, and their number
+  Eigen::Array2Xd sums = Eigen::Array2Xd::Zero(2, kGroups);  // of products; their number
   void add(Index group, double product) { sums.col(group) += Eigen::Array2d(product, 1.0); }
   Measured measured() const {
     std::vector<double> each;
@@ -29,7 +29,7 @@ struct Sharing {
   }
 };
 
-// The fixed pattern o fitted to the residuals of some triplets: residual = o - (o moved).
+// Fits a fixed pattern o to the residuals of some triplets: residual = o - (o moved).
 ArrayXf pattern_of(const Cells& cells, const std::vector<Triplet>& triplets, const std::vector<Index>& of,
                    const Mask& bad) {
   const Index pixels = cells.residual.values.cols();
@@ -59,14 +59,14 @@ ArrayXf pattern_of(const Cells& cells, const std::vector<Triplet>& triplets, con
   return pattern;
 }
 
-// Amplitude of a pattern by group of time.
+// Amplitude of a pattern over time, by group.
 class Growth {
  public:
-  // `time`: of the recording, 0 to 1.
+  // `time`: position in the recording, 0 to 1.
   void add(Index group, double time, double weight, double pattern, double seen) {
     sums_.col(group) += weight * pattern * Eigen::Array3d(seen, pattern, pattern * time);
   }
-  // A straight line from the recording's beginning to its end.
+  // Rise of a straight line from the recording's beginning to its end, relative to its mean.
   Measured measured() const {
     Line line;
     for (const auto& sum : sums_.colwise()) {
@@ -96,7 +96,7 @@ ArrayXf column_means(const ArrayXf& map, Geometry g) {
   return out;
 }
 
-// Groups of pixels are tiles of the picture.
+// The groups of pixels are tiles of the picture.
 Measured shared(const std::array<ArrayXf, 2>& half, Geometry g) {
   Sharing sharing;
   for (Index p = 0; p < half[0].size(); ++p) {
@@ -114,7 +114,7 @@ Measured shared_lines(const std::array<ArrayXf, 2>& half) {
   return sharing.measured();
 }
 
-// A pattern of both halves, in columns and the pixels' own.
+// A pattern in both halves, split into columns and single pixels.
 struct Parts {
   std::array<ArrayXf, 2> column;
   std::array<ArrayXf, 2> pixel;  // 0: unknown
@@ -136,7 +136,7 @@ Offsets offsets_of(const std::array<ArrayXf, 2>& pattern, Geometry g) {
   return {shared(parts.pixel, g), shared_lines(parts.column)};
 }
 
-// Best estimate from both halves: their mean, less the share of its square that is noise.
+// Best estimate from both halves: their mean, scaled down by the part of its square that is noise.
 ArrayXf from_both(const std::array<ArrayXf, 2>& half) {
   const ArrayXf mean = (half[0] + half[1]) / 2.0F;
   const float all = mean.square().mean();
@@ -149,13 +149,13 @@ struct Gains {
   ArrayXf level;  // mean of the pixel's prediction
 };
 
-// Gain g of each pixel in some of the triplets: regression of its residual on the scene's changes x, less its
-// block's mean, an error of the prediction. The predicting frames have gains, too: residual = g x - (g x moved).
+// Gain g of each pixel in some of the triplets: regression of its residual on the scene's changes x, without the
+// block's mean, which is a prediction error. The predicting frames have gains, too: residual = g x - (g x moved).
 Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& frames,
                const std::vector<Triplet>& triplets, const std::vector<Index>& of, const Mask& dead) {
   const Index pixels = left.values.cols();
   Gains gain{ArrayXf::Zero(pixels), ArrayXf::Zero(pixels)};
-  // Prediction of all pixels in triplet i, and their weights.
+  // Prediction of all pixels in triplet i.
   const auto shown = [&](Index i) -> ArrayXf {
     const Index frame = triplets[static_cast<std::size_t>(i)].frame;
     return (frames.values.row(frame) - cells.residual.values.row(i)).transpose().array();
@@ -199,8 +199,7 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
   return gain;
 }
 
-// Correlation of neighbours. A camera's pixels are independent; prediction errors of a recurring scene are
-// correlated over its structures.
+// Correlation of neighbours: gains of pixels are independent, prediction errors of a scene follow its structures.
 double likeness(const std::array<ArrayXf, 2>& half, Geometry g) {
   double beside = 0.0;
   double same = 0.0;
@@ -215,8 +214,8 @@ double likeness(const std::array<ArrayXf, 2>& half, Geometry g) {
   return same > 0.0 ? beside / same : 1.0;
 }
 
-// A pattern less the gains' effect: gain times the pixel's mean level about the gains' reference, which is the
-// regression of offsets on the gains of the other half, with independent errors.
+// A pattern without the effect of gains: gain times the pixel's mean level relative to the gains' reference. That
+// reference is the regression of one half's offsets on the other half's gains, whose errors are independent.
 std::array<ArrayXf, 2> without_gains(std::array<ArrayXf, 2> pattern, const std::array<Gains, 2>& gains) {
   for (std::size_t h = 0; h < 2; ++h) {
     const Gains& of = gains[h];
@@ -229,7 +228,7 @@ std::array<ArrayXf, 2> without_gains(std::array<ArrayXf, 2> pattern, const std::
   return pattern;
 }
 
-// Standard deviation of the picture, rms over the frames.
+// Standard deviation of a picture, rms over the frames.
 double contrast_of(const FieldFrames& frames) {
   double sum = 0.0;
   for (Index i = 0; i < frames.values.rows(); ++i) {
@@ -239,7 +238,7 @@ double contrast_of(const FieldFrames& frames) {
   return std::sqrt(sum / static_cast<double>(std::max<Index>(1, frames.values.rows())));
 }
 
-// Mean over the triplets of a pattern moved with the scene.
+// A pattern moved with the scene, averaged over the triplets.
 ArrayXf moved_mean(const Cells& cells, const std::vector<Triplet>& triplets, const ArrayXf& pattern) {
   ArrayXf sum = ArrayXf::Zero(pattern.size());
   ArrayXf weights = ArrayXf::Zero(pattern.size());
@@ -255,11 +254,11 @@ ArrayXf moved_mean(const Cells& cells, const std::vector<Triplet>& triplets, con
   return sum / weights.max(1e-12F);
 }
 
-// Maps of the camera: (1 + gain) (T - level) + offset + level. What a pattern keeps wherever it is moved, such as whole
-// rows along the motion, is not told from the scene, and left out.
+// Maps of the camera: (1 + gain) (T - level) + offset + level. A component that stays the same wherever the pattern is
+// moved, such as whole rows along the motion, cannot be told from the scene and is left out.
 FieldMaps maps_of(const Cells& cells, const std::vector<Triplet>& triplets, const std::array<ArrayXf, 2>& pattern,
                   const std::array<Gains, 2>& gains) {
-  constexpr int kMoves = 6;  // halves a component of which four fifths are kept
+  constexpr int kMoves = 6;  // moves; they halve a component of which four fifths are kept
   const Geometry g = cells.residual.geometry;
   const Parts parts = parts_of(pattern, g);
   const ArrayXf column = from_both(parts.column);
@@ -272,7 +271,6 @@ FieldMaps maps_of(const Cells& cells, const std::vector<Triplet>& triplets, cons
   return maps;
 }
 
-// The half of a triplet.
 std::size_t half_of_time(Index triplet, Index triplets) {
   return static_cast<std::size_t>(triplet * kGroups / triplets) % 2;
 }
@@ -322,7 +320,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Triplet>& tri
   for (std::size_t h = 0; h < 2; ++h) pattern[h] = pattern_of(cells, triplets, halves[h], dead);
   out.offset = offsets_of(pattern, g);
 
-  // Each half is corrected by the other's pattern.
+  // Each half is corrected by the pattern of the other half.
   Residual left = raw;
   Aligner mover(g);
   ArrayXf moved(raw.values.cols());

@@ -7,9 +7,9 @@ using motion::PaddedPlane;
 using motion::Vec2;
 using motion::VectorField;
 
-constexpr std::size_t kBins = 12;  // of the floor, over contrast
+constexpr std::size_t kBins = 12;  // of the floor, by contrast
 
-// True if all of a block's source lies inside the frame.
+// True if the whole source of a block lies inside the frame.
 bool seen(Geometry g, int x0, int y0, Vec2 d) {
   constexpr float kTaps = 2.0F;
   const auto inside = [](int first, int length, float from, int size) {
@@ -20,7 +20,6 @@ bool seen(Geometry g, int x0, int y0, Vec2 d) {
   return inside(x0, motion::kBlock, d.x, g.width) && inside(y0, motion::kBlock, d.y, g.height);
 }
 
-// Calls visit(x, y) for each pixel of a block.
 template <typename Visit>
 void visit_block(Geometry g, int x0, int y0, const Visit& visit) {
   for (int y = y0; y < std::min(y0 + motion::kBlock, g.height); ++y) {
@@ -66,9 +65,9 @@ Residual predict_field(const FieldFrames& frames, const std::vector<Triplet>& tr
 
 bool follows(const FieldFrames& frames, const std::vector<Triplet>& triplets, const Residual& with) {
   constexpr std::size_t kLooks = 40;
-  constexpr double kTells = 1.3;      // times the other's square
-  constexpr double kLeastTell = 0.1;  // of the blocks
-  constexpr double kMost = 3.0;       // times the contradicting ones
+  constexpr double kTells = 1.3;      // ratio of the squares for a block to count
+  constexpr double kLeastTell = 0.1;  // of the blocks: fewest that count
+  constexpr double kMost = 3.0;       // times the contradicting blocks
   const std::size_t every = std::max<std::size_t>(1, triplets.size() / kLooks);
   std::vector<Triplet> stood;
   for (std::size_t i = 0; i < triplets.size(); i += every) {
@@ -81,7 +80,7 @@ bool follows(const FieldFrames& frames, const std::vector<Triplet>& triplets, co
   const Mask none(frames.geometry.pixels(), 0);
   const Series moved = squares_of(with, none);
   const Series still = squares_of(without, none);
-  std::array<double, 3> count{};  // of all, for and against
+  std::array<double, 3> count{};  // of all blocks, of those for and of those against
   for (Index i = 0; i < still.rows(); ++i) {
     const auto of_moved = moved.row(i * static_cast<Index>(every));
     for (Index b = 0; b < still.cols(); ++b) {
@@ -141,7 +140,7 @@ double PredictionFloor::variance(double contrast) const {
   const auto above = std::ranges::upper_bound(contrast_, contrast);
   if (above == contrast_.begin()) return variance_.front();
   if (above == contrast_.end()) {
-    // Errors grow with the contrast, also beyond the last bin.
+    // Errors grow with contrast beyond the last bin, too.
     return variance_.back() * std::max(1.0, contrast / std::max(contrast_.back(), 1e-9));
   }
   const auto i = static_cast<std::size_t>(above - contrast_.begin());

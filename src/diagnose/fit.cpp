@@ -1,4 +1,4 @@
-// Gauss-Newton iterations, and the gain of effects by the linear model around a fit.
+// Gauss-Newton iterations, and the gain of effects predicted by the linear model around a fit.
 #include "src/diagnose/fit.hpp"
 
 #include "src/diagnose/stages.hpp"
@@ -6,14 +6,14 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kTrustRadius = 8.0;      // of a parameter in one round, in units of its typical size
-constexpr double kLargestShift_px = 1.0;  // of moving bars in one round
+constexpr double kTrustRadius = 8.0;      // largest change of a parameter in one round, in units of its typical size
+constexpr double kLargestShift_px = 1.0;  // largest change for moving bars in one round
 constexpr double kLargestLateness_s = 0.0005;
 
-// The linear model of all recordings around a state.
+// The linear model of all recordings around a state; both vectors are by recording.
 struct Linear {
-  std::vector<Columns> columns;            // of each recording
-  std::vector<std::vector<Group>> groups;  // the same
+  std::vector<Columns> columns;
+  std::vector<std::vector<Group>> groups;
   template <typename Work>
   void for_each_group(const Work& work) const {
     for (const auto& of : groups) std::ranges::for_each(of, work);
@@ -22,8 +22,8 @@ struct Linear {
 
 struct NewtonStep {
   VectorXd by;
-  MatrixXd normal;      // with the prior
-  double excess = 1.0;  // of the squared residual over the noise
+  MatrixXd normal;      // with the prior added
+  double excess = 1.0;  // ratio of squared residual to noise
 };
 
 Linear linearise(const FitData& data, const State& state, const Unknowns& u, const std::vector<Parameter>& parameters) {
@@ -37,7 +37,7 @@ Linear linearise(const FitData& data, const State& state, const Unknowns& u, con
   return linear;
 }
 
-// Solves for steps of the parameters within their ranges, none by more than `most` of its typical sizes.
+// Solves for steps of the parameters within their bounds, none larger than `most` times its typical size.
 VectorXd step_within(const std::vector<const Parameter*>& parameters, const State& state, double most,
                      const MatrixXd& normal, const VectorXd& right) {
   VectorXd low(right.size());
@@ -65,7 +65,7 @@ NewtonStep step_of(const Linear& linear, const Unknowns& u, const State& state) 
   for (const Columns& columns : linear.columns) {
     weights += static_cast<double>((columns.residual.array() != 0.0F).count()) / 2.0;
   }
-  // The prior is scaled for a well-predicted session; with a bad fit it keeps its relative weight.
+  // The prior is scaled for a well-predicted session; in a bad fit it keeps its relative weight.
   NewtonStep step;
   step.excess = std::max(1.0, squares / weights);
   step.normal = normal / step.excess;
@@ -118,7 +118,7 @@ void take(const FitData& data, const NewtonStep& step, const Linear& linear, con
   smooth_speeds(data.session, state);
 }
 
-// Standard errors of the unknowns: from the noise, or from the groups' scatter if larger.
+// Standard errors of the unknowns: from the noise, or from the scatter of the groups if that is larger.
 VectorXd errors_of(const Linear& linear, const NewtonStep& step) {
   const Index count = step.by.size();
   const MatrixXd spread = inverse(step.normal);
@@ -131,7 +131,7 @@ VectorXd errors_of(const Linear& linear, const NewtonStep& step) {
   return spread.diagonal().cwiseMax(robust.diagonal()).cwiseMax(0.0).cwiseSqrt();
 }
 
-// The candidate's parameters; its form is set together with them, so the base is unchanged.
+// The candidate's parameters. Setting one also sets the candidate's form, so the base state stays unchanged.
 std::vector<Parameter> parameters_of(const Session& session, const Choice& candidate) {
   std::vector<Parameter> all = candidate.effect->parameters(session);
   if (candidate.form == nullptr) return all;
@@ -144,15 +144,15 @@ std::vector<Parameter> parameters_of(const Session& session, const Choice& candi
   return all;
 }
 
-// Training equations of all unknowns, held-out ones by group.
+// Training equations of all unknowns, and held-out ones by group.
 struct Wide {
   const Unknowns& base;
   const State& state;
-  std::vector<Parameter> parameters;  // the base's, then those of the candidates
+  std::vector<Parameter> parameters;  // those of the base, then of the candidates
   MatrixXd normal;                    // augmented
   std::vector<const MatrixXd*> test;  // augmented, of each group
 
-  // Squared residual of each group with the parameters `chosen` fitted.
+  // Squared residual of each held-out group with the parameters `chosen` fitted.
   std::vector<double> loss(const std::vector<Index>& chosen) const {
     MatrixXd a = normal(chosen, chosen);
     VectorXd b = normal(chosen, normal.cols() - 1);
@@ -213,7 +213,7 @@ std::vector<Gain> screen(const FitData& data, const FitResult& base, const std::
   Wide wide{u, base.state, u.parameters, {}, {}};
   std::vector<Index> chosen(u.parameters.size());
   std::iota(chosen.begin(), chosen.end(), 0);
-  std::vector<std::vector<Index>> with(candidates.size(), chosen);  // with each candidate's parameters
+  std::vector<std::vector<Index>> with(candidates.size(), chosen);  // the base's and each candidate's parameters
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     for (Parameter& c : parameters_of(data.session, candidates[i])) {
       with[i].push_back(static_cast<Index>(wide.parameters.size()));
@@ -227,13 +227,13 @@ std::vector<Gain> screen(const FitData& data, const FitResult& base, const std::
     wide.normal += g.train;
     wide.test.push_back(&g.test);
   });
-  // The fit's pixels represent all.
+  // Scales the gain from the fitted pixels to all pixels.
   const double scale = static_cast<double>(data.all_pixels.size()) / static_cast<double>(data.fit_pixels.size());
   const std::vector<double> before = wide.loss(chosen);
   std::vector<Gain> gains(candidates.size());
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const Effect& effect = *candidates[i].effect;
-    // The drift's map needs its cubics; other maps can be tried alone.
+    // The drift's map needs its cubics; other maps are tried alone.
     if (effect.map != MapKind::kNone && effect.map != MapKind::kDrift) {
       gains[i] = gain_between(base.score, map_gain(data, base.state, base.score, effect.map));
     } else if (with[i].size() > chosen.size()) {

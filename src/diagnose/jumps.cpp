@@ -1,17 +1,17 @@
-// Steps of the offset, global or per pixel: searched in a series of residuals, and removed.
+// Steps of the offset, global or per pixel: detected in residuals and removed.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-// Set by effect-free shutters of 160 to 240 frames.
+// Limits set on effect-free shutters of 160 to 240 frames.
 constexpr Index kSide = 12;     // frames on either side of a jump
-constexpr Index kThawSide = 6;  // beside a freeze, at least
+constexpr Index kThawSide = 6;  // fewest frames beside a freeze
 constexpr double kJumpZ = 9.0;
 constexpr double kLeastJump_k = 0.02;
-constexpr double kSuddenLeast = 0.6;  // of the jump, between the two frames
+constexpr double kSuddenLeast = 0.6;  // of the jump, between the two frames; at most kSuddenMost
 constexpr double kSuddenMost = 1.6;
-constexpr double kLeastOfLeap = 0.1;  // of the predicted change between them: errors of tau cause less
+constexpr double kLeastOfLeap = 0.1;  // of the predicted change between them: errors of tau cause smaller jumps
 constexpr double kPatternZ = 25.0;    // of a per-pixel jump
 constexpr double kPatternOverNoise = 2.5;
 constexpr double kPatternAtOnce = 0.5;  // of the pattern, between the two frames
@@ -24,7 +24,7 @@ MatrixXd levels_in(const std::vector<Index>& frames, const MatrixXd& levels) {
   return levels(frames, Eigen::all);
 }
 
-// Weights of these frames' values in the least-squares step before frame `first`, with levels free.
+// Weights of these frames' values in the least-squares estimate of a step before frame `first`, with free levels.
 VectorXd step_weights(const std::vector<Index>& frames, const MatrixXd& levels, Index first) {
   VectorXd step(static_cast<Index>(frames.size()));
   std::ranges::transform(frames, step.begin(), [first](Index k) { return k >= first ? 1.0 : 0.0; });
@@ -32,18 +32,18 @@ VectorXd step_weights(const std::vector<Index>& frames, const MatrixXd& levels, 
   return step / std::max(1e-9, step.squaredNorm());
 }
 
-// A search for a jump in residuals of good pixels in used frames.
+// Searches residuals of good pixels in used frames for a jump.
 struct JumpSearch {
   std::vector<Index> frames;
   Eigen::ArrayXXd value;  // frames x pixels
   MatrixXd levels;        // frames x levels of the stimulus
-  VectorXd shown;         // mean of each frame, as predicted
+  VectorXd shown;         // predicted mean of each frame
   bool still = false;     // of a still field
   ArrayXd mean{};         // of each frame
   double flicker = 0.0;   // of one frame's mean
   double noise2 = 0.0;    // of one value
 
-  // Estimates the noise; false if there are too few data.
+  // Estimates the noise; false if there is too little data.
   bool prepare() {
     const Index n = value.rows();
     if (n < 2 * kSide + 2 || value.cols() < 8) return false;
@@ -59,8 +59,8 @@ struct JumpSearch {
     return true;
   }
 
-  // The share of slow variation explained by a step before frame `a`: of all pixels of a still field; with motion, of
-  // their mean only, since model errors vary the pixels.
+  // The share of slow variation explained by a step before frame `a`. In a still field, of all pixels; with motion only
+  // of their mean, because model errors vary the pixels.
   double explained(Index a) const {
     const Index n = value.rows();
     MatrixXd whole = still ? MatrixXd(value.matrix()) : MatrixXd(mean.matrix());
@@ -81,8 +81,8 @@ struct JumpSearch {
 
   VectorXd weights_of(Index a) const { return step_weights(frames, levels, frames[static_cast<std::size_t>(a)]); }
 
-  // A jump before frame `a` if stronger than `strongest`, which it updates. By the means of kSide frames on either
-  // side, or as many as there are beside a freeze; with a changing stimulus, by all frames.
+  // A jump before frame `a` if it is stronger than `strongest`, which it then updates. Compares the means of kSide
+  // frames on either side (fewer beside a freeze); with a changing stimulus, uses all frames.
   std::optional<Jump> at(Index a, bool thawed, double& strongest) const {
     const Index side = std::min({kSide, a, value.rows() - a});
     if (side < (thawed ? kThawSide : kSide)) return std::nullopt;
@@ -155,7 +155,7 @@ void remove_jump(Session& session, Jump& jump, const Series& residual, const Mat
   const VectorXd step = residual(frames, Eigen::all).cast<double>().transpose() * weights;
   const std::vector<int> good = session.good_pixels();
   const double mean = sum_of(good, [&](int p) { return step[p]; }) / std::max(1.0, static_cast<double>(good.size()));
-  // Per-pixel steps only if a pattern was found; else the mean is the better estimate.
+  // Per-pixel steps only if a pattern was found; otherwise the mean is the better estimate.
   for (Index p = 0; p < residual.cols(); ++p) {
     const double own = jump.pixel_k > 0.0 ? step[p] : mean;
     r.values.col(p).bottomRows(r.values.rows() - first).array() -= static_cast<float>(own);

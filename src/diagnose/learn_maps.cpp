@@ -1,5 +1,4 @@
-// Maps of the full frame. The diagnosis uses a grid, which omits most pixels, so the captures are read again, some rows
-// at a time.
+// Maps of the full frame. The diagnosis' grid omits most pixels, so the captures are read again, some rows at a time.
 
 #include "src/diagnose/stages.hpp"
 
@@ -12,8 +11,8 @@ constexpr int kTauRounds = 2;
 enum Basis : std::size_t { kOffset, kGain, kTau, kDrift };  // in the order of kMapKinds
 using Wanted = OfMaps<bool>;
 
-// Estimates of every pixel, row-major over the frame: K, share of T - the gains' reference, log of tau's share, share
-// of the drift; and the noise variance of each, summed over the pixels.
+// Estimates for every pixel of the frame, row-major: offset in K, gain as a factor of T - the gains' reference, log of
+// relative tau, share of the drift; and the noise variance of each kind, summed over the pixels.
 struct Found {
   OfMaps<VectorXd> value;
   OfMaps<double> noise2{};
@@ -23,7 +22,7 @@ struct Found {
   }
 };
 
-// Makes a session one of the rows [first, end), with all columns; its values are to be read.
+// Restricts a session to the rows [first, end) with all columns; the values have yet to be read.
 void take_band(Session& band, int first, int end) {
   band.grid.rows.resize(static_cast<std::size_t>(end - first));
   band.grid.columns.resize(static_cast<std::size_t>(band.width));
@@ -37,7 +36,6 @@ std::size_t first_pixel(const Session& band) {
   return static_cast<std::size_t>(band.grid.rows.front()) * static_cast<std::size_t>(band.width);
 }
 
-// One reader for each recording.
 Result<std::vector<FrameReader>> open_all(const Session& session) {
   std::vector<FrameReader> readers;
   for (const Recording& recording : session.recordings) {
@@ -55,7 +53,7 @@ Status read_band(FrameReader& reader, const Session& band, Series& values) {
   return {};
 }
 
-// The first frame of a recording after a change of its offsets.
+// The first frame of a recording after a jump of its offsets.
 Index changed_at(const LearnTask& task, std::size_t recording) {
   Index first = task.session.recordings[recording].frames();
   for (const Jump& jump : task.jumps) {
@@ -94,7 +92,7 @@ void add_solution(const PixelSums& total, const Wanted& wanted, std::size_t pixe
   }
 }
 
-// Applies a first round's maps to the camera: all but tau are linear and final.
+// Applies the maps of the first round to the camera: all but tau are linear and thus final.
 void apply(Found& found, const Wanted& wanted, Index begin, Index pixels, CameraModel& camera) {
   for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
     auto values = found.value[b].segment(begin, pixels);
@@ -108,7 +106,7 @@ void apply(Found& found, const Wanted& wanted, Index begin, Index pixels, Camera
 void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted, int threads, Found& found) {
   const std::size_t begin = first_pixel(band);
   const auto pixels = static_cast<std::size_t>(band.grid.pixels());
-  State state = *task.state;  // the grid's maps are re-estimated
+  State state = *task.state;  // the maps of the grid are estimated anew
   for (const MapKind kind : kMapKinds) map_of(state.camera, kind).resize(0);
   for (int round = 0; round < (wanted[kTau] ? kTauRounds : 1); ++round) {
     if (round > 0) apply(found, wanted, static_cast<Index>(begin), static_cast<Index>(pixels), state.camera);
@@ -126,7 +124,7 @@ struct Added {
   double offset = 0.0;
 };
 
-// From a moving scene, where its patterns were found. A pattern contains what gains add at the scene's level.
+// From a moving scene in which patterns were found. A pattern includes the effect of the gains at the scene's level.
 Added told_at(const LearnTask& task, std::size_t pixel) {
   const bool gains = task.found("fpn_gain") != nullptr;
   if (task.field.offset.size() == 0 || !(gains || task.found("fpn_offset") != nullptr)) return {};
@@ -135,7 +133,7 @@ Added told_at(const LearnTask& task, std::size_t pixel) {
   return {gain, task.field.offset[p] - gain * task.field.level[p]};
 }
 
-// From maps and fitted shapes.
+// From the fitted maps and shapes.
 Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
   const Session& session = task.session;
   const CameraModel& c = task.state->camera;
@@ -148,7 +146,7 @@ Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
   Added added{own + corner,
               value(kOffset) - own * c.gain_reference_k - corner * c.corner_reference_k + heating_at(c, place.row)};
   for (const CameraModel::Term& term : c.terms) added.offset += term.value * term.unit(place, kReference);
-  // A package's drift is permanent: its value at the end of the session.
+  // A package's drift is permanent: its value at the end of the session is used.
   if (task.found("drift") != nullptr && !c.drift.empty() && !c.drift_level.empty()) {
     const std::size_t index = session.recordings.size() - 1;
     const double drifted = c.drift_level[index] + drift_at(c, last, index, last.t.back());

@@ -1,10 +1,10 @@
-// Levels of a fit against what the bench says of its accuracy.
+// Fitted levels compared with the stated accuracy of the bench.
 #include "src/diagnose/fit.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-// Mean square of the levels' errors, each in its own unit.
+// Mean square of the levels' errors, each divided by unit_of(level).
 template <typename UnitOf>
 double mean_of_levels(const std::vector<Nuisance>& all, const State& state, const UnitOf& unit_of) {
   double sum = 0.0;
@@ -18,13 +18,13 @@ double mean_of_levels(const std::vector<Nuisance>& all, const State& state, cons
   return sum / std::max(1.0, count);
 }
 
-// Levels of one stated temperature and accuracy: a black body that is set to it in several captures.
+// Levels of the same stated temperature and accuracy: a black body set to it in several captures.
 struct SetPoint {
   double nominal = 0.0;
   double prior = 0.0;
   double count = 0.0;
   double mean = 0.0;   // of the errors, K
-  double about = 0.0;  // sum of the squares about it
+  double about = 0.0;  // sum of squares about that mean
 };
 
 std::vector<SetPoint> set_points(const std::vector<Nuisance>& all, const State& state) {
@@ -44,8 +44,8 @@ std::vector<SetPoint> set_points(const std::vector<Nuisance>& all, const State& 
   return points;
 }
 
-// The part of the spread that differs between levels of one set point, as a share of the stated accuracy: the whole of
-// it where each capture has errors of its own, nothing where a set point has the same error in all of them.
+// The part of the spread that differs between levels of one set point, as a share of the stated accuracy: all of it if
+// each capture has its own error, none if a set point has the same error in all captures.
 double own_spread(const std::vector<SetPoint>& points, double spread) {
   double squares = 0.0;
   double freedom = 0.0;
@@ -89,7 +89,7 @@ double independent_levels(const std::vector<Nuisance>& all, const State& state) 
 }
 
 double level_excess(const std::vector<Nuisance>& all, const State& state) {
-  constexpr double kResolved_k = 0.05;  // what the camera's own offsets make of a level
+  constexpr double kResolved_k = 0.05;  // error of a level due to the camera's own offsets
   const std::vector<SetPoint> points = set_points(all, state);
   const double squares =
       sum_of(points, [](const SetPoint& p) { return std::pow(p.mean / std::hypot(p.prior, kResolved_k), 2); });

@@ -5,7 +5,7 @@
 namespace bolo::diagnose {
 namespace {
 
-// From the temperature of a black body to the linear quantity that the pixel follows.
+// Converts the temperature of a black body to the linear quantity that the pixel follows.
 double scene_signal(const CameraModel& c, double temperature_k) {
   double t = temperature_k;
   if (c.reflected != 0.0 || c.surroundings != 0.0) {
@@ -20,7 +20,7 @@ double row_time(const Session& session, const CameraModel& c, int row) {
   return c.row_delay_s * rows * session.row_step;
 }
 
-// The read-out after the pixel, in place; `y` holds the linear quantity.
+// Applies the read-out after the pixel, in place; `y` holds the linear quantity.
 void read_out(const Session& session, std::size_t index, const CameraModel& c, std::span<const int> pixels, Series& y) {
   const Recording& recording = session.recordings[index];
   if (c.radiance != 0.0) {
@@ -65,7 +65,7 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
 }
 
 std::vector<Step> steps_of(const capture::Chopper& chopper, const StimulusState& stimulus, const CameraModel& c) {
-  constexpr int kParts = 12;  // of a soft blade's edge
+  constexpr int kParts = 12;  // steps that model a soft blade's edge
   const std::vector<double> levels = levels_of(chopper);
   std::vector<Step> steps;
   const double cold = scene_signal(c, stimulus.level_k[0]);
@@ -86,7 +86,6 @@ std::vector<Step> steps_of(const capture::Chopper& chopper, const StimulusState&
   return steps;
 }
 
-// The frame filter along a pixel's time.
 void filter_frames(const Response& r, Series& y) {
   if (r.filter == FrameFilter::kNone || r.alpha >= 1.0) return;
   const auto alpha = static_cast<float>(r.alpha);
@@ -108,7 +107,7 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
   const bool varied = c.tau.size() > 0;
   const StepResponse common(steps, c.response);
   Series y(recording.frames(), static_cast<Index>(pixels.size()));
-  // Identical, simultaneous pixels share their values.
+  // Identical pixels sampled simultaneously share their values.
   const bool together = !varied && stimulus.sweep_s == 0.0 && c.row_delay_s == 0.0;
   for (Index j = 0; j < y.cols(); ++j) {
     if (together && j > 0) {
@@ -159,7 +158,7 @@ BarTables bar_tables(const CameraModel& c, const StimulusState& stimulus, const 
   return {BarShape(bars, c.response.blur_px2, signal), c.response, moving};
 }
 
-// Corrects speeds, which are relative to the nominal clock.
+// Speeds are relative to the nominal clock: corrects them.
 double true_mean_speed(const StimulusState& stimulus, double clock_skew) {
   const auto count = static_cast<double>(stimulus.speed_px_s.size());
   return sum_of(stimulus.speed_px_s, [count](double v) { return v / count; }) / (1.0 + clock_skew);

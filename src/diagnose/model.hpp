@@ -1,6 +1,5 @@
-// Forward models in closed form: a pixel's response to a chopper (sums of exponentials) and to moving bars (a Fourier
-// series: optics, pixel and read-out are a factor on each harmonic); the state of camera and stimulus, and its
-// prediction.
+// Forward models in closed form: a pixel's response to a chopper (sums of exponentials) and to moving bars (Fourier
+// series; optics, pixel and read-out are factors on each harmonic); the state of camera and stimulus.
 #pragma once
 
 #include <complex>
@@ -14,15 +13,15 @@ using model::FrameFilter;
 // The linear response from the scene to the read-out.
 struct Response {
   double tau_s = 0.011;
-  double slow_share = 0.0;  // of the response, with slow_tau_s
+  double slow_share = 0.0;  // share of the response with slow_tau_s
   double slow_tau_s = 0.15;
-  double window_s = 0.0;  // the read-out is the mean over this time; its centre is the sample's time
+  double window_s = 0.0;  // the reading is the mean over this time, centred at the sample's time
   double blur_px2 = 0.0;  // variance of the optics' Gaussian blur
   double coupling = 0.0;  // to each of four neighbours, in units of the conductance to the substrate
   FrameFilter filter = FrameFilter::kNone;
   double alpha = 1.0;       // weight of the new frame
   double period_s = 0.005;  // between frames
-  // The same with another time constant: `log_tau` is the logarithm of its share.
+  // The same with another time constant; `log_tau`: logarithm of its ratio.
   Response slower(double log_tau) const {
     Response other = *this;
     other.tau_s *= std::exp(log_tau);
@@ -30,28 +29,28 @@ struct Response {
   }
 };
 
-// A step of the input: at t_s it changes by `height`.
+// A step of the input by `height` at t_s.
 struct Step {
   double t_s = 0.0;
   double height = 0.0;
 };
 
-// The response to steps: sums of exponentials that go on from the state at the last step; zero before the first one.
+// The response to steps: sums of exponentials that continue from the state at the last step; zero before the first one.
 class StepResponse {
  public:
-  // Steps in order.
+  // `steps`: in order of time.
   StepResponse(std::span<const Step> steps, const Response& response);
   double at(double t_s) const noexcept;
 
  private:
-  // The answer of one time constant, and its integral.
+  // The response of one time constant, and its integral.
   struct Pole {
     double tau_s = 0.0;
     double value = 0.0;
     double integral = 0.0;
     void run(double dt, double input) noexcept;
   };
-  // After a step.
+  // State after a step.
   struct Node {
     double t_s = 0.0;
     double input = 0.0;
@@ -60,7 +59,7 @@ class StepResponse {
   };
   double mixed(const Node& node, double Pole::*of) const noexcept;
   Node node_at(double t_s) const noexcept;
-  std::vector<Node> nodes_;  // the first long before all steps
+  std::vector<Node> nodes_;  // the first one long before all steps
   double slow_share_;
   double window_s_;
 };
@@ -70,35 +69,35 @@ struct Bars {
   double bar_width_px = 0.0;
   double slant_px_per_row = 0.0;
   double velocity_px_s = 0.0;
-  double edge_px2 = 0.0;     // variance of the target's own edges, Gaussian part
-  double ramp_px = 0.0;      // width of their straight ramps
+  double edge_px2 = 0.0;     // variance of the target's own edges: their Gaussian part
+  double ramp_px = 0.0;      // width of their straight ramp
   double aperture_px = 1.0;  // width over which a pixel averages
 };
 
-// What pixels see of bars of height 1 on 0, before their response: the share of the signal by the bars' phase.
+// Scene signal of bars of height 1 on 0 before the pixel's response, by the bars' phase.
 struct BarShape {
-  // `signal`: from the covered share of a pixel to its share of the signal; empty: identity.
+  // `signal`: maps the covered share of a pixel to its share of the signal; empty: identity.
   BarShape(const Bars& bars, double blur_px2, const std::function<double(double)>& signal = {});
 
   Bars bars;
-  double sigma_px = 0.0;                       // of optics and edges
+  double sigma_px = 0.0;                       // of optics and edges together
   std::vector<std::complex<double>> spectrum;  // of one period
-  std::vector<double> signal_of_share;         // of still bars, of shares from 0 to 1; empty: identity
+  std::vector<double> signal_of_share;         // for still bars, by shares from 0 to 1; empty: identity
 };
 
-// A pixel's response to them, by the bars' phase at the pixel.
+// A pixel's response to bars, tabulated by the bars' phase at the pixel.
 class BarTable {
  public:
   static constexpr int kPhases = 8192;
 
   BarTable(const BarShape& shape, const Response& response);
   double at(double phase_px) const noexcept;     // phase: any number
-  double slope(double phase_px) const noexcept;  // by phase, 1/px
+  double slope(double phase_px) const noexcept;  // derivative by phase, 1/px
 
-  // A position valid in all tables of the same bars, computed once.
+  // A position computed once and valid in all tables of the same bars.
   struct Cell {
     std::size_t index = 0;
-    float share = 0.0F;  // of the way to the next value
+    float share = 0.0F;  // fraction of the way to the next value
   };
   Cell cell(double phase_px) const noexcept {
     const double turns = phase_px / bars_.period_px;
@@ -114,23 +113,23 @@ class BarTable {
  private:
   double covered(double phase_px) const noexcept;  // a still pixel's share of the signal, in closed form
   Bars bars_;
-  bool still_ = false;  // value_ is conduction's addition to covered()
+  bool still_ = false;  // value_ holds only what conduction adds to covered()
   double sigma_px_ = 0.0;
   std::vector<double> signal_;  // BarShape::signal_of_share
-  std::vector<float> value_;    // one period and one more
+  std::vector<float> value_;    // one period and one value more
 };
 
 // Band radiance of a black body, 7.5 to 14 um, scaled to signal(300 K) = 300 with slope 1.
 
-// 200..700 K, linear beyond. Source: Planck's law, integrated over the band. Thread: any.
+// Valid for 200..700 K, linear beyond. Source: Planck's law, integrated over the band. Thread: any.
 double band_signal(double temperature_k) noexcept;
 double band_temperature(double signal) noexcept;
 
-// Between temperature (0) and band radiance (1). `share` 0 gives the argument itself. Thread: any.
+// Blend of temperature (`share` 0: the argument itself) and band radiance (1). Thread: any.
 double mixed_signal(double temperature_k, double share) noexcept;
 double mixed_temperature(double signal, double share) noexcept;
 
-// mixed_temperature() of many values between two signals, from a table: off by less than 20 uK.
+// mixed_temperature() between two signals, from a table: error below 20 uK.
 class TemperatureTable {
  public:
   TemperatureTable(double share, double low, double high);
@@ -142,42 +141,42 @@ class TemperatureTable {
   std::vector<double> value_;
 };
 
-// Position of a value: the inputs of purely additive effects.
+// Relative position of a pixel, on which purely additive effects depend.
 struct Place {
-  double row = 0.0;     // 0..1 from the first to the last
+  double row = 0.0;     // 0..1 from the first to the last row
   double column = 0.0;  // 0..1
 };
 Place place_in(const Session& session, int row, int column);
 
-// Centre of the search for the gains' references.
+// Centre of the search range of the gains' reference temperatures, K.
 inline constexpr double kReference = 300.0;
 
 struct CameraModel {
   Response response;
   double nominal_tau_s = 0.011;            // of the profile
-  double row_delay_s = 0.0;                // of one sensor row
+  double row_delay_s = 0.0;                // per sensor row
   bool two_halves = false;                 // both halves of the rows are read at the same time
-  double radiance = 0.0;                   // 1: the pixel is of first order in radiance, 0: in temperature
-  bool edges_in_temperature = false;       // pixels average over the target's temperature, not its radiance
+  double radiance = 0.0;                   // 1: the pixel is first-order in radiance, 0: in temperature
+  bool edges_in_temperature = false;       // pixels average the target's temperature, not its radiance
   double reflected = 0.0;                  // 1 - emissivity
-  double surroundings = 0.0;               // radiance of the surroundings times `reflected`, less that of kSurroundings
+  double surroundings = 0.0;               // excess of radiance over kSurroundings', times `reflected`
   double corner_gain = 0.0;                // added at the corners, growing with the square of the radius
-  double tilt_x = 0.0;                     // with the above: added at the right and the lower edge, for a centre
+  double tilt_x = 0.0;                     // added to corner_gain at the right and lower edges, for an optical centre
   double tilt_y = 0.0;                     // that is not the image's
-  double corner_bend = 0.0;                // relative growth of these towards the corners
-  double corner_reference_k = kReference;  // at which these cancel: the housing's temperature
-  double clock_skew = 0.0;                 // the frame period is longer by this share
-  double clip_k = std::numeric_limits<double>::infinity();  // values from here on up are not used
+  double corner_bend = 0.0;                // relative growth of these gains towards the corners
+  double corner_reference_k = kReference;  // temperature of the housing, at which these gains cancel
+  double clock_skew = 0.0;                 // relative excess of the frame period
+  double clip_k = std::numeric_limits<double>::infinity();  // values from here on are not used
   double heating_k = 0.0;  // of the last row; the offset grows as 1 - exp(-heating_rate row), row 0..1
   double heating_rate = 3.0;
   Eigen::VectorXf offset;                    // K of each pixel of the grid; empty: none
-  Eigen::VectorXf gain;                      // share of T - gain_reference_k; empty: none
-  double gain_reference_k = kReference;      // at which gains were last equalised
-  Eigen::VectorXf tau;                       // share of tau; empty: none
+  Eigen::VectorXf gain;                      // factor of T - gain_reference_k, per pixel; empty: none
+  double gain_reference_k = kReference;      // temperature at which gains were last equalised
+  Eigen::VectorXf tau;                       // relative excess of tau, per pixel; empty: none
   std::vector<std::array<double, 3>> drift;  // K of each recording: linear, quadratic, cubic in its own time
   std::vector<double> drift_level;           // K of each recording: its mean drift, absorbed by its levels
-  Eigen::VectorXf drift_share;               // of each pixel: relative excess of its drift; empty: none
-  // Terms of additive effects: the parameter's value, and the contribution of one unit, K.
+  Eigen::VectorXf drift_share;               // relative excess of a pixel's drift; empty: none
+  // Additive effects: value of the parameter, and contribution of one unit of it, K.
   struct Term {
     double value = 0.0;
     std::function<double(const Place&, double temperature_k)> unit;
@@ -185,13 +184,13 @@ struct CameraModel {
   std::vector<Term> terms;
 };
 
-// Addition to a pixel's gain by the loss of light towards the corners.
+// Gain added to a pixel by the fall-off of light towards the corners.
 double corner_gain_at(const Session& session, const CameraModel& camera, int row, int column);
 
-// Offset by the read-out's heat in a row, 0..1, K.
+// Offset in a row (0..1) by heat of the read-out, K.
 double heating_at(const CameraModel& camera, double row);
 
-// The drift of a recording (its index among the session's) at its own time, K: a cubic about its mean.
+// Drift of a recording (`index` in the session) at its own time, K: a cubic about its mean.
 double drift_at(const CameraModel& camera, const Recording& recording, std::size_t index, double t_s);
 
 inline constexpr double kSurroundings = 295.0;
@@ -200,48 +199,47 @@ inline constexpr double kSurroundings = 295.0;
 struct StimulusState {
   std::vector<double> level_k;     // uniform: 1; chopper: cold, then each of levels_of(); bars: cold, hot
   double delay_s = 0.0;            // chopper
-  double sweep_s = 0.0;            // chopper: from the first to the last column
-  double softness_s = 0.0;         // chopper: duration of covering a pixel
+  double sweep_s = 0.0;            // chopper: delay from the first to the last column
+  double softness_s = 0.0;         // chopper: time to cover a pixel
   double phase_px = 0.0;           // still bars
-  std::vector<double> shift_px;    // moving bars: of the target at each frame, at row 0
-  std::vector<double> speed_px_s;  // moving bars: local
+  std::vector<double> shift_px;    // moving bars: of the target in each frame, at row 0
+  std::vector<double> speed_px_s;  // moving bars: in each frame
   std::vector<double> late_s;      // delay of each frame after its nominal time
-  bool times_free = false;         // chopper: late_s of every frame is fitted
+  bool times_free = false;         // chopper: late_s of every frame is an unknown
   double mean_speed() const;       // moving bars, px/s
 };
 
 struct State {
   CameraModel camera;
-  std::vector<StimulusState> stimuli;  // one a recording
-  // Edge width of all bars along x: standard deviation, not variance, as its effect is of first order where an edge
-  // just reaches a pixel; and the straight ramps' share of its square, the rest being Gaussian.
+  std::vector<StimulusState> stimuli;  // one per recording
+  // Width of all bars' edges along x. Standard deviation, not variance: where an edge just reaches a pixel, the effect
+  // is of first order in it. edge_ramp: share of its square that is a straight ramp; the rest is Gaussian.
   double edge_px = 0.0;
   double edge_ramp = 0.5;
-  // Width (and height) over which a pixel averages: the absorber does not fill its place. A sharper edge than that of a
-  // full pixel behind softer optics is another shape, which no width of edges describes.
+  // Width and height over which a pixel averages; less than 1 if the absorber does not fill the pixel. No width of
+  // edges can model this: a smaller aperture behind softer optics gives another edge shape.
   double aperture_px = 1.0;
 };
 
-// Different heights of a chopper's pulses, rising.
+// Distinct heights of a chopper's pulses, rising.
 std::vector<double> levels_of(const capture::Chopper& chopper);
 
-// The nominal simulator and the stimuli as their files describe them.
+// State of the nominal simulator, with the stimuli as described by their files.
 State nominal_state(const Session& session, const model::CameraProfile& profile);
 
-std::vector<std::size_t> modelled(const Session& session);  // the recordings that have a model
-bool has_bench(const Session& session);                     // any has
+std::vector<std::size_t> modelled(const Session& session);  // indices of the recordings with a model
+bool has_bench(const Session& session);                     // true if there are any
 // Prediction of a recording that has_model() at pixels of the grid: frames x pixels, K. Thread: any.
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
-// Its frames' means over these pixels, K, and their derivatives by the recording's levels (frames x levels, K/K).
-// Thread: any.
+// Each frame's mean over these pixels, K, and its derivatives by the levels (frames x levels, K/K). Thread: any.
 VectorXd frame_means(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 MatrixXd level_slopes(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 
-// Tables for pixels of different time constants: three, interpolated by Lagrange's polynomial in ln tau.
+// Tables for pixels of different time constants: three, with Lagrange interpolation in ln tau.
 struct BarTables {
-  static constexpr double kStep = 0.08;  // of the logarithm, between two tables
+  static constexpr double kStep = 0.08;  // of ln tau, between two tables
 
-  // One table if pixels do not differ.
+  // A single table if all pixels are alike.
   BarTables(const BarShape& shape, const Response& response, bool differ) {
     for (const double log_tau : {-kStep, 0.0, kStep}) {
       if (log_tau == 0.0 || differ) tables.emplace_back(shape, response.slower(log_tau));
@@ -258,7 +256,7 @@ struct BarTables {
   std::vector<BarTable> tables;
 };
 
-// Prediction of one frame of moving bars at `shift_px`: values and their derivative by the shift, K/px.
+// Predicts one frame of moving bars at `shift_px`: values, and their derivative by the shift, K/px.
 class BarsModel {
  public:
   BarsModel(const Session& session, std::size_t recording, const State& state);
@@ -270,7 +268,7 @@ class BarsModel {
   const CameraModel& camera_;
   const StimulusState& stimulus_;
   const capture::BarTarget& target_;
-  bool moving_;  // its speed always varies a little, so that pixels differ
+  bool moving_;  // then the speed always varies a little, so that pixels differ
   double mean_speed_;
   double cold_;
   double span_;

@@ -1,4 +1,4 @@
-// Statistics of the noise, summed over recordings of a still field.
+// Noise statistics, summed over recordings of a still field.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -6,19 +6,19 @@ namespace {
 
 using Eigen::ArrayXXd;
 
-constexpr Index kSampled = 7;  // every seventh value of a pixel goes into the sample for the tails
+constexpr Index kSampled = 7;  // every seventh value of a pixel is sampled for the tails
 constexpr std::size_t kMostSampled = 30000;
 constexpr std::size_t kLeastBlock = 24;    // consecutive frames of a block for noise statistics
-constexpr std::size_t kLineReach = 18;     // bins on either side, the reference of a line
+constexpr std::size_t kLineReach = 18;     // bins on either side that are the reference for a line
 constexpr double kMedianOfPower = 0.6931;  // ln 2: median of an exponential distribution over its mean
-constexpr double kWindowLoss = 0.9;        // Hann's window: the tail of a bin's power is a little longer
-constexpr double kBinsOfFreedom = 3.0;     // overlapping bins to each degree of freedom of their median
-constexpr double kBound = 1.5;             // the same window correlates neighbouring bins
-constexpr Index kClippedOneIn = 500;       // one clipped value in so many is allowed
-constexpr double kTails = 0.2;             // minimum excess kurtosis for a fit of tails
-constexpr double kMostBound = 0.98;        // correlation of neighbouring frames
+constexpr double kWindowLoss = 0.9;        // Hann window: the tail of a bin's power is a little longer
+constexpr double kBinsOfFreedom = 3.0;     // overlapping bins per degree of freedom of their median
+constexpr double kBound = 1.5;             // divisor of the degrees of freedom: the window correlates neighbouring bins
+constexpr Index kClippedOneIn = 500;       // at most one clipped value in this many
+constexpr double kTails = 0.2;             // minimum excess kurtosis to fit tails
+constexpr double kMostBound = 0.98;        // clamp of the correlation of consecutive frames
 
-// The longest run of frames without a gap: frames x pixels of the grid, pixel means taken out; bad pixels are 0.
+// The longest run of consecutive frames: frames x grid pixels, without the pixels' means; 0 for bad pixels.
 std::optional<ArrayXXd> longest_block(const Session& session, const Recording& r) {
   const auto runs = runs_of(r.used, 1);
   const auto length = [](const auto& run) { return run.second - run.first; };
@@ -32,10 +32,9 @@ std::optional<ArrayXXd> longest_block(const Session& session, const Recording& r
   return block;
 }
 
-// Decomposition into frame, row, column and pixel components.
 struct Parts {
   ArrayXd frame;    // mean of each frame
-  ArrayXXd row;     // frames x rows, about the frame
+  ArrayXXd row;     // frames x rows, relative to the frame
   ArrayXXd column;  // frames x columns
   ArrayXXd rest;    // frames x pixels
 };
@@ -60,7 +59,6 @@ Parts take_apart(const std::vector<int>& good, Index width, Index height, const 
   return parts;
 }
 
-// Powers of time up to a cubic.
 MatrixXd powers_of_time(Index n) {
   MatrixXd basis(n, 4);
   for (Index k = 0; k < n; ++k) {
@@ -70,14 +68,14 @@ MatrixXd powers_of_time(Index n) {
   return basis;
 }
 
-// Its least-squares cubic in time.
+// The least-squares cubic in time of x.
 ArrayXd cubic_of(const ArrayXd& x) {
   const MatrixXd basis = powers_of_time(x.size());
   const VectorXd solved = least_squares(basis, x.matrix());
   return (basis * solved).array();
 }
 
-// Log-likelihood of x as powers of time plus an AR(1) process, maximised over its correlation.
+// Log-likelihood of x as a polynomial in time plus an AR(1) process, maximised over the correlation.
 double likelihood_of_walk(const ArrayXd& x, Index powers) {
   constexpr double kStep = 0.01;
   const Index n = x.size();
@@ -96,21 +94,20 @@ double likelihood_of_walk(const ArrayXd& x, Index powers) {
   return best;
 }
 
-// True if frames drift beyond their flicker, which may be slow itself. Of 900 AR(1) walks of 60 to 400 frames,
-// correlated over 3 to 200 of them, two gain as much from a cubic.
+// True if frames drift beyond their flicker, which may itself be slow. Of 900 AR(1) series of 60 to 400 frames with
+// correlation times of 3 to 200 frames, only two gain as much from a cubic.
 bool changes_slowly(const ArrayXd& frame) {
   constexpr double kGain = 15.0;
   return likelihood_of_walk(frame, 4) - likelihood_of_walk(frame, 1) > kGain;
 }
 
-// Survival function of chi-square with an even or odd number of degrees, by Wilson and Hilferty.
+// Survival function of chi-square (Wilson-Hilferty approximation).
 double chi2_survival(double x, double degrees) {
   if (degrees <= 0.0) return 1.0;
   const double z = (std::cbrt(x / degrees) - (1.0 - 2.0 / (9.0 * degrees))) / std::sqrt(2.0 / (9.0 * degrees));
   return 0.5 * std::erfc(z / std::numbers::sqrt2);
 }
 
-// The mean of squares.
 struct MeanSquare {
   double square = 0.0;
   double count = 0.0;
@@ -121,7 +118,7 @@ struct MeanSquare {
   double mean() const { return square / count; }
 };
 
-// Sigma of a component and its error, corrected for the pixels' own noise.
+// Sigma of a component and its error, corrected for the pixels' independent noise `own`.
 Measured component(double square, double count, double own) {
   const double raw = square / std::max(1.0, count);
   const double spread = std::sqrt(2.0 / std::max(1.0, count));
@@ -132,7 +129,7 @@ Measured component(double square, double count, double own) {
   return m;
 }
 
-// Updates n.line_hz and n.line_p by a line of higher significance against its neighbourhood.
+// Updates n.line_hz and n.line_p if a line is more significant against its neighbourhood.
 void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
   const std::vector<double> power = periodogram(x - cubic_of(x));
   for (std::size_t j = 4; j + 2 < power.size(); ++j) {
@@ -141,7 +138,7 @@ void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
       if (i + 2 < j || i > j + 2) around.push_back(power[i]);
     }
     const double floor = std::max(1e-18, median(around) / kMedianOfPower);
-    // The tail is that of a ratio: so few bins know their median no better.
+    // The power is divided by a median of few bins, which is itself uncertain: hence the tail of a ratio.
     const double freedom = static_cast<double>(around.size()) / kBinsOfFreedom;
     const double tail = std::pow(1.0 + power[j] / floor * kWindowLoss / freedom, -freedom);
     const double p = std::min(1.0, static_cast<double>(power.size()) * tail);
@@ -151,7 +148,6 @@ void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
   }
 }
 
-// Sums over the still recordings.
 struct NoiseSums {
   const Session& session;
   std::vector<int> good = session.good_pixels();
@@ -160,13 +156,13 @@ struct NoiseSums {
   double width = static_cast<double>(columns);
   double height = static_cast<double>(rows);
   NoiseStatistics n{};
-  ArrayXd curve{};  // of the block's frames: slow change, not flicker
+  ArrayXd curve{};  // of the block's frames: slow change without flicker
   double blocks = 0.0;
   MeanSquare rest{}, total{}, frame{}, row{}, column{}, left{}, above{};
   double frame_lag = 0.0;
   double chi2 = 0.0;
   double degrees = 0.0;
-  std::vector<double> kurtosis{};  // of each pixel and block
+  std::vector<double> kurtosis{};  // per pixel and block
   std::vector<double> sample{};
   std::vector<Bin> bins{};
 
@@ -193,7 +189,7 @@ struct NoiseSums {
     const double step = session.recordings.front().step;
     judge_spectrum(bins, 1.0 / session.period_s, step * step / 12.0, n);
     const double frames_each = static_cast<double>(n.frames) / blocks;
-    // The kurtosis of a sample of n is low by about 6/n in the mean and more in the median.
+    // The sample kurtosis of n values is low by about 6/n in the mean, and by more in the median.
     n.excess_kurtosis = {median(kurtosis) + 12.0 / frames_each,
                          1.25 * std::sqrt(24.0 / frames_each / static_cast<double>(kurtosis.size())), 0.0};
     n.excess_kurtosis.z = n.excess_kurtosis.value / n.excess_kurtosis.error;
@@ -202,7 +198,6 @@ struct NoiseSums {
     return n;
   }
 
-  // Frames, rows and columns.
   void add_frames(const Parts& parts) {
     const Index frames = parts.frame.size();
     const auto count = static_cast<double>(frames);
@@ -218,7 +213,7 @@ struct NoiseSums {
     frame_lag += (flicker.tail(frames - 1) * flicker.head(frames - 1)).sum();
     row.add(parts.row.square().sum() / unbiased, count * height);
     column.add(parts.column.square().sum() / unbiased, count * width);
-    // Slow change: variance of the cubic against the residual flicker (with its correlation).
+    // Slow change: variance of the cubic compared with the residual flicker, whose correlation is accounted for.
     const double own = std::max(1e-18, squares / (count - 4.0));
     const double bound = std::clamp(lag / squares, 0.0, kMostBound);
     chi2 += cubic.square().sum() / own * (1.0 - bound) / (1.0 + bound);
@@ -230,7 +225,7 @@ struct NoiseSums {
     find_lines(parts.frame, 1.0 / session.period_s, n);
   }
 
-  // One pixel's statistics; adds its power in each bin.
+  // Adds one pixel's statistics, and its power in each bin.
   void add_pixel(const ArrayXXd& block, const Parts& parts, Index pixel, ArrayXd& power) {
     const auto frames = static_cast<double>(block.rows());
     const double freedom = (frames - 1.0) / frames;
@@ -243,14 +238,14 @@ struct NoiseSums {
     const double m2 = square / frames;
     kurtosis.push_back(x.square().square().mean() / std::max(1e-18, m2 * m2) - 3.0);
     for (Index k = pixel % kSampled; k < block.rows(); k += kSampled) {
-      // Less the frame only: row and column means would mix neighbours into each value.
+      // Only the frame's mean is removed: those of row and column would mix neighbours into each value.
       if (sample.size() < kMostSampled) sample.push_back(block(k, pixel) - parts.frame[k]);
     }
     const std::vector<double> own = periodogram(x);
     power += Eigen::Map<const ArrayXd>(own.data(), power.size()) / pixel_freedom;
   }
 
-  // Products with the pixels to the left and above, where the grid has those.
+  // Adds products with the pixels to the left and above if they are adjacent on the sensor.
   void add_neighbours(const Parts& parts, Index pixel) {
     const auto beside = [](const std::vector<int>& places, Index at) {
       return at > 0 && places[static_cast<std::size_t>(at)] - places[static_cast<std::size_t>(at - 1)] == 1;
@@ -273,7 +268,7 @@ struct NoiseSums {
     n.flicker = component(frame.square, frame.count, own / pixels + stripes);
     const double bound = std::clamp(frame_lag / std::max(frame.square, 1e-18), 0.0, kMostBound);
     n.flicker.error *= std::sqrt((1.0 + bound) / (1.0 - bound));
-    // Removal of row and column means correlates neighbours by - 1/width or - 1/height.
+    // Removing row and column means correlates neighbours by -1/width or -1/height.
     const auto correlation_z = [&](const MeanSquare& s, double bias) {
       return s.count > 0.0 ? (s.mean() / own + bias) * std::sqrt(s.count) : 0.0;
     };

@@ -1,27 +1,27 @@
-// Observations on a recording without a model of the scene.
+// Observations of a recording without a model of its scene.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-// A jump changes nearly all pixels in one direction, far beyond usual differences of frames. With a hand waved over
-// half of the frame, at most 0.64 of the pixels change one way (lepton_hand_fast.h5 of the test data).
+// A jump changes nearly all pixels in the same direction, by far more than usual between frames. A hand waved over half
+// of the frame changes at most 0.64 of the pixels in one direction (lepton_hand_fast.h5 of the test data).
 constexpr double kAgreement = 0.9;
-constexpr double kJumpOverFlicker = 10.0;  // in standard deviations of the frames' changes
-constexpr double kJumpOverNoise = 2.0;     // in standard deviations of one pixel's noise
-constexpr double kJumpBeside = 0.3;        // of the jump: maximum change of adjacent frames, as pixels respond slower
+constexpr double kJumpOverFlicker = 10.0;  // standard deviations of the frames' changes
+constexpr double kJumpOverNoise = 2.0;     // standard deviations of one pixel's noise
+constexpr double kJumpBeside = 0.3;        // of the jump: largest change of adjacent frames, as pixels respond slower
 
-// An outlier exceeds all its neighbours by more than their differences: finer than any optics.
+// An outlier exceeds all its neighbours by more than they differ: finer detail than any optics resolve.
 constexpr double kOutlierSigmas = 3.0;
 
-// Minimum correlation of a pattern between both halves of the frame, in standard errors.
+// Minimum correlation of a pattern between the two halves of the frame, in standard errors.
 constexpr double kClearPattern = 6.0;
 constexpr double kHighPassGain = 1.5;  // variance of x[i] - (x[i-1] + x[i+1]) / 2 over that of independent x
 
 // Changes of the whole frame, K.
 struct Changes {
   double usual = 0.0;
-  double sigma = 0.0;  // about it
+  double sigma = 0.0;  // about `usual`
 };
 
 Changes changes_of(const FrameStatistics& s) {
@@ -29,7 +29,7 @@ Changes changes_of(const FrameStatistics& s) {
   return {median(changes), usual_scatter(changes)};
 }
 
-// Long runs of repeated frames are freezes.
+// Long runs of repeated frames are freezes, short ones repeats.
 void add_freezes(const FrameStatistics& s, Observation& out) {
   for (const auto& [first, end] : runs_of(s.repeated, 1)) {
     if (end - first >= kFreezeFrames) {
@@ -40,7 +40,7 @@ void add_freezes(const FrameStatistics& s, Observation& out) {
   }
 }
 
-// Sigma of the line pattern: covariance between both halves of the frame of lines' differences from their neighbours.
+// Sigma of the line pattern: the covariance, between both halves of the frame, of lines' deviations from neighbours.
 double pattern_of(const FrameStatistics& s, bool columns) {
   const int lines = columns ? s.width : s.height;
   const int along = columns ? s.height : s.width;
@@ -70,7 +70,7 @@ double pattern_of(const FrameStatistics& s, bool columns) {
 
 std::vector<PixelPlace> outliers_of(const FrameStatistics& s) {
   std::vector<double> apart;                       // difference from the median of the neighbours
-  std::vector<double> beyond(s.mean.size(), 0.0);  // excess over their extremes if above their range
+  std::vector<double> beyond(s.mean.size(), 0.0);  // excess beyond the neighbours' range
   for (int y = 1; y + 1 < s.height; ++y) {
     for (int x = 1; x + 1 < s.width; ++x) {
       const auto p = static_cast<std::size_t>(y * s.width + x);

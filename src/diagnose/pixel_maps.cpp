@@ -1,14 +1,14 @@
-// Maps of pixels: offset, gain, time constant and share of the drift of each, by regression on the training cells.
+// Per-pixel maps of offset, gain, time constant and share of the drift, by regression on the training cells.
 #include "src/diagnose/fit.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kKnowsAll = 0.85;  // one recording's share of the total information
+constexpr double kKnowsAll = 0.85;  // share of the total information above which one recording dominates
 
 float largest(MapKind kind) { return kind == MapKind::kOffset ? 1e3F : kind == MapKind::kDrift ? 2.0F : 0.3F; }
 
-// The drift absorbed by the levels: their errors, for lack of a better explanation.
+// Initial drift: the errors of the levels, which have absorbed it.
 void begin_drift(const Session& session, State& state) {
   const State files = nominal_state(session, {});
   state.camera.drift_level.assign(session.recordings.size(), 0.0);
@@ -21,7 +21,7 @@ void begin_drift(const Session& session, State& state) {
   }
 }
 
-// Drift of each recording from the pattern of the pixels' shares: an imperfect bench's levels do not give it.
+// Drift of each recording from the pattern of the pixels' shares: an imperfect bench's levels cannot tell it.
 void refine_drift(const FitData& data, State& state) {
   for (const std::size_t i : modelled(data.session)) {
     const Series r = data.residual(i, state, data.all_pixels);
@@ -37,7 +37,7 @@ void refine_drift(const FitData& data, State& state) {
   }
 }
 
-// Of one kind: frames x pixels.
+// Derivatives by the map of one kind: frames x pixels.
 Series basis_of(const Session& session, std::size_t recording, const State& state, MapKind kind,
                 std::span<const int> pixels) {
   const Recording& r = session.recordings[recording];
@@ -152,9 +152,8 @@ State estimate_maps(const FitData& data, State state, const std::vector<Choice>&
 }
 
 Score map_gain(const FitData& data, const State& state, const Score& before, MapKind kind) {
-  // Sums by recording: a map is tested on a recording with the estimate from the others, so that effects of one
-  // recording (slow noise) are not attributed to the camera. If one has nearly all information, its own training cells
-  // are used.
+  // A map is tested on each recording with the estimate from the others, so that effects of one recording (slow noise)
+  // are not attributed to the camera. If one recording has nearly all information, its own training cells are used.
   struct Own {
     Series residual;
     Series basis;
@@ -221,7 +220,7 @@ double row_trend_z(const Session& session, const Eigen::VectorXf& map) {
     sum[p / width] += map[p];
     count[p / width] += 1.0;
   }
-  // Each row's mean in units of its standard error, and the same of 1, s and s^2.
+  // Each row's mean in units of its standard error, and 1, s and s^2 scaled alike.
   MatrixXd basis = MatrixXd::Zero(height, 3);
   VectorXd mean = VectorXd::Zero(height);
   for (Index r = 0; r < height; ++r) {

@@ -1,4 +1,4 @@
-// Plots of a fit, and the location of its gap.
+// Plots of a fit, and where its gap is located.
 #include <iterator>
 #include <set>
 
@@ -8,7 +8,7 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kFigureWidth = 520.0;  // px: two beside each other
+constexpr double kFigureWidth = 520.0;  // px: two side by side
 constexpr double kHeight = 170.0;       // px
 constexpr std::size_t kStretch = 48;    // plotted frames of a pixel's time series
 
@@ -17,7 +17,7 @@ struct Left {
   Series predicted;
   Series residual;  // K
   std::vector<Index> frames;
-  std::vector<float> gap_of;  // of each pixel: rms over these frames, noise floors
+  std::vector<float> gap_of;  // rms over these frames of each pixel, in noise floors
   double gap = 0.0;           // rms of these
 };
 
@@ -47,7 +47,7 @@ struct Curve {
   std::vector<double> y;
 };
 
-// Mean residual of each row, or column, K.
+// Mean residual of each row or column, K.
 Curve profile(const Session& session, const Left& left, bool by_row) {
   const std::size_t width = session.grid.columns.size();
   const std::vector<int>& places = by_row ? session.grid.rows : session.grid.columns;
@@ -57,12 +57,12 @@ Curve profile(const Session& session, const Left& left, bool by_row) {
     double& sum = curve.y[by_row ? p / width : p % width];
     for (const Index k : left.frames) sum += left.residual(k, static_cast<Index>(p));
   }
-  const std::size_t values = pixels / places.size() * left.frames.size();  // of each place
+  const std::size_t values = pixels / places.size() * left.frames.size();  // per row or column
   for (double& y : curve.y) y /= std::max(1.0, static_cast<double>(values));
   return curve;
 }
 
-// Of the residual in time, mean over some pixels, K^2/Hz.
+// Power spectrum of the residual in time, averaged over some pixels, K^2/Hz.
 Curve spectrum(const Session& session, const Left& left) {
   std::vector<double> power;
   const Index stride = std::max<Index>(1, left.residual.cols() / 96);
@@ -96,7 +96,7 @@ plot::Plot map_plot(const std::string& title, const std::string& unit, Geometry 
   return plot;
 }
 
-// In the same colours.
+// Two planes on one colour scale.
 std::vector<plot::Plot> beside(plot::Plot left, plot::Plot right) {
   const plot::PlaneSpan span = plot::span_of(left.plane);
   for (plot::Plot* one : {&left, &right}) {
@@ -106,7 +106,7 @@ std::vector<plot::Plot> beside(plot::Plot left, plot::Plot right) {
   return {std::move(left), std::move(right)};
 }
 
-// Of a picture the part of a quarter of its width and height with the least variance.
+// The part of a picture with the least variance, a quarter of its width and height.
 struct EvenPart {
   Geometry size;
   int row = 0;
@@ -143,7 +143,6 @@ plot::Plot grid_plot(const Session& session, const std::string& title, const std
   return map_plot(title, unit, size, std::move(values));
 }
 
-// Before and after, scaled by a factor.
 std::vector<plot::Series> both(const Curve& before, const Curve& after, double factor) {
   std::vector<plot::Series> series{{.label = "before", .hue = plot::Hue::kBlurred, .x = before.x, .y = before.y},
                                    {.label = "after", .hue = plot::Hue::kDeblurred, .x = after.x, .y = after.y}};
@@ -153,7 +152,7 @@ std::vector<plot::Series> both(const Curve& before, const Curve& after, double f
   return series;
 }
 
-// An axis of at least this range on both sides of zero, so that negligible values look negligible.
+// An axis symmetric about zero with at least this reach, so that negligible values look negligible.
 plot::Axis reaching(plot::Axis axis, double least, const std::vector<plot::Series>& series) {
   double reach = least;
   for (const plot::Series& one : series) {
@@ -164,7 +163,7 @@ plot::Axis reaching(plot::Axis axis, double least, const std::vector<plot::Serie
   return axis;
 }
 
-// Of both, in the same colours, from a little below the floor to the largest gap of either.
+// Gap maps before and after on one colour scale, from a little below the noise floor to the largest gap.
 std::array<plot::Plot, 2> gap_plots(const Session& session, const Left& before, const Left& after) {
   std::array plots{grid_plot(session, "Gap before", "noise floors", before.gap_of),
                    grid_plot(session, "Gap after", "noise floors", after.gap_of)};
@@ -205,7 +204,7 @@ plot::Plot spectrum_plot(const Curve& before, const Curve& after) {
           .height = kHeight};
 }
 
-// The frames of the largest deviation from the nominal simulator.
+// The frames with the largest deviation from the nominal simulator.
 Course stretch_of(const Course& whole) {
   const std::size_t size = whole.t_s.size();
   std::size_t worst = 0;
@@ -224,7 +223,6 @@ Course stretch_of(const Course& whole) {
   return {part(whole.t_s), part(whole.measured), part(whole.nominal), part(whole.predicted)};
 }
 
-// Residual of the course.
 Curve apart(const Course& course, const std::vector<double>& predicted) {
   Curve out{course.t_s, course.measured};
   std::ranges::transform(out.y, predicted, out.y.begin(), std::minus{});
@@ -236,7 +234,7 @@ std::vector<double> trace(const Series& values, Index pixel) {
   return {y.begin(), y.end()};
 }
 
-// A pixel in kCellFrames frames with a nominal residual above 1.5 times the noise.
+// A pixel over kCellFrames frames whose nominal residual is well above the noise (kMuch).
 struct MissedCell {
   double row = 0.0;
   double column = 0.0;
@@ -261,7 +259,7 @@ void find_missed(const Session& session, const Recording& r, const Left& left, d
 
 void locate(const Session& session, const std::vector<MissedCell>& missed, Location& where) {
   if (missed.empty()) return;
-  // All but a hundredth on either side.
+  // Range of the values without one percent at either end.
   const auto middle = [&missed](double MissedCell::*of) {
     std::vector<double> values = mapped(missed, of);
     std::ranges::sort(values);
@@ -282,13 +280,13 @@ void locate(const Session& session, const std::vector<MissedCell>& missed, Locat
   where.pixel_fraction = static_cast<double>(pixels.size()) / static_cast<double>(session.grid.pixels());
 }
 
-// The band of 90 % of a residual's power above the floor.
+// The frequency band with 90 % of a residual's power above the floor.
 std::pair<double, double> band(const Curve& spectrum, double floor) {
   constexpr double kAboveFloor = 1.3;
   const auto above = [&](double y) { return std::max(0.0, y - kAboveFloor * floor); };
   const double all = sum_of(spectrum.y, above);
   if (all <= 0.0) return {0.0, 0.0};
-  // Frequency at which the sum first exceeds a share of the whole.
+  // Frequency at which the sum first exceeds this share of the total.
   const auto reaches = [&](double share, double otherwise) {
     double sum = 0.0;
     for (std::size_t j = 0; j < spectrum.x.size(); ++j) {

@@ -4,13 +4,13 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr float kLeastContrast = 0.2F;       // of the prediction's: minimum to scale a shift
-constexpr double kLostCorrelation = 0.01;    // below the start frame's: beyond, a frame is searched
-constexpr double kLostSteps = 0.3;           // of the steps between frames, or
-constexpr double kLostShift_px = 0.2;        // deviation from the expected position
-constexpr double kBetterCorrelation = 1e-4;  // required at another position
+constexpr float kLeastContrast = 0.2F;       // least contrast, relative to the prediction's, by which a shift is scaled
+constexpr double kLostCorrelation = 0.01;    // below the start frame's: with a lower one, the frame is searched
+constexpr double kLostSteps = 0.3;           // deviation from the expected position, of the step between frames, or
+constexpr double kLostShift_px = 0.2;        // at least this
+constexpr double kBetterCorrelation = 1e-4;  // gain required to move to another position
 constexpr double kLargestDelay_s = 0.015;    // of a chopper
-constexpr double kClearMatch = 0.6;          // of a chopper upside down
+constexpr double kClearMatch = 0.6;          // correlation that reveals a chopper with hot and cold exchanged
 constexpr double kDelayStep_s = 0.0005;
 
 struct Match {
@@ -59,14 +59,14 @@ ArrayXf seen_at(const Recording& recording, Index k, std::span<const int> pixels
   return recording.values(k, std::vector<int>(pixels.begin(), pixels.end())).transpose().array();
 }
 
-// The middle frame of a pan, or a used one soon after it; the first frame of a still.
+// The middle frame of a pan, or the next used one; the first frame of a still.
 std::size_t typical_frame(const Recording& r) {
   auto at = static_cast<std::size_t>(r.kind == Kind::kMovingBars ? r.frames() / 2 : 0);
   while (r.kind == Kind::kMovingBars && at + 1 < r.used.size() && r.used[at] == 0) ++at;
   return at;
 }
 
-// Phase of the bars in that frame of a pan, or in the mean of a still.
+// Phase of the bars in the typical frame of a pan, or in the mean of a still.
 Match search(FrameMatcher& matcher, const Recording& r) {
   constexpr int kSteps = 96;
   const std::size_t at = typical_frame(r);
@@ -86,8 +86,7 @@ Match search(FrameMatcher& matcher, const Recording& r) {
   return matcher.refine(seen, at, best.shift, 6);
 }
 
-// From the middle frame outwards; a frame that fits badly at its expected position is searched one or two frame periods
-// ahead and behind.
+// Tracks from the middle outwards. A frame that fits badly is also searched one or two periods ahead and behind.
 double follow_bars(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
   const Recording& recording = session.recordings[index];
   StimulusState& stimulus = state.stimuli[index];
@@ -131,7 +130,7 @@ double match_still(const Session& session, std::size_t index, State& state, std:
   return match.correlation;
 }
 
-// A possible error in a description of bars.
+// A possible error in the description of a bar target.
 struct Doubt {
   std::string words;
   std::function<void(capture::BarTarget&)> mend;
@@ -156,7 +155,7 @@ std::vector<Doubt> doubts() {
   return all;
 }
 
-// 1 - correlation of each recording's bars with the amended description.
+// 1 - correlation of each recording's bars with the description after `mend`.
 std::vector<double> mismatches(const Session& session, const State& state, std::span<const int> pixels,
                                const std::function<void(capture::BarTarget&)>& mend) {
   Session mended = session;
@@ -202,8 +201,8 @@ std::vector<double> register_stimuli(const Session& session, State& state, std::
 }
 
 std::vector<std::string> doubt_description(const Session& session, const State& state, std::span<const int> pixels) {
-  constexpr double kPoor = 0.01;    // below it the description is right
-  constexpr double kBetter = 0.35;  // maximum relative misfit of a better description
+  constexpr double kPoor = 0.01;    // mismatch below which the description is right
+  constexpr double kBetter = 0.35;  // largest mismatch of a better description, relative to the stated one's
   constexpr double kLeastSpeed = 0.8;
   constexpr double kMostSpeed = 1.25;
   std::vector<std::string> wrong;

@@ -5,7 +5,7 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr int kTableShares = 512;  // steps of a pixel's covered share
+constexpr int kTableShares = 512;  // entries for the covered share of a pixel
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
 using Complex = std::complex<double>;
@@ -38,17 +38,17 @@ double soft_step(int n, double x, double sigma) {
   return now;
 }
 
-// The same step convolved with boxes of these widths.
+// The same, convolved with boxes of these widths.
 double boxed_step(std::span<const double> widths, int n, double x, double sigma) {
   if (widths.empty()) return soft_step(n, x, sigma);
-  constexpr double kNarrow = 0.005;  // px: no box
+  constexpr double kNarrow = 0.005;  // px: narrower boxes have no effect
   const double w = widths.front();
   if (w < kNarrow) return boxed_step(widths.subspan(1), n, x, sigma);
   const auto at = [&](double place) { return boxed_step(widths.subspan(1), n + 1, place, sigma); };
   return (at(x + w / 2.0) - at(x - w / 2.0)) / w;
 }
 
-// Linear interpolation in a table, at an index of 0 or more.
+// Linear interpolation in a table at a non-negative index.
 double interpolated(const std::vector<double>& values, double at) {
   const std::size_t i = std::min(static_cast<std::size_t>(at), values.size() - 2);
   return values[i] + (at - static_cast<double>(i)) * (values[i + 1] - values[i]);
@@ -90,7 +90,7 @@ const Table& table() {
   return made;
 }
 
-// The temperature of a signal, by Newton's method from a first guess.
+// The temperature of a signal, by Newton's method from an initial guess.
 template <typename SignalOf>
 double solved(const SignalOf& signal_of, double signal, double temperature_k, int rounds) {
   for (int i = 0; i < rounds; ++i) {
@@ -143,7 +143,7 @@ BarShape::BarShape(const Bars& of, double blur_px2, const std::function<double(d
   const double blur = blur_px2 * (1.0 + bars.slant_px_per_row * bars.slant_px_per_row) + bars.edge_px2;
   sigma_px = std::sqrt(std::max(0.0, blur));
   for (std::size_t n = 1; n < spectrum.size() - 1; ++n) {
-    const double f = static_cast<double>(n) / bars.period_px;  // cycles a pixel
+    const double f = static_cast<double>(n) / bars.period_px;  // cycles per pixel
     const double gauss = kTwoPi * kTwoPi / 2.0 * f * f * blur;
     if (gauss > 40.0) break;
     const double turn = kTwoPi * f * bars.bar_width_px;
@@ -175,7 +175,7 @@ BarTable::BarTable(const BarShape& shape, const Response& response)
     spectrum[n] *= still_ ? factor - 1.0 : factor;
   }
   if (still_) {
-    // The truncated series is inexact right at a sharp edge: it gives conduction's contribution only.
+    // The truncated series is inexact at a sharp edge: it is used for conduction only.
     spectrum.front() = 0.0;
     spectrum.back() = 0.0;
   }
@@ -214,7 +214,7 @@ double band_signal(double temperature_k) noexcept {
   const auto i = static_cast<std::size_t>(at);
   const auto& s = table().signal;
   const double f = (temperature_k - kLow) / kTemperatureStep - static_cast<double>(i);
-  const double bend = (s[i + 2] - s[i + 1] - s[i] + s[i - 1]) / 4.0;  // second difference, for a quadratic in between
+  const double bend = (s[i + 2] - s[i + 1] - s[i] + s[i - 1]) / 4.0;  // second difference, for quadratic interpolation
   return s[i] + f * (s[i + 1] - s[i]) - bend * f * (1.0 - f);
 }
 

@@ -1,23 +1,23 @@
-// Selection of effects: forward with nested refits, then backward.
+// Selection of effects: forward with nested refits, then backward elimination.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
 constexpr int kRounds = 4;         // of Gauss-Newton
-constexpr double kSettled = 3e-4;  // share of the gap
-constexpr std::size_t kTried = 3;  // candidates with a full refit
+constexpr double kSettled = 3e-4;  // convergence: change of the gap, relative
+constexpr std::size_t kTried = 3;  // candidates that get a full refit
 constexpr std::size_t kMostEffects = 8;
 constexpr double kLargeGain = 200.0;
 constexpr double kLeastZOfLarge = 1.6;
-constexpr double kNothingLeft = 1.02;       // gap
-constexpr double kLeastEvidence = 8.0;      // of the levels alone
+constexpr double kNothingLeft = 1.02;       // largest gap that counts as closed
+constexpr double kLeastEvidence = 8.0;      // log-likelihood gain of the levels that suffices alone
 constexpr double kLevelsOff = 4.0;          // times the scatter of consistent levels
-constexpr double kMostConfidence = 0.999;   // groups of frames tell no better
-constexpr double kHiddenConfidence = 0.99;  // of an effect in a map that it alone changes
-constexpr double kUsualGap = 1.05;          // that may be left where all effects are known
-constexpr double kLeastShare = 0.2;         // of the gap beyond it
-constexpr double kMostTrend = 0.5;          // over the rows, of a map's squares
+constexpr double kMostConfidence = 0.999;   // the groups of frames cannot support more
+constexpr double kHiddenConfidence = 0.99;  // of an effect found in a map that only it changes
+constexpr double kUsualGap = 1.05;          // may remain when all effects are known
+constexpr double kLeastShare = 0.2;         // of the gap above kUsualGap
+constexpr double kMostTrend = 0.5;          // largest share of a trend over rows in a map's mean square
 
 struct Tried {
   Choice choice;
@@ -30,7 +30,6 @@ std::vector<Choice> forms_of(const Effect& effect) {
   return mapped(effect.forms, [&effect](const Form& form) { return Choice{&effect, &form}; });
 }
 
-// True if the effect reaches Effect::least.
 bool worth_naming(const Session& session, const FitResult& fit, std::size_t choice) {
   const Effect& effect = *fit.choices[choice].effect;
   if (effect.least <= 0.0) return true;
@@ -54,17 +53,17 @@ struct Selector {
   std::vector<Nuisance> levels = nuisances(data.session, nominal_state(data.session, {}));
   Selection selection{base, {}};
 
-  // kLeastZ is of cells of kCellFrames: shorter ones only look more consistent. Three suffice for a large gain after
-  // which nothing is left, as no single event gives: a short capture has few edges. Not for maps, to which a pixel that
-  // rests between two jumps says the same in every cell of a capture.
+  // kLeastZ is for cells of kCellFrames; shorter cells look more consistent than they are. kLeastZOfLarge (three cells)
+  // suffices for a large gain that closes the gap, which no single event produces: a short capture has few edges. Not
+  // for maps: a pixel that rests between two jumps gains the same in every cell of a capture.
   bool enough(const Gain& gain, const FitResult& with, const Effect& effect) const {
     const bool is_all = gain.total > kLargeGain && with.score.gap() < kNothingLeft && effect.map == MapKind::kNone;
     const double longer = kCellFrames / static_cast<double>(cell_frames(data.session));
     return gain.total > kLeastGain && gain.z > (is_all ? kLeastZOfLarge : kLeastZ * std::sqrt(longer));
   }
 
-  // Adds the effect of the largest gain that is enough, fitted to convergence; false if there is none. A larger one
-  // that only a part of the data tells may be what is left afterwards.
+  // Adds the effect of largest gain among those with enough(), fitted to convergence; false if there is none. A larger
+  // gain that only a part of the data supports may be what remains afterwards.
   bool add() {
     std::vector<Tried> tried = attempts();
     const auto first =
@@ -72,7 +71,7 @@ struct Selector {
     if (first == tried.end()) return false;
     std::rotate(tried.begin(), first, first + 1);
     Tried& best = tried.front();
-    // Converged, since its residual is the base of the next effect.
+    // Converged, because its residual is the basis for the next effect.
     best.fit = settle(data, std::move(best.fit), kRounds, kSettled);
     FoundEffect found = found_in(best.fit, best.choice);
     for (std::size_t i = 1; i < tried.size(); ++i) {  // the best form of each other effect
@@ -87,14 +86,14 @@ struct Selector {
     return true;
   }
 
-  // Adds an effect absorbed by a map of pixels; false if there is none.
+  // Adds an effect that a per-pixel map has absorbed; false if there is none.
   bool add_hidden() {
     const Session& session = data.session;
     for (const Effect* effect : candidates()) {
       if (effect->hides_in == MapKind::kNone) continue;
       const double before = row_trend_z(session, map_of(selection.fit.state.camera, effect->hides_in));
       if (before < kClearTrend) continue;
-      // Without the map first: later rounds cannot recover what it has absorbed of the effect.
+      // First without the map: later rounds could not recover what it has absorbed.
       State start = selection.fit.state;
       map_of(start.camera, effect->hides_in).resize(0);
       const std::vector<Choice> choices = with({effect});
@@ -104,7 +103,7 @@ struct Selector {
       FitResult fitted = settle(data, fit(data, start, choices, kRounds), kRounds, kSettled);
       const double after = row_trend_z(session, map_of(fitted.state.camera, effect->hides_in));
       if (after > before / 2.0 || !worth_naming(session, fitted, choices.size() - 1)) continue;
-      // The map could absorb any part of it: relative error 1 / significance of the trend.
+      // The map may absorb any part of the effect: relative error 1 / significance of the trend.
       double& error = fitted.error.back().front();
       error = std::max(error, std::abs(fitted.value.back().front()) / before);
       FoundEffect found = found_in(fitted, choices.back());
@@ -116,8 +115,7 @@ struct Selector {
     return false;
   }
 
-  // Removes the effect of the smallest gain beside all others; false if all gain enough. `stand_ins`: the same of those
-  // that stand in for another, whatever they gain.
+  // Removes the effect of smallest gain; false if all gain enough. `stand_ins`: only those that stands_in() finds.
   bool drop(bool stand_ins = false) {
     auto& all = selection.chosen;
     std::optional<std::size_t> least;
@@ -142,7 +140,7 @@ struct Selector {
     return true;
   }
 
-  // True if a capture fits clearly worse by an effect than without.
+  // True if the effect makes the fit of any capture clearly worse.
   bool harms(const Score& before, const Score& after) const {
     return std::ranges::any_of(modelled(data.session), [&](std::size_t i) {
       const Gain gain = gain_between(before, after, i);
@@ -150,9 +148,8 @@ struct Selector {
     });
   }
 
-  // True of what took up a part of an unknown effect: where it explains most it is but a small share of what is left,
-  // or a map is no help everywhere, or it is at an end of its range, or of pixels that do not differ but follow their
-  // rows.
+  // True if an effect has absorbed part of an unknown one: its map makes a capture worse, a parameter is at a bound, it
+  // explains little of what remains, or its map is a trend over rows rather than differences of pixels.
   bool stands_in(const Chosen& one) const {
     const Effect& effect = *one.choice.effect;
     if (effect.map != MapKind::kNone && harms(one.before, one.after)) return true;
@@ -173,8 +170,7 @@ struct Selector {
 
   bool levels_are_off(const State& state) const { return level_error(levels, state) > kLevelsOff * kLevelResolution; }
 
-  // Probability by the groups' scatter that a fit gains more than another, and than nothing; with the levels'
-  // log-likelihoods.
+  // Probability, from the groups' scatter and the levels' likelihoods, that a fit beats the current one and `second`.
   double confidence(const FitResult& first, const FitResult& second) const {
     const auto sure = [&](const FitResult& other) {
       const Gain more = gain_between(other.score, first.score);
@@ -185,12 +181,12 @@ struct Selector {
     return std::min({sure(selection.fit), sure(second), kMostConfidence});
   }
 
-  // Gain of a fit over another, on held-out cells and by the levels' agreement with their files. The second has few
-  // data and suffices alone only when large.
+  // Gain of a fit over another on held-out cells and by the levels' agreement with their files, which suffices alone
+  // only if large: levels are few.
   Gain gain(const FitResult& before, const FitResult& after) const {
     Gain g = gain_between(before.score, after.score);
     double evidence = level_evidence(levels, after.state) - level_evidence(levels, before.state);
-    // Its two parameters fit any two levels; only the others tell that it is the target, not the black bodies.
+    // Two parameters fit any two levels; only further ones show that the target deviates, not the black bodies.
     const auto as_levels = [](const Choice& c) { return c.effect->as_levels; };
     if (evidence > 0.0 && std::ranges::any_of(after.choices, as_levels) &&
         std::ranges::none_of(before.choices, as_levels)) {
@@ -215,7 +211,6 @@ struct Selector {
     return all;
   }
 
-  // The selected effects, with their forms set, and one more.
   std::vector<Choice> with(const Choice& choice) const {
     std::vector<Choice> choices = unformed(selection.fit.choices);
     choices.push_back(choice);
@@ -225,13 +220,13 @@ struct Selector {
   Tried attempt(const Choice& choice) const {
     const std::vector<Choice> choices = with(choice);
     Tried tried{choice, fit(data, selection.fit.state, choices, kRounds), {}};
-    // Emissivity and levels are correlated and converge slowly: another fit.
+    // Emissivity and levels are correlated and converge slowly: fit again.
     if (choice.effect->as_levels) tried.fit = fit(data, tried.fit.state, unformed(choices), kRounds);
     tried.gain = gain(selection.fit, tried.fit);
     return tried;
   }
 
-  // The most promising candidates, the best first.
+  // The most promising candidates, best first.
   std::vector<Tried> attempts() const {
     const std::vector<const Effect*> effects = candidates();
     std::vector<Choice> choices;
@@ -250,7 +245,7 @@ struct Selector {
       seen.push_back(choices[i].effect);
       tried.push_back(attempt(choices[i]));
     }
-    // Deviating levels may be due to the camera, but a fit with free levels has no such residual.
+    // The camera may be the cause of deviating levels, but a fit with free levels leaves no residual of that.
     for (const Effect* effect : effects) {
       if (!effect->as_levels || !levels_are_off(selection.fit.state) || std::ranges::count(seen, effect) > 0) continue;
       for (const Choice& form : forms_of(*effect)) tried.push_back(attempt(form));
@@ -260,7 +255,7 @@ struct Selector {
     return tried;
   }
 
-  // An effect with its gaps before and after its addition.
+  // An effect with the gaps before and after its addition.
   FoundEffect found_in(const FitResult& fit, const Choice& choice) const {
     FoundEffect found = named(choice.effect->name, 0.0);
     found.gap = {selection.fit.score.gap(), fit.score.gap()};
@@ -281,7 +276,7 @@ Selection select_effects(const FitData& data, const FitResult& base, const std::
   }
   bool hidden = false;
   while (selector.add_hidden()) hidden = true;
-  // A named smooth effect reduces the maps that had absorbed it, which may become superfluous.
+  // Naming a smooth effect shrinks the maps that had absorbed it, which may become superfluous.
   while (hidden && selector.drop()) {
   }
   while (selector.drop(true)) {

@@ -5,11 +5,11 @@ namespace {
 
 constexpr double kSaturatedShare = 0.5;
 
-constexpr std::size_t kSortedPixels = 20000;  // enough for quartiles to a hundredth of a sigma
-constexpr double kTrim = 0.1;                 // of the sorted changes, on either side
-constexpr double kTrimmedSigma = 0.6616;      // standard deviation of a unit Gaussian without its outer fifth
+constexpr std::size_t kSortedPixels = 20000;  // enough for quartiles accurate to a hundredth of a sigma
+constexpr double kTrim = 0.1;                 // of the sorted changes, at either end
+constexpr double kTrimmedSigma = 0.6616;      // standard deviation of a unit Gaussian trimmed by kTrim at both ends
 
-// The error in a stimulus' numbers, or an empty string.
+// Describes the error in a stimulus' numbers; empty: none.
 std::string fault(const capture::Stimulus& stimulus) {
   if (const auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
     if (!(bars->period_px > 0.0 && bars->bar_width_px > 0.0 && bars->bar_width_px < bars->period_px)) {
@@ -21,7 +21,7 @@ std::string fault(const capture::Stimulus& stimulus) {
   return chopper != nullptr && chopper->on_s.empty() ? "the chopper has no pulse" : "";
 }
 
-// Reads all frames into `recording`. Returns the fault of their values, or an empty string.
+// Reads all frames into `recording`. Returns the fault in their values; empty: none.
 Result<std::string> read_frames(FrameReader& reader, const Grid& grid, Recording& recording) {
   const Geometry geometry = reader.format().geometry;
   std::vector<float> frame(geometry.pixels());
@@ -43,7 +43,7 @@ Result<std::string> read_frames(FrameReader& reader, const Grid& grid, Recording
   return saturated ? "most of its values are at the limit of 16 bits" : "";
 }
 
-// Difference in camera or mode from the session's first capture, or an empty string.
+// Describes how camera or mode differ from the session's first capture; empty: not at all.
 std::string difference(const capture::CaptureInfo& info, const Session& session, const std::string& camera) {
   const Geometry g = info.format.geometry;
   const std::string identity = info.camera_model + "/" + info.camera_serial;
@@ -56,7 +56,7 @@ std::string difference(const capture::CaptureInfo& info, const Session& session,
   return same_period ? "" : "has another frame period than the first capture";
 }
 
-// One recording, or the reason why it can't be used.
+// Reads one recording, or says why it cannot be used.
 Result<Recording> read_recording(const std::filesystem::path& file, Session& session, std::string& camera) {
   ASSIGN_OR_RETURN(auto reader, FrameReader::open(file, session.known));
   const capture::CaptureInfo& info = reader.capture().info();
@@ -97,8 +97,8 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
 
 using Plane = Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// FrameStatistics::likeness of a frame's changes. Flicker, jumps and stripes are common to whole frames, rows or
-// columns, whose means are taken out; a few outliers do not decide.
+// FrameStatistics::likeness of a frame's changes. Row and column means are removed, because flicker, jumps and stripes
+// are common to frames, rows or columns; outliers are clipped.
 double likeness_of(Plane changes) {
   constexpr float kFarChange = 2.5F;  // standard deviations
   changes.colwise() -= changes.rowwise().mean().eval();
@@ -256,7 +256,7 @@ FrameStatisticsSum::FrameStatisticsSum(int width, int height, bool likeness) : l
   result_.height = height;
   const auto pixels = static_cast<Index>(width) * height;
   stride_ = std::max<std::size_t>(1, static_cast<std::size_t>(pixels) / kSortedPixels);
-  // A stride with a common factor with the width would sample the same few columns in every row.
+  // Were the stride not coprime to the width, the same few columns would be sampled in every row.
   while (std::gcd(stride_, static_cast<std::size_t>(width)) > 1) ++stride_;
   sum_ = about_ = about2_ = step2_ = ArrayXd::Zero(pixels);
 }

@@ -4,15 +4,15 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kLeastMatch = 0.6;  // correlation of a recording with its stimulus
+constexpr double kLeastMatch = 0.6;  // of a recording with its stimulus
 constexpr std::size_t kLeastPixels = 16;
 constexpr std::size_t kSomePixels = 256;
-constexpr double kFirstSettled = 5e-4;  // share of the gap
-constexpr int kFirstRounds = 4;         // of a first fit: levels and edges of an imperfect bench converge slowly
+constexpr double kFirstSettled = 5e-4;  // convergence: change of the gap, relative
+constexpr int kFirstRounds = 4;         // of the first fit: levels and edges of an imperfect bench converge slowly
 constexpr double kLeastJumpOfJittered_k = 0.08;
-constexpr int kMoreRounds = 3;  // at a time, until it is settled
+constexpr int kMoreRounds = 3;  // per step until convergence
 
-// A scattered part of the pixels that are neither dead nor jumping; empty when there are too few.
+// A scattered subset of the good pixels; empty when there are too few.
 std::vector<int> some_pixels(const Session& session) {
   const std::vector<int> good = session.good_pixels();
   std::vector<int> some;
@@ -22,7 +22,7 @@ std::vector<int> some_pixels(const Session& session) {
   return good.size() < kLeastPixels ? std::vector<int>{} : some;
 }
 
-// Registers the stimuli; a recording that does not match its own becomes a field recording.
+// Registers the stimuli; a recording that does not match its stimulus becomes a field recording.
 void match_stimuli(std::span<const int> some, Fit& fit) {
   const std::vector<double> matched = register_stimuli(fit.session, fit.state, some);
   fit.wrong_description = doubt_description(fit.session, fit.state, some);
@@ -41,7 +41,7 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
   const std::vector<int> all = fit.session.grid.all();
   for (const std::size_t i : modelled(fit.session)) {
     const Recording& r = fit.session.recordings[i];
-    // With free frame times, residuals are no jumps.
+    // With free frame times, residuals are not due to jumps.
     if (r.kind == Kind::kUniform || state.stimuli[i].times_free) continue;
     if (std::ranges::count(fit.jumps, i, &Jump::recording) > 0) continue;
     const Series predicted = predict(fit.session, i, state, all);
@@ -61,7 +61,7 @@ FitResult settled(const FitData& data, const State& start, int rounds) {
   return settle(data, fit(data, start, {}, rounds), kMoreRounds, kFirstSettled);
 }
 
-// The fit with choppers' frame times free, or as registered in whole periods.
+// Fits again with the choppers' frame times either free or as registered, in whole periods.
 FitResult with_times(const FitData& data, const FitResult& base, const State& registered, bool free) {
   State state = base.state;
   for (std::size_t i = 0; i < data.session.recordings.size(); ++i) {
@@ -72,7 +72,7 @@ FitResult with_times(const FitData& data, const FitResult& base, const State& re
   return settled(data, state, kFirstRounds);
 }
 
-// Frames lost or repeated without a gap in the counter.
+// Reports frames lost or repeated without a gap in the counter.
 void judge_losses(const Transport& transport, const Events& events, Fit& out) {
   const auto repeats = std::accumulate(events.repeated.begin(), events.repeated.end(), std::size_t{0});
   const int losses = transport.lost + transport.inserted + static_cast<int>(repeats);
@@ -83,21 +83,21 @@ void judge_losses(const Transport& transport, const Events& events, Fit& out) {
                    {{"per_thousand", interval(losses * per_thousand, error * per_thousand)}}, 0.999);
 }
 
-// A fit of the stimuli without the jumps that it shows.
+// Removes the jumps that the fit reveals, and fits again.
 FitResult without_jumps(const FitData& data, const Events& events, bool jittered, FitResult base, Fit& out) {
   correct_jumps(events.freezes, jittered, base.state, out);
   if (out.jumps.empty()) return base;
   return settled(data, base.state, kMoreRounds);
 }
 
-// Fits the stimuli alone, with removal of jumps and free frame times if jittered.
+// Fits the stimuli alone: removes jumps, and frees frame times if these are jittered.
 FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, Fit& out) {
   FitResult base = settled(data, out.state, kFirstRounds);
   if (jittered) base = with_times(data, base, out.state, true);
   return without_jumps(data, events, jittered, std::move(base), out);
 }
 
-// The nominal camera with the fitted errors of the stimuli.
+// The nominal camera with the fitted stimulus errors.
 State nominal_camera(const Session& session, const State& base) {
   State nominal = without_transport(session, base);
   nominal.camera.response.filter = FrameFilter::kNone;
@@ -117,7 +117,7 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   if (!has_bench(out.session)) return out;
   out.state = nominal_state(out.session, options.profile);
   if (noise.statistics.filter != FrameFilter::kNone) {
-    // Known from the noise; the same filter acts on the mean.
+    // Known from the noise; the mean passes through the same filter.
     out.state.camera.response.filter = noise.statistics.filter;
     out.state.camera.response.alpha = noise.statistics.alpha.value;
   }
@@ -142,7 +142,7 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   };
   out.selection = select_effects(data, out.base, may, progress);
   const auto judge_again = [&] {
-    double miss = 1.0;  // of the pans, in floors: shifts scatter with model errors as with noise
+    double miss = 1.0;  // misfit of the pans, in floors: model errors scatter the shifts as noise does
     for (const std::size_t i : modelled(out.session)) {
       if (out.session.recordings[i].kind == Kind::kMovingBars) miss = std::max(miss, out.selection.fit.score.gap(i));
     }
@@ -151,7 +151,7 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   judge_again();
   if (is_jittered(transport) != jittered) {
     jittered = !jittered;
-    // Those of choppers with free frame times were none.
+    // Choppers are not searched for jumps while their frame times are free.
     out.base = without_jumps(data, events, jittered, with_times(data, out.base, out.state, jittered), out);
     out.selection = select_effects(data, out.base, may, progress);
     judge_again();

@@ -1,5 +1,4 @@
-// Fits by likelihood (the spectrum of the pixels' noise, the tails of its distribution), and effects identified by
-// noise statistics.
+// Likelihood fits of the noise (spectrum, tails of the distribution), and effects identified by noise statistics.
 #include <complex>
 
 #include <unsupported/Eigen/FFT>
@@ -20,22 +19,21 @@ double filtered(double f_hz, double rate_hz, double alpha, FrameFilter filter) {
 
 using Spectrum = std::vector<Bin>;
 
-// The exponent of 1/f noise is near 1; beyond these it is another thing.
+// The exponent of 1/f noise is near 1; outside this range it is another effect.
 constexpr double kFlattest = 0.5;
 constexpr double kSteepest = 1.7;
 
-// A model of the spectrum: white noise, noise that grows below a corner, a filter, and the rounding of values behind
-// them.
+// Model of the spectrum: white noise that rises below a corner, a frame filter, and rounding behind the filter.
 struct SpectrumFit {
   double rate_hz = 200.0;
-  double rounding = 0.0;  // its variance
+  double rounding = 0.0;  // variance of the rounding error
   FrameFilter filter = FrameFilter::kNone;
-  double exponent = 1.0;  // of 1 / f
+  double exponent = 1.0;  // of 1/f
   double corner = 0.0;
   double alpha = 1.0;
   double level = 1.0;
   double likelihood = -1e300;
-  double rounded = 0.0;  // its share of the level
+  double rounded = 0.0;  // share of rounding in the level
   double power(const Bin& bin) const {
     const double ratio = corner / bin.frequency;
     const double grown = 1.0 + (exponent == 1.0 ? ratio : std::pow(ratio, exponent));
@@ -43,9 +41,9 @@ struct SpectrumFit {
   }
 };
 
-// The level by its closed form, for the rounding's share in it.
+// Fits the level in closed form, and the share of rounding in it.
 SpectrumFit with(const Spectrum& s, const SpectrumFit& as, double corner, double alpha) {
-  constexpr double kMostRounded = 0.25;  // where steps are twice the noise, its errors depend on each other
+  constexpr double kMostRounded = 0.25;  // above, steps are over twice the noise, and rounding errors are correlated
   SpectrumFit fit{as.rate_hz, as.rounding, as.filter, as.exponent, corner, alpha, 1.0, 0.0};
   for (int round = 0; round < 2; ++round) {
     fit.level *=
@@ -60,7 +58,7 @@ SpectrumFit with(const Spectrum& s, const SpectrumFit& as, double corner, double
   return fit;
 }
 
-// Corner and filter by search, where `as` has them.
+// Searches corner and filter weight, as far as they are wanted.
 SpectrumFit fit_spectrum(const Spectrum& s, const SpectrumFit& as, bool with_corner) {
   const bool with_alpha = as.filter != FrameFilter::kNone;
   double corner_step = with_corner ? 2.0 : 0.0;
@@ -85,7 +83,7 @@ SpectrumFit fit_spectrum(const Spectrum& s, const SpectrumFit& as, bool with_cor
   return best;
 }
 
-// Without a filter, and with the exponent that fits best.
+// Fits the exponent, without a filter.
 SpectrumFit fit_slope(const Spectrum& s, const SpectrumFit& pink) {
   SpectrumFit best = pink;
   for (double step = 0.2; step > 0.01; step /= 2.0) {
@@ -104,7 +102,7 @@ SpectrumFit fit_slope(const Spectrum& s, const SpectrumFit& pink) {
   return best;
 }
 
-// Standard error of one number of the fit from the curvature of the likelihood.
+// Standard error of corner or alpha from the curvature of the likelihood.
 double curvature_error(const Spectrum& s, const SpectrumFit& fit, bool corner) {
   const double h = corner ? std::max(0.05, 0.02 * fit.corner) : 0.005;
   const double c = corner ? h : 0.0;
@@ -122,20 +120,20 @@ double student_likelihood(const std::vector<double>& x, double degrees, double s
       x, [=](double v) { return constant - (degrees + 1.0) / 2.0 * std::log1p(v * v / (degrees * scale * scale)); });
 }
 
-// Effect-free sessions stay below all of these.
-constexpr double kLeastComponent = 0.0015;   // K, of flicker and stripes
+// Sessions without effects stay below all of these limits.
+constexpr double kLeastComponent = 0.0015;   // K, for flicker and stripes
 constexpr double kClear = 8.0;               // standard errors
 constexpr double kLeastCorner = 0.08;        // Hz
-constexpr double kLeastKurtosis = 0.25;      // in excess of a Gaussian's
+constexpr double kLeastKurtosis = 0.25;      // above a Gaussian's
 constexpr double kClearLine = 1e-6;          // p-value
 constexpr double kClearMisfit = 7.0;         // standard errors of a band of the spectrum
-constexpr double kLeastScale = 1.04;         // of the noise's level
+constexpr double kLeastScale = 1.04;         // relative to the nominal noise
 constexpr double kLeastScaleOfTails = 1.12;  // the same with heavy tails
-constexpr double kScaleError = 0.004;        // relative, of the level
+constexpr double kScaleError = 0.004;        // relative error of the level
 
 bool shows(const Measured& component) { return component.z > kClear && component.value > kLeastComponent; }
 
-// Of one value, K rms; measured if not radiometric.
+// Nominal noise of one value, K rms; the measured one if not radiometric.
 double nominal_noise(const Session& session, const NoiseStatistics& statistics, const model::CameraProfile& p) {
   if (!session.recordings.front().kelvin) return statistics.white_k;
   return std::sqrt(p.noise_k * p.noise_k + p.quantisation_k * p.quantisation_k / 12.0);
@@ -145,11 +143,10 @@ double floor_of(const Events& events, const Noise& noise, const model::CameraPro
   const NoiseStatistics& s = noise.statistics;
   const double floor_k = s.frames > 0 && s.total_k > 0.0 ? s.total_k : noise.nominal_k;
   if (!events.coarse || p.quantisation_k <= 0.0) return floor_k;
-  // A still field is at one point between two steps; a moving scene covers the whole step.
+  // A still field lies at one point between two steps; a moving scene covers the whole step.
   return std::max(floor_k, std::sqrt(p.noise_k * p.noise_k + events.step_k * events.step_k / 12.0));
 }
 
-// Whole frames, rows and columns.
 void name_components(const NoiseStatistics& n, Findings& out) {
   if (shows(n.flicker)) {
     out.add("flicker", n.flicker.z, "whole frames differ by an offset", {{"sigma_k", n.flicker.estimate()}});
@@ -165,7 +162,7 @@ void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::Camer
   if (n.filter != FrameFilter::kNone) {
     out.add("iir", n.alpha.z, "the noise is correlated from frame to frame", {{"alpha", n.alpha.estimate()}});
   }
-  // Rounding of filtered noise to coarse steps is slow.
+  // Rounding of filtered noise to coarse steps is slow, too.
   const bool hops = coarse && n.filter != FrameFilter::kNone;
   if (n.corner_hz.z > kClearCorner && n.corner_hz.value > kLeastCorner && !hops) {
     out.add("one_over_f", n.corner_hz.z, "the noise grows towards low frequencies",
@@ -186,7 +183,7 @@ void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::Camer
   }
 }
 
-// How many steps of the values never come although those on either side often do. `step_k`: of the values.
+// Number of codes that never occur although the adjacent ones often do. `step_k`: between values.
 std::size_t missing_codes(const Session& session, double step_k) {
   constexpr std::size_t kOften = 200;
   std::vector<std::size_t> seen(1U << 16U, 0);
@@ -244,8 +241,8 @@ std::vector<double> periodogram(const ArrayXd& x) {
 
 void judge_spectrum(const Spectrum& s, double rate_hz, double rounding, NoiseStatistics& n) {
   constexpr double kGain = 15.0;          // minimum log-likelihood gain of a corner or a filter
-  constexpr double kOtherGain = 3.0;      // minimum gain between kinds of filter
-  constexpr double kLeastFilter = 0.985;  // a weight nearer to 1 is no filter
+  constexpr double kOtherGain = 3.0;      // between kinds of filter
+  constexpr double kLeastFilter = 0.985;  // a weight nearer to 1 counts as no filter
   SpectrumFit as{rate_hz, rounding};
   const SpectrumFit pink = fit_spectrum(s, as, true);
   SpectrumFit best = pink;
@@ -257,7 +254,7 @@ void judge_spectrum(const Spectrum& s, double rate_hz, double rounding, NoiseSta
       best = both;
     }
   }
-  // A flatter or steeper 1/f is like a filter beside it.
+  // 1/f noise with another exponent looks like 1/f noise with a filter.
   if (pink.likelihood > fit_spectrum(s, {rate_hz, rounding}, false).likelihood + kGain) {
     const SpectrumFit sloped = fit_slope(s, pink);
     if (sloped.likelihood > best.likelihood + (best.filter == FrameFilter::kNone ? kGain : 0.0)) best = sloped;
@@ -273,7 +270,6 @@ void judge_spectrum(const Spectrum& s, double rate_hz, double rounding, NoiseSta
     n.alpha.error = curvature_error(s, best, false);
     n.alpha.z = std::sqrt(2.0 * std::max(0.0, best.likelihood - pink.likelihood));
   }
-  // Largest deviation of a band.
   constexpr std::size_t kBands = 12;
   for (std::size_t b = 0; b < kBands; ++b) {
     const std::size_t first = b * s.size() / kBands;
@@ -287,7 +283,7 @@ void judge_spectrum(const Spectrum& s, double rate_hz, double rounding, NoiseSta
 void fit_student(const std::vector<double>& x, NoiseStatistics& n) {
   double best = -1e300;
   const auto at = [&](double degrees) {
-    // The variance's scale would depend on the tails: fitted by likelihood (golden section).
+    // The sample variance depends on the tails, so the scale is fitted by likelihood, too (golden section).
     double low = 0.4 * n.sigma_tvh;
     double high = 1.15 * n.sigma_tvh;
     for (int i = 0; i < 14; ++i) {
@@ -332,7 +328,7 @@ Noise judge_noise(const Events& events, const Options& options) {
   name_spectrum_and_tails(noise, events.coarse, options.profile, noise.findings);
   for (Finding& one : noise.findings.effects) one.effect.of_noise = true;
   name_rest(noise.statistics, events.coarse, noise.findings);
-  // Noise of less than a step leaves codes out by itself.
+  // Noise below one step leaves codes out by itself.
   if (events.step_k > 0.0 && noise.floor_k > events.step_k && missing_codes(events.session, events.step_k) > 0) {
     noise.findings.remainders.push_back({"readout", "single values never come, unlike those on either side", kClear});
   }

@@ -4,52 +4,51 @@
 namespace bolo::diagnose {
 namespace {
 
-// All weights and limits below keep effect-free sessions of the blind check under kRemainderLimit (all but at most 1 %
-// of them).
+// Weights and limits: 99 % of the blind check's sessions without effects stay below kRemainderLimit.
 
-constexpr double kMostOfOne = 16.0;        // clip of one squared value in its frame's sum, squared floors
-constexpr double kLeastAmplitude = 0.008;  // rms of a component along a basis, in floors: error of the forward models
-constexpr double kUsualThinning = 2.0;     // all pixels to those of the fit, where the limits were set
-constexpr double kScatterWeight = 2.2;     // of a z from the groups' scatter, against one from the noise
-constexpr double kTauStep = 0.03;          // of tau, for the derivative
-constexpr double kMeanOfSquare = 0.33;     // of a row's place, -1..1: contrasts the middle with the ends
-constexpr double kColdest = 0.02;          // of the span of temperatures
+constexpr double kMostOfOne = 16.0;        // clip of a squared value in its frame's sum, squared floors
+constexpr double kLeastAmplitude = 0.008;  // of a component along a basis, rms in floors: error of the forward models
+constexpr double kUsualThinning = 2.0;     // ratio of all pixels to the fitted ones, for which limits were set
+constexpr double kScatterWeight = 2.2;     // of a z from the scatter of groups, relative to one from the noise
+constexpr double kTauStep = 0.03;          // relative step of tau for the derivative
+constexpr double kMeanOfSquare = 0.33;     // mean square of a row's place, -1..1: contrasts the middle with the ends
+constexpr double kColdest = 0.02;          // share of the temperature span
 constexpr double kLeastSpan_k = 0.1;
-constexpr double kMeanOfParabola = 1.0 / 8.0;  // of the span, centre of a parabola in temperature
-constexpr Index kPhaseBins = 48;               // of the target's period
-constexpr double kQuartilesOfSigma = 1.35;     // distance of a Gaussian's quartiles
+constexpr double kMeanOfParabola = 1.0 / 8.0;  // of the span: centre of a parabola in temperature
+constexpr Index kPhaseBins = 48;               // over one period of the target
+constexpr double kQuartilesOfSigma = 1.35;     // distance between the quartiles of a Gaussian
 constexpr std::size_t kLeastFrames = 9;
-constexpr double kWorseFrame = 1.4;  // times the usual squared residual: minimum of a misfit
+constexpr double kWorseFrame = 1.4;  // least squared residual of a misfit, times the median
 constexpr double kFrameWeight = 0.5;
-constexpr double kMissError = 0.012;    // of a capture's rms residual, in floors
-constexpr double kFrameError = 0.03;    // of whole frames' rms residual, in floors
-constexpr double kStartLeft = 0.03;     // of a filter's start, negligible below
-constexpr double kFlickerMargin = 1.3;  // times the flicker's variance, allowed for whole frames
-constexpr double kMostExcess = 3.5;     // of the levels, in what the bench says of its accuracy
-constexpr double kPixelMargin = 2.0;    // the same of the pixels' noise in a frame's mean
+constexpr double kMissError = 0.012;    // error of a capture's rms residual, floors
+constexpr double kFrameError = 0.03;    // error of the rms residual of whole frames, floors
+constexpr double kStartLeft = 0.03;     // remaining influence of a filter's start that is negligible
+constexpr double kFlickerMargin = 1.3;  // tolerance for whole frames, times the flicker's variance
+constexpr double kMostExcess = 3.5;     // largest error of the levels, times the stated accuracy
+constexpr double kPixelMargin = 2.0;    // the same for the pixels' noise in a frame's mean
 
-// Allowed residuals of known origin, in floors (rms).
-constexpr double kPattern = 0.06;        // a fixed pattern: error of the forward models
-constexpr double kPatternOfTaus = 0.12;  // the same with a tau of each pixel
+// Tolerated residuals of known origin, floors (rms).
+constexpr double kPattern = 0.06;        // fixed pattern: error of the forward models
+constexpr double kPatternOfTaus = 0.12;  // the same with individual taus
 constexpr double kPatternOfSteps = 0.7;  // the same with coarse quantisation
-constexpr double kSlowWidening = 2.5;    // of all tests, for noise correlated over a capture
-constexpr double kFarPixel = 2.0;        // standard deviations: one that jumps may rest for a whole short capture
-constexpr double kDecade = 2.3;          // ln 10: of 1/f noise, one decade below a capture's frequency acts as fixed
+constexpr double kSlowWidening = 2.5;    // of all tests, for noise that is correlated over a capture
+constexpr double kFarPixel = 2.0;        // standard deviations: a jumping pixel may rest during a short capture
+constexpr double kDecade = 2.3;          // ln 10: one decade of 1/f noise below a capture's frequency acts as fixed
 constexpr double kSlowMargin = 1.5;
 
 struct Allowance {
   double pattern = kPattern;
-  double slow_noise = 1.0;      // factor on the tests' errors for noise correlated in time
-  double still_scatter = 1.0;   // of a still field, in floors: rounding to coarse steps adds half a step
-  bool times_free = false;      // of a chopper's frames: those at its edges may deviate
-  double flicker = 0.0;         // of whole frames
-  double rounding = 0.0;        // the same of a chopper's: equal pixels are rounded alike
-  double farthest = 1e9;        // of single pixels in a pattern, in standard deviations
-  long settling = 0;            // first frames, until a frame filter of unknown start has settled
-  std::vector<char> corrected;  // recordings with a removed jump: its error leaves a pattern
+  double slow_noise = 1.0;      // factor on the errors of tests, for noise correlated in time
+  double still_scatter = 1.0;   // scatter of a still field, floors: rounding to coarse steps adds half a step
+  bool times_free = false;      // free times of a chopper's frames: those at edges may deviate
+  double flicker = 0.0;         // of whole frames, floors
+  double rounding = 0.0;        // of whole frames of a chopper, floors: equal pixels are rounded alike
+  double farthest = 1e9;        // limit for single pixels in a pattern, standard deviations
+  long settling = 0;            // number of first frames in which a frame filter of unknown start settles
+  std::vector<char> corrected;  // recordings with a removed jump, whose error leaves a pattern
 };
 
-// Rms common rounding error of values that differ by Gaussian noise only: the sawtooth's first harmonic.
+// Rms of the rounding error common to values that differ by Gaussian noise only: first harmonic of the sawtooth.
 double common_rounding(double step_k, double noise_k) {
   return step_k / std::numbers::pi / std::numbers::sqrt2 *
          std::exp(-0.5 * std::pow(2.0 * std::numbers::pi * noise_k / step_k, 2));
@@ -88,13 +87,13 @@ Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit)
   return a;
 }
 
-// Sum over groups of residual times basis, of mean zero without a remainder; its error is from the scatter over groups
-// and from the noise.
+// Sum over groups of residual times basis, whose expectation is zero without a remainder. Its error is estimated both
+// from the noise and from the scatter of groups.
 struct Probe {
   std::string stage;
   std::string where;
-  bool fitted = false;            // parameters of the fit act along its basis: their error shows, too
-  std::vector<double> product{};  // of each group
+  bool fitted = false;            // fitted parameters act along this basis, so that their error shows, too
+  std::vector<double> product{};  // one per group
   double information = 0.0;       // sum of the squared basis
   double values = 0.0;            // number of values
 
@@ -106,7 +105,7 @@ struct Probe {
   double z() const {
     const double sum = sum_of(product);
     const double squares = sum_of(product, [](double p) { return p * p; });
-    // The groups' scatter covers noise common to frames; the noise's error is better with few groups.
+    // The scatter of groups includes noise common to frames; the noise is the better estimate with few groups.
     const double own = std::sqrt(std::max(information, 1e-12));
     const double between = std::sqrt(squares);
     if (information <= 0.0 || std::abs(sum) < kLeastAmplitude * own * std::sqrt(values)) return 0.0;
@@ -129,14 +128,14 @@ Probes all_probes() {
            {"readout", "the residual is one-sided at the coldest values", true}}};
 }
 
-// Sums at each position over both halves of the cells.
+// Sums at each position, separately for the two halves of the cells.
 struct Halves {
   explicit Halves(Index n) : sum(Eigen::ArrayX2d::Zero(n, 2)), count(sum) {}
   void add(Index at, bool is_second, double value) {
     sum(at, is_second ? 1 : 0) += value;
     count(at, is_second ? 1 : 0) += 1.0;
   }
-  // Correlation of both halves' means, due to a fixed pattern, in standard errors; 0 if its rms is below `allowed`.
+  // Correlation of both halves' means by a fixed pattern, in standard errors; 0 if its rms is below `allowed`.
   double z(double allowed, double most = 1e9) const {
     const auto known = places_where<Index>(static_cast<std::size_t>(sum.rows()), [this](std::size_t i) {
       return count.row(static_cast<Index>(i)).minCoeff() >= 1.0;
@@ -160,14 +159,14 @@ struct Halves {
   Eigen::ArrayX2d count;
 };
 
-// One recording's residual, and data of the prediction for its tests.
+// Residual and prediction of one recording, as its tests need them.
 struct Examined {
   const FitData& data;
   const Recording& recording;
   const StimulusState& stimulus;
   Series residual;
   Series predicted;
-  Series by_tau;  // derivative of the prediction, per unit of ln tau
+  Series by_tau;  // derivative of the prediction by ln tau
   bool moving = false;
   bool dynamic = false;
   double mean = 0.0;  // of the prediction
@@ -190,7 +189,7 @@ Examined examine(const FitData& data, const State& state, std::size_t i) {
   return x;
 }
 
-// The probes' bases at one value, in floors.
+// The bases of the probes at one value, in floors.
 std::array<double, kProbes> basis_at(const Examined& x, Index frame, Index column, int sensor_row) {
   const Session& session = x.data.session;
   const double s = 2.0 * x.recording.time_of(frame) / std::max(1e-9, x.recording.t.back()) - 1.0;
@@ -209,13 +208,13 @@ std::array<double, kProbes> basis_at(const Examined& x, Index frame, Index colum
           about + x.mean < x.low + kColdest * x.span ? 1.0 : 0.0};
 }
 
-// Sums of the residual by position and frame.
+// Sums of the residual by position and by frame.
 struct Tallies {
   Halves pixel;
   Halves row;
   Halves column;
   Halves phase{kPhaseBins};
-  std::vector<double> frame_square{};  // of each frame, about its mean
+  std::vector<double> frame_square{};  // of each frame, about the frame's mean
   double frame_mean2 = 0.0;            // summed over the frames
 };
 
@@ -230,7 +229,7 @@ void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
   for (std::size_t j = 0; j < x.data.all_pixels.size(); ++j) {
     const auto c = static_cast<Index>(j);
     const double value = x.residual(k, c);
-    // Clipped: one outlier pixel is no misfit of its frame.
+    // Clipped: one outlier pixel does not make its frame a misfit.
     square += std::min(value * value, kMostOfOne);
     sum += value;
     const int pixel = x.data.all_pixels[j];
@@ -249,12 +248,11 @@ void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
   }
   const double mean_left = sum / static_cast<double>(x.data.all_pixels.size());
   tallies.frame_mean2 += mean_left * mean_left;
-  // A mean beyond the clip leaves nothing about it.
+  // If the mean exceeds the clip, the variance would come out negative.
   const double about = square / static_cast<double>(x.data.all_pixels.size()) - mean_left * mean_left;
   tallies.frame_square.push_back(std::max(0.0, about));
 }
 
-// Collects one recording's remainders.
 struct Collector {
   const Recording& recording;
   std::vector<Remainder>& found;
@@ -293,14 +291,14 @@ void test_frames(const Examined& x, const Tallies& tallies, const Allowance& all
   const bool chopper = x.recording.kind == Kind::kChopper;
   const bool edges = allowance.times_free && chopper;
   const bool still = x.recording.kind == Kind::kUniform || x.recording.kind == Kind::kStillBars;
-  const bool hops = still && allowance.still_scatter > 1.0;  // at random from frame to frame
+  const bool hops = still && allowance.still_scatter > 1.0;  // differs at random between frames
   if (!edges && !hops) {
     out.add("transport", "single frames do not fit",
             sorted.back() > kWorseFrame * typical ? worst * kFrameWeight : 0.0);
   }
   out.add("pixel", "the prediction misses by more than the noise",
           (std::sqrt(sum_of(sorted) / frames) - (still ? allowance.still_scatter : 1.0)) / kMissError, true);
-  // Variance of frame means by flicker, the pixels' noise, and rounding to coarse steps.
+  // Variance of frame means due to flicker, the pixels' noise, and rounding to coarse steps.
   const double expected = kFlickerMargin * allowance.flicker * allowance.flicker + kPixelMargin / pixels +
                           allowance.rounding * allowance.rounding;
   const double excess = std::sqrt(std::max(0.0, tallies.frame_mean2 / frames - expected));
@@ -329,7 +327,7 @@ void test_recording(const FitData& data, const State& state, const Allowance& al
   test_frames(x, tallies, allowance, corrected, out);
 }
 
-// A smooth trend over rows in a map of pixels is not due to differing pixels.
+// A smooth trend over the rows of a map is not due to differences between pixels.
 void test_map(const Session& session, const Eigen::VectorXf& map, const std::string& what,
               std::vector<Remainder>& found) {
   const double z = row_trend_z(session, map);
@@ -338,7 +336,7 @@ void test_map(const Session& session, const Eigen::VectorXf& map, const std::str
                    z * kRemainderLimit / kClearTrend, std::nullopt, false});
 }
 
-// Levels take up what the camera does to all temperatures, as a grey target does; the bench says how far they may go.
+// Levels absorb effects on all temperatures, such as a grey target; the bench states how accurate they are.
 void test_levels(const Session& session, const State& state, std::vector<Remainder>& found) {
   if (!session.recordings.front().kelvin) return;
   const double excess = level_excess(nuisances(session, nominal_state(session, {})), state);
@@ -354,7 +352,7 @@ std::vector<Remainder> test_remainder(const Events& events, const Noise& noise, 
   std::vector<Remainder> found;
   Probes probes = all_probes();
   for (const std::size_t i : modelled(fit.session)) test_recording(data, fit.state, allowance, i, probes, found);
-  // The fit saw half of the cells of some of the pixels, all of which are tested here.
+  // The fit used half of the cells of a part of the pixels; here all are tested.
   const double thinning = static_cast<double>(data.all_pixels.size()) / static_cast<double>(data.fit_pixels.size());
   const double widening = std::sqrt((1.0 + 2.0 * std::max(thinning, kUsualThinning)) / (1.0 + 2.0 * kUsualThinning));
   for (const Probe& probe : probes) {
@@ -381,10 +379,10 @@ std::string stage_of_misfits(std::span<const Remainder> remainders) {
   };
   // A flat field has neither edges nor changes: its misfit arises after the pixel.
   if (misses(Kind::kUniform)) return "readout";
-  // A chopper changes in time but not in space, still bars the other way round.
+  // A chopper changes in time but not in space; for still bars it is the reverse.
   if (misses(Kind::kChopper)) return misses(Kind::kStillBars) ? "readout" : "pixel";
   if (!misses(Kind::kStillBars)) return "readout";  // row times affect moving scenes only
-  // Far from the edges: stray light; beside them: smear by the read-out.
+  // Away from the edges: stray light; beside them: smear by the read-out.
   constexpr double kAtEdges = 15.0;
   return largest([](const Remainder& r) { return r.at_edges; }) > kAtEdges ? "readout" : "optics";
 }

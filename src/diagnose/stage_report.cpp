@@ -1,14 +1,14 @@
-// From all stages to the report's figures and its verdict.
+// From all stages to the figures and the verdict of the report.
 #include "src/diagnose/field.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr double kPartly = 1.2;       // a larger gap is not explained
-constexpr double kNoGap = 1.001;      // below it there is no gap
-constexpr double kLargeStep = 8.0;    // in noise floors: of a single jumping pixel
-constexpr double kStepScatter = 0.4;  // of the jumping pixels' steps, relative
+constexpr double kPartly = 1.2;       // largest gap left that counts as explained
+constexpr double kNoGap = 1.001;      // smaller ones count as none
+constexpr double kLargeStep = 8.0;    // least step of a single jumping pixel, noise floors
+constexpr double kStepScatter = 0.4;  // relative scatter of the jumping pixels' steps
 constexpr double kJumpError_k = 0.003;
 
 double square(double v) { return v * v; }
@@ -18,18 +18,16 @@ void append(std::vector<T>& to, const std::vector<T>& from) {
   to.insert(to.end(), from.begin(), from.end());
 }
 
-// True if one of these effects was found.
 bool has(const Report& report, std::initializer_list<std::string_view> effects) {
   return std::ranges::any_of(report.effects,
                              [&](const FoundEffect& e) { return std::ranges::count(effects, e.name) != 0; });
 }
 
-// Effects visible in the values themselves.
 Findings judge_values(const Events& events, const Noise& noise, const Options& options) {
   Findings out;
   const Session& session = events.session;
   const BadPixels& bad = events.bad;
-  // Of `all`, with the error of a count.
+  // Share of `all`, with a counting error.
   const auto fraction = [](std::size_t some, double all) {
     const auto count = static_cast<double>(some);
     return interval(count / all, std::sqrt(count) / all);
@@ -65,12 +63,12 @@ Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const
   };
   const auto jump = std::ranges::find(jumps, false, &Jump::after_freeze);
   if (jump != jumps.end()) {
-    // Down or up; of pixels that jump each by its own, their rms.
+    // Signed global step, or the rms if each pixel jumps by its own amount.
     const double size = std::abs(jump->global_k) < jump->pixel_k ? jump->pixel_k : jump->global_k;
     found("offset_jump", "the offset jumps at one frame",
           {{"jump_k", interval(size, 0.01 * std::abs(size) + kJumpError_k)}}, 0.99);
   }
-  // A freeze up to the end is not a shutter event.
+  // A freeze that lasts to the end is not a shutter event.
   const auto freeze = std::ranges::find_if(events.freezes, [&events](const Freeze& f) {
     return f.last + 1 < static_cast<std::size_t>(events.session.recordings[f.recording].frames());
   });
@@ -83,9 +81,9 @@ Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const
   return out;
 }
 
-// Gaps of the effects, in the order of selection.
+// Gaps of the effects, in order of selection.
 void add_chosen(const Fit& fit, Report& report) {
-  // Effects with their own statistics come between the nominal camera and the fit.
+  // Effects with statistics of their own come between the nominal camera and the fit.
   double gap = report.gap.before;
   for (FoundEffect& e : report.effects) {
     if (e.of_noise) continue;
@@ -121,7 +119,6 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const State& s
     out["edge_ramp"] = state.edge_ramp;
     out["aperture_px"] = state.aperture_px;
   }
-  // Modulo the period.
   const auto phase = [&r](double px) { return std::remainder(px, std::get<capture::BarTarget>(r.stimulus).period_px); };
   if (r.kind == Kind::kStillBars) out["phase_px"] = phase(s.phase_px);
   if (r.kind == Kind::kMovingBars) {
@@ -146,8 +143,7 @@ void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
   }
 }
 
-// Rounding to coarse steps whitens the noise: then the filter's weight is that fitted with the stimuli, from delayed
-// edges.
+// Rounding to coarse steps whitens the noise, so the filter's weight is taken from the fit of delayed edges.
 void take_filter_from_edges(const Fit& fit, Report& report) {
   constexpr double kError = 0.005;
   for (FoundEffect& e : report.effects) {
@@ -155,7 +151,7 @@ void take_filter_from_edges(const Fit& fit, Report& report) {
   }
 }
 
-// Gaps of the noise: deviations of its variance and components from the nominal ones.
+// Gap of the noise: deviations of its variance and components from the nominal ones.
 void fill_noise(const Noise& noise, Report& report) {
   const NoiseStatistics& n = noise.statistics;
   const double nominal = noise.nominal_k;
@@ -182,14 +178,13 @@ void fill_noise(const Noise& noise, Report& report) {
                   {"sigma_th (column)", n.columns.value, 0.0, striped ? n.columns.value : 0.0}};
 }
 
-// Joins the gaps of mean and noise in quadrature.
+// Combines the gaps of mean and noise in quadrature.
 void join_gaps(bool fitted, Report& report) {
   const auto both = [fitted](double mean, double noise) {
     return fitted ? std::sqrt(std::max(0.0, mean * mean + noise * noise - 1.0)) : noise;
   };
   report.gap.before = both(report.gap.before, report.noise_gap.before);
   report.gap.after = both(report.gap.after, report.noise_gap.after);
-  // The largest effect first.
   std::ranges::stable_sort(report.effects, std::greater{}, [](const FoundEffect& e) {
     return std::max(e.gap.before, 1.0) / std::max(e.gap.after, 0.5);
   });
@@ -222,7 +217,7 @@ bool levels_scatter(const Fit& fit) {
   return level_error(nuisances(fit.session, files), fit.state) > kOff_k;
 }
 
-// No prediction: gaps are NaN, and `needs` names captures that would test the simulator.
+// Without a prediction gaps are NaN, and `needs` names captures that would test the simulator.
 void mark_not_testable(const Session& session, const Noise& noise, const std::string& why, Report& report) {
   report.verdict = "not_testable";
   report.needs =
@@ -238,7 +233,7 @@ void mark_not_testable(const Session& session, const Noise& noise, const std::st
   }
 }
 
-// With a wrong description no effects of the camera are reported.
+// With a wrong description of the bench, no effects of the camera are reported.
 void mark_wrong_description(const std::vector<std::string>& wrong, Report& report) {
   report.verdict = "bench_description";
   report.effects.clear();
@@ -310,7 +305,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   }
   report.scene = field.scene;
   append(all, left);
-  take(judge_jumps(events, fit.done ? fit.jumps : events.jumps, report));  // fits with a bench find more
+  take(judge_jumps(events, fit.done ? fit.jumps : events.jumps, report));  // a fit with a bench finds more
   for (const auto* warnings : {&session.warnings, &events.warnings, &noise.findings.warnings, &fit.findings.warnings}) {
     append(report.warnings, *warnings);
   }

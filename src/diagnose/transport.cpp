@@ -4,21 +4,21 @@
 namespace bolo::diagnose {
 namespace {
 
-// All limits are set by effect-free sessions and by sessions with one effect of realistic size (the blind check).
+// All limits set on effect-free sessions and on sessions with one effect of realistic size (the blind check).
 constexpr double kNearWhole = 0.35;    // of a period: tolerance of a step of whole periods
-constexpr double kBendVariance = 1.5;  // of x less the mean of its neighbours, over that of independent x
+constexpr double kBendVariance = 1.5;  // variance of x - the mean of its neighbours, over that of independent x
 constexpr double kLeastJitter_s = 4e-5;
 constexpr double kJitterOverMeasured = 2.0;
 constexpr double kJitterOverError = 5.0;
 
-// The frames about k, at most `half` on either side; as many at the ends of a recording.
+// Frames within `half` of k; at the ends of a recording the range is shifted to keep its length.
 std::pair<long, long> around(long k, long half, long frames) {
   const long from = std::max(0L, std::min(k - half, frames - 1 - 2 * half));
   return {from, std::min(frames - 1, from + 2 * half)};
 }
 
-// Value and slope by time at frame k of a parabola through the used frames about it; at the ends of a recording a line
-// would tell of another moment's speed, where that changes. Nothing if too few are used.
+// Value and derivative by time at frame k of a parabola through the used frames around it; at the ends of a recording,
+// a line would give the speed at another time. Nothing if too few frames are used.
 std::optional<std::array<double, 2>> parabola_about(const Recording& recording, const StimulusState& s,
                                                     const std::vector<double>& values, std::size_t k, long half) {
   const auto [from, to] = around(static_cast<long>(k), half, static_cast<long>(values.size()));
@@ -32,15 +32,14 @@ std::optional<std::array<double, 2>> parabola_about(const Recording& recording, 
     right += powers * (values[a] - values[k]);
   }
   if (normal(0, 0) < 4.0) return std::nullopt;
-  // Beside a freeze a line: of jittered times a parabola would go astray.
+  // Beside a freeze, a line: with jittered times a parabola would diverge.
   const Index powers = normal(0, 0) < static_cast<double>(to - from + 1) ? 2 : 3;
   const MatrixXd part = normal.topLeftCorner(powers, powers);
   const VectorXd fitted = part.ldlt().solve(right.head(powers));
   return std::array{values[k] + fitted[0], fitted[1]};
 }
 
-// Mean speed between the consecutive frames about k, px/s, in which a lost frame counts little: a parabola through it
-// passes for a faster target where a camera is slow.
+// Robust speed around frame k, px/s: a parabola through a lost frame looks like a faster target if frames are slow.
 double usual_speed(const Recording& r, const StimulusState& s, std::size_t k) {
   const auto [from, to] = around(static_cast<long>(k), 12, static_cast<long>(r.used.size()));
   std::vector<double> speeds;
@@ -58,19 +57,18 @@ void count_periods(int periods, Transport& t) {
   if (periods < 0) t.inserted -= periods;
 }
 
-// Delay of each frame of moving bars in whole periods. Jitter affects one frame; a lost or inserted frame all that
-// follow.
+// Delay of each frame of moving bars in periods. Jitter affects one frame, a lost or inserted one all that follow.
 void count_steps(const Session& session, std::size_t index, State& state, Transport& t) {
   constexpr std::size_t kSide = 3;  // frames on either side for the median
   const Recording& r = session.recordings[index];
   StimulusState& s = state.stimuli[index];
   std::vector<std::size_t> seen;
-  std::vector<double> ahead_s;  // of the clock, by the target's position
+  std::vector<double> ahead_s;  // lead over the clock, from the target's position
   for (std::size_t k = 0; k < r.used.size(); ++k) {
     if (r.used[k] == 0) continue;
     double went = 0.0;
     if (!seen.empty()) {
-      // Jitter makes the speed of few frames uncertain, by a whole period where a freeze lies between.
+      // Jitter makes the speed from few frames uncertain: across a freeze, by a whole period.
       const double speed = k > seen.back() + 1 ? s.mean_speed() : usual_speed(r, s, k);
       went = (s.shift_px[k] - s.shift_px[seen.back()]) / speed - (r.t[k] - r.t[seen.back()]);
     }
@@ -97,7 +95,7 @@ void count_steps(const Session& session, std::size_t index, State& state, Transp
   }
 }
 
-// Squared deviations of shifts from a line through their neighbours, s^2, and their part due to noise.
+// Squared deviations of shifts from a line through their neighbours, s^2, and the part of them due to noise.
 struct JitterSums {
   double square = 0.0;
   double noise = 0.0;
@@ -123,9 +121,9 @@ struct JitterSums {
   }
 };
 
-// Frame times of one chopper recording: delay in whole periods as a step function of the frame number with a cost of
-// each step (Viterbi), for every start of the chopper. Only this separates lost and inserted frames, any number at a
-// time, from another start or clock.
+// Frame times of one chopper recording: the delay in whole periods is a step function of the frame number with a cost
+// per step, found by the Viterbi algorithm for every start of the chopper. Only this separates lost and inserted
+// frames, of any number at a time, from another start or clock.
 struct ChopperClock {
   const Session& session;
   std::size_t index;
@@ -151,7 +149,7 @@ struct ChopperClock {
     }
     const std::vector<int>& late = best.late;
     if (late.empty() || std::ranges::count(late, late.front()) == std::ssize(late)) return;
-    // Before the first edge a lost frame is equivalent to another start.
+    // Before the first edge, a lost frame cannot be told from another start.
     StimulusState& s = state.stimuli[index];
     s.delay_s -= best.later_s + late.front() * session.period_s;
     for (std::size_t k = 0; k < late.size(); ++k) {
@@ -162,19 +160,18 @@ struct ChopperClock {
 
   static constexpr int kMost = 8;  // periods, either way
   static constexpr int kPlaces = 2 * kMost + 1;
-  static constexpr double kMisfit = 0.03;     // of the contrast: tolerance for levels and time constants
+  static constexpr double kMisfit = 0.03;     // of the contrast: tolerance for errors of levels and time constants
   static constexpr double kMostOfFrame = 25;  // limit of a frame's cost
-  static constexpr double kStepCost = 20.0;   // of one lost or inserted frame
-  static constexpr int kRounds = 3;           // of levels and path
+  static constexpr double kStepCost = 20.0;   // per lost or inserted frame
+  static constexpr int kRounds = 3;           // of fitting levels and path
 
   struct Path {
     double cost = 1e300;
-    double later_s = 0.0;   // all frames
+    double later_s = 0.0;   // common delay of all frames
     std::vector<int> late;  // of each frame, periods
   };
 
-  // Fits the levels at the path's times: errors of the files' levels equal those of a late frame at an edge and would
-  // bias the path.
+  // Fits the levels at the path's times: level errors look like a late frame at an edge and would bias the path.
   void take_levels(const Path& path) {
     StimulusState& s = believed.stimuli[index];
     State now = believed;
@@ -193,7 +190,6 @@ struct ChopperClock {
     for (std::size_t l = 0; l < s.level_k.size(); ++l) s.level_k[l] += off(static_cast<Index>(l), 0);
   }
 
-  // The path of least cost over all starts.
   Path best_path() const {
     Path best;
     for (double delay_s = -0.5; delay_s < 0.45; delay_s += 0.1) {
@@ -253,7 +249,7 @@ struct ChopperClock {
 
 void smooth_speeds(const Session& session, State& state) {
   const bool jittered = std::ranges::any_of(state.stimuli, &StimulusState::times_free);
-  // Of steady times 60 ms on either side: a target's speed changes within some tenths of a second.
+  // 60 ms on either side if times are steady: a target's speed changes within some tenths of a second.
   const long half = jittered ? 40 : std::clamp(std::lround(0.06 / session.period_s), 5L, 12L);
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     const Recording& recording = session.recordings[i];

@@ -11,9 +11,8 @@
 namespace bolo::plot {
 namespace {
 
-constexpr double kMargin = 0.05;  // of the span, on either side
+constexpr double kMargin = 0.05;  // of the span, at either end
 
-// As many digits as the step asks for.
 std::string linear_text(double value, double step, double largest) {
   if (largest >= 1e5 || step < 1e-4) return number_text(std::abs(value) < 1e-9 * step ? 0.0 : value);
   const int digits = std::max(0, static_cast<int>(-std::floor(std::log10(step) + 1e-9)));
@@ -34,11 +33,11 @@ std::vector<Tick> linear_ticks(double low, double high, int wanted) {
   for (double i = std::ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i += 1.0) {
     out.push_back({i * step, linear_text(i * step, step, largest)});
   }
-  if (out.size() < 2 && wanted > 1 && wanted < 32) return linear_ticks(low, high, 2 * wanted);  // one alone is no scale
+  if (out.size() < 2 && wanted > 1 && wanted < 32) return linear_ticks(low, high, 2 * wanted);  // one tick is no scale
   return out;
 }
 
-// 1, 2 and 5 of each decade; only the decades, or each second one and so on, when there are many.
+// Ticks at 1, 2 and 5 of each decade; if there are many decades, only at each or each second one and so on.
 std::vector<Tick> log_ticks(double low, double high, int wanted) {
   const double decades = std::log10(high / low);
   const bool fine = 3.0 * decades <= wanted + 1.0;
@@ -53,7 +52,7 @@ std::vector<Tick> log_ticks(double low, double high, int wanted) {
     }
   }
   if (out.size() >= 2) return out;
-  return linear_ticks(low, high, wanted);  // less than a decade with no round value in it
+  return linear_ticks(low, high, wanted);  // less than a decade, without a round value in it
 }
 
 bool is_drawable(Point p) { return std::isfinite(p.x) && std::isfinite(p.y); }
@@ -62,7 +61,7 @@ std::size_t size_of(const Series& series) { return std::min(series.x.size(), ser
 
 const char* name_of(Hue hue) { return colours_of(hue).name; }
 
-// Of curves with several points on a column of pixels, the column's first, lowest, highest and last one.
+// If a curve has several points per column of pixels, keeps the column's first, lowest, highest and last one.
 std::vector<Point> thinned(const std::vector<Point>& points, double width) {
   if (static_cast<double>(points.size()) <= 4.0 * width) return points;
   std::vector<Point> out;
@@ -200,7 +199,7 @@ constexpr std::array<Stop, 7> kIron{{{0.00, {0.00, 0.00, 0.04}},
 constexpr std::array<Stop, 3> kDiverging{
     {{0.0, {0.13, 0.40, 0.67}}, {0.5, {0.93, 0.93, 0.92}}, {1.0, {0.80, 0.40, 0.05}}}};
 
-// A polynomial of degree six through viridis, one row a colour channel.
+// Viridis as a polynomial of degree six, one row per colour channel.
 constexpr std::array<std::array<double, 7>, 3> kViridis{
     {{0.27772733, 0.10509304, -0.33086183, -4.63423050, 6.22826994, 4.77638500, -5.43545586},
      {0.00540734, 1.40461353, 0.21484756, -5.79910097, 14.17993337, -13.74514538, 4.64585261},
@@ -256,7 +255,7 @@ Scale::Scale(const Axis& axis, const std::vector<double>& values, bool tight)
   if (std::isfinite(axis.low) && (!logarithmic_ || axis.low > 0.0)) low_ = axis.low;
   if (std::isfinite(axis.high) && (!logarithmic_ || axis.high > 0.0)) high_ = axis.high;
   if (high_ - low_ > 1e-12 * std::max(std::abs(low_), std::abs(high_))) return;
-  // One value only: room around it.
+  // A single value: leaves room around it.
   const double around = logarithmic_ ? 0.0 : std::max(1e-6, 0.1 * std::abs(low_));
   high_ = logarithmic_ ? 2.0 * low_ : low_ + around;
   low_ = logarithmic_ ? low_ / 2.0 : low_ - around;

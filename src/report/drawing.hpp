@@ -1,4 +1,4 @@
-// Drawing of series between the axes: curves, points, bands, planes; and of the axes and words around them.
+// Drawing of series (curves, points, bands, planes), of the axes around them, and of their words.
 #pragma once
 
 #include <string>
@@ -17,16 +17,15 @@ struct Tick {
 
 class Scale {
  public:
-  // Around the finite values of `values` (on a logarithmic axis: those above zero), where the axis leaves its ends to
-  // them; `tight`: without a margin.
+  // Spans the finite `values` (logarithmic: those above zero) where `axis` does not set its ends; `tight`: no margin.
   Scale(const Axis& axis, const std::vector<double>& values, bool tight);
 
-  // 0 at the low end, 1 at the high end. Not a number for what has no place.
+  // 0 at the low end, 1 at the high end. NaN for a value that has no place.
   double place(double value) const noexcept;
   double low() const noexcept { return low_; }
   double high() const noexcept { return high_; }
   bool logarithmic() const noexcept { return logarithmic_; }
-  // About so many, at round values; for categories each one.
+  // About `wanted` ticks at round values; for categories, one each.
   std::vector<Tick> ticks(int wanted) const;
 
  private:
@@ -41,7 +40,7 @@ struct Point {
   double y = 0.0;
 };
 
-// From values to pixels within the area between the axes.
+// Maps values to pixels in the area between the axes.
 struct Placing {
   const Scale& x;
   const Scale& y;
@@ -60,23 +59,22 @@ Point end_of(const Series& series, const Placing& placing);
 
 std::string plane_svg(const Plane& plane, const Placing& placing);
 
-// --- A plane of values as a picture within a page.
+// --- A plane of values as a picture in a page.
 
 struct PlaneSpan {
   double low = 0.0;
   double high = 1.0;
 };
 
-// The plane's own span, else around its values without their outermost percent; with the diverging ramp around zero.
+// The plane's own span if set, else that of its values without the outermost percent; symmetric for the diverging ramp.
 PlaneSpan span_of(const Plane& plane);
 
-// The plane as a `data:` address of a PNG; pixels without a value are transparent. Empty when the number of values does
-// not match its size.
+// The plane as a PNG in a `data:` address; pixels without a value are transparent. Empty if values and size disagree.
 std::string picture_address(const Plane& plane);
 
-// --- One plot without title and caption: its axes, what is drawn between them, and the words around them.
+// --- One plot without title and caption: its axes, their contents, and the words around them.
 
-// Room around the area between the axes, px.
+// Space around the area between the axes, px.
 struct Margins {
   double left = 0.0;
   double right = 0.0;
@@ -86,22 +84,22 @@ struct Margins {
 
 class PlotArea {
  public:
-  explicit PlotArea(const Plot& plot);  // borrowed
+  explicit PlotArea(const Plot& plot);  // keeps a reference to it
 
   Margins needed() const;
-  // SVG of a drawing of the plot's width and of height() with these margins, its area within them.
+  // SVG of the plot's width and of height(), the area lying within these margins.
   std::string drawing(const Margins& margins) const;
   double height(const Margins& margins) const { return margins.top + plot_.height + margins.bottom; }
 
  private:
-  // A word at the right of the area: a curve's name at its end, or a level's.
+  // A label at the right of the area: a curve's name at its end, or a level's.
   struct EndLabel {
-    double y = 0.0;  // within the area, px; wanted
+    double y = 0.0;  // preferred position within the area, px
     double from_x = 0.0;
     std::string text;
     Hue hue = Hue::kSoft;
   };
-  // Legend entry of a series that is not named at its end: a sample and its name above the area.
+  // Legend entry above the area, a sample and a name, for a series that is not named at its end.
   struct Key {
     std::string label;
     Kind kind = Kind::kLine;
@@ -118,7 +116,7 @@ class PlotArea {
   std::vector<std::vector<Key>> key_rows(double width) const;
   std::vector<EndLabel> end_labels(const Placing& placing) const;
   Placing placing(const Margins& margins) const;
-  std::vector<Tick> ticks(const Scale& scale, int wanted) const;  // of a plane: whole pixels
+  std::vector<Tick> ticks(const Scale& scale, int wanted) const;  // of a plane: at whole pixels
   std::vector<Tick> upright_ticks() const;
   std::vector<Tick> across_ticks(double width) const;
 

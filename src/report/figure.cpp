@@ -1,4 +1,4 @@
-// Whole drawings: plots with titles and captions, one below the other or beside each other.
+// Whole drawings: plots with titles and captions, stacked or side by side.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -10,8 +10,8 @@
 namespace bolo::plot {
 namespace {
 
-// --- The style of the drawings and of the pages. Colours of drawings are written out for each class: viewers of SVG
-// other than browsers know neither variables nor the reader's preference, and show the light ones.
+// --- Style of drawings and pages. Each class has literal colours: SVG viewers other than browsers know neither
+// variables nor the reader's preference, and show the light ones.
 
 std::string hex(Rgb rgb) { return format("#%02x%02x%02x", rgb.red, rgb.green, rgb.blue); }
 
@@ -43,11 +43,11 @@ constexpr const char* kDarkShapes =
     ".bolo-plot .paper{fill:#10141a}.bolo-plot text{fill:#e5e9f0}.bolo-plot .tick,.bolo-plot .key,.bolo-plot .caption"
     "{fill:#9ba6b7}.bolo-plot .grid{stroke:#262e3a}.bolo-plot .axis{stroke:#6b7585}\n";
 
-// After the hues, which would fill it.
+// Follows the hues, which would fill it otherwise.
 constexpr const char* kBand = ".bolo-plot path.band{fill-opacity:.22}.bolo-plot rect.band{fill-opacity:.35}\n";
 
 constexpr double kEdge = 16.0;     // px, around everything
-constexpr double kBetween = 26.0;  // px, from plot to plot
+constexpr double kBetween = 26.0;  // px, between plots
 constexpr double kTitle = 24.0;
 constexpr double kCaptionSize = 13.0;
 constexpr double kCaptionLine = 18.0;
@@ -69,7 +69,6 @@ double head_height(const Plot& plot) {
          (plot.caption.empty() ? 0.0 : 8.0);
 }
 
-// Title and caption stand above the plot.
 std::string head_of(const Plot& plot) {
   std::string out;
   double y = 15.0;
@@ -84,7 +83,7 @@ std::string head_of(const Plot& plot) {
   return out;
 }
 
-// Left and right of all areas.
+// Left and right margins common to all plots.
 Margins common(const std::vector<const Plot*>& plots) {
   Margins all;
   for (const Plot* plot : plots) {
@@ -102,9 +101,9 @@ Margins aligned(const PlotArea& area, const Margins& sides) {
   return margins;
 }
 
-// Title and caption are the page's own words; `sides`: of the drawing's area.
+// Title and caption are HTML outside the drawing; `sides`: margins of its area.
 std::string figure(const Plot& plot, const Margins& sides) {
-  constexpr double kBroad = 600.0;  // px; broader plots are scrolled on a phone rather than made too small to read
+  constexpr double kBroad = 600.0;  // px; on a phone, broader plots are scrolled instead of shrunk beyond legibility
   const PlotArea area(plot);
   const Margins margins = aligned(area, sides);
   std::string out = "<figure>";
@@ -155,7 +154,7 @@ std::string aligned_figures_html(std::span<const Plot> plots) {
 }
 
 std::string to_svg(const Rows& rows, const std::string& heading) {
-  std::map<std::pair<std::size_t, std::size_t>, std::vector<const Plot*>> columns;  // by plots in the row, and place
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<const Plot*>> columns;  // by length of row, and index
   for (const auto& row : rows) {
     for (std::size_t i = 0; i < row.size(); ++i) columns[{row.size(), i}].push_back(&row[i]);
   }
@@ -197,7 +196,7 @@ bool is_number(const std::string& cell) {
   return at < cell.size() && cell[at] >= '0' && cell[at] <= '9';
 }
 
-// Columns that are mostly numbers: they are aligned to the right.
+// True for columns that are mostly numbers, which are aligned to the right.
 std::vector<bool> number_columns(const Table& table) {
   std::vector<bool> out(table.head.size());
   for (std::size_t c = 0; c < out.size(); ++c) {
@@ -227,7 +226,7 @@ std::string table_html(const Table& table) {
 
 std::string page_of(const Sheet& sheet) {
   std::string body;
-  std::vector<Plot> stack;  // rows of one plot are aligned
+  std::vector<Plot> stack;  // consecutive rows of one plot are aligned
   for (const std::vector<Plot>& row : sheet.rows) {
     if (row.size() == 1) {
       stack.push_back(row.front());

@@ -10,11 +10,11 @@ namespace bolo::plot {
 namespace {
 
 constexpr double kText = 12.0;     // px, of ticks and names
-constexpr double kLine = 17.0;     // px, from one line of text to the next
-constexpr double kEndGap = 15.0;   // px, from one curve's name to the next
-constexpr double kNameRise = 9.0;  // px, of the upright axis's name above the area
-constexpr double kKey = 22.0;      // px, the sample before a key's words
-constexpr double kKeyGap = 18.0;   // px, from key to key
+constexpr double kLine = 17.0;     // px, line height
+constexpr double kEndGap = 15.0;   // px, between curve names
+constexpr double kNameRise = 9.0;  // px, of the upright axis' name above the area
+constexpr double kKey = 22.0;      // px, sample of a legend entry
+constexpr double kKeyGap = 18.0;   // px, between legend entries
 constexpr double kRampWidth = 130.0;
 
 std::string label_of(const Axis& axis) {
@@ -41,7 +41,7 @@ std::vector<double> values_of_y(const Plot& plot) {
   return values;
 }
 
-// Points alone keep away from the area's edges.
+// Points without curves keep a margin from the area's edges.
 bool is_tight_in_x(const Plot& plot) {
   return plot.series.empty() ||
          !std::ranges::all_of(plot.series, [](const Series& s) { return s.kind == Kind::kPoints; });
@@ -51,7 +51,7 @@ std::string text_at(const char* css_class, double x, double y, const std::string
   return format("<text class=\"%s\" x=\"%.1f\" y=\"%.1f\">", css_class, x, y) + escaped(words) + "</text>";
 }
 
-// Moves values apart to at least `gap`, as little as may be, within 0 .. `most`.
+// Moves values apart to at least `gap`, by as little as possible, within 0 .. `most`.
 void spread(std::vector<double>& sorted, double gap, double most) {
   for (std::size_t i = 0; i < sorted.size(); ++i) {
     sorted[i] = std::max(sorted[i], i == 0 ? 0.0 : sorted[i - 1] + gap);
@@ -122,7 +122,7 @@ std::vector<Tick> PlotArea::upright_ticks() const {
   return ticks(upright_scale(), std::max(2, static_cast<int>(plot_.height / 42.0)));
 }
 
-// As many as stand beside each other without touching.
+// As many ticks as fit side by side without touching.
 std::vector<Tick> PlotArea::across_ticks(double width) const {
   const Scale& scale = across_scale();
   for (int wanted = std::max(2, static_cast<int>(width / 70.0)); wanted > 1; --wanted) {
@@ -252,7 +252,7 @@ std::string PlotArea::keys(const Margins& margins) const {
   return out;
 }
 
-// The ramp of the plane with the values of its ends, at the right above the area.
+// The plane's colour ramp with the values of its ends, above the area at the right.
 std::string PlotArea::ramp(const Margins& margins, const Placing& placing) const {
   if (plot_.plane.width < 1) return {};
   const PlaneSpan span = span_of(plot_.plane);

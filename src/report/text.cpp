@@ -15,7 +15,7 @@ std::string superscript(int exponent) {
   return out;
 }
 
-// Of DejaVu Sans, the widest of the usual letters, in ems.
+// Width in DejaVu Sans, the widest of the common fonts, in ems.
 double letter_width(unsigned char c) {
   if (std::string_view("iljI.,:;'|! ").find(static_cast<char>(c)) != std::string_view::npos) return 0.34;
   if (std::string_view("frt()[]-/").find(static_cast<char>(c)) != std::string_view::npos) return 0.42;
@@ -57,7 +57,7 @@ std::string number_text(double value, bool powers) {
   if (std::isinf(value)) return value < 0.0 ? "\u2212\u221e" : "\u221e";
   if (size < 1e-12) return "0";
   if (size >= (powers ? 0.99e4 : 1e5) || size < (powers ? 0.99e-2 : 1e-3)) {
-    // 1e-06 reads better as 10 to a power.
+    // A power of ten reads better than 1e-06.
     const double exponent = std::floor(std::log10(size) + 1e-9);
     const double mantissa = value / std::pow(10.0, exponent);
     const std::string power = "10" + superscript(static_cast<int>(exponent));

@@ -48,10 +48,10 @@ inline capture::Chopper odd_chopper() {
   return chopper;
 }
 
-// 290 and 315 K, period 20 px, slanted.
+// Bars of 290 and 315 K, period 20 px, slanted.
 inline capture::BarTarget slanted_bars(double velocity_px_s) { return {290.0, 315.0, 20.0, 10.0, 0.25, velocity_px_s}; }
 
-// Of all pixels, without values.
+// A recording of all pixels, still without values.
 inline Recording blank(const capture::Stimulus& stimulus, int frames) {
   Recording r;
   r.kind = kind_of(stimulus);
@@ -167,7 +167,7 @@ inline std::filesystem::path write(const Recording& recording, const std::filesy
 
 inline bool go_on(const std::string&, double) { return true; }
 
-// The diagnosis of captures; a test in which it fails ends with what it says.
+// Diagnoses captures; a failure ends the test with its message.
 inline Report diagnosed(const std::vector<std::filesystem::path>& files, const Options& options = {}) {
   return *must(diagnose(files, options, go_on));
 }

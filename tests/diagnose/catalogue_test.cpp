@@ -1,5 +1,5 @@
-// The catalogues of the simulator and of the diagnosis: two lists, made from two folders, of the same effects; and
-// which of them a diagnosis takes.
+// The catalogues of simulator and diagnosis, made from two folders, list the same effects; and the selection of
+// effects.
 #include "src/diagnose/effect.hpp"
 #include "src/sim/effect.hpp"
 #include "tests/diagnose/bench.hpp"
@@ -166,7 +166,7 @@ class Selection : public ::testing::Test {
   Scratch scratch_;
 };
 
-// A short chopper alone tells of the time constant: of much, but too few cells to be sure before the rest fits.
+// A short chopper alone constrains the time constant strongly, but with too few cells to be sure before the rest fits.
 TEST_F(Selection, GoesOnWithWhatIsSureBesideALargerEffect) {
   sim::CameraSettings camera = testing::noisy_camera();
   for (const char* effect : {"tau_global:scale=1.1", "vignetting:corner_loss=0.01"}) {
@@ -177,7 +177,7 @@ TEST_F(Selection, GoesOnWithWhatIsSureBesideALargerEffect) {
             "explained: tau_global vignetting");
 }
 
-// A pattern that one capture does not have is none of the camera.
+// A pattern that one capture lacks is not the camera's.
 TEST_F(Selection, LeavesAMapByWhichACaptureFitsWorse) {
   std::mt19937 random(4);
   std::normal_distribution<double> unit;

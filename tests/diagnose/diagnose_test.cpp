@@ -68,7 +68,7 @@ TEST_F(Diagnosis, AllowsForPixelsThatDoNotFillTheirPlace) {
   EXPECT_NEAR(report.stimulus.at("still.h5").at("aperture_px"), 0.85, 0.03);
 }
 
-// Of slow cameras a chopper's capture of a second has few frames, but as many edges.
+// A slow camera's chopper capture of a second has few frames, but as many edges.
 TEST_F(Diagnosis, OfASlowCameraSeesWhatAChopperShows) {
   std::vector<std::filesystem::path> files;
   sim::CameraSettings camera = testing::noisy_camera();
@@ -114,7 +114,7 @@ TEST_F(Diagnosis, LeavesNothingOverOfPixelsThatRestBetweenJumps) {
   EXPECT_EQ(told(report), "explained: rts") << report.unexplained.where;
 }
 
-// Magnification that breathes by 3 %: shifts of what is not predicted well, and large gains of whatever is tried.
+// A magnification that varies by 3 % shifts what is predicted badly, and lets any effect that is tried gain much.
 TEST_F(Diagnosis, NamesNothingForPansThatNothingExplains) {
   const auto record = [](const capture::Stimulus& stimulus) {
     return testing::every(2, testing::record(testing::noisy_camera(), stimulus, 160));

@@ -109,7 +109,7 @@ TEST_F(Events, AStepOfEachPixelIsAJumpWithAPattern) {
   EXPECT_TRUE(jumps(session).empty());
 }
 
-// Also of a freeze that begins after few frames.
+// Also if the freeze begins after few frames.
 TEST_F(Events, AJumpAfterAFreezeBelongsToIt) {
   for (const int first : {91, 8}) {
     Session session = shutter([](int k, int, int) { return k >= 150 ? 0.1 : 0.0; });
@@ -124,7 +124,7 @@ TEST_F(Events, AJumpAfterAFreezeBelongsToIt) {
   }
 }
 
-// A fit of two levels, each of a part of the frames, has absorbed a part of the jump.
+// A fit of two levels, each for a part of the frames, absorbs a part of the jump.
 TEST_F(Events, AJumpIsFoundThatLevelsHaveTakenUpInPart) {
   MatrixXd levels = MatrixXd::Zero(kFrames, 2);
   for (int k = 0; k < kFrames; ++k) levels(k, k % 40 < 16 || k >= 190 ? 1 : 0) = 1.0;

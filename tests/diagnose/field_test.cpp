@@ -80,7 +80,7 @@ TEST_F(FieldRecording, NamesAFaintPatternOfManyPixels) {
   EXPECT_EQ(told(diagnosed(shot)), "explained: fpn_offset");
 }
 
-// As flat fields show, which the recording does not have.
+// As flat fields would show, which the recording lacks.
 TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
   for (const Case& c : {Case{hand(), "fpn_offset"}, Case{pan(), "fpn_gain"}}) {
     Shot shot = c.shot;
@@ -95,7 +95,7 @@ TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
   }
 }
 
-// What a profile's maps undo is not named again, what they leave is; new maps are of frames as they come.
+// Effects that the profile's maps correct are not named again, others are; new maps are for uncorrected frames.
 TEST_F(FieldRecording, AppliesKnownMapsBefore) {
   Shot shot = hand();
   shot.view = {128, 96};
@@ -133,7 +133,7 @@ TEST_F(FieldRecording, NamesTheFrameThatJumped) {
   }
 }
 
-// An offset that is no candidate before the scene is followed misleads the match of its frame.
+// Unless an offset is a candidate before tracking, it misleads the match of its frame.
 TEST_F(FieldRecording, NamesALargeJumpOfAMovingScene) {
   Shot shot{.view = {128, 96}, .frames = 200, .path = bed::slow_hand(), .period_s = 1.0 / 30.0};
   for (const auto& [jump_k, at_s] : {std::pair{1.35, 1.505}, std::pair{-1.15, 2.616}, std::pair{-0.75, 4.838}}) {
@@ -175,7 +175,7 @@ TEST_F(FieldRecording, AJerkTellsNoPattern) {
   }
 }
 
-// What many jerks tell of one does not help to predict: it is the scene's.
+// The pattern from one jerk does not predict the others: it belongs to the scene.
 TEST_F(FieldRecording, ManyJerksTellNoPattern) {
   constexpr double kPeriod = 1.0 / 30.0;
   const Report report = diagnosed({.view = {160, 120},
@@ -186,7 +186,7 @@ TEST_F(FieldRecording, ManyJerksTellNoPattern) {
   EXPECT_TRUE(report.effects.empty()) << told(report);
 }
 
-// The scene leaps within a frame and is then another picture.
+// The scene jumps within a frame, and is then another picture.
 TEST_F(FieldRecording, AJerkThatIsNotFollowedIsNoJump) {
   for (const bool sky : {false, true}) {
     const Report report =

@@ -212,7 +212,7 @@ TEST(MeasureNoise, MainsHumIsALine) {
   EXPECT_NEAR(n.line_hz, 37.3, 1.0);
 }
 
-// The few bins beside a bin know their median with an error of its own.
+// The median of the few bins around a bin has an error of its own.
 TEST(MeasureNoise, WhiteNoiseHasNoLine) {
   double least = 1.0;
   for (unsigned seed = 100; seed < 220; ++seed) {
@@ -270,8 +270,8 @@ TEST(IsStill, ToldFromMotion) {
   EXPECT_FALSE(is_still(session, session.recordings[1]));
 }
 
-// A scene that moves by several pixels a frame is white in time, as noise is. A camera may add to it what whole frames,
-// rows and columns share, and share a little of a pixel's noise with its neighbours.
+// A scene that moves by several pixels a frame is white in time, like noise. A camera may add noise common to frames,
+// rows and columns, and correlate that of neighbouring pixels a little.
 TEST(IsStill, ToldFromFastMotionByWhatNeighboursShare) {
   Draws draws(14);
   const std::vector<double> common = draws.normals(60 * (1 + kHeight + kWidth), 2.0);

@@ -171,7 +171,7 @@ TEST_F(Observations, PatternsOutliersFlickerAndNoiseOfAField) {
   EXPECT_EQ(seen.outliers, (std::vector<PixelPlace>{{40, 30}}));
 }
 
-// A street, by a camera of tau 12.1 ms with a profile of 11.
+// A street seen by a camera with tau 12.1 ms, whose profile states 11.
 bed::Shot hand(int frames, sim::Path path) {
   return {.view = {240, 120}, .frames = frames, .tau_s = 0.0121, .path = std::move(path)};
 }
@@ -205,7 +205,7 @@ TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
   EXPECT_EQ(report.effects.size(), 2U);
 }
 
-// Of a frame's little acceleration and shear most is the measurement's error, which would make a slope too small.
+// A frame's small acceleration and shear are mostly measurement error, which would bias the slope towards zero.
 TEST_F(Observations, ASlowHandTellsTheRowDelay) {
   constexpr double kDelay_s = 28e-6;
   std::vector<sim::PathPoint> points;

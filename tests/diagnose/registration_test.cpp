@@ -59,7 +59,7 @@ TEST(RegisterStimuli, FindsThePhaseOfMovingBars) {
   }
 }
 
-// A straight line through a recording's last frames would tell the speed in their middle.
+// A line through a recording's last frames would give the speed in their middle.
 TEST(RegisterStimuli, FollowsASpeedThatChangesUpToTheEnds) {
   const sim::StimulusError error{.uneven = 0.03, .uneven_phase = 0.4};
   const Session session = testing::session_of({record(noisy_camera(), slanted_bars(-320.0), 120, error)});
@@ -122,7 +122,7 @@ TEST(JudgeTransport, FindsALostFrameOfMovingBars) {
   EXPECT_EQ(plain.stimuli[0].late_s[158], 0.0);
 }
 
-// A step of a period is much of what a slower camera sees within 60 ms.
+// A step of one period is a large part of what a slow camera sees within 60 ms.
 TEST(JudgeTransport, FindsALostFrameOfASlowerCamera) {
   const Recording slow = testing::every(2, record(noisy_camera(), slanted_bars(-320.0), 320));
   Session session = testing::session_of({without_frame(slow, 83)});
@@ -220,7 +220,7 @@ TEST(Nuisances, LevelsThatAgreeWithTheFilesSayThatTheBenchIsGood) {
   EXPECT_NEAR(level_excess(all, state), 1.0, 0.01);  // 0.5 K are what a bench without a statement may be off by
 }
 
-// The same black body is off by the same in every capture: five captures say no more than one.
+// A black body has the same error in every capture: five captures say no more than one.
 TEST(Nuisances, LevelsOfOneSetPointThatAgreeCountOnce) {
   std::vector<Recording> flats;
   for (int i = 0; i < 5; ++i) {

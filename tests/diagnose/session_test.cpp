@@ -99,7 +99,7 @@ TEST_F(SessionFiles, TheDiagnosisCanBeStopped) {
   EXPECT_FALSE(diagnose({shutter("a.h5")}, {}, [](const std::string&, double) { return false; }));
 }
 
-// What was found by then is of the frames that were there before: of another size, or of other moments.
+// Findings so far belong to the frames read before, which had another size or other times.
 TEST_F(SessionFiles, ACaptureThatChangesMeanwhileIsSaid) {
   const auto pan = [this](const std::string& name, Geometry size, int frames) {
     const auto fill = [size](int k, std::vector<std::uint16_t>& plane) {
@@ -130,7 +130,7 @@ TEST_F(SessionFiles, AnEffectToWithholdMustBeKnown) {
   expect_refused(diagnose({shutter("a.h5")}, {.withheld = {"tau_globl"}}, go_on), {"tau_globl"});
 }
 
-// The chopper of the file never ran: one warning, and no effect of the camera.
+// The chopper described in the file never ran: one warning, and no effect of the camera.
 TEST_F(SessionFiles, AStimulusThatDoesNotMatchItsCapture) {
   Recording wrong = record(noisy_camera(3), capture::Uniform{300.0}, 240);
   wrong.stimulus = testing::odd_chopper();

@@ -35,7 +35,7 @@ Plot latency() {
   return plot;
 }
 
-// Over names.
+// A plot over named categories.
 Plot named(bool sideways) {
   Plot plot{.title = "Errors",
             .x = {.categories = {"dead_pixels", "offset_jump", "a name that is rather long"}},
@@ -167,7 +167,7 @@ TEST(Sheet, IsWrittenAsItsNameSays) {
   EXPECT_EQ(figures, 3U);
   expect_parts(html, {"seed 7", "prefers-color-scheme:dark"});
   expect_none(html, {"<script", "<link", "url("});
-  // Columns of numbers stand to the right.
+  // Columns of numbers are aligned to the right.
   expect_parts(html, {"<td>missing</td><td class=\"n\">12</td>", "<th>cause</th><th class=\"n\">frames</th>"});
 }
 

@@ -15,7 +15,7 @@ namespace bolo::tools::cli_test {
 
 int run_out_of_memory(int, char**) { throw std::bad_alloc(); }
 int fail(int, char**) { throw std::runtime_error("no\nthread"); }
-// Under a limit that leaves no memory at all, calls go deep.
+// Recurses deeply, under a limit that leaves no memory.
 int go_deep(int, char**) {
   constexpr std::size_t kDeep = 900'000;
   rlim_t pages = 0;
@@ -100,7 +100,7 @@ TEST(Parse, AFlagThatIsToldFalseIsRefused) {
   EXPECT_EQ(outcome.output, "bolo verb: --overwrite takes no value; leave it out instead\n");
 }
 
-// Stands for stderr while it lives.
+// Replaces stderr for its lifetime.
 class Terminal {
  public:
   Terminal() : stderr_(::dup(STDERR_FILENO)), terminal_(::posix_openpt(O_RDWR | O_NOCTTY)) {

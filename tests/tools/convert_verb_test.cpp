@@ -99,7 +99,7 @@ TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
   EXPECT_EQ(one.events().size(), 0U);
 }
 
-// The limit on file size stands for the end of the disk. The program inherits it from this process.
+// The limit on file size simulates a full disk. The program inherits it from this process.
 TEST_F(ConvertVerb, AFullDiskLeavesNothingOfACapture) {
   write_capture("a.h5", 3000);
   rlimit before{};
@@ -126,7 +126,7 @@ TEST_F(ConvertVerb, PreviewsOfARangeHaveTheSameGreysInEveryFrame) {
   refused(words("@a.h5 -o @q.png --range 290,300"), "add --preview");
 }
 
-// Each page leads to the next only: to look for each from the first one took minutes.
+// Each page links to the next only: seeking each from the first one took minutes.
 TEST_F(ConvertVerb, AFilmOfThousandsOfPagesIsGoneThroughOnce) {
   constexpr std::size_t kPages = 6000;
   const std::vector<std::uint16_t> plane(64, 30000);
@@ -142,7 +142,7 @@ TEST_F(ConvertVerb, AFilmOfThousandsOfPagesIsGoneThroughOnce) {
   EXPECT_FALSE(fs::exists(file("half.h5")));
 }
 
-// A pipe would be waited for.
+// Reading from a pipe would wait.
 TEST_F(ConvertVerb, RefusesWhatIsNoFile) {
   for (const char* name : {"p.png", "p.tiff", "p.jpg", "p.cptv", "p.mcap", "p.h5"}) {
     ASSERT_EQ(mkfifo(file(name).c_str(), 0600), 0);
@@ -175,7 +175,7 @@ TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
   const capture::CaptureReader reader = open("b.h5");
   EXPECT_EQ(reader.info().frames, 4U);
   EXPECT_EQ(reader.info().format.type, PixelType::kFloat32);
-  // And pictures from floating point, by the scale that is asked for.
+  // Also pictures from floating point, with the given scale.
   done(words("@a.tiff -o @p.png --scale 0.01 --offset 0"));
   const auto picture = must(read_png_picture(file("p_000002.png")));
   for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(picture->u16[p], value_at(2, p), 1);
@@ -240,7 +240,7 @@ TEST_F(ConvertVerb, WrongUsageIsOneLine) {
 
 // --- radiometric stills ---
 
-// So many bytes of a number, little-endian or `big`.
+// Writes a number of so many bytes, little-endian or `big`.
 void put(std::string& out, std::size_t at, std::size_t bytes, std::uint32_t v, bool big = false) {
   for (std::size_t i = 0; i < bytes; ++i) out[at + i] = static_cast<char>(v >> (8 * (big ? bytes - 1 - i : i)));
 }
@@ -326,7 +326,7 @@ double flir_raw(double kelvin, const FlirConstants& c) {
 
 double scene_k(std::size_t pixel) { return 290.0 + 0.05 * static_cast<double>(pixel % kWidth); }
 
-// The raw image as a PNG, as one with its bytes swapped, and as mere values: cameras of each kind are about.
+// The raw image as a PNG, as a byte-swapped PNG, and as bare values: there are cameras of each kind.
 TEST_F(ConvertVerb, RadiometricStillsBecomeKelvin) {
   if (!output_of({"exiftool", "-ver"}, "libimage-exiftool-perl")) GTEST_SKIP() << "exiftool is not installed";
   std::vector<std::uint16_t> raw;
@@ -351,7 +351,7 @@ TEST_F(ConvertVerb, RadiometricStillsBecomeKelvin) {
   }
 }
 
-// A single pixel without a temperature is none of the still.
+// A single pixel without a temperature does not spoil the still.
 TEST_F(ConvertVerb, AStillWhoseConstantsMakeNoTemperaturesIsRefused) {
   if (!output_of({"exiftool", "-ver"}, "libimage-exiftool-perl")) GTEST_SKIP() << "exiftool is not installed";
   std::vector<std::uint16_t> raw(kPixels, static_cast<std::uint16_t>(std::lround(flir_raw(300.0, kConstants))));

@@ -123,7 +123,7 @@ class DeblurFolder : public ProgramTest {
     return read_deblur_request(deblur_command_line().parse(static_cast<int>(arguments.size()), arguments.data()));
   }
 
-  // Seconds enough for any file system's clock.
+  // Long enough for the clock of any file system.
   void make_older(const std::string& name) const {
     fs::last_write_time(file(name), fs::last_write_time(file(name)) - std::chrono::seconds(10));
   }
@@ -200,7 +200,7 @@ TEST_F(DeblurFolder, AProfileThatChangesMeanwhileIsNotTakenForTheOneThatWasRead)
   EXPECT_NE(*must(made_from(*must(request_now()), *input)), before);
 }
 
-// One that a network's file system does not answer for is not passed over.
+// A file that a network file system does not deliver is not skipped.
 TEST_F(DeblurFolder, IsWholeOrRefused) {
   fs::create_symlink("a.h5", file("archive/d.h5"));
   bool erred = true;
@@ -284,7 +284,7 @@ TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
   EXPECT_FALSE(fs::exists(file("sharp/b.h5.part")));
 }
 
-// Unless others share it: one of them may be about to write there.
+// Unless other processes share the folder: one of them may be about to write there.
 TEST_F(DeblurFolder, WhereNothingIsMadeNoFolderStays) {
   ended(2, words("@archive/no.h5 @archive/none.h5 -o @new/sharp"), {"no.h5"});
   EXPECT_FALSE(fs::exists(file("new")));
@@ -304,7 +304,7 @@ TEST_F(DeblurFolder, ANameThatIsNotUtf8IsANameLikeAnyOther) {
   EXPECT_TRUE(fs::exists(file("\xff.h5")));
 }
 
-// A folder goes on without it, and without anybody's having asked for an unfinished recording of the same name to go.
+// Other captures of the folder are deblurred; the unfinished recording of that name is not overwritten.
 TEST_F(DeblurFolder, ARecordingThatWasCutOffIsNotBegunAgain) {
   fs::create_directory(file("sharp"));
   const std::string part = file("sharp/b.h5.part");

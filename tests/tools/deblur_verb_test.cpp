@@ -32,7 +32,7 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
   EXPECT_LT(rmse("deblurred_k"), 0.1 * rmse("blurred_k"));
 }
 
-// A camera that is read faster than it takes pictures: its frames are those that repeat none.
+// A camera that is read faster than it takes pictures: only its distinct frames count.
 TEST_F(DeblurVerb, FramesThatRepeatAreDroppedAsIfTheyHadNeverBeenRead) {
   write("drop.toml", "[firmware]\ndrop_repeated = true\n");
   const auto once = deblurred("--profile @drop.toml");
@@ -49,7 +49,7 @@ TEST_F(DeblurVerb, FramesThatRepeatAreDroppedAsIfTheyHadNeverBeenRead) {
   }
 }
 
-// A gyro whose times are others' changes no bit; one whose times are the frames' is used, and said so.
+// A gyro with foreign times changes no bit; one with the frames' times is used, and reported.
 TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
   write_blurred(file("in.h5"), {.height = kWidth});
   write("lens.toml", "[lens]\nfocal_px = 1400\n");
@@ -234,7 +234,7 @@ TEST_F(DeblurVerb, AnOutputThatIsMadeMeanwhileCostsNothing) {
   EXPECT_EQ(must(capture::CaptureReader::open(file("out.h5.part")))->info().frames, 44U);
 }
 
-// One frame takes this solver seconds, and 64 wait for it: neither is waited for.
+// One frame takes this solver seconds, and 64 are queued: neither delays the end.
 TEST_F(DeblurVerb, AnInterruptionIsHeardInTheMiddleOfAFrame) {
   write_blurred(file("in.h5"), {.truth = false, .frames = 100, .width = 1024, .height = 768});
   Program program = start(words("@in.h5 -o @out.h5 --solver exact --levels 7 --lambda 0.001 --threads 1"));

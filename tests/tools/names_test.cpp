@@ -32,7 +32,7 @@ TEST_F(Names, JsonIsWrittenWithThem) {
 
 TEST_F(Names, InfoShowsAttributesOfAnyBytes) { expect_parts(printed({"info", capture("x\xff")}), {"note \"x"}); }
 
-// Nor does HDF5 at the program's end, of what it could not close: each byte of the first object is damaged once.
+// Nor does HDF5 print at exit about objects it could not close: each byte of the first object is damaged once.
 TEST_F(Names, OfADamagedCaptureThereIsOneLine) {
   const std::string good = contents(capture(""));
   for (std::size_t at = 96; at < 128; ++at) {

@@ -29,7 +29,7 @@ struct Outcome {
   std::string err;
 };
 
-// Killed in the end, if it still runs.
+// Killed by the destructor if still running.
 class Program {
  public:
   // Starts words[0]; standard output and error go to LOG.out and LOG.err.
@@ -58,7 +58,7 @@ class Program {
 
   std::uint32_t pid() const { return static_cast<std::uint32_t>(pid_); }
   void signal(int number) const { kill(pid_, number); }
-  // SIGSTOP, until all its threads stand still: on a busy machine that takes a while.
+  // Sends SIGSTOP and waits until all threads have stopped, which takes a while on a busy machine.
   bool stop() const {
     int status = 0;
     signal(SIGSTOP);
@@ -96,7 +96,7 @@ class Program {
   int code_ = -1;
 };
 
-// Waits for words on its standard error: a daemon's log is written by a thread of its own, behind what it tells of.
+// Waits for words on standard error: the daemon's log is written by a thread of its own, with a delay.
 inline bool logged(const Program& program, const std::string& words) {
   return eventually([&] { return program.err().find(words) != std::string::npos; });
 }
@@ -141,13 +141,13 @@ class ProgramTest : public ::testing::Test {
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << last << ": " << outcome.err;
   }
 
-  // Each of these lines of words, behind the `usual` ones.
+  // Refuses each of these lines of words, appended to the `usual` ones.
   template <typename... Lines>
   void refused_each(const std::string& usual, const Lines&... lines) const {
     (refused(words(usual + ' ' + lines)), ...);
   }
 
-  // Words apart by blanks; "@NAME" is the file of that name in the test's folder.
+  // Splits at blanks; "@NAME" is the file of that name in the test's folder.
   std::vector<std::string> words(const std::string& line) const {
     std::vector<std::string> all;
     std::istringstream in(line);

@@ -1,11 +1,11 @@
-// PROMISES.md on readers: however many, frozen, killed or slow, they do not change the writer's rate or latency.
+// docs/guarantees.md on readers: however many, frozen, killed or slow, they do not change the writer's rate or latency.
 #include "tests/test.hpp"
 #include "tools/lab/bench/bench.hpp"
 
 namespace bolo::tools::readers_test {
 
-// Ratios to the same writer without readers, in the same rounds, for other programs compete for the processors. A
-// writer that waited for a frozen reader would be later by a hundred times, one that waited for each by ten.
+// Ratios to the same writer without readers, in the same rounds, because other programs compete for the processors.
+// Waiting for a frozen reader would delay the writer a hundredfold, waiting for each reader tenfold.
 TEST(Readers, DoNotChangeRateOrLatency) {
   constexpr double kRounds_s = 16.0;  // three or so
   constexpr double kRateWithin = 0.01;

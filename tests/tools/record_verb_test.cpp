@@ -80,7 +80,7 @@ TEST_F(RecordVerb, SeveralCamerasGoIntoOneFolder) {
   refused({"record", name_ + "-l", name_ + "-r", "-o", file("rig.h5")}, "into a folder");
 }
 
-// One that is not there costs the other nothing, and is told.
+// A missing daemon costs the other recording nothing, and is reported.
 TEST_F(RecordVerb, AnInterruptEndsAllInGoodOrder) {
   ASSERT_TRUE(writer_.open());
   Program program = start({"record", name_, name_ + "-none", "-o", file("rig")});
@@ -130,7 +130,7 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   for (const char* left : {".part", ".part.journal", ".part.live"}) EXPECT_FALSE(exists(file("a.h5") + left)) << left;
 }
 
-// Found once frames flow, of a camera whose settings say another rate than its clock.
+// The period is found once frames arrive, from a camera whose settings state another rate than its clock.
 TEST_F(RecordVerb, AnotherPeriodThatTheDaemonFindsIsInTheFile) {
   writer_.stats.period_s.set(0.005);
   ASSERT_TRUE(writer_.open());
@@ -141,7 +141,7 @@ TEST_F(RecordVerb, AnotherPeriodThatTheDaemonFindsIsInTheFile) {
   EXPECT_EQ(opened(file("a.h5")).info().format.frame_period_s, 0.0055);
 }
 
-// Somebody sets the clock in the middle of it, by an hour, and later back by more.
+// Meanwhile the clock is set by an hour, and later back by more.
 TEST_F(RecordVerb, UtcIsRecordedAndAStepOfTheClockIsSaid) {
   ASSERT_TRUE(writer_.open());
   constexpr std::int64_t kHour = 3'600'000'000'000;
@@ -285,8 +285,8 @@ TEST_F(RecordVerb, FramesThatABreakOfTheCameraTookAreLost) {
   EXPECT_EQ(end_of(program)["lost"]["before"], 198 + 399) << "every second number is one, too";
 }
 
-// A killed daemon's heartbeat looks alive for two seconds. Its successor's ring is shorter than that here, so that
-// frames would be overwritten if the recorder waited for it to grow old.
+// A killed daemon's heartbeat looks alive for two seconds. Here its successor's ring is shorter than that, so frames
+// would be overwritten if the recorder waited for the heartbeat to expire.
 TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
   constexpr int kSlots = 256;  // 1.3 s
   const auto publish_at_its_rate = [](shm::Writer& writer, int frames) {
@@ -319,7 +319,7 @@ TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
   EXPECT_GT(report["frames"], 2 * kSlots);
 }
 
-// A ring that is turned over faster than it is read: what was overwritten is counted, and marked in the file.
+// A ring that is overwritten faster than it is read: losses are counted and marked in the file.
 TEST_F(RecordVerb, OverwrittenFramesAreCounted) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "400"});
@@ -334,7 +334,7 @@ TEST_F(RecordVerb, OverwrittenFramesAreCounted) {
   EXPECT_EQ(reader.events()[0].kind, "gap");
 }
 
-// The limit on file size stands for the end of the disk. The program inherits it from this process.
+// The limit on file size simulates a full disk. The program inherits it from this process.
 TEST_F(RecordVerb, FullDiskEndsInAGoodCapture) {
   writer_.format.source.format.geometry = {320, 240};
   ASSERT_TRUE(writer_.open());

@@ -1,4 +1,4 @@
-// Numbers and times of a recording rise, whatever begins anew.
+// Numbers and times of a recording rise across restarts.
 #include "tests/test.hpp"
 #include "tools/record/recording.hpp"
 
@@ -39,8 +39,8 @@ TEST(RisingStream, PutsANewCountWhereTheHostsClockSays) {
   EXPECT_EQ(second.camera_ns, 11'000'000'000 + kPeriod_ns);
 }
 
-// After a restart, a camera clock that leaps ahead of the host's is another clock: hours that never were would be
-// empty.
+// After a restart, a camera clock far ahead of the host's is a new clock: else the file would have hours without
+// frames.
 TEST(RisingStream, DoesNotBelieveALeapAhead) {
   RisingStream stream(0.005);
   stream.place(frame(10, 1'000'000'000, 50'000'000'000));
@@ -50,7 +50,7 @@ TEST(RisingStream, DoesNotBelieveALeapAhead) {
   EXPECT_EQ(placed.frame_id, 11U);
 }
 
-// As a hostile writer may have them, one after the other.
+// Times as a hostile writer might send them, one after the other.
 TEST(RisingStream, GoesOnByItsOwnTimeThroughTimesThatAreNone) {
   RisingStream stream(0.005);
   constexpr std::int64_t kNone = std::int64_t{1} << 61U;

@@ -148,7 +148,7 @@ TEST_F(SimulateVerb, ListsTheEffects) {
   }
 }
 
-// The limit on file size stands for the end of the disk. The program inherits it from this process.
+// The limit on file size simulates a full disk. The program inherits it from this process.
 TEST_F(SimulateVerb, AFullDiskLeavesNothing) {
   rlimit before{};
   getrlimit(RLIMIT_FSIZE, &before);

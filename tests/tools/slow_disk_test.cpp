@@ -1,5 +1,4 @@
-// A recording onto a disk that is slower than the camera: frames are lost by count, the daemon and what was recorded
-// are not touched.
+// A recording to a disk slower than the camera: lost frames are counted; the daemon and recorded frames are unaffected.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -27,7 +26,7 @@ bool disk_errs() {
 
 }  // namespace
 
-// Takes the place of the C library's: all that a recording writes goes through it.
+// Replaces the C library's function, through which all writes of a recording go.
 extern "C" ssize_t pwrite(int descriptor, const void* data, size_t bytes, off_t offset) {
   std::this_thread::sleep_for(std::chrono::milliseconds(g_delay_ms.load()));
   if (disk_errs()) return -1;
@@ -128,7 +127,7 @@ TEST_F(SlowDisk, CostsFramesByCountAndNothingElse) {
   EXPECT_NE(std::ranges::find(reader->events(), "gap", &capture::Event::kind), reader->events().end());
 }
 
-// Each allocation of the writer's and the disk's threads in turn.
+// Refuses each allocation of the writer's and the disk's threads in turn.
 TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
   constexpr std::uint64_t kFrames = 40;
   bool refused = true;
@@ -169,7 +168,7 @@ TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
   }
 }
 
-// Likewise of a capture that is given up with frames that wait for their commit.
+// The same for a capture that is given up while frames await their commit.
 TEST(Memory, ThatIsRefusedToACaptureThatIsGivenUpEndsNothing) {
   bool refused = true;
   for (int news = 0; refused; ++news) {
@@ -188,7 +187,7 @@ TEST(Memory, ThatIsRefusedToACaptureThatIsGivenUpEndsNothing) {
   }
 }
 
-// The recorder closes its files itself then.
+// Then the recorder closes its files itself.
 TEST_F(SlowDisk, NoThreadCanBeStarted) {
   constexpr double kSplit_s = 0.2;
   ASSERT_TRUE(writer_.open());
@@ -222,7 +221,7 @@ TEST_F(SlowDisk, APartThatCannotGetItsNameIsTold) {
   EXPECT_FALSE(result.written.files.empty());
 }
 
-// As NFS does not for a while (ESTALE).
+// As NFS fails for a while (ESTALE).
 TEST_F(SlowDisk, WhatCannotBeBegunIsNoUnfinishedRecording) {
   g_stat_error = ESTALE;
   const auto begun = capture::CrashSafeFile::create(file_, capture::SurvivesCut::kPower, Replace::kNothing);
@@ -231,7 +230,7 @@ TEST_F(SlowDisk, WhatCannotBeBegunIsNoUnfinishedRecording) {
   EXPECT_FALSE(std::filesystem::exists(file_));
 }
 
-// Wherever one read or write fails (a bad sector, a network): what got its name can be read, what did not be saved.
+// Whichever read or write fails (bad sector, network): renamed files can be read, others recovered.
 TEST_F(SlowDisk, OneErrorCostsNoFrameThatWasCommitted) {
   const capture::CaptureInfo info{.format = {.geometry = {16, 8}, .frame_period_s = 0.01}};
   const capture::WriterOptions how{.survives_power_cut = true, .times = true};
@@ -263,7 +262,7 @@ TEST_F(SlowDisk, OneErrorCostsNoFrameThatWasCommitted) {
   }
 }
 
-// The least of a group's and those it is in; "max" is none.
+// The least limit of a group and its parents; "max" is no limit.
 TEST(MemoryLimit, IsOfAllGroups) {
   const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / shm::unique_name("groups");
   const std::filesystem::path inner = folder / "system.slice" / "recorder.service";

@@ -1,4 +1,4 @@
-// What bolo stat shows of a daemon, and who answers at its control socket.
+// Contents of bolo stat, and the trust in whoever answers at the control socket.
 #include "tools/view/stat_sample.hpp"
 #include "src/pipeline/source.hpp"
 #include "src/rt/counters.hpp"
@@ -191,7 +191,7 @@ TEST(StatSample, TableShowsWhatIsNotPrintableAsQuestionMarks) {
   EXPECT_EQ(table.find_first_of("\x1b\r\a\x7f"), std::string::npos);
 }
 
-// As one of another version might: it runs on while the package is upgraded.
+// As one of another version might: the daemon keeps running while the package is upgraded.
 TEST(StatSample, ADaemonThatSaysLessOrOtherThingsIsShown) {
   StatSnapshot snapshot = second_snapshot();
   for (const char* answer :

@@ -65,7 +65,7 @@ class ViewServer : public testing::Test {
   std::string request_for(const std::string& path) const {
     return "GET " + path + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + cookie() + "\r\n";
   }
-  // Expects that somebody who comes now is served soon.
+  // Expects that a new client is served soon.
   void expect_room() const {
     const UniqueFd fd = test::patient_socket(AF_INET, 5);
     ASSERT_TRUE(test::connect_to(fd, "127.0.0.1", server_->port()));
@@ -281,7 +281,7 @@ TEST_F(ViewServer, ConnectionsAreBoundedAndComeFree) {
   EXPECT_EQ(served, 200);
 }
 
-// Strangers who hold all places, with requests that they never finish, hold them until somebody else comes.
+// Strangers who hold all connections with unfinished requests lose one when somebody else comes.
 TEST_F(ViewServer, WhoIsSilentMakesRoom) {
   serve({.connections = 4});
   std::vector<UniqueFd> silent;
@@ -295,7 +295,7 @@ TEST_F(ViewServer, WhoIsSilentMakesRoom) {
   }
 }
 
-// A browser that was let in and takes nothing any more (a laptop that fell asleep) holds its place until then, too.
+// So does an authorised browser that no longer reads (a laptop asleep).
 TEST_F(ViewServer, WhoTakesNoAnswerMakesRoom) {
   serve({.connections = 4});
   const std::string request = "GET /app.js HTTP/1.1\r\nHost: localhost\r\n" + cookie() + "\r\n";
@@ -336,7 +336,7 @@ TEST(ViewListen, SaysThatNoFileDescriptorsAreLeft) {
   for (rlim_t left = 0; left < 7; ++left) EXPECT_EQ(in_child([&] { return with_descriptors(left); }), 0) << left;
 }
 
-// Whoever forgets the token lets nobody in.
+// A forgotten token locks everybody out.
 TEST_F(ViewServer, AnEmptyTokenOpensNothing) {
   serve(1, {}, "");
   for (const char* request : {"GET /", "GET /?token=", "GET /?token"}) {

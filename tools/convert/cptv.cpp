@@ -22,8 +22,8 @@ constexpr std::size_t kMostPixelsOfAFrame = std::size_t{1} << 24;
 constexpr unsigned kMostBits = 32;
 constexpr std::size_t kMostFramesOfAFilm = 10'000'000;  // twelve days
 constexpr std::size_t kMostBackgrounds = 16;            // cameras write one, before the first frame
-constexpr std::uint32_t kCorrecting_ms = 2000;          // a correction is over by then
-constexpr double kUsualRate_hz = 9.0;                   // a Lepton's, where neither header nor times state one
+constexpr std::uint32_t kCorrecting_ms = 2000;          // time in which a correction (NUC) is over
+constexpr double kUsualRate_hz = 9.0;                   // of a Lepton, if neither header nor times state a rate
 
 struct Header {
   Geometry geometry;
@@ -51,7 +51,7 @@ class CptvFile {
   CptvFile(const CptvFile&) = delete;
   CptvFile& operator=(const CptvFile&) = delete;
 
-  // Once, at the file's begin.
+  // Call once, at the beginning of the file.
   Result<Header> read_header() {
     if (file_ == nullptr) return wrong("it cannot be opened");
     std::array<char, 7> begin{};  // "CPTV", the version, 'H', fields
@@ -86,7 +86,7 @@ class CptvFile {
     return header;
   }
 
-  // Up to the frame's data. Nothing at the file's end.
+  // Reads up to the frame's data; nothing at the end of the file.
   Result<std::optional<FrameHead>> read_frame_head(Geometry geometry) {
     std::array<std::uint8_t, 2> begin{};  // 'F', fields
     const std::size_t got = read(begin.data(), begin.size());
@@ -125,7 +125,7 @@ class CptvFile {
     std::size_t bytes = 0;
     std::array<char, 255> data{};
 
-    // Of a number shorter than that the missing bytes are 0.
+    // Reads a number; missing high bytes count as 0.
     template <typename T>
     T as() const {
       T value{};
@@ -157,14 +157,14 @@ class CptvFile {
   gzFile file_;
 };
 
-// Adds to `plane` what the frame differs by. False: a value leaves 16 bits.
+// Adds a frame's differences to `plane`. False: a value exceeds 16 bits.
 bool add_difference(const std::vector<std::uint8_t>& data, unsigned bits, Geometry geometry,
                     std::vector<std::uint16_t>& plane) {
   std::int32_t first = 0;
   std::memcpy(&first, data.data(), sizeof first);
   std::int64_t difference = first;
   std::size_t at = sizeof first;
-  std::uint64_t waiting = 0;  // bits that were read and not used yet, the lowest of it
+  std::uint64_t waiting = 0;  // bits read but not used yet, in the lowest places
   unsigned count = 0;
   const auto width = static_cast<std::size_t>(geometry.width);
   for (std::size_t i = 0; i < plane.size(); ++i) {
@@ -238,7 +238,7 @@ class CptvFootage final : public Footage {
  private:
   static constexpr std::int64_t kLastUtc_us = 4'000'000'000'000'000;  // the year 2096
 
-  // The camera's times where they rise, else those of its rate.
+  // Uses the camera's times if they rise, else its rate.
   void describe(const StatedFormat& stated) {
     std::vector<double> steps_s;
     for (std::size_t i = 1; i < heads_.size(); ++i) {
@@ -260,7 +260,7 @@ class CptvFootage final : public Footage {
     info_.frames = heads_.size();
   }
 
-  // Into plane_; background frames are differences, too, and are passed.
+  // Reads the next frame into plane_. Background frames are differences, too: they are applied and skipped.
   Status read_next() {
     for (;;) {
       ASSIGN_OR_RETURN(const auto head, file_->read_frame_head(header_.geometry));
@@ -274,7 +274,7 @@ class CptvFootage final : public Footage {
   }
 
   std::filesystem::path path_;
-  std::unique_ptr<CptvFile> file_;  // before the frame that is read next
+  std::unique_ptr<CptvFile> file_;  // positioned before the next frame
   Header header_;
   std::vector<FrameHead> heads_;
   std::vector<double> times_s_;

@@ -27,7 +27,7 @@ double radiation(double kelvin, const FlirConstants& c) {
   return c.planck_r1 / (c.planck_r2 * (std::exp(c.planck_b / kelvin) - c.planck_f)) - c.planck_o;
 }
 
-// raw value = factor * the object's own radiation + offset.
+// raw value = factor * radiation of the object itself + offset.
 struct Path {
   double factor;
   double offset;
@@ -144,7 +144,7 @@ bool is_byte_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
 }
 
 Result<FlirStill> read_flir_still(const std::filesystem::path& file) {
-  std::error_code ignored;  // of a name that no file can have
+  std::error_code ignored;  // for names that no file can have
   if (!std::filesystem::is_regular_file(file, ignored)) return bad_input("is not there");
   // exiftool would search terabytes for a picture, and accepts files of any content.
   if (std::filesystem::file_size(file, ignored) > kLargestStill) return bad_input("is larger than a still can be");

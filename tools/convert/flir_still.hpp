@@ -1,4 +1,4 @@
-// FLIR radiometric JPEG stills: the raw values and constants that the camera stored beside the picture, to kelvin.
+// FLIR radiometric JPEG stills: converts the stored raw values and constants to kelvin.
 #pragma once
 
 #include <filesystem>
@@ -31,12 +31,12 @@ struct FlirConstants {
   double x = 1.9;
 };
 
-// The radiation formula of FLIR's manuals: raw = w (e t R(T) + (1 - e) t R(reflected) + (1 - t) R(atmosphere)) +
-// (1 - w) R(window) with R(T) = R1 / (R2 (exp(B / T) - F)) - O, e the emissivity, w the window's and t the atmosphere's
-// transmission. Values that no temperature gives become NaN. Thread: any.
+// The radiation formula of FLIR's manuals: raw = w (e t R(T) + (1 - e) t R(reflected) + (1 - t) R(atmosphere)) + (1 -
+// w) R(window) with R(T) = R1 / (R2 (exp(B / T) - F)) - O, emissivity e, transmission w of the window and t of the
+// atmosphere. Values without a solution T become NaN. Thread: any.
 double flir_kelvin(double raw, const FlirConstants& constants);
-// t = X exp(-sqrt(d) (alpha1 + beta1 sqrt(h))) + (1 - X) exp(-sqrt(d) (alpha2 + beta2 sqrt(h))), with the water
-// h = humidity exp(1.5587 + 0.06939 c - 2.7816e-4 c^2 + 6.8455e-7 c^3), c the air in degrees Celsius.
+// t = X exp(-sqrt(d) (alpha1 + beta1 sqrt(h))) + (1 - X) exp(-sqrt(d) (alpha2 + beta2 sqrt(h))), with the water h =
+// humidity exp(1.5587 + 0.06939 c - 2.7816e-4 c^2 + 6.8455e-7 c^3) at an air temperature of c degrees Celsius.
 double atmosphere_transmission(const FlirConstants& constants);
 
 struct FlirStill {
@@ -46,14 +46,13 @@ struct FlirStill {
   std::string camera_serial;
 };
 
-// By exiftool. Errors: not radiometric, constants missing, exiftool not installed. Thread: any.
+// Uses exiftool. Errors: not radiometric, constants missing, exiftool not installed. Thread: any.
 Result<FlirStill> read_flir_still(const std::filesystem::path& file);
 
-// The still in kelvin, float32; NaN where a pixel has no temperature. Error: none has. Thread: any.
+// The still in kelvin, float32; NaN for a pixel without a temperature. Error: all are NaN. Thread: any.
 Result<Picture> to_kelvin(const FlirStill& still);
 
-// Cameras store the 16-bit PNG with its bytes swapped, some don't: neighbours differ less in the right order. Thread:
-// any.
+// Most cameras store the 16-bit PNG byte-swapped, some do not: neighbours differ less in the right order. Thread: any.
 bool is_byte_swapped(Geometry geometry, std::span<const std::uint16_t> values);
 
 }  // namespace bolo::tools

@@ -19,7 +19,7 @@ namespace {
 
 using capture::CaptureReader;
 
-// Values in floating point are kelvin.
+// Floating-point values are kelvin.
 LinearScale scale_of(PixelType type, const StatedFormat& stated) {
   if (type == PixelType::kFloat32) return {Unit::kKelvin, 1.0, 0.0};
   return stated.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
@@ -40,7 +40,7 @@ class CaptureFootage final : public Footage {
 
   Result<Extras> extras() const override {
     ASSIGN_OR_RETURN(auto attributes, reader_.attributes());
-    // A stimulus that is wrong is left out; opening the file has reported it.
+    // A faulty stimulus is left out; it was reported when the file was opened.
     return Extras{reader_.events(), std::move(attributes), reader_.stimulus().value_or(capture::NoStimulus{})};
   }
 
@@ -74,7 +74,7 @@ class MergedFootage final : public Footage {
   struct Turn {
     double t_s;
     std::size_t part;
-    std::size_t index;  // in it
+    std::size_t index;  // within its part
   };
   std::vector<std::unique_ptr<CaptureFootage>> footages_;
   std::vector<Turn> turns_;
@@ -101,7 +101,7 @@ std::string size_text(Geometry g) { return fmt::format("{}x{}", g.width, g.heigh
 
 class PictureFootage final : public Footage {
  public:
-  // The first picture decides what all of them must be.
+  // The first picture determines size and type of all.
   static Result<std::unique_ptr<Footage>> open(std::vector<Place> places, const StatedFormat& stated) {
     auto footage = std::unique_ptr<PictureFootage>(new PictureFootage(std::move(places)));
     ASSIGN_OR_RETURN(Picture first, footage->read_picture(0));
@@ -152,7 +152,7 @@ class PictureFootage final : public Footage {
   }
 
   std::vector<Place> places_;
-  std::optional<TiffReader> tiff_;  // of `tiff_file_`
+  std::optional<TiffReader> tiff_;  // reads `tiff_file_`
   std::filesystem::path tiff_file_;
 };
 
@@ -160,7 +160,7 @@ static_assert(std::endian::native == std::endian::little, "values are read as th
 
 struct Dump {
   std::filesystem::path file;
-  std::size_t first = 0;  // number of its first frame
+  std::size_t first = 0;  // index of its first frame
 };
 
 class RawFootage final : public Footage {
@@ -203,7 +203,7 @@ class RawFootage final : public Footage {
   std::vector<Dump> dumps_;
   RawLayout layout_;
   const Dump* open_ = nullptr;
-  std::ifstream in_;  // of it
+  std::ifstream in_;  // reads `open_`
 };
 
 }  // namespace

@@ -27,15 +27,14 @@ std::string scale_text(const LinearScale& scale) {
   return fmt::format("kelvin = {:.9g} * value + {:.9g}", scale.scale, scale.offset);
 }
 
-// Description of 8-bit values.
 std::string eye_meaning(const StreamFormat& format, const EyeRange& range, const char* without) {
   if (!range) return fmt::format("8 bit for the eye: {}", without);
   return fmt::format("8 bit for the eye: black at {:g}, white at {:g} {}", range->first, range->second,
                      format.scale.unit == Unit::kKelvin ? "K" : "counts");
 }
 
-// Grey pictures of 8 bits for the eye: the darkest and the brightest hundredth of the pixels are black and white, and
-// follow the scene slowly, so that pictures after one another don't flicker; unless a range is given.
+// 8-bit grey pictures for the eye. Without a given range, the darkest and the brightest percent of the pixels are black
+// and white; these levels follow the scene slowly, so that a film does not flicker.
 class Preview {
  public:
   Preview(const StreamFormat& format, const EyeRange& range) : format_(format), fixed_(range.has_value()) {
@@ -43,7 +42,7 @@ class Preview {
     low_ = (range->first - format.scale.offset) / format.scale.scale;
     high_ = (range->second - format.scale.offset) / format.scale.scale;
   }
-  // The levels of one frame, row-major; good until the next call.
+  // The levels of one frame, row-major; valid until the next call.
   const std::vector<std::uint8_t>& levels(const Frame& frame) {
     if (format_.type == PixelType::kUint16) {
       values_.assign(frame.u16.begin(), frame.u16.end());
@@ -51,21 +50,21 @@ class Preview {
       values_ = frame.f32;
     }
     if (!fixed_) follow_scene();
-    // A scale may be below 0: then hot is a low count, and still white.
+    // With a negative scale, hot is a low count, and still white.
     const double span = high_ - low_;
     const double gain = 255.0 / (fixed_ ? span : std::max(span, kLeastSpan));
     levels_.resize(values_.size());
     std::transform(values_.begin(), values_.end(), levels_.begin(), [&](float v) {
       const double level = (v - low_) * gain;
-      return level > 0.0 ? static_cast<std::uint8_t>(std::min(level, 255.0)) : std::uint8_t{0};  // not a number: black
+      return level > 0.0 ? static_cast<std::uint8_t>(std::min(level, 255.0)) : std::uint8_t{0};  // NaN: black
     });
     return levels_;
   }
 
  private:
-  static constexpr double kShare = 0.01;      // of the pixels beyond either end
-  static constexpr double kFollow_s = 0.5;    // time constant
-  static constexpr double kLeastSpan = 1e-6;  // of a scene without contrast
+  static constexpr double kShare = 0.01;      // of the pixels that are black, and that are white
+  static constexpr double kFollow_s = 0.5;    // time constant of the levels
+  static constexpr double kLeastSpan = 1e-6;  // for a scene without contrast
 
   void follow_scene() {
     sample_ = values_;
@@ -114,7 +113,7 @@ class CaptureSink final : public FootageSink {
   }
   explicit CaptureSink(capture::CaptureWriter writer) : writer_(std::move(writer)) {}
   ~CaptureSink() override {
-    if (!finished_) writer_.discard();  // what it was to be made from is there
+    if (!finished_) writer_.discard();  // the input is still there
   }
   Status write(const Frame& frame) override {
     return writer_.append(frame.t_s, frame.id, frame.data(), nullptr, nullptr, frame.times ? &*frame.times : nullptr);
@@ -130,10 +129,10 @@ class CaptureSink final : public FootageSink {
   bool finished_ = false;
 };
 
-// One file a frame: NAME_000000.png ..., or NAME.png for a single one.
+// One file per frame: NAME_000000.png ..., or NAME.png if there is only one.
 class PngSink final : public FootageSink {
  public:
-  // Nothing is in the way of any frame.
+  // Refuses if any frame's file may not be written.
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
     auto sink = std::make_unique<PngSink>(target, footage.info());
     Files files;
@@ -174,7 +173,7 @@ class PngSink final : public FootageSink {
     return {given.parent_path() / fmt::format("{}_{:06}.png", given.stem().string(), frame), target_.file.replace};
   }
 
-  // Beyond the range of 16 bits the end of the range; not a number is 0.
+  // Clamps to the range of 16 bits; NaN becomes 0.
   const std::uint16_t* values(const Frame& frame) {
     if (!is_float()) return frame.u16.data();
     const LinearScale& from = info_.format.scale;
@@ -206,7 +205,7 @@ class TiffSink final : public FootageSink {
   TiffSink(FileBeside file, TiffWriter writer, std::string name, StreamFormat format)
       : file_(std::move(file)), writer_(std::move(writer)), name_(std::move(name)), format_(format) {}
 
-  // Kelvin wherever they are known: a TIFF has no place for a scale that other programs would read.
+  // In kelvin if these are known: TIFF has no scale that other programs would read.
   Status write(const Frame& frame) override {
     return named(format_.scale.unit == Unit::kKelvin
                      ? writer_.write(format_.geometry, PixelType::kFloat32, kelvin(frame))
@@ -234,7 +233,7 @@ class TiffSink final : public FootageSink {
   }
 
   FileBeside file_;
-  TiffWriter writer_;  // closed before the file goes
+  TiffWriter writer_;  // must close before the file is removed
   std::string name_;
   StreamFormat format_;
   std::vector<float> kelvin_;
@@ -264,12 +263,12 @@ class FilmSink final : public FootageSink {
     return std::unique_ptr<FootageSink>(
         new FilmSink(std::move(file), std::move(folder), std::move(input), std::move(ffmpeg), format, target.range));
   }
-  // SIGPIPE is ignored.
+  // Requires that SIGPIPE is ignored.
   Status write(const Frame& frame) override {
     for (std::span<const std::uint8_t> left = preview_.levels(frame); !left.empty();) {
       const ssize_t done = ::write(input_.get(), left.data(), left.size());
       if (done < 0 && errno == EINTR) continue;
-      if (done < 0) {  // it has ended, or has to: its messages have the reason
+      if (done < 0) {  // it ended, or will have to: its messages say why
         input_ = UniqueFd();
         RETURN_IF_ERROR(ended_well(ffmpeg_, "ffmpeg"));
         return failed("ffmpeg ended before its input did");
@@ -296,9 +295,9 @@ class FilmSink final : public FootageSink {
         meaning_(eye_meaning(format, range, "the scale follows the scene")) {}
 
   FileBeside file_;
-  ScratchFolder folder_;  // for its messages
+  ScratchFolder folder_;  // holds ffmpeg's messages
   UniqueFd input_;
-  Process ffmpeg_;  // ends before the file goes
+  Process ffmpeg_;  // must end before the file is removed
   Preview preview_;
   std::string meaning_;
 };

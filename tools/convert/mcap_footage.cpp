@@ -1,5 +1,4 @@
-// Recordings of ROS 2 (MCAP) as footage: Bolo's own with all that a capture holds, others' with pictures and their
-// times.
+// Recordings of ROS 2 (MCAP) as footage: Bolo's own with all that a capture holds, others with pictures and times.
 #include <algorithm>
 #include <cmath>
 #include <tuple>
@@ -19,7 +18,7 @@ namespace bolo::tools {
 namespace {
 
 constexpr std::size_t kMostFrames = std::size_t{1} << 24U;  // 23 hours at 200 Hz
-// Of the file, however well packed: each has a time of its own. Without it a few kilobytes would fill all memory.
+// Least bytes of the file per message, however compressed: otherwise a few kilobytes could fill all memory.
 constexpr std::uint64_t kLeastBytesOfAMessage = 2;
 
 struct Still {
@@ -36,11 +35,11 @@ struct Series {
   std::vector<Still> pictures;
 };
 
-// Results of one pass through the file.
+// Results of one pass over the file.
 struct Found {
-  std::size_t most = kMostFrames;                                         // of pictures, frames and events
+  std::size_t most = kMostFrames;                                         // of pictures, frames and events together
   std::map<std::string, Series> images;                                   // by topic
-  std::map<std::tuple<std::uint64_t, std::uint32_t>, ros::Frame> frames;  // by log time and sequence
+  std::map<std::tuple<std::uint64_t, std::uint32_t>, ros::Frame> frames;  // by log time and sequence number
   std::vector<capture::Event> events;
 
   Status see(const mcap::Topic& topic, const mcap::Message& message, std::string_view data) {
@@ -89,7 +88,7 @@ Result<std::string> chosen_topic(const Found& found, const std::string& asked) {
   return asked;
 }
 
-// Times and numbers as Bolo wrote them; those of other programs' files from stamp and sequence.
+// Times and numbers as Bolo wrote them; for files of other programs, from stamp and sequence number.
 void number_pictures(const Found& found, Series& series) {
   bool counted = true;
   for (Still& picture : series.pictures) {
@@ -193,7 +192,7 @@ class McapFootage final : public Footage {
   mcap::Reader reader_;
   Series series_;
   std::vector<capture::Event> events_;
-  mcap::Texts texts_;  // of the capture that the topic was made of; empty: of another program
+  mcap::Texts texts_;  // attributes of the capture behind the topic; empty: written by another program
 };
 
 }  // namespace

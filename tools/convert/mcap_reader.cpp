@@ -10,13 +10,13 @@
 namespace bolo::tools::mcap {
 namespace {
 
-constexpr std::size_t kChunkBytes = std::size_t{4} << 20U;  // what a reader must unpack to see one frame
-constexpr int kLevel = 1;                                   // higher ones save 1 to 2 % of thermal frames
+constexpr std::size_t kChunkBytes = std::size_t{4} << 20U;  // a reader has to unpack this much to see one frame
+constexpr int kLevel = 1;                                   // higher levels save only 1 to 2 % on thermal frames
 
-// Writers' chunks hold 1 to 4 MiB; one with a single large message may hold more.
+// Chunks usually hold 1 to 4 MiB; one with a single large message may hold more.
 constexpr std::uint64_t kMostRecord = std::uint64_t{256} << 20U;
 constexpr std::uint64_t kPiece = std::uint64_t{1} << 20U;
-constexpr std::size_t kMessageHead = 22;  // of a message's fields, before its data
+constexpr std::size_t kMessageHead = 22;  // size of a message's fields before its data
 constexpr std::size_t kMostTopics = 4096;
 constexpr std::size_t kLongestName = 200;
 
@@ -69,7 +69,7 @@ Status Reader::walk(const Visit& visit) {
     const std::uint64_t at = at_;
     const std::uint32_t crc = crc_;
     ASSIGN_OR_RETURN(const Head head, next_head());
-    if (head.op == Op::kFooter) return {};  // no end of data is marked: as good as it gets
+    if (head.op == Op::kFooter) return {};  // no end-of-data record: accepted
     const bool known = head.op == Op::kSchema || head.op == Op::kChannel || head.op == Op::kMessage ||
                        head.op == Op::kChunk || head.op == Op::kMetadata || head.op == Op::kDataEnd;
     if (!known) {
@@ -171,7 +171,7 @@ Result<std::string_view> Reader::unpack(std::string_view chunk) {
   if (compression.empty()) {
     unpacked_ = packed;
   } else if (compression == "zstd") {
-    // A frame that states another size is refused before memory is taken for it.
+    // Refuses a frame that states another size before allocating memory for it.
     const unsigned long long stated = ZSTD_getFrameContentSize(packed.data(), packed.size());
     if (stated == ZSTD_CONTENTSIZE_ERROR || (stated != ZSTD_CONTENTSIZE_UNKNOWN && stated > size)) {
       return bad_input("a chunk does not unpack");
@@ -320,7 +320,7 @@ Fields Writer::statistics() const {
   return fields;
 }
 
-// Groups of records of one code, then where each group lies.
+// Groups of records of one code, followed by the position of each group.
 Status Writer::write_summary() {
   const std::uint64_t start = written_;
   crc_ = 0;

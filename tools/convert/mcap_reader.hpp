@@ -1,5 +1,5 @@
-// Reads an MCAP file from its first record to its last, without its index. The file is untrusted: lengths, counts and
-// checksums are checked, and nothing is unpacked beyond what a chunk may hold.
+// Reads an MCAP file sequentially, without its index. The file is untrusted: lengths, counts and checksums are checked,
+// and nothing is unpacked beyond the limit of a chunk.
 #pragma once
 
 #include <bit>
@@ -51,14 +51,13 @@ enum class Op : std::uint8_t {
   kDataEnd,
 };
 
-// CRC-32, going on from that of what stands before. Thread: any.
+// CRC-32, continuing from `before`. Thread: any.
 inline std::uint32_t crc_of(std::uint32_t before, std::string_view bytes) {
   return static_cast<std::uint32_t>(crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
 using Texts = std::map<std::string, std::string>;
 
-// Appends fields.
 class Fields {
  public:
   template <typename T>
@@ -72,7 +71,7 @@ class Fields {
     bytes_.append(bytes);
     return *this;
   }
-  // Of known length: a string, an array, a map.
+  // With a length prefix: a string, an array, a map.
   Fields& text(std::string_view bytes) { return number(static_cast<std::uint32_t>(bytes.size())).raw(bytes); }
   Fields& texts(const Texts& map) {
     Fields inside;
@@ -91,7 +90,7 @@ class Fields {
   std::string bytes_;
 };
 
-// Takes fields; zeros, and good() is false, from the first one that the bytes do not hold.
+// Extracts fields. Once the bytes are exhausted, fields are zero and good() is false.
 class FieldReader {
  public:
   explicit FieldReader(std::string_view bytes) : rest_(bytes) {}
@@ -130,14 +129,14 @@ class FieldReader {
   bool good_ = true;
 };
 
-// --- How a capture is spelled in MCAP, for its writer and its reader. docs/formats.md has the table.
+// --- Representation of a capture in MCAP, for writer and reader. docs/formats.md has the table.
 
-// A metadata record of this name for each topic of images: `topic`, and a capture's root attributes.
+// A metadata record of this name for each topic of images: `topic`, and the capture's root attributes.
 inline constexpr const char* kCapture = "bolo-capture";
-inline constexpr std::string_view kText = "text.";      // attributes beyond the format's own
+inline constexpr std::string_view kText = "text.";      // attributes outside the format
 inline constexpr std::string_view kNumber = "number.";  // likewise
 
-// The attribute in a key that begins with `prefix`; empty: none that a capture could have.
+// The attribute name in a key that begins with `prefix`; empty if a capture could not have such an attribute.
 inline std::string attribute_in(std::string_view key, std::string_view prefix) {
   constexpr std::size_t kMostBytes = 255;
   if (!key.starts_with(prefix)) return {};
@@ -146,7 +145,7 @@ inline std::string attribute_in(std::string_view key, std::string_view prefix) {
   return good ? std::string(key) : std::string();
 }
 
-// A topic of messages in CDR of a ROS 2 type.
+// A topic of CDR messages of one ROS 2 type.
 struct Topic {
   std::string name;
   std::string type;  // "sensor_msgs/msg/Image"
@@ -156,26 +155,26 @@ struct Message {
   std::uint16_t channel = 0;
   std::uint32_t sequence = 0;
   std::uint64_t log_ns = 0;
-  std::uint64_t record = 0;  // of the file: its chunk, or the message itself
-  std::uint64_t offset = 0;  // of its data in there
+  std::uint64_t record = 0;  // position in the file of its chunk, or of the message itself
+  std::uint64_t offset = 0;  // position of its data in there
   std::uint64_t bytes = 0;
 };
 
-// Errors (kBadInput) have the fault and its place, without the file's name. Thread: any one at a time.
+// Errors (kBadInput) state the fault and its position, without the file's name. Thread: any one at a time.
 class Reader {
  public:
   using Visit = std::function<Status(const Topic&, const Message&, std::string_view data)>;
 
   static Result<Reader> open(const std::filesystem::path& file);
 
-  // Once: every message that is in CDR, in the file's order, with its data, which is good for the call only.
+  // Call once: visits all CDR messages in the file's order; `data` is valid during the call only.
   Status walk(const Visit& visit);
-  // The data of a message that was visited; good until the next call.
+  // The data of a visited message; valid until the next call.
   Result<std::string_view> data(const Message& message);
 
   std::uint64_t size() const { return size_; }  // of the file
 
-  // After walk(): metadata records by name; of several of one name all.
+  // Valid after walk(): metadata records by name; a name may occur several times.
   const std::multimap<std::string, Texts>& metadata() const { return metadata_; }
 
  private:
@@ -196,34 +195,33 @@ class Reader {
 
   std::ifstream file_;
   std::uint64_t size_;
-  std::uint64_t at_ = 0;   // bytes taken
-  std::uint32_t crc_ = 0;  // of them
+  std::uint64_t at_ = 0;   // consumed so far
+  std::uint32_t crc_ = 0;  // of the consumed bytes
   std::map<std::uint16_t, std::string> types_;
-  std::map<std::uint16_t, std::optional<Topic>> topics_;  // nothing: not in CDR
+  std::map<std::uint16_t, std::optional<Topic>> topics_;  // nothing: not CDR
   std::multimap<std::string, Texts> metadata_;
-  std::string record_;    // in work
-  std::string unpacked_;  // of the chunk at `unpacked_at_`
+  std::string record_;    // the current record
+  std::string unpacked_;  // the chunk at `unpacked_at_`
   std::optional<std::uint64_t> unpacked_at_;
 };
 
-// --- Writes an MCAP file: chunks compressed by zstd, each with an index of its messages, and a summary of all at the
-// end.
+// --- Writes an MCAP file: chunks compressed by zstd, each with an index of its messages, and a summary at the end.
 
-// A topic's messages: CDR of a ROS 2 type.
+// A topic with CDR messages of one ROS 2 type.
 struct Channel {
   std::string topic;
   std::string type;        // "sensor_msgs/msg/Image"
-  std::string definition;  // of the type, ros2msg; equal for all channels of the type
+  std::string definition;  // of the type, ros2msg; must be equal for all channels of the type
 };
 
-// Beside its final name until finish(). Errors: a disk that takes no more (kFailed). Thread: any one at a time.
+// Writes beside the final name until finish(). Errors: a full or failing disk (kFailed). Thread: any one at a time.
 class Writer {
  public:
   static Result<Writer> create(OutputFile output, std::string_view library);
 
-  // Before the first message.
+  // Call before the first message.
   Status add_metadata(const std::string& name, const Texts& values);
-  // The channel's number.
+  // Returns the channel's number.
   Result<std::uint16_t> add_channel(const Channel& channel);
 
   Status write(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns, std::string_view data);
@@ -251,14 +249,14 @@ class Writer {
   FileBeside file_;
   std::string name_;
   std::uint64_t written_ = 0;
-  std::uint32_t crc_ = 0;  // of the section in work
+  std::uint32_t crc_ = 0;  // of the current section
   std::map<std::string, std::uint16_t> schema_of_type_;
   std::map<Op, std::vector<Fields>> summary_;
   Chunk chunk_;
   std::uint32_t chunks_ = 0;
   std::uint64_t first_ns_ = 0;
   std::uint64_t last_ns_ = 0;
-  std::map<std::uint16_t, std::uint64_t> messages_;  // of each channel
+  std::map<std::uint16_t, std::uint64_t> messages_;  // number of messages by channel
   std::string compressed_;
 };
 

@@ -1,4 +1,4 @@
-// Captures as a recording of ROS 2 (MCAP): what a camera's driver would publish, image by image.
+// Captures as a recording of ROS 2 (MCAP), with the messages that a camera driver would publish.
 #include <algorithm>
 #include <charconv>
 #include <ctime>
@@ -22,8 +22,7 @@ const std::string* text_of(const std::vector<capture::Attribute>& attributes, co
   return nullptr;
 }
 
-// "2026-11-23T12:34:56.789Z", as a recording has it; nothing where it is something else, or no time that a stamp can
-// have (a clock that was never set, or wrongly).
+// Parses "2026-11-23T12:34:56.789Z". Nothing for another text, or a time that no stamp can have (clock never set).
 std::optional<double> utc_s(const std::string& text) {
   std::tm date{};
   const char* rest = strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &date);
@@ -70,7 +69,7 @@ class McapSink final : public FootageSink {
     const auto number = static_cast<std::uint32_t>(frame.id);
     Status good = writer_.write(part.channel, number, ns,
                                 ros::image(header, part.format.geometry, part.format.type, frame.data()));
-    if (!good || frame.t_s == last_t_s_) return good;  // the raw and the sharp plane of one frame
+    if (!good || frame.t_s == last_t_s_) return good;  // raw and sharp plane of one frame
     last_t_s_ = frame.t_s;
     good = writer_.write(infos_, number, ns, ros::camera_info(header, part.format.geometry));
     return good ? writer_.write(frames_, number, ns, ros::frame(header, identity_of(frame))) : good;
@@ -136,7 +135,7 @@ class McapSink final : public FootageSink {
     return identity;
   }
 
-  // UTC where the frame has it; else as time went on from the first one, which stands at the recording's begin.
+  // UTC if the frame has it; otherwise the time since the first frame, added to the start of the recording.
   void place_clock(const Frame& frame) {
     if (frame.times && frame.times->utc_s > 0.0) {
       base_ns_ = to_ns(frame.times->utc_s);
@@ -153,7 +152,6 @@ class McapSink final : public FootageSink {
     return static_cast<std::uint64_t>(std::max(ns, std::int64_t{0}));
   }
 
-  // Events up to this time.
   Status write_events(double until_s) {
     for (; next_event_ < events_.size() && events_[next_event_].t_s <= until_s; ++next_event_) {
       if (!base_ns_) continue;
@@ -176,7 +174,7 @@ class McapSink final : public FootageSink {
   std::size_t next_event_ = 0;
   std::optional<double> begun_s_;  // UTC of the first frame
   bool has_utc_ = false;
-  std::optional<std::int64_t> base_ns_;  // the stamp of what was taken at base_t_s_
+  std::optional<std::int64_t> base_ns_;  // stamp at base_t_s_
   double base_t_s_ = 0.0;
   std::optional<double> last_t_s_;
 };

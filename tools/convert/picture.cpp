@@ -24,9 +24,9 @@ Status write_png(const std::filesystem::path& file, Geometry geometry, png_uint_
 
 constexpr std::uint64_t kMostPixels = 64'000'000;
 
-constexpr const char* kRead = "rm";  // not mapped: a file that becomes shorter would end the process (SIGBUS)
+constexpr const char* kRead = "rm";  // no mmap: a file truncated meanwhile would raise SIGBUS
 
-// Errors leave as values: libtiff is not to print them.
+// Keeps libtiff from printing errors: they are returned as values.
 TiffHandle open_tiff(const std::filesystem::path& file, const char* mode) {
   TIFFSetErrorHandler(nullptr);
   TIFFSetWarningHandler(nullptr);
@@ -84,7 +84,7 @@ Result<std::size_t> count_tiff_pages(const std::filesystem::path& file) {
   if (!tiff) return bad_input("cannot be opened as TIFF");
   std::size_t pages = 1;
   while (TIFFLastDirectory(tiff.get()) == 0) {
-    if (TIFFReadDirectory(tiff.get()) == 0) {  // also where the pages go round in a circle, or are more than a million
+    if (TIFFReadDirectory(tiff.get()) == 0) {  // also fails on a cycle of pages, or more than a million
       return bad_input("is cut off or damaged: of its pages only " + std::to_string(pages) + " can be read");
     }
     ++pages;
@@ -126,7 +126,7 @@ Result<Picture> TiffReader::read(std::size_t page) {
 }
 
 Result<TiffWriter> TiffWriter::create(const std::filesystem::path& file) {
-  TiffHandle tiff = open_tiff(file, "w8");  // BigTIFF: long recordings pass 4 GB
+  TiffHandle tiff = open_tiff(file, "w8");  // BigTIFF: long recordings exceed 4 GB
   const std::string why = std::string("cannot be created: ") + std::strerror(errno);
   if (!tiff) return errno == ENOSPC || errno == EDQUOT ? failed(why) : bad_input(why);
   return TiffWriter(std::move(tiff));

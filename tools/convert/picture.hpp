@@ -1,4 +1,4 @@
-// Single pictures in files. Errors don't name the file: the caller does.
+// Single pictures in files. Errors omit the file's name: the caller adds it.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,6 @@ struct Plane {
   std::vector<std::uint16_t> u16;
   std::vector<float> f32;
 
-  // Room for so many values of the type.
   void* resize(PixelType type, std::size_t pixels) {
     u16.resize(type == PixelType::kUint16 ? pixels : 0);
     f32.resize(type == PixelType::kUint16 ? 0 : pixels);
@@ -33,13 +32,12 @@ struct Picture : Plane {
   PixelType type = PixelType::kUint16;
 };
 
-// 8 bit become 16 by 257 v. Thread: any.
+// 8-bit values v become 257 v. Thread: any.
 Result<Picture> read_png_picture(const std::filesystem::path& file);
 Status write_png16(const std::filesystem::path& file, Geometry geometry, const std::uint16_t* plane);
 Status write_png8(const std::filesystem::path& file, Geometry geometry, const std::uint8_t* plane);
 
-// Pages of grey values, uint16 or float32. Errors (kBadInput): no TIFF, or one that is cut off. Thread: any one at a
-// time.
+// Pages of uint16 or float32. Errors (kBadInput): not a TIFF, or a truncated one. Thread: any one at a time.
 Result<std::size_t> count_tiff_pages(const std::filesystem::path& file);
 
 struct TiffCloser {
@@ -47,11 +45,11 @@ struct TiffCloser {
 };
 using TiffHandle = std::unique_ptr<tiff, TiffCloser>;
 
-// Many pages of a file in their order: each leads to the next only, so that a file of thousands is gone through once.
+// Pages of a file in order. A page only links to the next, so this walks a file of thousands only once.
 class TiffReader {
  public:
   static Result<TiffReader> open(const std::filesystem::path& file);
-  // Counted from 0. One before the last that was read begins anew.
+  // `page` counts from 0. A page before the last one read restarts the walk.
   Result<Picture> read(std::size_t page);
 
  private:
@@ -63,7 +61,7 @@ class TiffReader {
 class TiffWriter {
  public:
   static Result<TiffWriter> create(const std::filesystem::path& file);
-  // One page more, in the plane's own type; LZW-compressed without loss.
+  // Appends a page of this type, with lossless LZW compression.
   Status write(Geometry geometry, PixelType type, const void* plane);
   Status close();
 

@@ -63,7 +63,7 @@ void collect(std::string_view type, std::vector<std::string_view>& types) {
   for (const std::string_view used : definitions().at(type).uses) collect(used, types);
 }
 
-// CDR: each number at a multiple of its size, counted from behind the four bytes that begin the message.
+// CDR: each number is aligned to its size, counted after the 4-byte header of the message.
 class CdrWriter {
  public:
   CdrWriter() { fields_.raw(kLittleEndian); }
@@ -158,7 +158,7 @@ std::string camera_info(const Header& header, Geometry size) {
   cdr.header(header).number(static_cast<std::uint32_t>(size.height)).number(static_cast<std::uint32_t>(size.width));
   cdr.text("").number(std::uint32_t{0});  // no distortion
   for (std::size_t i = 0; i < kMatrices; ++i) cdr.number(0.0);
-  for (std::size_t i = 0; i < 2 + 4; ++i) cdr.number(std::uint32_t{0});  // binning, region
+  for (std::size_t i = 0; i < 2 + 4; ++i) cdr.number(std::uint32_t{0});  // binning, region of interest
   return cdr.number(std::uint8_t{0}).message();
 }
 

@@ -18,9 +18,9 @@
 namespace bolo::tools {
 namespace {
 
-constexpr float kLargestInput = 1e9F;  // no temperature and no count, and sums of squares overflow beyond
+constexpr float kLargestInput = 1e9F;  // beyond any temperature or count; sums of squares overflow for larger values
 
-// float32 holds kelvin itself; anything else keeps the input's meaning.
+// float32 holds kelvin; other types keep the input's scale.
 LinearScale scale_of(const LinearScale& input, PixelType output) {
   if (input.unit == Unit::kKelvin && output == PixelType::kFloat32) return {Unit::kKelvin, 1.0, 0.0};
   return input;
@@ -40,8 +40,7 @@ double square_error(PixelType type, const LinearScale& scale, const void* plane,
   return sum;
 }
 
-// The stimulus as chosen pixels see it. In a region the still's pixel (0, 0) is another of the frame; points have no
-// picture, only what is the same everywhere.
+// The stimulus for the chosen pixels. A region shifts a still's origin; points keep only what all pixels see alike.
 capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& choice) {
   const bool picture =
       std::holds_alternative<capture::SceneStimulus>(stimulus) || std::holds_alternative<capture::BarTarget>(stimulus);
@@ -54,14 +53,14 @@ capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& ch
   return stimulus;
 }
 
-// What the run takes from one reader is for frames of the other.
+// The run combines data of two readers of one file, so both must have found the same frames.
 bool same_frames(const capture::CaptureReader& a, const capture::CaptureReader& b) {
   return a.info().format.geometry == b.info().format.geometry && a.info().format.type == b.info().format.type &&
          a.info().has_truth == b.info().has_truth && a.info().has_times == b.info().has_times && a.t() == b.t() &&
          a.frame_id() == b.frame_id();
 }
 
-// The error that states what was solved before the run was given up.
+// The error that says how much was solved before the interruption.
 Error interruption(DeblurSink& sink, const pipeline::Pipeline& pipeline, const DeblurRequest& request,
                    const std::filesystem::path& output) {
   if (sink.frames_out() == 0) {
@@ -156,7 +155,7 @@ Status DeblurSink::take(const pipeline::PublishedFrame& frame) {
                          written_.has_truth ? truth_.data() : nullptr, motion_of(frame), times ? &*times : nullptr);
 }
 
-// The frame's blocks, or those in whose place the blocks of a region lie; null: not known, or for points.
+// The frame's blocks of motion, or those at the places of a region's blocks; null: unknown, or for points.
 const BlockMotion* DeblurSink::motion_of(const pipeline::PublishedFrame& frame) {
   if (frame.motion == nullptr || !choice_.points().empty()) return nullptr;
   const Region& region = choice_.region();
@@ -182,7 +181,7 @@ std::optional<Rmse> DeblurSink::rmse() const {
 }
 
 Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
-  // A stimulus that is wrong is left out; opening the input has reported it.
+  // A faulty stimulus is left out; it was reported when the input was opened.
   const capture::Stimulus stimulus = seen_through(input_.stimulus().value_or(capture::NoStimulus{}), choice_);
   Status status;
   const auto then = [&status](auto&& step) {
@@ -223,7 +222,7 @@ Status DeblurSink::finish(std::string_view isa, const Files& files, const std::s
   Status status = write_settings(isa, files);
   if (status && !made_from.empty()) status = writer_->write_attribute(kMadeFrom, made_from);
   if (status) status = writer_->close();
-  // If another program made the output meanwhile, the message refers to the part.
+  // If another program created the output meanwhile, the ".part" is kept, to which the message refers.
   std::error_code ignored;
   kept_ = status || (output_.replace == Replace::kNothing && std::filesystem::exists(output_.path, ignored));
   return status;

@@ -1,4 +1,4 @@
-// One capture through the same pipeline as the camera's frames.
+// Runs one capture through the same pipeline as the camera's frames.
 #pragma once
 
 #include <array>
@@ -22,10 +22,9 @@
 
 namespace bolo::tools {
 
-// --- The sink of `bolo deblur`: writes the sharp frames of a capture into another capture, and judges them where the
-// truth is known.
+// --- The sink of `bolo deblur`: writes sharp frames to another capture and compares them with the truth, if known.
 
-// Root mean square difference from the truth, K, over all frames written.
+// Root mean square error against the truth, K, over all frames written.
 struct Rmse {
   double blurred_k = 0.0;
   double deblurred_k = 0.0;
@@ -33,11 +32,10 @@ struct Rmse {
 
 class DeblurSink final : public pipeline::FrameSink {
  public:
-  // Called for each received frame: the number so far, and true if this one was solved.
+  // Called for each received frame with the count so far, and true if this frame was solved.
   using FrameCallback = std::function<void(std::uint64_t, bool)>;
 
-  // `input` (from `input_file`) is read here for /t, /frame_id and /truth: a reader of its own, not the one that
-  // replays.
+  // `input` reads /t, /frame_id and /truth from `input_file`; it is not the reader that replays.
   DeblurSink(std::filesystem::path input_file, capture::CaptureReader input, PixelChoice choice, OutputFile output,
              FrameCallback on_frame);
   ~DeblurSink() override;
@@ -46,15 +44,15 @@ class DeblurSink final : public pipeline::FrameSink {
   void publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& stats) noexcept override;
   void close() noexcept override {}
 
-  // Copies stimulus and events, writes the settings, and gives the output its name. Without it the destructor removes
-  // what was written. `files`: further root attributes, name and text; `made_from`: the last one, none when empty.
-  // Thread: setup, after the pipeline's run().
+  // Copies stimulus and events, writes the settings, and renames the output to its final name; without this call the
+  // destructor removes it. `files`: further root attributes, name and text; `made_from`: the last attribute, omitted if
+  // empty. Thread: setup, after the pipeline's run().
   using Files = std::vector<std::pair<std::string, std::string>>;
   Status finish(std::string_view isa, const Files& files, const std::string& made_from);
-  // The same for what was written so far, which stays a ".part" and has no `made_from`. Does not wait for the disk.
+  // The same for a partial output, which stays a ".part" without `made_from`. Does not wait for the disk.
   Status keep_part(std::string_view isa, const Files& files);
 
-  // Set when nothing more can come of this run: an error. Thread: any.
+  // True after an error that makes the rest of the run useless. Thread: any.
   const std::atomic<bool>& stop_requested() const noexcept { return stop_requested_; }
   // The error that stopped it, if any. Thread: setup, after the pipeline's run().
   const Status& status() const noexcept { return status_; }
@@ -63,7 +61,7 @@ class DeblurSink final : public pipeline::FrameSink {
 
  private:
   Status take(const pipeline::PublishedFrame& frame);
-  // kBadInput for a value of the chosen pixels that is no number.
+  // kBadInput if a chosen pixel is NaN.
   Status refuse_nan(const pipeline::PublishedFrame& frame) const;
   Status write_settings(std::string_view isa, const Files& files);
   const BlockMotion* motion_of(const pipeline::PublishedFrame& frame);
@@ -74,16 +72,16 @@ class DeblurSink final : public pipeline::FrameSink {
   OutputFile output_;
   FrameCallback on_frame_;
   pipeline::SinkFormat format_;
-  capture::CaptureInfo written_;  // frame size, type and scale of what is written
+  capture::CaptureInfo written_;  // size, type and scale of the written frames
   std::optional<capture::CaptureWriter> writer_;
-  // Of the frame in work. All but the first are of the chosen pixels; no truth where the input has none.
+  // The current frame. All but the first hold the chosen pixels; the truths are empty if the input has none.
   std::vector<float> whole_truth_;
   std::vector<float> truth_;
   std::vector<std::byte> raw_;
   std::vector<std::byte> deblurred_;
   std::vector<BlockMotion> motion_;
-  std::size_t index_ = 0;         // in the input; frames come in rising order
-  bool sharp_ = false;            // it was deblurred: not of a window that is still filling
+  std::size_t index_ = 0;         // in the input; frames arrive in rising order
+  bool sharp_ = false;            // the frame was deblurred: the window was full
   double blurred_squares_ = 0.0;  // sums over all frames of (value - truth)^2, K^2
   double deblurred_squares_ = 0.0;
   std::uint64_t frames_in_ = 0;
@@ -93,31 +91,29 @@ class DeblurSink final : public pipeline::FrameSink {
   std::atomic<bool> stop_requested_{false};
 };
 
-// Counts and duration of a run.
 struct RunFacts {
   std::uint64_t frames_out = 0;
   std::uint64_t lost = 0;
-  double deblur_ms = 0.0;  // in the solver and before it, all frames
+  double deblur_ms = 0.0;  // in corrections and solver, all frames
   deblur::Settings settings;
   std::string isa;
   std::string solver_text;
   std::optional<Rmse> rmse;
-  std::array<std::uint64_t, kGyroUses> gyro{};  // frames by what became of it
+  std::array<std::uint64_t, kGyroUses> gyro{};  // number of frames by use of the gyro
 };
 
-// Frames without a window are refused before there is a pipeline. Errors name the file. Thread: setup.
+// Captures shorter than the window are refused before there is a pipeline. Errors name the file. Thread: setup.
 class CaptureRun {
  public:
-  // Opens the capture, checks it, and prints what is odd about it. The request outlives it.
+  // Opens and checks the capture, and prints warnings. The request must outlive the run.
   static Result<CaptureRun> open(const DeblurRequest& request, const std::filesystem::path& file);
 
   const capture::CaptureInfo& info() const { return reader_->info(); }
   const capture::CaptureReader& reader() const { return *reader_; }
   const pipeline::PipelineOptions& options() const { return options_; }
 
-  // Deblurs all of it into a capture `output`; `made_from` becomes an attribute of it unless it is empty. If the
-  // options' give_up ends it, solved frames are kept as the output's ".part", which `bolo recover` finishes: an output
-  // under its own name is always whole.
+  // Deblurs the whole capture into `output`, with the attribute `made_from` unless empty. If the options' give_up ends
+  // it, solved frames remain as a ".part" for `bolo recover`: an output under its final name is always complete.
   Result<RunFacts> run(const OutputFile& output, const std::string& made_from,
                        const DeblurSink::FrameCallback& on_frame);
 
@@ -134,7 +130,6 @@ class CaptureRun {
 
 // --- Report of `bolo deblur`, as text and JSON.
 
-// A capture that was deblurred.
 struct CaptureSummary {
   DeblurFile file;
   std::uint64_t frames_in = 0;
@@ -147,12 +142,12 @@ struct FailedCapture {
   Error error;
 };
 
-// Captures that go into a folder: of this process' share.
+// Captures of this process' share that go into a folder.
 struct FolderSummary {
   std::vector<CaptureSummary> captures;
   std::vector<FailedCapture> failed;
-  std::vector<std::filesystem::path> skipped;    // outputs that were there
-  std::vector<std::filesystem::path> elsewhere;  // outputs that another process is writing
+  std::vector<std::filesystem::path> skipped;    // their outputs existed
+  std::vector<std::filesystem::path> elsewhere;  // another process is writing their outputs
   double seconds = 0.0;
 };
 

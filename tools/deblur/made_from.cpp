@@ -42,7 +42,7 @@ class Checksum {
   uLong value_ = crc32_z(0, nullptr, 0);
 };
 
-// The instruction set only where it was chosen: hosts of several kinds may share a folder.
+// Contains the instruction set only if the user chose it: hosts of several kinds may share a folder.
 json settings_of(const DeblurRequest& request) {
   const deblur::Settings& s = request.options.deblur;
   json settings{{"solver", deblur::name(s.method)},
@@ -92,7 +92,7 @@ Result<std::string> made_from(const DeblurRequest& request, const capture::Captu
   ASSIGN_OR_RETURN(const auto sum, checksum_of(input));
   all["input"] = sum;
   for (const auto& [name, of_file] : request.sums) all[name] = of_file;
-  if (!request.points_file.empty()) {  // read for each capture
+  if (!request.points_file.empty()) {  // the file is read again for each capture
     ASSIGN_OR_RETURN(const auto points, checksum_of_file(request.points_file));
     all["points"] = points;
   }
@@ -112,7 +112,7 @@ bool is_made(const fs::path& output, const fs::path& input, const std::string& m
          });
 }
 
-// Recordings have their begin from the first commit on; this verb's outputs don't.
+// Recordings have this attribute from the first commit on, outputs of this verb do not.
 bool is_unfinished_recording(const fs::path& output) {
   const auto reader = capture::CaptureReader::open(output.string() + ".part");
   if (!reader) return false;

@@ -11,7 +11,7 @@
 namespace bolo::tools {
 namespace {
 
-// The point's index.
+// Index of the pixel at a point.
 Result<std::uint32_t> parse_point(std::string_view line, Geometry frame) {
   const auto point = numbers_of<2>(line);
   if (!point) return bad_input(fmt::format("'{:.60}' is not a point; write x,y in pixels", line));

@@ -1,4 +1,4 @@
-// Which pixels of a capture `bolo deblur` solves and writes: all, a region, or single points.
+// The pixels of a capture that `bolo deblur` solves and writes: all, a region, or single points.
 #pragma once
 
 #include <cstdint>
@@ -12,31 +12,29 @@
 
 namespace bolo::tools {
 
-// Reads points, one `x,y` a line in pixels, column and row of the stored frame; decimals mean the nearest pixel. Empty
-// lines, lines that begin with #, and a first line `x,y` or `x_px,y_px` are passed over. Row-major indices in the order
-// of the file. A bad line and a point outside the frame are bad input: "FILE:LINE: what"; so are more points than the
-// frame has pixels. Thread: setup.
+// Reads points, one `x,y` per line: column and row in the stored frame, px, rounded to the nearest pixel. Skips empty
+// lines, lines that begin with #, and a first line `x,y` or `x_px,y_px`. Returns row-major indices in file order.
+// kBadInput ("FILE:LINE: what"): a bad line, a point outside the frame, more points than pixels. Thread: setup.
 Result<std::vector<std::uint32_t>> read_points(const std::filesystem::path& file, Geometry frame);
 
 class PixelChoice {
  public:
-  // A region inside the frame, or points inside it, or neither: the whole frame.
+  // A region within the frame, or points within it, or neither: the whole frame.
   PixelChoice(Geometry frame, std::optional<Region> region, std::vector<std::uint32_t> points);
 
-  // Of the frames that are written: the region's size, or 1 row with a column for each point.
+  // Size of the written frames: the region's, or one row with a column per point.
   Geometry geometry() const;
   const Region& region() const { return region_; }
   const std::vector<std::uint32_t>& points() const { return points_; }
   int x_of(std::size_t i) const { return place(i).first; }
   int y_of(std::size_t i) const { return place(i).second; }
 
-  // The chosen pixels of a whole plane of values of `value_bytes`, row after row, or point after point.
+  // Copies the chosen pixels of a whole plane with `value_bytes` per value, row by row or point by point.
   void take(const void* plane, std::size_t value_bytes, void* out) const;
-  // The same of what the pipeline publishes as deblurred: a whole plane, or with points these alone.
+  // The same for the deblurred plane of the pipeline: a whole plane, or the points alone.
   void take_deblurred(const void* plane, std::size_t value_bytes, void* out) const;
 
  private:
-  // Column and row in the frame of chosen pixel `i`.
   std::pair<int, int> place(std::size_t i) const;
 
   Geometry frame_;

@@ -26,7 +26,7 @@ Json rmse_json(const std::optional<Rmse>& rmse) {
   return {{"blurred_k", rmse->blurred_k}, {"deblurred_k", rmse->deblurred_k}};
 }
 
-// Sums over captures; what is the same for all, from the first of them.
+// Sums over the captures; common values are taken from the first one.
 Json common_json(const DeblurRequest& request, const std::vector<CaptureSummary>& captures, double seconds) {
   RunFacts all;
   std::uint64_t frames_in = 0;
@@ -98,10 +98,10 @@ Json folder_json(const DeblurRequest& request, const FolderSummary& s) {
   return json;
 }
 
-// Files have names that need not be UTF-8, which JSON must be.
+// File names may not be UTF-8, which JSON requires.
 void print(const Json& json) { std::puts(json_text(json, 2).c_str()); }
 
-// `more`: at the first line's end.
+// `more`: appended to the first line.
 void print_one(const DeblurRequest& request, const CaptureSummary& capture, const std::string& more) {
   const RunFacts& facts = capture.facts;
   std::printf("%s: %llu of %llu frames (%llu lost before), %s, %.3f ms a frame%s\n",

@@ -41,14 +41,14 @@ struct RankVariables {
   const char* size;
 };
 
-// In this order, because ranks that mpirun starts within a Slurm job have Slurm's variables too, of their daemons. PMIx
-// has no variable of its own for how many there are.
+// The order matters: ranks that mpirun starts in a Slurm job also have Slurm's variables, which are those of its
+// daemons. PMIx has no variable for the number of ranks.
 constexpr std::array<RankVariables, 4> kLaunchers{{{"OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"},
                                                    {"PMI_RANK", "PMI_SIZE"},
                                                    {"SLURM_PROCID", "SLURM_NTASKS"},
                                                    {"PMIX_RANK", "SLURM_NTASKS"}}};
 
-// A batch script is no task of srun, though Slurm gives it the number of one and the count of all.
+// A batch script is not a task of srun, though Slurm sets the variables of one.
 bool is_batch_script(const Environment& environment) {
   return environment("SLURM_JOB_ID") != nullptr && environment("SLURM_STEP_ID") == nullptr;
 }
@@ -66,7 +66,7 @@ Result<Share> rank_of(const Environment& environment) {
   return Share{};
 }
 
-// Of an array with gaps (1,3,7) the shares in the gaps are nobody's.
+// In an array with gaps (1,3,7), nobody does the shares of the gaps.
 Result<Share> array_task_of(const Environment& environment) {
   const char* const kFrom = "SLURM_ARRAY_TASK_ID and SLURM_ARRAY_TASK_COUNT";
   if (environment("SLURM_ARRAY_TASK_ID") == nullptr) return Share{};
@@ -82,7 +82,7 @@ Result<Share> array_task_of(const Environment& environment) {
 }
 
 constexpr std::string_view kHeader = "t_s,x_rad_s,y_rad_s,z_rad_s";
-constexpr double kLastTime_s = 4e9;  // beyond today's UTC
+constexpr double kLastTime_s = 4e9;  // later than today's UTC
 
 std::optional<GyroSample> sample_of(std::string_view line) {
   const auto row = numbers_of<4>(line);
@@ -94,7 +94,7 @@ std::optional<GyroSample> sample_of(std::string_view line) {
 
 namespace fs = std::filesystem;
 
-// A number, or "auto".
+// `text`: a number, or "auto".
 Status read_lambda(const std::string& text, deblur::Settings& settings) {
   settings.auto_lambda = text == "auto";
   if (settings.auto_lambda) return {};
@@ -105,8 +105,7 @@ Status read_lambda(const std::string& text, deblur::Settings& settings) {
   return bad_input("--lambda '" + text + "': give a number of 0 or more, or auto");
 }
 
-// Before the file is read: one that changes meanwhile is then taken for another, and what was made of it made again.
-// What is wrong with the file is said by its reader.
+// Computed before the file is read: outputs do not match a file that changes later. Its reader reports faults.
 void note_sum(const char* name, const fs::path& file, DeblurRequest& request) {
   if (!request.into_folder || file.empty()) return;
   if (const auto sum = checksum_of_file(file)) request.sums[name] = *sum;
@@ -167,7 +166,7 @@ Status read_pixels(const cxxopts::ParseResult& args, DeblurRequest& request) {
 
 bool is_capture_name(const fs::path& file) { return file.extension() == ".h5" || file.extension() == ".mat"; }
 
-// A folder stands for the captures in it, by name.
+// A folder stands for the captures in it, sorted by name.
 Result<std::vector<fs::path>> captures_in(const fs::path& given) {
   std::error_code error;
   const fs::file_type type = fs::status(given, error).type();
@@ -186,7 +185,7 @@ Result<std::vector<fs::path>> captures_in(const fs::path& given) {
   return captures;
 }
 
-// Several captures, or one of a folder, go into a folder under their own names.
+// Several captures, or those of a folder, go into a folder under their own names.
 Status name_outputs(std::vector<fs::path> inputs, DeblurRequest& request) {
   if (!request.into_folder) {
     request.files.push_back({std::move(inputs.front()), request.output});
@@ -228,10 +227,10 @@ Status read_files(const cxxopts::ParseResult& args, DeblurRequest& request) {
 
 const char* variable(const char* name) { return std::getenv(name); }
 
-// Existing files in a folder are checked when their turn comes.
+// Existing files in a folder are checked when it is their turn.
 Status check_files(DeblurRequest& request) {
   if (request.into_folder && request.share.count > 1) {
-    RETURN_IF_ERROR(make_folder(request.output));  // others' share, too
+    RETURN_IF_ERROR(make_folder(request.output));  // for the other processes' shares, too
   } else if (request.into_folder) {
     ASSIGN_OR_RETURN(auto made, OutputFolder::make(request.output));
     request.folder.emplace(std::move(made));

@@ -22,39 +22,36 @@
 
 namespace bolo::tools {
 
-// --- Which of many captures this process does, where several processes were started for the same ones. They need not
-// know of each other: every N-th capture is each one's own.
+// --- Several processes started on the same captures share them: each does every N-th, without communication.
 
 struct Share {
   std::size_t index = 0;
   std::size_t count = 1;
-  std::string from;  // the option or the variables that set it; empty for all
+  std::string from;  // the option or variables that set it; empty: no sharing
 
   bool has(std::size_t capture) const { return capture % count == index; }
 };
 
-// "I/N", counted from 0 or from 1: N/N is the same as 0/N. kBadInput for anything else. Thread: any.
+// Parses "I/N", I counting from 0 or from 1: N/N is the same as 0/N. kBadInput for anything else. Thread: any.
 Result<Share> share_named(const std::string& text);
 
-// The environment: null for a variable that is not set.
+// Looks up an environment variable; null if it is not set.
 using Environment = std::function<const char*(const char*)>;
 
-// The share that a scheduler's variables name: this process among the ranks of mpirun (Open MPI, MPICH and all that
-// set PMI's) or srun, times this task among those of a Slurm array. All where none are set. kBadInput for variables
-// that contradict themselves. Thread: any.
+// The share by a scheduler: this process among the ranks of mpirun (Open MPI, MPICH, others with PMI's variables) or
+// srun, times this task of a Slurm array. All without one. kBadInput for contradictory variables. Thread: any.
 Result<Share> share_of(const Environment& environment);
 
-// Processors for this process: what Slurm gave to it, else `processors` divided by the ranks on this host. At least 1.
-// Thread: any.
+// Processors for this process: Slurm's assignment, else `processors` over ranks on this host. At least 1. Thread: any.
 int threads_of(const Environment& environment, int processors);
 
 // --- A gyro's samples from a CSV file, on the clock of a capture.
 
-// Lines t_s,x_rad_s,y_rad_s,z_rad_s, times rising, below a header line of these names that may be left out; empty ones
-// and those that begin with # are passed over. Errors name file and line. Thread: setup.
+// Lines t_s,x_rad_s,y_rad_s,z_rad_s with rising times, after an optional header line of these names; empty lines and
+// those that begin with # are skipped. Errors name file and line. Thread: setup.
 Result<std::vector<GyroSample>> read_gyro(const std::filesystem::path& file);
 
-// The samples' times are those of the capture's /t_host where it has them, else of its /t.
+// Sample times are on the clock of the capture's /t_host if it has that, else of its /t.
 class GyroOfCapture final : public Gyro {
  public:
   GyroOfCapture(std::shared_ptr<const std::vector<GyroSample>> samples,
@@ -68,7 +65,6 @@ class GyroOfCapture final : public Gyro {
   std::shared_ptr<const capture::CaptureReader> reader_;
 };
 
-// A capture and what it becomes.
 struct DeblurFile {
   std::filesystem::path input;
   std::filesystem::path output;
@@ -76,34 +72,34 @@ struct DeblurFile {
 
 struct DeblurRequest {
   std::vector<DeblurFile> files;
-  std::filesystem::path output;  // as it was given: a file, or a folder for several captures
+  std::filesystem::path output;  // as given: a file, or a folder for several captures
   std::filesystem::path points_file;
   std::filesystem::path profile_file;
   std::filesystem::path maps_file;
   std::filesystem::path gyro_file;
   std::map<std::string, std::uint64_t> sums;            // checksums of profile, maps and gyro, as they were read
   std::shared_ptr<const std::vector<GyroSample>> gyro;  // of gyro_file; null: none
-  pipeline::PipelineOptions options;                    // points are of a capture (points_of)
+  pipeline::PipelineOptions options;                    // without points, which depend on the capture (points_of)
   Replace replace = Replace::kNothing;
   bool isa_given = false;
   bool json = false;
-  bool into_folder = false;            // what is done there already is not done again
-  std::optional<OutputFolder> folder;  // that was made for them
+  bool into_folder = false;            // outputs that are up to date are not made again
+  std::optional<OutputFolder> folder;  // folder created for the outputs
   Share share;                         // of the files
 };
 
 cxxopts::Options deblur_command_line();
 
-// Settings and files from the command line; captures are only checked to exist. Errors name the option. Thread: setup.
+// Parses the command line; captures are only checked to exist. Errors name the option. Thread: setup.
 Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args);
 
 // Checks a capture before any work. Thread: setup.
 Status check_capture(const DeblurRequest& request, const std::filesystem::path& file, const capture::CaptureInfo& info);
 
-// The pixels of --points in this frame; none without it. Thread: setup.
+// The pixels of --points in this frame; empty without that option. Thread: setup.
 Result<std::vector<std::uint32_t>> points_of(const DeblurRequest& request, Geometry frame);
 
-// Root attributes of the output beyond the settings: which files they came from.
+// Further root attributes of the output: the files it was made from.
 std::vector<std::pair<std::string, std::string>> files_behind(const DeblurRequest& request);
 
 }  // namespace bolo::tools

@@ -21,10 +21,9 @@ using plot::format;
 using plot::Hue;
 
 constexpr double kPictureWidth = 1240.0;  // px
-constexpr double kBetween = 26.0;         // px, close-ups
-// Of solvers, as they come.
+constexpr double kBetween = 26.0;         // px, between close-ups
 constexpr std::array kSolverHues{Hue::kDeblurred, Hue::kGreen, Hue::kPurple};
-constexpr double kSides = 70.0;  // px, of a plane's width that its axis takes
+constexpr double kSides = 70.0;  // px, part of a plane's width that its axis takes
 constexpr int kCloseUpColumns = 128;
 constexpr int kCloseUpRows = 64;
 
@@ -32,7 +31,7 @@ std::size_t at(Geometry g, int x, int y) {
   return static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x);
 }
 
-// Mean squared horizontal difference of a region, K^2: how much there is to see in it.
+// Mean squared horizontal difference in a region, K^2: a measure of detail.
 double detail_of(const std::vector<float>& image, Geometry g, Region r) {
   double sum = 0.0;
   for (int y = r.y; y < r.y + r.height; ++y) {
@@ -92,7 +91,7 @@ plot::Plot plane(const std::vector<float>& image, Geometry g, Region region, Ran
           .height = (width - kSides) * region.height / region.width};
 }
 
-// The region's edge, drawn into the whole frame.
+// Outline of the region in the whole frame.
 plot::Series frame_of(Region r) {
   const double left = r.x - 0.5;
   const double right = r.x + r.width - 0.5;
@@ -109,7 +108,6 @@ struct Layer {
   Hue hue;
 };
 
-// The row of the profile, in the frame.
 int middle_row(Region region) { return region.y + region.height / 2; }
 
 plot::Plot profile(const std::vector<Layer>& layers, Geometry g, Region region) {
@@ -154,7 +152,7 @@ constexpr int kReadTimeoutMs = 2000;
 
 double kelvin(const bolo_shm_header& header, double count) { return header.scale * count + header.offset; }
 
-// Thread-free helper of judge(): one frame's planes as kelvin next to its truth.
+// Adds the squared errors of one frame's planes, in kelvin, against its truth.
 void add_errors(const bolo_shm_header& header, const shm::ReadFrame& frame, const std::vector<float>& truth,
                 ErrorSum& sum) {
   for (std::size_t i = 0; i < truth.size(); ++i) {
@@ -166,7 +164,7 @@ void add_errors(const bolo_shm_header& header, const shm::ReadFrame& frame, cons
   sum.values += truth.size();
 }
 
-// Compares live frames with the truth; buffers are reused from frame to frame.
+// Compares live frames with the truth; buffers are reused between frames.
 class Judge {
  public:
   Judge(const capture::CaptureReader& reader, const bolo_shm_header& header)
@@ -183,7 +181,7 @@ class Judge {
       if (auto read = reader_.read_frame(*index, raw_.data()); !read) return read;
       if (raw_ != frame.raw) ++outcome.raw_differs;
     }
-    // A window that reaches over the seam of two laps sees a jump that no camera would: those frames are not judged.
+    // A window across the seam of two laps sees a jump that no camera would show: such frames are not judged.
     if (*index + 1 < window_ || (frame.meta.flags & kFlagWarmUp) != 0) return {};
     if (auto read = reader_.read_truth(*index, truth_.data()); !read) return read;
     add_errors(header, frame, truth_, outcome.error);
@@ -202,7 +200,7 @@ class Judge {
   std::vector<float> truth_;
 };
 
-// `longest_s`: what may be waited beyond `seconds` for the frame to show.
+// `longest_s`: how much longer than `seconds` to wait for the frame to show.
 Status watch(shm::ShmReader& memory, Judge& judge, double seconds, double longest_s, LiveOutcome& outcome) {
   const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * kNsPerSecond);
   shm::ReadFrame frame;
@@ -315,7 +313,7 @@ TruthClock::TruthClock(const std::vector<double>& t, double period_s)
 std::optional<std::size_t> TruthClock::frame_at(std::int64_t camera_ns) const {
   const double since_first = static_cast<double>(camera_ns) / kNsPerSecond - first_s_;
   if (since_first < -period_s_ / 4) return std::nullopt;
-  // A quarter period early, so that rounding cannot push a lap's first frame to the end of the lap before.
+  // A tolerance of a quarter period, so that rounding cannot move a lap's first frame to the end of the lap before.
   const double in_lap = std::fmod(since_first + period_s_ / 4, lap_s_) - period_s_ / 4;
   const auto after = std::lower_bound(t_.begin(), t_.end(), in_lap - period_s_ / 4);
   if (after == t_.end() || std::abs(*after - in_lap) > period_s_ / 4) return std::nullopt;

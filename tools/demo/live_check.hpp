@@ -1,4 +1,4 @@
-// A running daemon's frames against the truth of the capture that its fake camera replays.
+// Compares a running daemon's frames with the truth of the capture that its fake camera replays.
 #pragma once
 
 #include <cmath>
@@ -20,13 +20,12 @@
 
 namespace bolo::tools {
 
-// --- Plot of `bolo-lab eval live` and `bolo demo`: one live frame blurred, deblurred and true, a line through its
-// steepest edges, and the latency of all frames.
+// --- Plot of `bolo-lab eval live` and `bolo demo`: a frame blurred, deblurred and true, a profile through it, latency.
 
-// The frame with the most to see, K.
+// The frame with the most detail, K.
 struct ShownFrame {
   Geometry geometry;
-  std::size_t index = 0;  // in the capture that the camera replays
+  std::size_t index = 0;  // in the replayed capture
   double camera_s = 0.0;
   std::vector<float> blurred;
   std::vector<float> deblurred;
@@ -35,13 +34,13 @@ struct ShownFrame {
 
 class FrameChoice {
  public:
-  // `only`: no other frame of the capture will do.
+  // `only`: accept no other frame of the capture.
   explicit FrameChoice(std::optional<std::size_t> only = {}) : only_(only) {}
-  // Keeps this frame (kelvin), number `index` of the capture, when it shows more detail than the one kept so far.
+  // Keeps this frame (converted to kelvin), number `index` of the capture, if it shows more detail than the kept one.
   void take(const bolo_shm_header& header, const shm::ReadFrame& frame, const std::vector<float>& truth,
             std::size_t index);
   const ShownFrame& shown() const { return shown_; }
-  // The only one that will do did not come yet.
+  // True until the only acceptable frame arrives.
   bool waits() const { return only_ && shown_.truth.empty(); }
 
  private:
@@ -51,14 +50,14 @@ class FrameChoice {
 };
 
 struct LiveFigures {
-  std::string name = "deblurred";  // of what was solved: the solver, where there are several
-  double rmse_before_k = 0.0;      // over the run
+  std::string name = "deblurred";  // label of the solved plane: the solver, if there are several
+  double rmse_before_k = 0.0;      // over the whole run
   double rmse_after_k = 0.0;
   double period_s = 0.0;
   std::vector<double> latency_ms;  // of each frame, in order
 };
 
-// One frame as one solver or several made it, with the figures of each: first those of the solver that `shown` is of.
+// One frame and the figures of each solver; first those of the solver to which `shown` belongs.
 struct LiveResult {
   const ShownFrame* shown;
   LiveFigures figures;
@@ -67,25 +66,24 @@ struct LiveResult {
 // Thread: any.
 plot::Sheet sheet_of(std::span<const LiveResult> results);
 
-// --- Which frame of a capture a live frame is, when a fake camera replays the capture again and again.
+// --- Frame numbers of a capture that a fake camera replays in a loop.
 
 class TruthClock {
  public:
-  // `t`: the capture's times, s. At each lap the fake camera's clock goes on by the capture's span and one period.
+  // `t`: times of the capture, s. Each lap advances the fake camera's clock by the capture's span and one period.
   TruthClock(const std::vector<double>& t, double period_s);
 
-  // The capture's frame that was sampled at camera_ns, or nothing when no frame lies within a quarter of a period.
-  // Thread: any.
+  // Index of the capture's frame sampled at camera_ns; nothing if none lies within a quarter of a period. Thread: any.
   std::optional<std::size_t> frame_at(std::int64_t camera_ns) const;
 
  private:
-  std::vector<double> t_;  // from the first frame, s
+  std::vector<double> t_;  // since the first frame, s
   double period_s_;
   double first_s_;
   double lap_s_;
 };
 
-// Squared errors over all pixels of the judged frames, K.
+// Squared errors over all pixels of the judged frames, K^2.
 struct ErrorSum {
   double before = 0.0;
   double after = 0.0;
@@ -97,10 +95,10 @@ struct ErrorSum {
 
 struct LiveOutcome {
   std::uint64_t frames_read = 0;
-  std::uint64_t overwritten = 0;    // published, but this reader was too slow for them
-  std::uint64_t frames_judged = 0;  // had a full window and a truth
-  std::uint64_t spared = 0;         // of the judged: less was spent on them, since the computer was too slow
-  std::uint64_t raw_differs = 0;    // raw planes that are not the capture's, value by value
+  std::uint64_t overwritten = 0;    // published, but overwritten before this reader got to them
+  std::uint64_t frames_judged = 0;  // with a full window and a truth
+  std::uint64_t spared = 0;         // of the judged: with reduced effort, since the computer was too slow
+  std::uint64_t raw_differs = 0;    // raw planes that differ from the capture's in any value
   std::vector<double> latency_ms;
   ErrorSum error;
   FrameChoice shown;
@@ -108,13 +106,13 @@ struct LiveOutcome {
   bolo_shm_header last{};
 };
 
-// Reads the daemon's shared memory for `seconds`, or until interrupted(). `shown`: the frame of the capture that is to
-// be shown, which is waited for, two laps of the capture at most; without it the one with the most to see. kBadInput
-// when the capture has no truth or another size; kFailed when frames stop. Thread: one at a time.
+// Reads the daemon's shared memory for `seconds`, or until interrupted(). `shown`: the capture's frame to show, for
+// which it waits two laps of the capture at most; by default the one with the most detail. kBadInput when the capture
+// has no truth or another size; kFailed when frames stop. Thread: one at a time.
 Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::path& truth, double seconds,
                                std::optional<std::size_t> shown = {});
 
-// The figures, as `bolo-lab eval live --json` and its text have them. Thread: any.
+// The figures of `bolo-lab eval live`, as JSON and as text. Thread: any.
 nlohmann::ordered_json to_json(const LiveOutcome& outcome);
 void print_text(const nlohmann::ordered_json& figures);
 

@@ -53,7 +53,7 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
   return found;
 }
 
-// "0-2,7" as the kernel writes lists of processors.
+// Parses "0-2,7", the kernel's notation for processors.
 std::vector<int> processors_of(const std::string& text) {
   std::vector<int> list;
   std::istringstream parts(text);
@@ -89,7 +89,7 @@ void gather_kernel(const fs::path& root, Facts& facts) {
   while (std::getline(modules, line)) facts.loopback_module |= line.starts_with("v4l2loopback ");
 }
 
-// Firewalls that show in files; those of the kernel are queried as root only.
+// Finds firewalls that show in files; those in the kernel can be queried by root only.
 void gather_firewalls(const fs::path& root, Facts& facts) {
   std::ifstream ufw(root / "etc/ufw/ufw.conf");
   std::string line;
@@ -176,7 +176,7 @@ void gather_interfaces(Facts& facts) {
   }
 }
 
-// Tried on a thread of its own: limits and capabilities are less reliable than the kernel's answer.
+// Tries realtime priority on a thread of its own: the kernel's answer is more reliable than limits and capabilities.
 void try_limits(Facts& facts) {
   rlimit limit{};
   if (getrlimit(RLIMIT_RTPRIO, &limit) == 0) {
@@ -187,7 +187,7 @@ void try_limits(Facts& facts) {
     allowed = rt::apply_to_this_thread({.name = "bolo-doctor", .realtime_priority = 1}).has_value();
   }).join();
   if (!allowed) facts.priority_limit = 0;
-  if (allowed && facts.priority_limit == 0) facts.priority_limit = 99;  // by capability
+  if (allowed && facts.priority_limit == 0) facts.priority_limit = 99;  // due to the capability
   if (getrlimit(RLIMIT_MEMLOCK, &limit) == 0) {
     const bool unlimited = limit.rlim_cur == RLIM_INFINITY || geteuid() == 0;
     facts.memlock_limit = unlimited ? ~std::uint64_t{0} : limit.rlim_cur;
@@ -233,8 +233,8 @@ void find_versions(Facts& facts) {
   facts.aravis = genicam::aravis_version();
 }
 
-// "process 7 (bolod)", which has this device open; empty: none that this user may look into. Files of other names are
-// not asked for: they may lie on a disk that hangs.
+// The process that has this device open, "process 7 (bolod)"; empty: none that this user may inspect. Files of other
+// names are not examined: they may be on a disk that hangs.
 std::string holder_of(const fs::path& device) {
   struct stat wanted {};
   if (stat(device.c_str(), &wanted) != 0) return "";

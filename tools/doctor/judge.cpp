@@ -15,9 +15,9 @@ namespace bolo::tools::doctor {
 namespace {
 
 constexpr int kFrameBytes = 153'600;  // 640x120
-constexpr int kJumbo = 8000;          // a link with less than this sends a frame in more than 20 packets
+constexpr int kJumbo = 8000;          // on a link with a smaller MTU a frame takes more than 20 packets
 constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
-constexpr std::uint64_t kLockedBytes = 256 * kMiB;  // of bolod at 640x480
+constexpr std::uint64_t kLockedBytes = 256 * kMiB;  // locked by bolod at 640x480
 constexpr int kLeastBacklog = 1000;
 
 std::string bytes_text(std::uint64_t bytes) {
@@ -126,7 +126,7 @@ bool overlap(const Interface& a, const Interface& b) {
   return (number_of(a.address) & mask) == (number_of(b.address) & mask);
 }
 
-// Two interfaces in one network: the kernel chooses one, which may not be the camera's.
+// With two interfaces in one network the kernel chooses one, which may not be the camera's.
 Check interfaces(const Facts& facts) {
   Check check{"interfaces", "Network interfaces"};
   std::vector<const Interface*> used;
@@ -252,7 +252,7 @@ Check usb(const Facts& facts) {
           "install its udev rule first: cp systemd/60-bolo-usb.rules /etc/udev/rules.d/; udevadm control --reload");
 }
 
-// The releases that this program was tried with; older ones miss what it relies on.
+// Oldest supported release: the one this program was tested with.
 Check library(const std::string& name, const std::string& title, const std::string& version, const char* least) {
   Check check{name, title, Verdict::kGood, version, ""};
   int have[3] = {};
@@ -312,7 +312,7 @@ std::string_view word(Verdict verdict) {
   return kWords[static_cast<std::size_t>(verdict)];
 }
 
-// Comma-separated: ..., name, stratum, time, offset of the system's clock (s), ...
+// Comma-separated fields: ..., name, stratum, time, offset of the system clock (s), ...
 std::string describe_chrony(const std::string& tracking) {
   std::istringstream line(tracking);
   std::vector<std::string> fields;
@@ -326,7 +326,7 @@ std::string describe_chrony(const std::string& tracking) {
                      fields[2], std::abs(offset_s) * 1e3);
 }
 
-// Lines of a name and a value, among them "master_offset 12" (ns) and "gmPresent true".
+// Lines of name and value, among them "master_offset 12" (ns) and "gmPresent true".
 std::string describe_ptp(const std::string& time_status) {
   std::istringstream words(time_status);
   std::string offset_ns;

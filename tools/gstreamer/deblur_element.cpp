@@ -1,4 +1,4 @@
-// "bolodeblur": undoes the inertia of a thermal camera's pixels in any stream of 16-bit grey.
+// "bolodeblur": removes the thermal inertia of a camera's pixels from any 16-bit grey stream.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -24,31 +24,30 @@
 namespace bolo::tools {
 namespace {
 
-// Use: fill(borrow()); push(time); while (next(ready)) ready is solved. Thread: any one at a time.
+// Usage: fill(borrow()); push(time); while (next(ready)), `ready` is solved. Thread: any one at a time.
 class StreamDeblur {
  public:
-  // `format`: uint16. Errors: settings that cannot be (kBadInput).
+  // `format`: uint16. Errors: invalid settings (kBadInput).
   static Result<std::unique_ptr<StreamDeblur>> create(const deblur::Settings& settings, const StreamFormat& format,
                                                       int workers) {
     RETURN_IF_ERROR(deblur::validate(settings));
     try {
       ASSIGN_OR_RETURN(auto solver, deblur::Solver::create(settings, format, PixelType::kUint16));
       return std::unique_ptr<StreamDeblur>(new StreamDeblur(settings, format, workers, std::move(solver)));
-    } catch (const std::exception& e) {  // for want of memory or threads
+    } catch (const std::exception& e) {  // out of memory or threads
       return failed("frames of " + std::to_string(format.geometry.width) + "x" +
                     std::to_string(format.geometry.height) + " cannot be deblurred: " + describe_exception(e));
     }
   }
 
-  // The next frame's plane, row-major without padding.
+  // Plane to fill with the next frame, row-major without padding.
   std::uint16_t* borrow() noexcept { return plane_of(free_.back()); }
-  // The frame that was filled in, taken at `time_ns`; a jump in time is frames lost. `restart`: it does not go on from
-  // those before.
+  // Pushes the borrowed frame, taken at `time_ns`; a jump in time means lost frames. `restart`: starts a new window.
   void push(std::int64_t time_ns, bool restart) noexcept {
     FrameMeta meta{.camera_ns = time_ns, .receive_ns = time_ns};
-    // Nobody counts these frames but the clock.
+    // These frames have no counter: numbers follow from their times.
     const double periods = static_cast<double>(time_ns - last_.camera_ns) / (period_s_ * kNsPerSecond);
-    const double most = 2.0 * static_cast<double>(window_.slots());  // more of a jump empties the window anyway
+    const double most = 2.0 * static_cast<double>(window_.slots());  // a longer jump empties the window anyway
     const double step = std::clamp(std::round(periods), 1.0, most);
     if (any_) meta.frame_id = last_.frame_id + static_cast<std::uint64_t>(step);
     const std::uint32_t slot = free_.back();
@@ -59,17 +58,17 @@ class StreamDeblur {
     any_ = true;
   }
 
-  // No more frames: those that wait for their look-ahead become ready without it.
+  // Ends the stream: frames that wait for their look-ahead become ready without it.
   void finish() noexcept {
     window_.finish();
     collected_ = any_ = false;
   }
 
   struct Ready {
-    std::int64_t time_ns = 0;  // as it was pushed
-    bool full = false;         // a whole window: it is sharp; else the frame as it came
+    std::int64_t time_ns = 0;  // as pushed
+    bool full = false;         // the window was full, so the frame is sharp; otherwise it is unchanged
   };
-  // The next frame, oldest first, into `out`, of format.geometry.pixels() values.
+  // Writes the next ready frame, oldest first, to `out` (format.geometry.pixels() values). False if there is none.
   bool next(Ready& ready, std::uint16_t* out) noexcept {
     deblur::Window::Ready frame;
     if (!window_.next(frame)) {
@@ -117,7 +116,7 @@ class StreamDeblur {
   std::vector<std::uint32_t> free_;
   FrameMeta last_;
   bool any_ = false;
-  bool collected_ = true;  // the planes that left the window are free again
+  bool collected_ = true;  // planes that left the window are free again
 };
 
 constexpr int kMostWorkers = 64;
@@ -127,11 +126,11 @@ struct BufferDeleter {
 };
 using Buffer = std::unique_ptr<GstBuffer, BufferDeleter>;
 
-// Read under the object's lock, taken up with the next caps.
+// Read under the object's lock, applied with the next caps.
 struct Options {
   std::string solver = "admm";
   deblur::Settings settings;
-  double scale = 0.0;  // K a count; 0: counts
+  double scale = 0.0;  // K per count; 0: counts
   double period_s = 0.0;
   int workers = 2;
 };
@@ -139,9 +138,9 @@ struct Options {
 struct State {
   Options options;
   GstVideoInfo info{};
-  std::unique_ptr<StreamDeblur> stream;  // none before caps
+  std::unique_ptr<StreamDeblur> stream;  // null before caps
   double period_s = 0.0;
-  std::deque<Buffer> waiting;  // pushed and not given yet: their times and all that hangs on them
+  std::deque<Buffer> waiting;  // pushed but not yet delivered: source of times and metadata
   std::vector<std::uint16_t> plane;
   std::int64_t last_ns = 0;
   bool restart = true;
@@ -201,7 +200,6 @@ void finalize(GObject* object) {
   G_OBJECT_CLASS(bolo_deblur_parent_class)->finalize(object);
 }
 
-// A solver by the properties and the stream.
 Result<std::unique_ptr<StreamDeblur>> make_stream(const Options& options, const GstVideoInfo& info, double period_s) {
   ASSIGN_OR_RETURN(const auto method, deblur::method_from_name(options.solver));
   if (!(period_s > 0.0)) {
@@ -219,7 +217,7 @@ Result<std::unique_ptr<StreamDeblur>> make_stream(const Options& options, const 
   return StreamDeblur::create(settings, format, options.workers);
 }
 
-// Drops frames that are ready and that downstream did not take: it flushes, or leads nowhere.
+// Drops ready frames that downstream did not take because it flushes or has no sink.
 void drop_ready(State& state) {
   StreamDeblur::Ready ready;
   while (state.stream && state.stream->next(ready, state.plane.data())) {
@@ -227,7 +225,7 @@ void drop_ready(State& state) {
   }
 }
 
-// Drops frames that a finished stream still holds; the next frame begins anew.
+// Drops frames that a finished stream still holds; the next frame starts anew.
 void forget_frames(State& state) {
   drop_ready(state);
   state.waiting.clear();
@@ -263,10 +261,10 @@ gboolean set_caps(GstBaseTransform* transform, GstCaps* in, GstCaps* /*out*/) {
   return TRUE;
 }
 
-// Its time: the stamp, or a period after the frame before.
+// Time of a frame: its stamp, or one period after the frame before.
 std::int64_t time_of(State& state, GstBuffer* buffer) {
   if (GST_BUFFER_PTS_IS_VALID(buffer)) {
-    constexpr GstClockTime kMost = GstClockTime{1} << 62U;  // of which differences can be taken
+    constexpr GstClockTime kMost = GstClockTime{1} << 62U;  // keeps differences representable
     state.last_ns = static_cast<std::int64_t>(std::min(GST_BUFFER_PTS(buffer), kMost));
   } else {
     state.last_ns += to_ns(state.period_s);
@@ -276,7 +274,7 @@ std::int64_t time_of(State& state, GstBuffer* buffer) {
 
 GstFlowReturn take_in(BoloDeblur* self, Buffer buffer) {
   State& state = *self->state;
-  if (GST_BUFFER_FLAG_IS_SET(buffer.get(), GST_BUFFER_FLAG_GAP)) return GST_FLOW_OK;  // a lost frame: nothing to see
+  if (GST_BUFFER_FLAG_IS_SET(buffer.get(), GST_BUFFER_FLAG_GAP)) return GST_FLOW_OK;  // a lost frame: no data
   drop_ready(state);
   {
     const MappedFrame frame(state.info, buffer.get(), GST_MAP_READ);
@@ -286,7 +284,7 @@ GstFlowReturn take_in(BoloDeblur* self, Buffer buffer) {
     }
     frame.give(state.stream->borrow());
   }
-  // Lost frames show as a jump in time; a break without times, or back in time, is none of known length.
+  // Lost frames show as a jump in time. A discontinuity without times has no known length: restart.
   const bool breaks = GST_BUFFER_FLAG_IS_SET(buffer.get(), GST_BUFFER_FLAG_DISCONT) != FALSE &&
                       GST_BUFFER_PTS_IS_VALID(buffer.get()) == FALSE;
   const std::int64_t time_ns = time_of(state, buffer.get());
@@ -296,7 +294,7 @@ GstFlowReturn take_in(BoloDeblur* self, Buffer buffer) {
   return GST_FLOW_OK;
 }
 
-// The next frame that is ready; null: none.
+// The next ready frame; null: none.
 Buffer give_out(BoloDeblur* self) {
   State& state = *self->state;
   StreamDeblur::Ready ready;
@@ -307,7 +305,7 @@ Buffer give_out(BoloDeblur* self) {
   constexpr auto kAll =
       static_cast<GstBufferCopyFlags>(GST_BUFFER_COPY_FLAGS | GST_BUFFER_COPY_TIMESTAMPS | GST_BUFFER_COPY_META);
   gst_buffer_copy_into(out.get(), in.get(), kAll, 0, static_cast<gsize>(-1));
-  // The layout of the frame that came, not of this one.
+  // The layout describes the input buffer, not this one.
   if (GstVideoMeta* layout = gst_buffer_get_video_meta(out.get()); layout != nullptr) {
     gst_buffer_remove_meta(out.get(), &layout->meta);
   }
@@ -330,7 +328,7 @@ GstFlowReturn generate_output(GstBaseTransform* transform, GstBuffer** out) {
   return GST_FLOW_OK;
 }
 
-// Frames that wait for their look-ahead go before what ends the stream or changes it.
+// Delivers frames that wait for their look-ahead, before an event that ends or changes the stream.
 void drain(BoloDeblur* self) {
   State& state = *self->state;
   if (!state.stream) return;
@@ -363,7 +361,7 @@ gboolean query(GstBaseTransform* transform, GstPadDirection direction, GstQuery*
   gst_query_parse_latency(asked, &live, &least, &most);
   GST_OBJECT_LOCK(transform);
   const State& state = *self_of(transform)->state;
-  // The look-ahead, and a period in which the solver must keep up.
+  // The look-ahead, plus a period in which the solver must keep up.
   const double added_s = (state.options.settings.lookahead + 1) * state.period_s;
   GST_OBJECT_UNLOCK(transform);
   const auto added = static_cast<GstClockTime>(to_ns(added_s));
@@ -382,7 +380,7 @@ gboolean stop(GstBaseTransform* transform) {
 void bolo_deblur_init(BoloDeblur* self) {
   self->state = new State;
   self->state->options.settings.lambda = 0.0;
-  gst_base_transform_set_qos_enabled(GST_BASE_TRANSFORM(self), FALSE);  // a frame dropped here would be a gap
+  gst_base_transform_set_qos_enabled(GST_BASE_TRANSFORM(self), FALSE);  // a frame dropped by QoS would be a gap
 }
 
 void install_properties(GObjectClass* object) {

@@ -1,4 +1,4 @@
-// The elements of the plugin, and what both need.
+// The elements of the plugin and their shared parts.
 #pragma once
 
 #include <gst/gst.h>
@@ -16,8 +16,8 @@ gboolean register_deblur(GstPlugin* plugin);
 constexpr GParamFlags kProperty = static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS);
 constexpr GParamFlags kReadable = static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS);
 
-// A mapped frame of one plane, for the life of this: false where the buffer, by its layout, ends before the last row. A
-// buffer whose layout is larger than the caps has these in its corner.
+// Maps a one-plane frame for its lifetime; false if the buffer, by its layout, ends before the last row. If the layout
+// is larger than the caps, the frame is in its corner.
 class MappedFrame {
  public:
   MappedFrame(const GstVideoInfo& info, GstBuffer* buffer, GstMapFlags flags)
@@ -37,7 +37,7 @@ class MappedFrame {
     return static_cast<char*>(GST_VIDEO_FRAME_PLANE_DATA(&frame_, 0)) +
            y * static_cast<std::size_t>(GST_VIDEO_FRAME_PLANE_STRIDE(&frame_, 0));
   }
-  // From and to rows without padding.
+  // Copy from and to rows without padding.
   void take(const void* rows) const {
     for (std::size_t y = 0; y < height(); ++y) {
       std::memcpy(row(y), static_cast<const char*>(rows) + y * row_bytes(), row_bytes());
@@ -53,7 +53,7 @@ class MappedFrame {
   void unmap() {
     if (std::exchange(mapped_, false)) gst_video_frame_unmap(&frame_);
   }
-  // GStreamer itself compares only buffers without a layout of their own with what their frame takes.
+  // GStreamer checks the size only of buffers without a layout of their own.
   bool fits() const {
     const std::ptrdiff_t begin = row(0) - reinterpret_cast<const char*>(frame_.map[0].data);
     const std::ptrdiff_t end = row(height_ - 1) - row(0) + begin + static_cast<std::ptrdiff_t>(row_bytes_);

@@ -1,4 +1,4 @@
-// libgstbolo.so, and of its elements "bolosrc": the frames that a bolod publishes in shared memory, as a live source.
+// libgstbolo.so and its element "bolosrc": the frames that a bolod publishes in shared memory, as a live source.
 #include <gst/base/gstpushsrc.h>
 
 #include <algorithm>
@@ -21,9 +21,9 @@ namespace bolo::tools {
 namespace {
 
 constexpr int kOpenMs = 2000;
-constexpr int kWaitMs = 50;  // within which a source that waits notices that it should stop
+constexpr int kWaitMs = 50;  // longest delay until a waiting source notices that it should stop
 constexpr int kStandardRestartMs = 10'000;
-constexpr double kLongestStep_s = 1.0;  // a sink waits as long for a frame, and at the end until the last one is over
+constexpr double kLongestStep_s = 1.0;  // a sink waits this long for a frame, and after the last one
 
 enum Plane { kDeblurred, kRaw };
 
@@ -49,9 +49,9 @@ struct State {
   std::uint64_t last_id = 0;
   std::int64_t before_ns = 0;
   bool any = false;
-  std::atomic<bool> flushing{false};  // a flag and nothing else: relaxed
-  // For properties and queries, which come from any thread: under the object's lock.
-  std::uint32_t width = 0;  // 0: no camera is open
+  std::atomic<bool> flushing{false};  // only a flag: relaxed
+  // For properties and queries from any thread; under the object's lock.
+  std::uint32_t width = 0;  // 0: no camera open
   std::uint32_t height = 0;
   double scale = 0.0;
   double offset = 0.0;
@@ -110,14 +110,13 @@ void finalize(GObject* object) {
   G_OBJECT_CLASS(bolo_src_parent_class)->finalize(object);
 }
 
-// "bolosrc0" and the like, which GStreamer gives to elements that nobody named.
+// True for names like "bolosrc0", which GStreamer assigns to unnamed elements.
 bool is_given_name(std::string_view name) {
   constexpr std::string_view kBegin = "bolosrc";
   const auto digit = [](char c) { return c >= '0' && c <= '9'; };
   return name.starts_with(kBegin) && std::all_of(name.begin() + kBegin.size(), name.end(), digit);
 }
 
-// The names of the daemons that live.
 std::vector<std::string> running_cameras() {
   const int bytes = bolo_client_streams(nullptr, 0);
   std::string text(static_cast<std::size_t>(std::max(bytes, 1)), '\0');
@@ -133,7 +132,7 @@ std::vector<std::string> running_cameras() {
   return running;
 }
 
-// The camera that is asked for: by the property, by the element's own name, or the only one there is. Empty: none.
+// The camera: by the property, by the element's own name, or the only one running. Empty: none.
 std::string chosen_camera(BoloSrc* self, const Options& options) {
   if (!options.camera.empty()) return options.camera;
   const std::unique_ptr<char, decltype(&g_free)> own(gst_object_get_name(GST_OBJECT(self)), g_free);
@@ -149,7 +148,7 @@ std::string chosen_camera(BoloSrc* self, const Options& options) {
   return {};
 }
 
-// The stream's geometry and scale, at the start and when another daemon has taken the name.
+// Reads the stream's geometry and scale, at the start and when another daemon has taken the name.
 void read_info(BoloSrc* self) {
   State& state = *self->state;
   const bolo_client_info& info = *bolo_client_get_info(state.client.get());
@@ -195,7 +194,7 @@ gboolean stop(GstBaseSrc* source) {
   return TRUE;
 }
 
-// The camera's caps in both formats; before it is open, any.
+// The camera's caps in both formats; any caps before it is open.
 GstCaps* get_caps(GstBaseSrc* source, GstCaps* filter) {
   GST_OBJECT_LOCK(source);
   const State& state = *self_of(source)->state;
@@ -223,7 +222,7 @@ gboolean set_caps(GstBaseSrc* source, GstCaps* caps) {
   return gst_video_info_from_caps(&self_of(source)->state->info, caps);
 }
 
-// The same format of the daemon's new geometry. The pipeline asks for its latency anew: sinks drop what comes later.
+// Renegotiates the same format with the daemon's new geometry, and the latency: sinks drop frames that exceed it.
 bool take_new_geometry(BoloSrc* self) {
   State& state = *self->state;
   read_info(self);
@@ -262,7 +261,7 @@ GstFlowReturn wait_for(BoloSrc* self, bolo_client_frame& frame) {
   }
 }
 
-// Copies the plane as it is or as greys. False: the ring came round meanwhile.
+// Copies the plane as it is, or converted to grey. False: the ring overwrote the frame meanwhile.
 bool copy_plane(State& state, const bolo_client_frame& frame, const MappedFrame& to) {
   const bool raw = state.used.plane == kRaw;
   if (bolo_client_copy(&frame, raw ? state.plane.data() : nullptr, raw ? nullptr : state.plane.data()) !=
@@ -285,19 +284,19 @@ bool copy_plane(State& state, const bolo_client_frame& frame, const MappedFrame&
 }
 
 void add_reference(GstBuffer* buffer, const char* clock, std::int64_t ns) {
-  if (ns < 0) return;  // no time to GStreamer
+  if (ns < 0) return;  // GStreamer times are not negative
   GstCaps* caps = gst_caps_new_empty_simple(clock);
   gst_buffer_add_reference_timestamp_meta(buffer, caps, static_cast<GstClockTime>(ns), GST_CLOCK_TIME_NONE);
   gst_caps_unref(caps);
 }
 
-// When the camera took the frame, on the pipeline's clock; nothing where that was before the pipeline ran.
+// Time at which the camera took the frame, as the pipeline's running time; nothing if before its start.
 std::optional<GstClockTime> running_time(BoloSrc* self, const bolo_client_frame& frame) {
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
   if (clock == nullptr) return GST_CLOCK_TIME_NONE;
   const std::int64_t taken_ns = frame.host_ns != 0 ? frame.host_ns : frame.receive_ns;
   const std::int64_t now_ns = monotonic_ns();
-  const std::int64_t age_ns = now_ns - std::clamp(taken_ns, std::int64_t{0}, now_ns);  // else a sink waits for years
+  const std::int64_t age_ns = now_ns - std::clamp(taken_ns, std::int64_t{0}, now_ns);  // else sinks wait for years
   const auto base = static_cast<std::int64_t>(gst_element_get_base_time(GST_ELEMENT(self)));
   const std::int64_t taken = static_cast<std::int64_t>(gst_clock_get_time(clock)) - base - age_ns;
   gst_object_unref(clock);
@@ -305,7 +304,7 @@ std::optional<GstClockTime> running_time(BoloSrc* self, const bolo_client_frame&
   return static_cast<GstClockTime>(taken);
 }
 
-// Times on all clocks, numbers and breaks.
+// Sets times on all clocks, frame numbers and discontinuities.
 void stamp(State& state, const bolo_client_frame& frame, GstClockTime running, GstBuffer* buffer) {
   GST_BUFFER_PTS(buffer) = running;
   GST_BUFFER_DURATION(buffer) = static_cast<GstClockTime>(to_ns(std::min(state.period_s, kLongestStep_s)));
@@ -355,8 +354,7 @@ gboolean query(GstBaseSrc* source, GstQuery* asked) {
   }
   GST_OBJECT_LOCK(source);
   const State& state = *self_of(source)->state;
-  // A frame is out a look-ahead later than it was taken, which is within the ring, and the daemon has a period to read
-  // and one to solve it.
+  // A frame comes a look-ahead (at most the ring) after it was taken, plus a period each to read and to solve it.
   const double least_s =
       std::min(state.lookahead, state.slots) * state.period_s + 2.0 * std::min(state.period_s, kLongestStep_s);
   const double most_s = std::max(least_s, state.slots * state.period_s / 2.0);  // older ones are skipped
@@ -418,6 +416,6 @@ gboolean register_elements(GstPlugin* plugin) {
 }  // namespace
 }  // namespace bolo::tools
 
-#define PACKAGE "bolo"  // GST_PLUGIN_DEFINE asks for it
+#define PACKAGE "bolo"  // required by GST_PLUGIN_DEFINE
 GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, bolo, "Sharp frames of moving thermal cameras",
                   bolo::tools::register_elements, BOLO_VERSION, GST_LICENSE_UNKNOWN, "bolo", "https://bolo.invalid")

@@ -1,4 +1,4 @@
-// `bolo-lab`: measures and tries Bolo itself; never installed, never needed by bolo or bolod. And `bolo-lab eval live`.
+// `bolo-lab`, which measures and tests Bolo itself and is never installed; and `bolo-lab eval live`.
 #include "tools/demo/live_check.hpp"
 #include "tools/lab/common.hpp"
 #include "tools/lab/verbs.hpp"

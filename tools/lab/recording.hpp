@@ -1,4 +1,4 @@
-// A moving scene as a camera sees it, in memory, with the truth; and as a source of frames.
+// A moving scene as a camera sees it, in memory, with its truth; and as a frame source.
 #pragma once
 
 #include <atomic>
@@ -21,21 +21,20 @@ struct Recording {
   std::vector<std::vector<float>> truth;  // K
 };
 
-// A street that passes by.
 struct StreetPass {
-  std::uint64_t street = 5;  // which one
+  std::uint64_t street = 5;  // which street
   double speed_px_s = 60.0;
   std::size_t frames = 260;
-  std::size_t more_frames = 32;  // effects that lose frames, or jitter, need later ones
+  std::size_t more_frames = 32;  // later frames, for effects that lose frames or jitter
 };
 
 // Thread: any.
 Result<Recording> record_street(const sim::CameraSettings& camera, const StreetPass& pass);
 
-// Hands in every frame, as fast as they are taken. Frame k has the id k and the time of k periods.
+// Delivers every frame, as fast as they are consumed. Frame k has id k and a time of k periods.
 class RecordingSource final : public pipeline::FrameSource {
  public:
-  // The recording outlives this. Thread: setup.
+  // The recording must outlive this. Thread: setup.
   explicit RecordingSource(const Recording& recording) : recording_(recording) {}
   ~RecordingSource() override { RecordingSource::stop(); }
   RecordingSource(const RecordingSource&) = delete;

@@ -1,5 +1,4 @@
-// The verbs of `bolo-lab`, one folder each, and the evaluations of `bolo-lab eval`, one file each.
-// Of all of them argv[0] is the verb itself; they return the exit code.
+// The verbs of `bolo-lab` and the evaluations of `bolo-lab eval`. argv[0] is the verb; they return the exit code.
 #pragma once
 
 #include <array>

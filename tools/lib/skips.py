@@ -19,12 +19,12 @@ import tempfile
 import xml.etree.ElementTree
 
 ALLOWED = "BOLO_TEST_DATA"
-MOST_BYTES = str(1 << 20)  # of a test's output, of which ctest would keep one KiB
-MOST_AGAIN = 3000  # characters of a failed test's output
-MOST_REPEATED = 3  # tests that pass only when they run again
+MOST_BYTES = str(1 << 20)  # of a test's output; ctest's default is one KiB
+MOST_AGAIN = 3000  # shown of a failed test's output
+MOST_REPEATED = 3  # tests that pass only on a second run
 FAILED = re.compile(r"Test +#\d+: (\S+) \.*\*\*\*(?!Skipped)")
 SUMMARY = re.compile(r"^\d+% tests passed")
-# A line of gtest "file:line: Skipped" stands before the reason; Python prints "test_x (...) ... skipped 'reason'".
+# gtest prints "file:line: Skipped" before the reason; Python prints "test_x (...) ... skipped 'reason'".
 GTEST = re.compile(r"^.*: Skipped\n(.*)\n(?:.*\n)*?(?:\[  SKIPPED \] (\S+)|\Z)", re.MULTILINE)
 UNITTEST = re.compile(r"^(\w+) \(.*\.\.\. skipped (['\"])(.*)\2$", re.MULTILINE)
 PROGRAM = re.compile(r"^skipped:? *(.*)$", re.MULTILINE | re.IGNORECASE)

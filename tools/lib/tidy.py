@@ -18,11 +18,11 @@ import subprocess
 import sys
 import tempfile
 
-# The static analyzer follows so many states of a function and no more: three quarters of the time went beyond them.
+# Limits the states that the static analyzer follows in a function: three quarters of the time were spent beyond.
 ANALYZER = [f"--extra-arg={word}" for word in ("-Xclang", "-analyzer-config", "-Xclang", "max-nodes=20000")]
 NOISE = re.compile(r"warnings? generated|Suppressed|Use -header-filter")
-TOGETHER = 24  # files at most: what a change of one of them makes look at again
-ALONE = re.compile(r"foreach_target\.h|elements\.hpp|int main\(")  # includes itself, for each set of instructions; GStreamer's names
+TOGETHER = 24  # files at most: a change in one of them rechecks all
+ALONE = re.compile(r"foreach_target\.h|elements\.hpp|int main\(")  # files that include themselves per instruction set; names of GStreamer
 WITH_VALUE = ("-o", "-MT", "-MF", "-isystem", "-include")
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -93,7 +93,7 @@ def main():
     together = [file for file in files if file not in alone]
     size = max(1, -(-len(together) // -(-len(together) // TOGETHER))) if together else 1
     groups = [together[at : at + size] for at in range(0, len(together), size)] + [[file] for file in alone]
-    with tempfile.TemporaryDirectory(dir=build) as folder:  # below the project, whose .clang-tidy holds there, too
+    with tempfile.TemporaryDirectory(dir=build) as folder:  # inside the project, so that its .clang-tidy applies
         examination = Examination(entries, folder)
         with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
             found = "".join(pool.map(examination.findings, groups))

@@ -1,4 +1,4 @@
-# Completion of bolo and bolod for bash. What is offered is read from the programs' own --help.
+# Bash completion of bolo and bolod. The words come from the programs' own --help.
 
 _bolo_words() { mapfile -t COMPREPLY < <(compgen -W "$1" -- "$cur"); }
 _bolo_files() {
@@ -8,7 +8,7 @@ _bolo_files() {
 
 _bolo() {
   local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]} command=("${COMP_WORDS[0]}") help line
-  # bash takes "--option=value" for three words.
+  # bash splits "--option=value" into three words.
   if [ "$cur" = = ]; then
     cur=
   elif [ "$prev" = = ]; then
@@ -24,9 +24,9 @@ _bolo() {
   fi
   help=$("${command[@]}" --help 2>/dev/null) || return 0
   if [[ $prev == -?* ]]; then
-    # The line of the option before: what its value is, and where the text begins with a list of words, these.
+    # Help line of the previous option: completes by its value's placeholder, or the list of words that its text begins with.
     line=$(grep -E -- "^ +(-[A-Za-z], )?$prev[, ]|^ +$prev, " <<<"$help" | head -1 | sed -E 's/^ +(-[A-Za-z], )?//')
-    local value=${line#--* } # behind the option's long name; begins with a blank where it takes none
+    local value=${line#--* } # after the option's long name; begins with a blank if it takes no value
     case ${value%% *} in
       *DIR* | *FOLDER*) _bolo_files -d && return ;;
       *FILE* | *CAPTURE* | *IMAGE* | IN* | OUT* | *.*) _bolo_files -f && return ;;

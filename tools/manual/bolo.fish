@@ -1,4 +1,4 @@
-# Completion of bolo and bolod for fish. What is offered is read from the programs' own --help.
+# Fish completion of bolo and bolod. The words come from the programs' own --help.
 function __bolo_options
     $argv --help 2>/dev/null | string replace -rf '^ +(?:-\w, )? *(--[a-z0-9-]+)(?: [^ ]+)? *(.*)$' '$1\t$2'
 end

@@ -22,7 +22,7 @@ namespace bolo::tools {
 namespace {
 
 constexpr std::int64_t kIdle_ns = 100'000'000;
-// Most that a kill may cost.
+// Most that a kill may lose.
 constexpr std::int64_t kCommitAfter_ns = 150'000'000;
 constexpr std::size_t kFewestSlots = 16;
 
@@ -39,7 +39,7 @@ bool is_taken(const std::filesystem::path& file) {
   });
 }
 
-// When, where and by what a file was begun.
+// Attributes for the time, host and program version of a recording.
 std::vector<capture::Attribute> origin() {
   std::array<char, HOST_NAME_MAX + 1> host{};
   if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '\0';
@@ -48,9 +48,9 @@ std::vector<capture::Attribute> origin() {
           {"bolo_version", std::string(BOLO_VERSION)}};
 }
 
-// Beyond its limit the kernel ends the process, without a line.
+// Above its memory limit the kernel kills the process without a message.
 void warn_of_limit(const FileWriterOptions& options) {
-  constexpr std::uint64_t kOtherBytes = std::uint64_t{8} << 20U;  // 5 MB without the buffer, and some for the file
+  constexpr std::uint64_t kOtherBytes = std::uint64_t{8} << 20U;  // 5 MB without the buffer, and a reserve for the file
   const std::uint64_t limit = memory_limit();
   if (limit >= kOtherBytes && limit - kOtherBytes >= options.buffer_bytes) return;
   options.log("the buffer takes " + std::to_string(options.buffer_bytes >> 20U) +
@@ -72,7 +72,7 @@ std::uint64_t memory_limit(const std::filesystem::path& tree, const std::filesys
     for (const std::filesystem::path& part : std::filesystem::path("/") / line.substr(kVersion2.size())) {
       if (part != "/") group /= part;
       std::uint64_t limit = 0;
-      if (std::ifstream(group / "memory.max") >> limit) least = std::min(least, limit);  // "max" is no number
+      if (std::ifstream(group / "memory.max") >> limit) least = std::min(least, limit);  // "max" does not parse
     }
   }
   return least;
@@ -136,7 +136,7 @@ FileWriterResult FileWriter::finish() {
   return std::move(result_);
 }
 
-// Of a file that is there the name is passed over: no frame is lost for it.
+// An existing file's number is skipped, so that no frame is lost.
 Status FileWriter::open_next() {
   std::size_t part = next_part_;
   auto created = create(part);
@@ -163,7 +163,7 @@ Result<capture::CaptureWriter> FileWriter::create(std::size_t part) const {
   return capture::CaptureWriter::create(file_of_part(options_, part), options_.info, how);
 }
 
-// A file without frames is no capture: nobody misses it.
+// A file without frames is no capture: it is discarded.
 Status FileWriter::close_current() {
   if (!capture_) return {};
   Status good;
@@ -173,7 +173,7 @@ Status FileWriter::close_current() {
     const auto close = [capture = std::make_shared<capture::CaptureWriter>(std::move(*capture_))] {
       return tried([&] { return capture->close(); });
     };
-    // If the system has no thread to give, this one closes it, in take_closed().
+    // If no thread can be started, take_closed() closes the file on this one.
     closing_.push_back({current_, std::async(close)});
   } else {
     result_.parts.emplace_back(current_.string() + ".part");
@@ -182,7 +182,7 @@ Status FileWriter::close_current() {
   return good;
 }
 
-// Notes what became of the files that are closed by now, or of all of them.
+// Records the outcome of files closed so far, or of all if `wait`.
 void FileWriter::take_closed(bool wait) {
   while (!closing_.empty()) {
     Closing& oldest = closing_.front();
@@ -190,18 +190,18 @@ void FileWriter::take_closed(bool wait) {
     Status good = oldest.outcome.get();
     std::filesystem::path part = oldest.file.string() + ".part";
     std::error_code ignored;
-    if (good || !std::filesystem::exists(part, ignored)) {  // it has its name, whatever failed after that
+    if (good || !std::filesystem::exists(part, ignored)) {  // renamed to its final name, whatever failed afterwards
       result_.files.push_back(std::move(oldest.file));
     } else {
       result_.parts.push_back(std::move(part));
     }
-    if (!good && result_.status) result_.status = std::move(good);  // frames to come have files of their own
+    if (!good && result_.status) result_.status = std::move(good);  // later frames go to files of their own
     closing_.pop_front();
   }
 }
 
 void FileWriter::run() noexcept {
-  (void)rt::apply_to_this_thread({.name = "bolo-record"});  // a name alone is never refused
+  (void)rt::apply_to_this_thread({.name = "bolo-record"});  // setting only a name never fails
   for (Item item{};;) {
     const bool ending = ending_.load(std::memory_order_acquire);  // partner: the store in finish()
     if (queue_.pop_wait(item, ending ? 0 : kIdle_ns)) {
@@ -270,14 +270,14 @@ Status FileWriter::append(const rt::FrameSlot& slot, const Item& item) {
   return {};
 }
 
-// Frames that came before a pause of the stream are not to wait for its end.
+// Frames before a pause of the stream are committed without waiting for its end.
 void FileWriter::commit_if_idle() {
   if (broken() || monotonic_ns() - last_commit_ns_ < kCommitAfter_ns) return;
   last_commit_ns_ = monotonic_ns();
   if (Status good = tried([this] { return capture_->commit(); }); !good) fail(std::move(good));
 }
 
-// The first failure is reported; what was appended before stays and is closed orderly.
+// Reports the first failure only; frames already appended remain, and their file is closed properly.
 void FileWriter::fail(Status status) {
   if (result_.status) result_.status = std::move(status);
   broken_.store(true, std::memory_order_relaxed);

@@ -19,7 +19,7 @@ using shm::FollowedStream;
 
 constexpr int kReadTimeout_ms = 100;
 constexpr std::int64_t kClocksAgreeWithin_ns = 1'000'000'000;
-constexpr std::int64_t kLongestPauseNs = std::int64_t{1} << 53U;  // a hundred days: beyond, a clock is none
+constexpr std::int64_t kLongestPauseNs = std::int64_t{1} << 53U;  // a hundred days: a longer pause means a broken clock
 
 bool same_stream(const bolo_shm_header& a, const bolo_shm_header& b) {
   return a.width == b.width && a.height == b.height && a.unit == b.unit && a.scale == b.scale && a.offset == b.offset &&
@@ -71,7 +71,7 @@ class Recording {
     return reached_ || stop_.load(std::memory_order_relaxed) || writer_->broken();
   }
 
-  // Takes the next frame, if one comes. False: there is no more to come.
+  // Takes the next frame if one arrives. False: the stream has ended.
   bool poll() {
     shm::BorrowedFrame frame;
     std::uint64_t missed = 0;
@@ -128,15 +128,14 @@ class Recording {
     if (taken_++ == 0) first_ns_ = monotonic_ns();
   }
 
-  // True if somebody set the host's clock between the frame before and this one: UTC went on otherwise than monotonic
-  // time did.
+  // True if the host's clock was set between the last frame and this one: UTC and monotonic time advanced differently.
   bool clock_stepped(const FrameMeta& meta) {
     if (meta.utc_ns == 0) return false;
     const std::int64_t before_ns = std::exchange(utc_offset_ns_, meta.utc_ns - host_time_ns(meta));
     return before_ns != 0 && std::abs(utc_offset_ns_ - before_ns) > kClockStepNs;
   }
 
-  // Numbers skipped beyond those overwritten here were lost before: also those that a break of camera or daemon takes.
+  // Skipped numbers beyond those overwritten here were lost earlier, also in restarts of camera or daemon.
   void count_jump(const FrameMeta& meta) {
     const std::uint64_t jump = any_ ? meta.frame_id - last_id_ - 1 : 0;
     result_.lost_before += jump - std::min(jump, lost_here_);
@@ -145,7 +144,7 @@ class Recording {
     any_ = true;
   }
 
-  // For a daemon under the same name, or for this one to go on. False: it has been too long.
+  // Waits for a new daemon of this name, or for this one to continue. False: timed out.
   bool wait_for_another() {
     const std::int64_t now_ns = monotonic_ns();
     if (ended_ns_ == 0) ended_ns_ = now_ns;
@@ -175,24 +174,24 @@ class Recording {
   std::unique_ptr<FileWriter> writer_;
   const std::atomic<bool>& stop_;
   RisingStream rising_;
-  const std::uint64_t published_before_;  // by the first daemon: not asked for
+  const std::uint64_t published_before_;  // by the first daemon before this recording: not wanted
   RecordResult result_;
-  rt::FrameSlot* slot_ = nullptr;  // to be filled next; the writer's end takes it back
+  rt::FrameSlot* slot_ = nullptr;  // to be filled next; the writer frees it at its end
   std::uint64_t taken_ = 0;
-  // When the first frame was taken; until then, when it should have come.
+  // When the first frame was taken; before that, the deadline for it.
   std::int64_t first_ns_ = monotonic_ns() + static_cast<std::int64_t>(request_.wait_s * kNsPerSecond);
-  std::int64_t ended_ns_ = 0;  // since when there is no living daemon; 0: there is one
+  std::int64_t ended_ns_ = 0;  // when the daemon ended; 0: it is alive
   std::uint64_t last_id_ = 0;
   std::uint64_t lost_here_ = 0;  // overwritten since the last frame taken
   std::uint32_t marks_ = kMarkNone;
-  std::int64_t utc_offset_ns_ = 0;  // UTC - the host's clock, at the last frame; 0: not known
+  std::int64_t utc_offset_ns_ = 0;  // UTC - the host's clock, at the last frame; 0: unknown
   bool any_ = false;
   bool restarted_ = false;
   bool nuc_ = false;
   bool reached_ = false;
 };
 
-// The daemon's memory; of one that is not there yet after a while, where that is asked for.
+// Opens the daemon's memory; with wait_at_start, waits for the daemon.
 Result<FollowedStream> open_daemon(const RecordRequest& request, const std::atomic<bool>& stop) {
   Result<FollowedStream> stream = FollowedStream::open(request.name, 0);
   const std::int64_t until_ns = monotonic_ns() + static_cast<std::int64_t>(request.wait_s * kNsPerSecond);
@@ -207,7 +206,7 @@ Result<FollowedStream> open_daemon(const RecordRequest& request, const std::atom
 
 }  // namespace
 
-// Without a restart the camera's clock is trusted: a replay may run faster than the host's.
+// Without a restart only the camera's clock counts: a replay may run faster than the host's clock.
 bool RisingStream::continues(const FrameMeta& meta, bool restarted) const noexcept {
   if (meta.frame_id <= last_->frame_id || meta.camera_ns <= last_->camera_ns) return false;
   const std::int64_t by_camera_ns = meta.camera_ns - last_->camera_ns;

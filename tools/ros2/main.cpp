@@ -1,9 +1,8 @@
-// `bolo-ros2`: the frames of a bolod as topics of ROS 2, by Cyclone DDS. bolod starts it where its configuration says
-// [ros2] enable = true. A process of its own, for DDS hears whatever the network sends.
+// `bolo-ros2`: the frames of a bolod as topics of ROS 2, by Cyclone DDS. bolod starts it if configured with [ros2]
+// enable = true. A separate process, because DDS parses whatever the network sends.
 //
 // Topics NAME/image_raw, NAME/image_deblurred (sensor_msgs/Image) and NAME/camera_info (sensor_msgs/CameraInfo), best
-// effort, the last five kept: ROS 2's profile for sensor data. Names on DDS: ros2/design, "Topic and Service name
-// mapping to DDS".
+// effort, keep last 5: ROS 2's sensor data profile. Names on DDS: ros2/design, "Topic and Service name mapping to DDS".
 #include <dds/dds.h>
 #include <dds/ddsrt/log.h>
 #include <signal.h>
@@ -34,8 +33,8 @@ namespace bolo::tools {
 namespace {
 
 constexpr int kOpenMs = 100;
-constexpr int kWaitMs = 100;  // within which a signal is noticed
-constexpr int kDepth = 5;     // of ROS 2's sensor data profile
+constexpr int kWaitMs = 100;  // longest delay until a signal is noticed
+constexpr int kDepth = 5;     // history of ROS 2's sensor data profile
 constexpr std::int64_t kNsPerS = 1'000'000'000;
 
 using Image = sensor_msgs_msg_dds__Image_;
@@ -57,7 +56,7 @@ tl::unexpected<Error> dds_failed(const std::string& what, dds_return_t code) {
   return failed(what + ": " + dds_strretcode(code));
 }
 
-// Logs DDS's first messages: it writes one for every packet that is not DDS, and strangers send any number.
+// Logs only the first messages of DDS: it writes one for every foreign packet, and strangers may send any number.
 void log_dds(void* /*unused*/, const dds_log_data_t* entry) {
   static std::atomic<int> lines{0};
   constexpr int kLines = 20;
@@ -69,7 +68,7 @@ void log_dds(void* /*unused*/, const dds_log_data_t* entry) {
   std::fprintf(stderr, "bolo-ros2: DDS: %s\n", shown.c_str());
 }
 
-// One topic and its writer; they go with the participant.
+// A topic and its writer, which are deleted with the participant.
 class Topic {
  public:
   Status open(dds_entity_t participant, const dds_topic_descriptor_t& type, const std::string& name) {
@@ -97,7 +96,7 @@ class Topic {
   dds_entity_t writer_ = 0;
 };
 
-// ROS 2's names have letters, digits and '_', and begin with no digit.
+// ROS 2 names consist of letters, digits and '_', and do not begin with a digit.
 std::string topic_name(std::string name) {
   const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
   const auto digit = [](char c) { return c >= '0' && c <= '9'; };
@@ -105,7 +104,6 @@ std::string topic_name(std::string name) {
   return digit(name.empty() ? '0' : name.front()) ? "camera_" + name : name;
 }
 
-// The planes of one frame, copied out of the ring.
 struct Planes {
   std::vector<std::uint16_t> raw;
   std::vector<std::uint16_t> deblurred;
@@ -133,7 +131,7 @@ class Bridge {
     return opened;
   }
 
-  // Until a signal comes.
+  // Runs until a signal arrives.
   Status run() {
     while (!interrupted()) {
       if (Status found = find_stream(); !found) return found;
@@ -148,7 +146,7 @@ class Bridge {
   }
 
  private:
-  // No stream yet is no error: the daemon may come later.
+  // A missing stream is no error: the daemon may start later.
   Status find_stream() {
     if (client_ != nullptr) return {};
     bolo_client* opened = nullptr;
@@ -167,7 +165,7 @@ class Bridge {
     if (sharp) planes_.deblurred.resize(pixels);
     if ((raw || sharp) && bolo_client_copy(&frame, raw ? planes_.raw.data() : nullptr,
                                            sharp ? planes_.deblurred.data() : nullptr) != BOLO_CLIENT_OK) {
-      return {};  // overwritten: too late for it
+      return {};  // overwritten: skipped
     }
     Status sent;
     if (raw) sent = write_image(raw_, frame, planes_.raw);
@@ -176,7 +174,7 @@ class Bridge {
     return sent;
   }
 
-  // A stamp has 31 bits of seconds since 1970; a time without one has the nearest.
+  // A stamp has 31 bits of seconds since 1970; times outside are clamped.
   std::int64_t stamped(std::int64_t utc_ns) {
     constexpr std::int64_t kLastNs = (std::int64_t{1} << 31) * kNsPerS - 1;
     const std::int64_t ns = std::clamp(utc_ns, std::int64_t{0}, kLastNs);
@@ -189,7 +187,7 @@ class Bridge {
     return ns;
   }
 
-  // When the camera took the frame, in UTC, which is what ROS 2's nodes count in.
+  // UTC at which the camera took the frame; nodes of ROS 2 count in UTC.
   std_msgs_msg_dds__Header_ header(const bolo_client_frame& frame) {
     const std::int64_t taken_ns = frame.host_ns != 0 ? frame.host_ns : frame.receive_ns;
     const std::int64_t ns = stamped(frame.utc_ns != 0 ? frame.utc_ns : dds_time() - monotonic_ns() + taken_ns);
@@ -223,7 +221,7 @@ class Bridge {
     return topic.write(&image);
   }
 
-  // Not calibrated: a size and nothing else, as ROS 2 has it.
+  // Uncalibrated: only the size, as ROS 2 defines it.
   Status write_info(const bolo_client_frame& frame) {
     std::array<char, 1> no_model{};
     CameraInfo info{};
@@ -244,7 +242,7 @@ class Bridge {
   bool told_no_stamp_ = false;
 };
 
-// Ends when its parent does, however that ends.
+// Makes this process end when its parent does, however that ends.
 bool end_with_parent() {
   const pid_t parent = getppid();
   prctl(PR_SET_PDEATHSIG, SIGTERM);

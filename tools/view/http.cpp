@@ -13,8 +13,8 @@
 namespace bolo::view {
 namespace {
 
-constexpr int kAskAgain_ms = 50;                 // requests that wait may have waited long enough
-constexpr std::size_t kConnectionBytes = 16384;  // request line and headers; more is refused with 431
+constexpr int kAskAgain_ms = 50;                 // waiting requests may have timed out by then
+constexpr std::size_t kConnectionBytes = 16384;  // request line and headers; longer ones are refused with 431
 constexpr int kBacklog = 16;
 
 std::string describe_bind_error(const std::string& address, std::uint16_t port) {
@@ -25,7 +25,7 @@ std::string describe_bind_error(const std::string& address, std::uint16_t port) 
   return where + std::strerror(errno);
 }
 
-// `absent`: the host does not have this address, or not this family of addresses.
+// `absent`: set if the host lacks this address or its family.
 Result<UniqueFd> listening_socket(const std::string& text, std::uint16_t port, bool& absent) {
   const auto address = ip_address(text, port);
   if (!address) return bad_input("address '" + text + "' is not a numeric IP address such as 192.168.1.10 or ::1");
@@ -43,7 +43,7 @@ std::uint16_t port_of(int fd) {
                                      : ntohs(reinterpret_cast<sockaddr_in*>(&place)->sin_port);
 }
 
-// The library's messages about clients that misbehave.
+// Discards the library's messages about misbehaving clients.
 void ignore(void*, const char*, va_list) {}
 
 void release_body(void* body) { delete static_cast<std::shared_ptr<const std::string>*>(body); }
@@ -63,7 +63,7 @@ HttpServer::HttpServer(const Limits& limits, std::vector<std::pair<std::string, 
     : limits_(limits), headers_(std::move(headers)), woken_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
 
 HttpServer::~HttpServer() {
-  resume_waiting();  // the library wants none suspended
+  resume_waiting();  // the library requires that none is suspended
   for (MHD_Daemon* listener : listeners_) MHD_stop_daemon(listener);
 }
 
@@ -89,8 +89,8 @@ Status HttpServer::add_listener(const std::string& address, bool& absent) {
   const auto refused = [&] {
     return failed("cannot serve on " + address + ": " + std::strerror(errno) + "; free some, or raise ulimit -n");
   };
-  const int copy = fcntl(fd.get(), F_DUPFD_CLOEXEC, 0);  // which the library closes
-  if (copy < 0) return refused();                        // without one it would listen on all addresses
+  const int copy = fcntl(fd.get(), F_DUPFD_CLOEXEC, 0);  // owned and closed by the library
+  if (copy < 0) return refused();                        // without a socket it would listen on all addresses
   MHD_Daemon* listener = MHD_start_daemon(
       MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr, &HttpServer::on_request, this,
       MHD_OPTION_EXTERNAL_LOGGER, &ignore, nullptr, MHD_OPTION_LISTEN_SOCKET, copy, MHD_OPTION_CONNECTION_LIMIT,
@@ -115,7 +115,7 @@ void HttpServer::run(const Handler& handler, const std::atomic<bool>& end) {
   }
 }
 
-// Sleeps until a socket is ready, wake() was called, or a request that waits is to be asked again.
+// Sleeps until a socket is ready, wake() is called, or waiting requests are due to be asked again.
 void HttpServer::wait_for_work() const {
   std::vector<pollfd> fds{{woken_.get(), POLLIN, 0}};
   MHD_UNSIGNED_LONG_LONG wait_ms = waiting_.empty() ? 250 : kAskAgain_ms;
@@ -141,7 +141,7 @@ MHD_Result HttpServer::on_request(void* self, MHD_Connection* connection, const 
                                   void** exchange) {
   auto& server = *static_cast<HttpServer*>(self);
   if (*exchange == nullptr) return server.begin(connection, path, method, exchange);
-  if (*body_bytes != 0) return MHD_NO;  // begin() has refused it
+  if (*body_bytes != 0) return MHD_NO;  // refused by begin()
   return server.answer_or_wait(connection, *static_cast<Exchange*>(*exchange));
 }
 
@@ -153,7 +153,7 @@ MHD_Result HttpServer::begin(MHD_Connection* connection, const char* path, const
   if (length != "0" || made->request.header(MHD_HTTP_HEADER_TRANSFER_ENCODING)) {
     return send(connection, line(413, "no request here has a body"));
   }
-  *exchange = made.release();  // until on_completed()
+  *exchange = made.release();  // owned until on_completed()
   return MHD_YES;
 }
 
@@ -166,8 +166,8 @@ MHD_Result HttpServer::answer_or_wait(MHD_Connection* connection, Exchange& exch
   return MHD_YES;
 }
 
-// Any client may take all places, and keep each by a byte now and then: the library's limit would leave them to him. So
-// would places of clients that take no answer any more (a laptop that fell asleep), be they authorised or not.
+// A client may open all connections and keep each alive by a byte now and then; the library's own limit would let it.
+// So would clients that stopped reading (a laptop asleep), authorised or not.
 void HttpServer::on_connection(void* self, MHD_Connection* connection, void** /*unused*/,
                                MHD_ConnectionNotificationCode code) {
   auto& server = *static_cast<HttpServer*>(self);
@@ -182,9 +182,9 @@ void HttpServer::on_connection(void* self, MHD_Connection* connection, void** /*
   if (server.connections_ > server.limits_.connections) server.make_room();
 }
 
-// The library closes it at its next poll of its sockets.
+// The library closes it when it next polls its sockets.
 void HttpServer::make_room() {
-  auto& from = silent_.size() > 1 || asking_.empty() ? silent_ : asking_;  // the newest of the silent has just come
+  auto& from = silent_.size() > 1 || asking_.empty() ? silent_ : asking_;  // the newest silent one has only just come
   shutdown(MHD_get_connection_info(from.front(), MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd, SHUT_RDWR);
   from.erase(from.begin());
 }

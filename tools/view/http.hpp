@@ -1,4 +1,4 @@
-// A small HTTP server over libmicrohttpd: one thread, bounded connections, answers that may wait.
+// A small HTTP server over libmicrohttpd: one thread, bounded connections, deferred answers.
 #pragma once
 
 #include <microhttpd.h>
@@ -17,7 +17,7 @@
 
 namespace bolo::view {
 
-// One request without a body: such with one are refused before a handler sees them.
+// A request without a body; requests with one are refused before a handler sees them.
 class Request {
  public:
   Request(MHD_Connection* connection, std::string method, std::string path)
@@ -25,12 +25,11 @@ class Request {
 
   const std::string& method() const noexcept { return method_; }
   const std::string& path() const noexcept { return path_; }
-  // Values as the client sent them; nothing when it sent none. Names of headers in any case. Thread: the server's.
+  // Values as the client sent them; nothing if absent. Header names are case-insensitive. Thread: the server's.
   std::optional<std::string> header(const char* name) const { return value(MHD_HEADER_KIND, name); }
   std::optional<std::string> argument(const char* name) const { return value(MHD_GET_ARGUMENT_KIND, name); }
   std::optional<std::string> cookie(const char* name) const { return value(MHD_COOKIE_KIND, name); }
 
-  // Time since the request.
   std::chrono::milliseconds waited() const {
     return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() - since_);
   }
@@ -54,24 +53,22 @@ struct Answer {
   std::vector<std::pair<std::string, std::string>> headers{};
 };
 
-// A text of one line.
 Answer line(unsigned status, const std::string& words);
 
 class HttpServer {
  public:
-  // Nothing: the answer is not known yet; the handler is asked again after each wake(), and some times a second.
+  // Returns nothing while the answer is unknown: it is then called again after each wake(), and some times a second.
   using Handler = std::function<std::optional<Answer>(const Request&)>;
 
   struct Limits {
-    // Open at once; then the one that has been without a request the longest makes room, or the one whose answer has
-    // taken the longest.
+    // Open at once. Beyond, the one longest without a request is closed, or the one whose answer has taken longest.
     unsigned connections = 48;
-    unsigned waiting = 32;  // requests without an answer yet; others get 503
+    unsigned waiting = 32;  // requests without an answer yet; further ones get 503
     unsigned idle_s = 30;   // a connection without a request for this long is closed
   };
 
-  // Listens on numeric addresses, all with one port; port 0: any that is free. An address that this host does not have
-  // is left out as long as another one is there. Each answer gets `headers`. Thread: setup.
+  // Listens on numeric addresses, all with one port; port 0: any free one. An address that this host lacks is skipped
+  // if another one works. `headers` are added to each answer. Thread: setup.
   static Result<std::unique_ptr<HttpServer>> listen(const std::vector<std::string>& addresses, std::uint16_t port,
                                                     const Limits& limits,
                                                     std::vector<std::pair<std::string, std::string>> headers);
@@ -79,10 +76,10 @@ class HttpServer {
 
   std::uint16_t port() const noexcept { return port_; }
 
-  // Serves until `end` is set. The handler is called on this thread. Thread: one.
+  // Serves until `end` is set, calling the handler on this thread. Thread: one.
   void run(const Handler& handler, const std::atomic<bool>& end);
 
-  // Something came that requests may wait for. Thread: any.
+  // Asks waiting requests again. Thread: any.
   void wake() const noexcept;
 
  private:
@@ -107,8 +104,8 @@ class HttpServer {
   UniqueFd woken_;
   std::vector<MHD_Daemon*> listeners_;
   std::vector<MHD_Connection*> waiting_;
-  std::vector<MHD_Connection*> silent_;  // connections without a request, the longest first
-  std::vector<MHD_Connection*> asking_;  // those with one
+  std::vector<MHD_Connection*> silent_;  // connections without a request, oldest first
+  std::vector<MHD_Connection*> asking_;  // connections with a request
   std::size_t connections_ = 0;
   const Handler* handler_ = nullptr;
 };

@@ -9,11 +9,11 @@
 namespace bolo::view {
 namespace {
 
-constexpr int kPatience_ms = 100;                          // for a frame or a daemon, before the end is polled
-constexpr std::int64_t kSnapshotEvery_ns = 1'000'000'000;  // a sample of the rates is a second long
-constexpr std::int64_t kForgotten_ns = 5'000'000'000;      // a trace that nobody asked for
-constexpr std::int64_t kSilent_ns = 1'000'000'000;         // without a frame
-constexpr int kAttempts = 3;                               // to copy a frame of a ring that is overwritten meanwhile
+constexpr int kPatience_ms = 100;                          // wait for a frame or a daemon before checking for the end
+constexpr std::int64_t kSnapshotEvery_ns = 1'000'000'000;  // rates are averaged over a second
+constexpr std::int64_t kForgotten_ns = 5'000'000'000;      // age at which a trace that nobody requests is dropped
+constexpr std::int64_t kSilent_ns = 1'000'000'000;         // time without a frame after which the stream is silent
+constexpr int kAttempts = 3;                               // to copy a frame while the ring is being overwritten
 
 void append(std::string& text, const void* from, std::size_t bytes) {
   text.append(static_cast<const char*>(from), bytes);
@@ -160,7 +160,7 @@ std::optional<nlohmann::ordered_json> LiveStream::trace(std::uint32_t x, std::ui
   std::vector<std::uint16_t> deblurred;
   for (const Sample& sample : trace->samples) {
     if (sample.number < from) continue;
-    const std::int64_t camera_us = sample.camera_ns / 1000;  // short in JSON
+    const std::int64_t camera_us = sample.camera_ns / 1000;  // microseconds are short in JSON
     t_s.push_back(static_cast<double>(camera_us) * 1e-6);
     raw.push_back(sample.raw);
     deblurred.push_back(sample.deblurred);

@@ -1,4 +1,4 @@
-// A daemon's stream for the page, through restarts of the daemon: newest frame, traces of pixels, status.
+// A daemon's stream for the page, across restarts of the daemon: newest frame, traces of pixels, status.
 #pragma once
 
 #include <atomic>
@@ -19,51 +19,51 @@
 
 namespace bolo::view {
 
-// A place in the stream. Frames of another writer are of another epoch, even with the same numbers.
+// Position in the stream. Frames of another writer have another epoch, even with equal numbers.
 struct Place {
-  std::uint64_t epoch = 0;   // rises with each writer that is followed; 0: none yet
+  std::uint64_t epoch = 0;   // increases with each writer that is followed; 0: none yet
   std::uint64_t number = 0;  // publication order
   bool operator==(const Place&) const = default;
 };
 
-// A frame as it is sent, little-endian: FrameHead, raw plane, deblurred plane, bolo_shm_block_motion of each block.
+// A frame as sent, little-endian: FrameHead, raw plane, deblurred plane, bolo_shm_block_motion of each block.
 struct FrameHead {
   char magic[4] = {'B', 'O', 'L', 'F'};
   std::uint16_t head_bytes = sizeof(FrameHead);
   std::uint16_t unit = 0;  // enum bolo_shm_unit
   std::uint32_t width = 0;
   std::uint32_t height = 0;
-  double scale = 0.0;   // kelvin a count
+  double scale = 0.0;   // kelvin per count
   double offset = 0.0;  // kelvin
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;
   std::uint64_t frame_id = 0;
   std::int64_t camera_ns = 0;
-  double age_ms = 0.0;      // from the frame's first byte received to this copy
+  double age_ms = 0.0;      // from receiving the frame's first byte to this copy
   std::uint32_t flags = 0;  // enum bolo_shm_flag
   std::uint32_t row_step = 1;
-  std::uint32_t motion_across = 0;  // blocks; 0: the scene's motion is not known for this frame
+  std::uint32_t motion_across = 0;  // blocks; 0: motion unknown for this frame
   std::uint32_t motion_down = 0;
-  std::int64_t utc_ns = 0;  // when the camera took it: ns since 1970; 0: not known
+  std::int64_t utc_ns = 0;  // when the camera took it: ns since 1970; 0: unknown
 };
 static_assert(sizeof(FrameHead) == 96);
 
 class LiveStream {
  public:
-  // Follows the daemon of this name on a thread of its own, waiting for it where it is not there. `on_frame` is called
-  // on that thread after each new frame. Thread: setup.
+  // Follows the daemon of this name on a thread of its own, waiting for it if it does not run. That thread calls
+  // `on_frame` after each new frame. Thread: setup.
   LiveStream(std::string name, std::function<void()> on_frame);
   ~LiveStream();
 
   const std::string& name() const noexcept { return name_; }
 
-  // The newest frame, unless it is the one at `seen`. Callers share one copy of each frame. Thread: one at a time.
+  // The newest frame, unless it is the one at `seen`. Callers share one copy per frame. Thread: one at a time.
   std::shared_ptr<const std::string> newest_frame(const Place& seen);
 
-  // {"epoch", "next", "period_s", "t_s", "raw", "deblurred"}: samples of one pixel, in counts, of the frames from
-  // `seen` on: at most kTrace_s of them, from where the pixel was first asked for, or from what the ring still held
-  // then. Frames that were lost are missing. Pixels that are asked for no more are forgotten. Nothing: no such pixel,
-  // no stream, or too many pixels at once. Thread: any.
+  // {"epoch", "next", "period_s", "t_s", "raw", "deblurred"}: samples of one pixel, in counts, from the frame at `seen`
+  // on: at most kTrace_s of them, starting with what the ring held at the pixel's first request. Lost frames are
+  // missing. Pixels no longer requested are forgotten. Nothing: no such pixel, no stream, or too many pixels at once.
+  // Thread: any.
   std::optional<nlohmann::ordered_json> trace(std::uint32_t x, std::uint32_t y, const Place& seen);
 
   // The output of `bolo stat --json` over about a second, and "view": {"stream": "live" | "silent" | "gone",
@@ -97,7 +97,7 @@ class LiveStream {
   const std::function<void()> on_frame_;
   std::atomic<bool> ending_{false};
 
-  std::mutex mutex_;  // of all that follows
+  std::mutex mutex_;  // guards the members up to now_
   std::optional<shm::ShmReader> reader_;
   bolo_shm_header format_{};
   std::uint64_t epoch_ = 0;
@@ -107,7 +107,7 @@ class LiveStream {
   std::optional<tools::StatSnapshot> before_;
   std::optional<tools::StatSnapshot> now_;
 
-  Place copied_;  // of frame_; these two belong to the caller of newest_frame()
+  Place copied_;  // position of frame_; both belong to the caller of newest_frame()
   std::shared_ptr<const std::string> frame_;
 
   std::thread follower_;

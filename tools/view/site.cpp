@@ -22,7 +22,7 @@ constexpr std::uint64_t kLargestTokenFile = 4096;
 
 std::string cookie_name(const Access& access) { return "bolo_view_" + std::to_string(access.port); }
 
-// Takes as long for a wrong token as for the right one, as far as the lengths are the same.
+// Constant-time comparison for equal lengths, so that timing does not reveal a token.
 bool same(std::string_view a, std::string_view b) {
   if (a.size() != b.size()) return false;
   unsigned differ = 0;
@@ -44,7 +44,7 @@ bool has_token(const Access& access, const Request& request) {
          same(request.argument("token").value_or(""), access.token);
 }
 
-// Current browsers send where a request comes from; others are stopped by not being able to read the answer.
+// Current browsers state the origin of a request; older ones cannot read the answer across origins.
 bool from_another_site(const Request& request) {
   const std::string site = request.header("Sec-Fetch-Site").value_or("none");
   return site == "cross-site" || site == "same-site";
@@ -52,7 +52,7 @@ bool from_another_site(const Request& request) {
 
 constexpr std::chrono::milliseconds kFramePatience{2000};
 
-// A whole number; nothing where it is missing or anything else.
+// A whole number; nothing if missing or malformed.
 template <typename Number>
 std::optional<Number> number(const Request& request, const char* name) {
   const auto text = request.argument(name);
@@ -73,7 +73,7 @@ std::string type_of(std::string_view name) {
   return "image/svg+xml";
 }
 
-// Texts in shared memory may be cut within a letter.
+// Texts in shared memory may be cut within a character.
 Answer json_answer(const nlohmann::ordered_json& json) {
   return {.type = "application/json",
           .body = std::make_shared<const std::string>(
@@ -141,7 +141,7 @@ bool is_this_computer(const Access& access, const std::string& host) {
   const auto address = ip_address(name);
   if (equal_names(name, "localhost") || (address && address->loopback)) return true;
   if (!access.beyond_loopback) return false;
-  // Rebinding needs a name of its own: an address, or the name this computer gives itself, is none.
+  // DNS rebinding needs a foreign host name, which neither an address nor this computer's own name is.
   return address || equal_names(name, access.host_name) || equal_names(name, access.host_name + ".local");
 }
 
@@ -152,7 +152,7 @@ std::optional<Answer> refusal(const Access& access, const Request& request) {
   if (!has_token(access, request)) {
     return line(401, "a token is needed: open the address that bolo view printed, or with the ?token= it was given");
   }
-  const bool page = request.path() == "/";  // may be reached by a link
+  const bool page = request.path() == "/";  // may be opened by a link
   if (!page && from_another_site(request)) return line(403, "only the view's own page may ask for this");
   if (request.method() == "POST" && request.header("Origin").value_or("") != "http://" + *host) {
     return line(403, "only the view's own page may do this");
@@ -192,8 +192,7 @@ std::optional<Answer> Site::answer(const Request& request) {
   return answer;
 }
 
-// Takes "/camera/NAME" off the path. Null: the path is nobody's in particular; of a name that is not there it stays
-// whole.
+// Removes "/camera/NAME" from the path. Null, with the path unchanged: no camera or an unknown one is named.
 Site::Camera* Site::camera_of(std::string& path) {
   if (cameras_.size() == 1) return &cameras_.front();
   for (Camera& camera : cameras_) {
@@ -230,7 +229,7 @@ Answer Site::cameras() const {
 }
 
 Answer Site::page(const std::string& path, bool of_one) const {
-  if (!path.starts_with('/')) return line(404, "there is no such page");  // as it was sent: perhaps empty
+  if (!path.starts_with('/')) return line(404, "there is no such page");  // paths are as sent, perhaps empty
   const std::string name = path != "/" ? path.substr(1) : of_one ? "index.html" : "all.html";
   const auto files = page_files();
   const auto file = std::find_if(files.begin(), files.end(), [&](const PageFile& f) { return f.name == name; });

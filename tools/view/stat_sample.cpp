@@ -19,10 +19,10 @@ using Latency = std::array<std::uint64_t, BOLO_SHM_LATENCY_BUCKETS>;
 
 double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
 
-// Counters only rise; a difference below zero would be a half-written snapshot, and counts as nothing.
+// Counters only rise; a negative difference comes from a torn snapshot and counts as zero.
 std::uint64_t rise(std::uint64_t before, std::uint64_t after) { return after > before ? after - before : 0; }
 
-// A daemon in another time namespace (a container's) has another clock: its heartbeat has any age, but goes on.
+// In another time namespace (container) a daemon's heartbeat has any age, but still advances.
 const char* state_word(const StatSnapshot& before, const StatSnapshot& snapshot) {
   if (snapshot.header.state == BOLO_SHM_CLOSED) return "closed";
   const bool beats = before.closed && before.header.heartbeat_ns != snapshot.header.heartbeat_ns;
@@ -64,7 +64,7 @@ std::uint64_t shared_count(const Shared& block, const Row& row) {
   return count;
 }
 
-// The daemon's answer under "/effort/now" and the like; null where a daemon of another version says it otherwise.
+// A value in the daemon's answer, such as "/effort/now"; null if a daemon of another version lacks it.
 nlohmann::ordered_json answered(const nlohmann::ordered_json& status, const std::string& path) {
   const nlohmann::ordered_json::json_pointer place(path);
   return status.contains(place) ? status.at(place) : nullptr;
@@ -93,7 +93,7 @@ std::string describe_counts(const Rows& rows, const CountOf& count_of) {
   return text;
 }
 
-// The host's clock, as its kernel knows it.
+// State of the host's clock, according to its kernel.
 std::string describe_clock(const bolo_shm_header& h) {
   std::string words = "host's clock runs by itself, error not known";
   if (h.clock_synchronised != 0) {
@@ -102,7 +102,6 @@ std::string describe_clock(const bolo_shm_header& h) {
   return h.clock_steps == 0 ? words : words + fmt::format("; set {} times", h.clock_steps);
 }
 
-// Describes the gap watch's ratio.
 std::string describe_gap(const nlohmann::ordered_json& status) {
   const auto times = [&status](const char* path) {
     const auto found = answered(status, path);
@@ -112,7 +111,7 @@ std::string describe_gap(const nlohmann::ordered_json& status) {
                      times("/gap_ratio"), times("/gap_tau_ratio"), times("/gap_noise_ratio"));
 }
 
-// State of the camera, its clock and corrections as far as they are known.
+// State of the camera, its clock and its corrections, as far as known.
 std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   std::uint64_t lost = 0;
   for (const std::uint64_t count : camera.lost) lost += count;

@@ -1,4 +1,4 @@
-// Contents of `bolo stat`: the difference of two snapshots of a daemon's shared memory, as numbers, text and JSON.
+// Contents of `bolo stat`: differences between two snapshots of a daemon's shared memory, as numbers, text and JSON.
 #pragma once
 
 #include <array>
@@ -14,23 +14,22 @@
 
 namespace bolo::tools {
 
-// Motion up to the newest frame.
+// The scene's motion up to the newest frame.
 struct StatMotion {
-  double x_px = 0.0;  // a frame, of the whole picture at its centre
+  double x_px = 0.0;  // px per frame, of the whole picture at its centre
   double y_px = 0.0;
-  double sure = 0.0;  // share of the blocks with a confidence of at least a half
+  double sure = 0.0;  // share of blocks with a confidence of at least one half
 };
-// Nothing where that frame carries none. Thread: any.
+// Nothing if that frame carries no motion. Thread: any.
 std::optional<StatMotion> newest_motion(const shm::ShmReader& reader);
 
-// Thread: any.
 struct StatSnapshot {
   bolo_shm_header header{};
   std::int64_t at_ns = 0;                   // CLOCK_MONOTONIC
-  bool closed = false;                      // ended, or its heartbeat stopped
-  std::optional<bolo_shm_camera> camera{};  // none: the writer does not publish it
-  std::optional<StatMotion> motion{};       // none: not known
-  // The daemon's answer to `state` on its control socket; null when it has none, or does not answer.
+  bool closed = false;                      // ended, or without heartbeat
+  std::optional<bolo_shm_camera> camera{};  // nothing: the writer does not publish it
+  std::optional<StatMotion> motion{};       // nothing: unknown
+  // The daemon's answer to `state` on its control socket; null without a socket or an answer.
   nlohmann::ordered_json status{};
 };
 
@@ -41,23 +40,23 @@ struct StatSample {
   std::array<std::uint64_t, kLossCauses> lost{};  // since the daemon's start
   std::array<double, kLossCauses> lost_hz{};      // in the interval
   std::uint64_t lost_total = 0;
-  std::uint64_t latency_frames = 0;  // frames behind the percentiles: those of the interval
+  std::uint64_t latency_frames = 0;  // number of frames in the interval, on which the percentiles rest
   double latency_p50_ms = 0.0;
   double latency_p99_ms = 0.0;
   double latency_max_ms = 0.0;
-  double deblur_ms = 0.0;  // a frame, over those of the interval that had a full window; 0 when none had
+  double deblur_ms = 0.0;  // per frame with a full window in the interval; 0: none
   double uptime_s = 0.0;
   double heartbeat_age_s = 0.0;
-  const char* state = "";  // starting, running, closed (ended in good order), stopped (killed or frozen)
+  const char* state = "";  // starting, running, closed (ended properly), stopped (killed or frozen)
 };
 
-// Both snapshots of the same object, `before` first. Thread: any.
+// Both snapshots must be of the same object, `before` first. Thread: any.
 StatSample compare(const StatSnapshot& before, const StatSnapshot& after);
 
-// A table of lines of at most 79 characters, each ended. Thread: any.
+// A table of terminated lines of at most 79 characters. Thread: any.
 std::string stat_table(const std::string& name, const StatSnapshot& snapshot, const StatSample& sample);
 
-// Keys in snake_case, unit in the name. Thread: any.
+// Keys in snake_case, with units in names. Thread: any.
 nlohmann::ordered_json stat_json(const std::string& name, const StatSnapshot& snapshot, const StatSample& sample);
 
 }  // namespace bolo::tools

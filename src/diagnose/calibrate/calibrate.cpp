@@ -6,18 +6,18 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kNoisy = 4.0;    // times the usual noise
-constexpr double kFrozen = 0.1;   // of the usual noise
+constexpr double kNoisy = 4.0;    // times the median noise
+constexpr double kFrozen = 0.1;   // of the median noise
 constexpr double kStill = 3.0;    // scatter of frame means, in units of a pixel's noise
 constexpr double kSlow = 1.5;     // slow changes of a pixel, in units of its noise
-constexpr double kUneven = 3.0;   // times the usual noise: exceeded by over 5 % of the pixels if a scene moves
-constexpr double kFarOff = 12.0;  // scatters of the fixed pattern: an outlier
+constexpr double kUneven = 3.0;   // times the median noise: if over 5 % of the pixels exceed it, the scene moves
+constexpr double kFarOff = 12.0;  // outlier limit, in scatters of the fixed pattern
 
-// Sums over time; `rough` are those of differences between neighbouring frames, less the frame's own.
+// Sums over time. `rough`: of squared differences between neighbouring frames, without what all pixels share.
 struct Moments {
   std::vector<float> base;
   std::vector<double> y, yy, rough;
-  std::vector<double> frame_mean;  // less that of the first
+  std::vector<double> frame_mean;  // less the first frame's
 };
 
 Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) {
@@ -44,8 +44,8 @@ Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) 
   return m;
 }
 
-// True if the scene changed: by the frames' mean, slow changes of pixels, or more noise of some pixels. Variances of
-// each pixel, between its neighbouring frames (`own`), and of the frames' means.
+// True if the scene changed: the frames' mean or single pixels change slowly, or some pixels scatter far more than
+// most. Variances: of each pixel over time, of its steps between frames (`own`), and of the frames' means.
 bool moves(const std::vector<double>& variance, const std::vector<double>& own, double of_means, double least) {
   const double usual = std::max(median(own), least * least);
   const double slow = median(variance) - usual - of_means;
@@ -57,9 +57,8 @@ double mean_over(const std::vector<double>& values, const std::vector<std::size_
   return sum_of(pixels, [&](std::size_t p) { return values[p]; }) / std::max(1.0, static_cast<double>(pixels.size()));
 }
 
-constexpr std::size_t kKeptBytes = std::size_t{512} << 20U;  // recordings up to this size are kept in memory
+constexpr std::size_t kKeptBytes = std::size_t{512} << 20U;  // larger recordings are read again from the file
 
-// A capture as frames, in memory up to kKeptBytes.
 Result<FrameSeries> open_series(const std::filesystem::path& file, FrameReader& reader) {
   const StreamFormat format = reader.format();
   FrameSeries series;
@@ -91,7 +90,7 @@ Result<FrameSeries> open_series(const std::filesystem::path& file, FrameReader& 
 struct Source {
   std::filesystem::path file;
   FrameReader reader;
-  bool still = false;  // by its /stimulus, or because it is not the first
+  bool still = false;  // by its /stimulus; without one, any capture but the first
 };
 
 Result<std::vector<Source>> open_sources(const std::vector<std::filesystem::path>& files) {
@@ -117,7 +116,7 @@ Result<std::vector<Source>> open_sources(const std::vector<std::filesystem::path
   return sources;
 }
 
-// Merges still fields: noise in rms, offsets by their mean, a pixel is dead if dead in any of them.
+// Merges still fields: noise as rms, offsets as their mean; a pixel dead in any of them is dead.
 void merge(StillFit& all, const StillFit& more, double before) {
   const auto blend = [before](double a, double b) { return (a * before + b) / (before + 1.0); };
   for (double StillFit::*const rms : {&StillFit::noise_k, &StillFit::pixel_noise_k, &StillFit::offset_rms_k}) {
@@ -220,7 +219,7 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
   const double error2 = std::pow(fit.pixel_noise_k, 2) / n;
   const double own2 = std::max(0.0, pattern2 - error2);
   fit.offset_rms_k = std::sqrt(own2);
-  // A pattern exists if the levels' scatter is significant.
+  // The pattern is real if the scatter of the levels is significant.
   if (own2 > 4.0 * error2 * std::sqrt(2.0 / std::max(1.0, good)) + 1e-12) {
     const double reliability = own2 / (own2 + error2);
     fit.offset_k.assign(pixels, 0.0F);

@@ -1,4 +1,3 @@
-// The common signal of a recording's pixels.
 #include "src/diagnose/calibrate/pulses.hpp"
 #include "src/diagnose/session.hpp"
 
@@ -6,7 +5,7 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr std::size_t kGridValues = 16'000'000;
-constexpr double kLeastCorrelation = 0.5;  // with the common shape: minimum of a responding pixel
+constexpr double kLeastCorrelation = 0.5;  // of a responding pixel with the common shape, at least
 
 Grid grid_of(const FrameSeries& frames) {
   const auto limit = std::max<std::size_t>(1, kGridValues / frames.t_s.size());
@@ -28,7 +27,7 @@ Result<Series> read_grid(const FrameSeries& frames, const Progress& progress) {
   return values;
 }
 
-// The leading left singular vector of the columns, each of mean 0 and variance 1.
+// The leading left singular vector of the columns, which are first standardised to mean 0 and variance 1.
 Eigen::VectorXf leading(Series values) {
   const auto n = static_cast<float>(values.rows());
   Index smoothest = 0;
@@ -53,7 +52,7 @@ Eigen::VectorXf leading(Series values) {
   return shape;
 }
 
-// Counts at the highest value and one step below, to detect clipping. With negated values: the lowest.
+// Counts values at the maximum and one step below it, to detect clipping; at the minimum when fed negated values.
 struct Extreme {
   float highest = -std::numeric_limits<float>::infinity();
   std::uint32_t at = 0;
@@ -69,9 +68,8 @@ struct Extreme {
   }
 };
 
-// Sums over time of one pixel.
 struct SignalSums {
-  float base = 0.0F;  // the first value: sums are of differences from it
+  float base = 0.0F;  // the first value; sums are relative to it
   float last = 0.0F;
   double y = 0.0, yy = 0.0, ys = 0.0;
   Extreme high, low;
@@ -100,8 +98,8 @@ Result<std::vector<SignalSums>> sum_up(const FrameSeries& frames, const Eigen::V
   return sums;
 }
 
-// True if a pixel is clipped: many values at its highest or lowest, few a step inside despite noise. Only with visible
-// noise: without, nearly all values repeat from frame to frame.
+// True if a pixel is clipped: many values at its maximum or minimum but few one step inside, despite noise. Without
+// visible noise nearly all values repeat from frame to frame, and nothing can be said.
 bool piled_up(const SignalSums& sums, double frames) {
   return std::ranges::any_of(std::array{sums.high, sums.low}, [&](const Extreme& e) {
     return e.at > 0.03 * frames + 3.0 && e.at > 6.0 * (e.near + 1.0) && sums.repeated < e.at + 0.2 * (frames - e.at);

@@ -1,4 +1,4 @@
-// tau from pulses: the common signal first, then pixel by pixel.
+// tau from pulses: first from the common signal, then pixel by pixel.
 #include "src/diagnose/calibrate/pulses.hpp"
 #include "src/diagnose/session.hpp"
 #include "src/report/text.hpp"
@@ -7,28 +7,28 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr double kMostClipped = 0.2;      // of the responding pixels
-constexpr double kLeastExplained = 0.98;  // of the mean signal's variance, by curves between switches
+constexpr double kLeastExplained = 0.98;  // of the mean signal's variance, explained by curves between switches
 constexpr double kLeastUsed = 0.4;        // of the frames, in intervals long enough for tau
-constexpr double kWorstError = 0.1;       // of tau
+constexpr double kWorstError = 0.1;       // largest relative error of tau
 constexpr double kTooFast = 0.5;          // of a frame period: a smaller tau is hardly observable
-constexpr double kMostLeft = 0.35;        // of a pixel's deviation: maximum residual of the curves
-constexpr double kLeastGap = 0.7;         // below it, intervals overfit the noise
-constexpr double kMapError = 0.05;        // median error of a pixel's tau: below it pixels are fitted individually
+constexpr double kMostLeft = 0.35;        // largest residual of the curves, in a pixel's deviation
+constexpr double kLeastGap = 0.7;         // of residual to noise: below it, intervals overfit the noise
+constexpr double kMapError = 0.05;        // of a pixel's tau: pixels are fitted individually below this median error
 constexpr double kLeastSpread = 1e-3;     // of tau
 constexpr double kSignificant = 4.0;      // standard errors
 
-// All limits are set by simulated choppers with and without dead pixels and spread (tests/diagnose/calibrate_test.cpp).
-constexpr double kPrior = 200.0;       // weight of the usual noise beside a pixel's own, frames
-constexpr double kMostError = 4.0;     // times the usual standard error: maximum of a trusted pixel
-constexpr double kMostScatters = 6.0;  // of the taus: maximum deviation of a trusted pixel
-constexpr double kNoisyPixel = 4.0;    // times the usual residual, and
-constexpr double kNoisySwing = 0.003;  // of the usual deviation, for the model's error
-constexpr double kWeakPixel = 0.15;    // of the usual deviation
-constexpr double kLoudPixel = 0.5;     // the same, of a pixel that does not respond
+// Limits set on simulated choppers with and without dead pixels and spread (tests/diagnose/calibrate_test.cpp).
+constexpr double kPrior = 200.0;       // weight of the median noise beside a pixel's own, frames
+constexpr double kMostError = 4.0;     // largest standard error of a trusted pixel, times the median
+constexpr double kMostScatters = 6.0;  // largest deviation of a trusted pixel, in scatters of the taus
+constexpr double kNoisyPixel = 4.0;    // times the median residual, and
+constexpr double kNoisySwing = 0.003;  // of the median deviation, which allows for model errors
+constexpr double kWeakPixel = 0.15;    // of the median deviation
+constexpr double kLoudPixel = 0.5;     // of the median deviation, for a pixel that does not respond
 
 using plot::format;
 
-// Student's quantile for a two-sided 95 % interval (Cornish and Fisher's expansion; within 1 % from 3 degrees on).
+// Student's quantile for a two-sided 95 % interval (Cornish-Fisher expansion; within 1 % from 3 degrees of freedom).
 double student(double degrees) {
   constexpr double z = 1.959964;
   const double v = std::max(1.5, degrees);
@@ -73,7 +73,7 @@ Status check(const FrameSeries& frames, const CommonSignal& common, const std::o
                             "new level already; record at a higher frame rate",
                             1e3 * period_s));
   }
-  // For a true tau, intervals last long enough to approach their levels.
+  // With the true tau, intervals last long enough to approach their levels.
   const auto lasting = std::ranges::count_if(
       telling, [&](const Interval& i) { return frames.t_s[i.end() - 1] - frames.t_s[i.first] > 1.5 * fit->tau_s; });
   if (vague || lasting < 2) {
@@ -84,7 +84,7 @@ Status check(const FrameSeries& frames, const CommonSignal& common, const std::o
   return {};
 }
 
-// Checks that single pixels have the curves of the mean.
+// Checks that single pixels follow the curves of the mean.
 Status check_pixels(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
   const double left = median(mapped(following(common.follows), [&](std::size_t p) {
     return static_cast<double>(taus.sigma[p] / common.deviation[p]);
@@ -95,8 +95,7 @@ Status check_pixels(const FrameSeries& frames, const CommonSignal& common, const
                    "higher contrast, or hold the camera still before a chopper");
 }
 
-// The confidence interval of tau: independent errors of pixels, and common ones (flicker, drift of a level), estimated
-// from differences between intervals.
+// Confidence interval of tau. The error that all pixels share (flicker, drift) shows in differences between intervals.
 Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, const SignalFit& fit, double bias) {
   const double shared2 = std::max(0.0, fit.interval_variance - noise_error * noise_error);
   const double error2 = pixel_error * pixel_error + shared2;
@@ -106,7 +105,7 @@ Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, cons
   return {tau_s, tau_s * (1.0 - half), tau_s * (1.0 + half)};
 }
 
-// A pixel's noise from its residual, inexact in short recordings, combined with the usual noise at the weight kPrior.
+// A pixel's noise from its residual is inexact in short recordings: shrinks it to the median noise by weight kPrior.
 void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& follows, PixelTaus& taus) {
   const double freedom = freedom_of(table.intervals());
   const std::vector<std::size_t> pixels = following(follows);
@@ -119,7 +118,7 @@ void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& foll
   }
 }
 
-// Pixels with too noisy or weak a response, and those without one although their neighbours respond.
+// Pixels whose response is too noisy or too weak, or missing although their neighbours respond.
 std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
   std::vector<DeadPixel> dead(frames.geometry.pixels(), DeadPixel::kGood);
   const std::vector<std::size_t> pixels = following(common.follows);
@@ -132,7 +131,7 @@ std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& 
       dead[p] = noisy ? DeadPixel::kNoisy : deviation < kWeakPixel * swing ? DeadPixel::kSilent : DeadPixel::kGood;
       continue;
     }
-    // No response to the pulses: dead if its neighbours respond, else outside of their image.
+    // No response to the pulses: dead if the neighbours respond, else outside the image of the source.
     const PixelPlace at = place_of(p, frames.geometry.width);
     int seen = 0;
     int follow = 0;
@@ -148,7 +147,7 @@ std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& 
   return dead;
 }
 
-// Good pixels of a usual standard error that are no outliers.
+// Good pixels with a small enough standard error, without outliers.
 std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPixel>& dead) {
   auto known = places_where(taus.tau_s.size(), [&](std::size_t p) {
     return dead[p] == DeadPixel::kGood && std::isfinite(taus.error[p]) && std::isfinite(taus.tau_s[p]);
@@ -166,7 +165,7 @@ std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPi
 struct Population {
   double mean_s = 0.0;
   double error = 0.0;        // of the mean, relative
-  double noise_error = 0.0;  // its part due to the pixels' errors
+  double noise_error = 0.0;  // the part of it due to the pixels' own errors
   double spread = 0.0;       // rms, relative
   double spread_z = 0.0;
 };
@@ -195,7 +194,7 @@ Population population(const PixelTaus& taus, const std::vector<std::size_t>& pix
   return all;
 }
 
-// Each trusted pixel's tau, s, shrunk to the mean by its reliability; the mean elsewhere.
+// Tau of each trusted pixel, s, shrunk to the mean by its reliability; the mean elsewhere.
 std::vector<float> shrunk_map(const PixelTaus& taus, const std::vector<std::size_t>& pixels, const Population& all) {
   std::vector<float> map(taus.tau_s.size(), static_cast<float>(all.mean_s));
   for (const std::size_t p : pixels) {
@@ -206,14 +205,13 @@ std::vector<float> shrunk_map(const PixelTaus& taus, const std::vector<std::size
   return map;
 }
 
-// Rms of the residuals of these pixels.
 double rms_left(const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
   const double sum = sum_of(pixels, [&](std::size_t p) { return std::pow(static_cast<double>(taus.sigma[p]), 2); });
   return std::sqrt(sum / std::max(1.0, static_cast<double>(pixels.size())));
 }
 
-// Noise of the pixels by prediction of each frame from two: between switches, L + A exp(-t / tau) cancels in (y2 - y1)
-// - r (y1 - y0). In the late half of each interval, where a small error of tau is negligible.
+// Noise of the pixels by prediction of each frame from the two before: between switches, L + A exp(-t / tau) cancels in
+// (y2 - y1) - r (y1 - y0). Only the late half of each interval is used, where a small error of tau is negligible.
 Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, const PixelTaus& taus,
                           const std::vector<std::size_t>& pixels, const Progress& progress) {
   std::array<std::vector<float>, 3> last;
@@ -247,13 +245,12 @@ Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, co
   return std::sqrt(sum / std::max(1.0, static_cast<double>(pixels.size())));
 }
 
-// The steps of one fit, in their order, and their results.
 struct PulseFitter {
   const FrameSeries& frames;
   const Progress& progress;
   CommonSignal common;
   SignalFit signal;
-  std::vector<std::int8_t> follows = common.follows;  // without dead pixels
+  std::vector<std::int8_t> follows = common.follows;  // dead pixels removed
   DecayTable table{frames.t_s, signal.intervals, signal.tau_s};
   std::vector<SwitchBetween> switches{};
   PixelTaus taus{};
@@ -277,7 +274,7 @@ struct PulseFitter {
     return done;
   }
 
-  // Fits the sweep of the switches over the frame, and trims samples within it.
+  // Fits the sweep of the switches over the frame, and removes samples within it.
   Status find_sweep() {
     const double period_s = period_of(frames);
     switches = between(frames, table, signal, period_s);
@@ -294,7 +291,7 @@ struct PulseFitter {
     return {};
   }
 
-  // One tau for all good pixels: free of bias by single pixels' errors, but biased by the curvature of their spread.
+  // One tau for all good pixels: unbiased by errors of single pixels, but biased by the curvature of their spread.
   Status share_tau() {
     RETURN_IF_ERROR(pass_with({}));
     RETURN_IF_ERROR(check_pixels(frames, common, taus));

@@ -1,16 +1,16 @@
-// Cuts one signal into intervals, and fits their common tau.
+// Cuts a signal into intervals and fits their common tau.
 #include "src/core/statistics.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-constexpr std::size_t kLongest = 160;  // samples of an interval in the search; longer ones are joined later
+constexpr std::size_t kLongest = 160;  // samples of an interval in the search; longer ones are joined afterwards
 constexpr double kTauRatio = 1.12;     // between two trial taus
 constexpr double kShortestTau = 0.3;   // in frame periods
 constexpr double kLongestTau = 60.0;
 
-// Of y over e = exp(-(t - t_first) / tau): its slope and residual. With too little scatter in e, the mean only.
+// Line of y over e = exp(-(t - t_first) / tau). With too little scatter in e, only the mean is fitted.
 constexpr double kLeastScatter = 1e-12;
 
 double slope_of(const Line& line) {
@@ -48,7 +48,7 @@ Cut best_cut(std::span<const double> t_s, std::span<const double> y, double tau_
         best[k + 1] = cost;
         from[k + 1] = first;
       }
-      if (squares > 40.0 * kIntervalCost) break;  // cutting is always cheaper beyond
+      if (squares > 40.0 * kIntervalCost) break;  // any longer interval costs more than a cut
     }
   }
   Cut found{{}, best[n]};
@@ -57,7 +57,7 @@ Cut best_cut(std::span<const double> t_s, std::span<const double> y, double tau_
   return found;
 }
 
-// Joins neighbours that one curve fits as well.
+// Joins neighbours that one curve fits equally well.
 std::vector<Interval> joined(std::span<const double> t_s, std::span<const double> y,
                              const std::vector<Interval>& intervals, double tau_s, double sigma) {
   const auto squares = [&](const Interval& interval) {
@@ -79,7 +79,6 @@ std::vector<Interval> joined(std::span<const double> t_s, std::span<const double
   return out;
 }
 
-// One interval's score and information on ln tau.
 struct IntervalScore {
   double score = 0.0;
   double information = 0.0;
@@ -171,7 +170,7 @@ void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fi
   fit.sigma = freedom > 0.0 ? std::sqrt(sum_of(scores, &IntervalScore::squares) / freedom) : 0.0;
   const double m = information2 > 0.0 ? fit.information * fit.information / information2 : 0.0;
   fit.effective_intervals = m;
-  // m / (m - 1): correction for the fitted scores, whose sum is zero.
+  // m / (m - 1) corrects for the fitted parameter, which makes the scores sum to zero.
   fit.interval_variance = m > 1.05 ? sandwich / (fit.information * fit.information) * m / (m - 1.0) : 0.0;
   fit.decays = mapped(fit.intervals, [&](const Interval& i) { return fit_decay(t_s, y, i, fit.tau_s); });
 }
@@ -182,7 +181,7 @@ std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const
   fit.contrast = quantile(values, 0.95) - quantile(values, 0.05);
   if (!(fit.contrast > 0.0)) return std::nullopt;
   const double period_s = quantile(gaps_of(t_s), 0.5);
-  // Coarse first: noise and model errors are unknown and assumed as about 1 % of the contrast.
+  // A coarse search first: noise and model errors, still unknown, are assumed to be about 1 % of the contrast.
   std::vector<double> rough;  // noise by third differences, too large where the signal decays
   for (std::size_t k = 3; k < y.size(); ++k) {
     rough.push_back(std::abs(y[k] - 3.0 * y[k - 1] + 3.0 * y[k - 2] - y[k - 3]));
@@ -199,7 +198,7 @@ std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const
   fit.intervals = cut(t_s, y, fit.tau_s, sigma);
   refit(t_s, y, fit);
   for (int round = 0; round < 4; ++round) {
-    // Only constant levels or only slopes: no tau, but the cut may be useful.
+    // Only constant levels or only slopes: no tau, but the cut may still be of use.
     if (!(fit.information > 0.0) || !(fit.tau_s > 0.05 * period_s && fit.tau_s < 200.0 * period_s)) {
       fit.information = 0.0;
       break;
@@ -214,9 +213,9 @@ std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const
 }
 
 std::optional<double> crossing(const Decay& before, const Decay& after, double tau_s, double from_s, double to_s) {
-  // Both curves are a level and a multiple of the same exponential: their intersection has a closed form.
+  // Both curves are a level plus a multiple of the same exponential, so their intersection has a closed form.
   const double shift = std::exp(-(after.t_first_s - before.t_first_s) / tau_s);  // exp at t_first of `after`
-  const double amplitude = before.amplitude * shift - after.amplitude;           // both as from after.t_first_s
+  const double amplitude = before.amplitude * shift - after.amplitude;           // relative to after.t_first_s
   const double level = after.level - before.level;
   const double ratio = level / amplitude;
   if (!(ratio > 0.0) || !std::isfinite(ratio)) return std::nullopt;

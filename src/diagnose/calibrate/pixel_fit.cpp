@@ -1,16 +1,16 @@
-// The time constant of every pixel, in passes over the frames.
+// The time constant of every pixel, by passes over the frames.
 #include "src/core/statistics.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kLongestStep = 0.3;  // of ln tau in one pass
+constexpr double kLongestStep = 0.3;  // largest change of ln tau in one pass
 
 // Results of one pixel, kept between intervals.
 struct Kept {
   double score = 0.0, information = 0.0, squares = 0.0;
-  double by_noise = 0.0;  // contribution to the information of noise of variance 1
+  double by_noise = 0.0;  // part of the information that noise of variance 1 would give
   double delay = 0.0, weight = 0.0;
   Decay last;
 };
@@ -37,7 +37,6 @@ struct Pass {
     return {};
   }
 
-  // The k-th frame of an interval.
   void add(std::size_t i, std::size_t k, std::span<const float> frame) {
     for (const std::size_t p : pixels) {
       if (k == 0) sums[p] = {.base = frame[p]};
@@ -45,7 +44,7 @@ struct Pass {
     }
   }
 
-  // Adds the interval to the pixel's fit, and the switch since the interval before.
+  // Adds the interval to the pixel's fit, and the switch between it and the interval before.
   void end(std::size_t i, std::size_t p) {
     const Interval& interval = table.intervals()[i];
     const Regressors& x = table.at(i, taus.node[p]);
@@ -62,7 +61,7 @@ struct Pass {
     if (i > 0 && at != switches.end()) {
       const double tau_s = table.tau_s(taus.node[p]);
       if (const auto t_s = crossing(kept.last, now, tau_s, at->from_s, at->to_s)) {
-        const double weight = std::pow(kept.last.level - now.level, 2);  // the curves' difference in slope
+        const double weight = std::pow(kept.last.level - now.level, 2);  // squared difference of the curves' slopes
         kept.delay += weight * (*t_s - at->t_s);
         kept.weight += weight;
       }

@@ -1,5 +1,5 @@
 // Steps of the fit of tau to pulses: cutting a signal into intervals, the pixels' common signal, each pixel's fit, the
-// sweep of the switches, and the reported switches and trace.
+// sweep of the switches, and the switches and the trace for the report.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,17 +23,16 @@ struct Decay {
   double at(double t_s, double tau_s) const;
 };
 
-// The minimum number of samples to estimate tau.
+// Fewest samples from which tau can be estimated.
 inline constexpr std::size_t kLeastCount = 4;
 
-// Degrees of freedom: samples of the intervals used for tau, less a level and an amplitude each, and tau.
+// Degrees of freedom: samples of the intervals used for tau, less two (level, amplitude) per interval and one for tau.
 double freedom_of(const std::vector<Interval>& intervals);
 
-// Between two frames, s.
+// Times between consecutive frames, s.
 std::vector<double> gaps_of(std::span<const double> t_s);
 
-// Of one interval and one tau: e = exp(-t / tau), less its mean, and u, its derivative by ln tau, orthogonal to 1 and
-// e.
+// Regressors of an interval and tau: e = exp(-t / tau) less its mean; u: derivative by ln tau, orthogonal to 1 and e.
 struct Regressors {
   Regressors(std::span<const double> t_s, const Interval& interval, double tau_s);
   std::vector<double> e;
@@ -43,7 +42,7 @@ struct Regressors {
   double uu = 0.0;      // sum of u^2
 };
 
-// Sums of one interval's values, less the first one, with its regressors.
+// Sums of one interval's values, relative to the first one, with its regressors.
 struct IntervalSums {
   double base = 0.0;
   double y = 0.0, yy = 0.0, ey = 0.0, uy = 0.0;
@@ -55,19 +54,19 @@ struct IntervalSums {
     uy += x.u[k] * off;
   }
   double amplitude(const Regressors& x) const { return ey / x.ee; }
-  // Of the residual.
+  // Sum of squared residuals.
   double squares(const Regressors& x) const {
     return std::max(0.0, yy - y * y / static_cast<double>(x.e.size()) - ey * ey / x.ee);
   }
 };
 
-// The best cut for a known tau, by dynamic programming: each interval costs kIntervalCost in squared residuals over
-// sigma^2. A sample that is taken while the input changes gets its own interval. Thread: any.
+// The best cut for a known tau, by dynamic programming: each interval costs kIntervalCost in units of squared residual
+// / sigma^2. A sample taken while the input changes gets an interval of its own. Thread: any.
 std::vector<Interval> cut(std::span<const double> t_s, std::span<const double> y, double tau_s, double sigma);
 
 inline constexpr double kIntervalCost = 25.0;
 
-// Least squares in one interval. One sample: the level alone. `squares`, if not null, gets the residual's sum.
+// Least squares in one interval; of one sample, the level alone. `squares`: sum of squared residuals, may be null.
 Decay fit_decay(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s,
                 double* squares = nullptr);
 
@@ -75,44 +74,44 @@ struct SignalFit {
   double tau_s = 0.0;
   double sigma = 0.0;              // rms of the residual, corrected for degrees of freedom
   double information = 0.0;        // of ln tau, in units of 1 / y^2: the variance of ln tau is sigma^2 / information
-  double interval_variance = 0.0;  // of ln tau, from differences between intervals (a sandwich)
+  double interval_variance = 0.0;  // of ln tau, from differences between intervals (sandwich estimator)
   double effective_intervals = 0.0;
   std::vector<Interval> intervals;  // all, in order
-  std::vector<Decay> decays;        // of each
+  std::vector<Decay> decays;        // one per interval
   double contrast = 0.0;            // between the 5th and the 95th percentile of the signal
   std::size_t informative_samples = 0;
 };
 
-// Cut and tau of a signal, both unknown. Nothing when no tau fits. Thread: any.
+// Fits cut and tau of a signal, both unknown. Nothing when no tau fits. Thread: any.
 std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const double> y);
 
-// tau and its errors with the cut held fixed, by Gauss-Newton (variable projection). Thread: any.
+// Refits tau and its errors with the cut held fixed, by Gauss-Newton (variable projection). Thread: any.
 void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fit);
 
 // Switching time between two consecutive curves: their intersection in [from_s, to_s], if any. Thread: any.
 std::optional<double> crossing(const Decay& before, const Decay& after, double tau_s, double from_s, double to_s);
 
 struct CommonSignal {
-  std::vector<std::int8_t> follows;  // of each pixel of the frame: 1, -1: inverted response, 0: none
-  std::vector<double> mean;          // one value a frame: the mean of the responding pixels (signs removed)
+  std::vector<std::int8_t> follows;  // of each pixel of the frame: 1: responds, -1: inverted, 0: not at all
+  std::vector<double> mean;          // one value per frame: mean of the responding pixels, inverted ones negated
   std::vector<float> deviation;      // of each pixel: rms about its own mean
   std::size_t pixels = 0;            // responding
-  double clipped_share = 0.0;        // of the responding pixels' values: at the end of 16 bits, or clipped at one level
+  double clipped_share = 0.0;        // of the responding pixels: at the end of 16 bits, or piled up at one level
 };
 
-// The strongest common shape on a grid of pixels, each scaled to its own deviation so that none dominates (power
-// iteration), then every pixel of the frame by its correlation with it. kBadInput without a common shape, or with
-// values that are not finite. Thread: setup.
+// Finds the strongest common shape on a grid of pixels (power iteration), each scaled by its own deviation so that none
+// dominates, then correlates every pixel of the frame with it. kBadInput without a common shape, or for values that are
+// not finite. Thread: setup.
 Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progress& progress);
 
-// Regressors of amplitude and ln tau in each interval, for taus near a middle one.
+// Regressors of every interval, for a range of taus around a middle one.
 class DecayTable {
  public:
   static constexpr int kNodes = 61;
   static constexpr int kMiddle = kNodes / 2;
   static constexpr double kNodeStep = 0.02;  // of ln tau
 
-  // Intervals of at least kLeastCount samples.
+  // Uses the intervals of at least kLeastCount samples.
   DecayTable(const std::vector<double>& t_s, const std::vector<Interval>& intervals, double middle_tau_s);
 
   const Regressors& at(std::size_t interval, int node) const {
@@ -129,12 +128,12 @@ class DecayTable {
 
 // Estimates of each pixel of the frame after a pass.
 struct PixelTaus {
-  std::vector<std::int8_t> node;  // of DecayTable, used by the pass
+  std::vector<std::int8_t> node;  // node of DecayTable that the pass used
   std::vector<float> tau_s;
   std::vector<float> error;    // standard error of ln tau; infinite if unknown
   std::vector<float> sigma;    // rms of the residual
-  std::vector<float> delay_s;  // delay of the pixel's switches after the mean's; NaN: unknown
-  // Of ln tau, common to all pixels: its step is score / information, its variance score2 / information^2.
+  std::vector<float> delay_s;  // delay of the pixel's switches after the mean signal's; NaN: unknown
+  // Of ln tau common to all pixels: its Gauss-Newton step is score / information, its variance score2 / information^2.
   double score = 0.0;
   double score2 = 0.0;
   double information = 0.0;
@@ -144,45 +143,45 @@ struct PixelTaus {
 struct SwitchBetween {
   std::size_t before = 0;
   double t_s = 0.0;
-  double from_s = 0.0;  // range of a pixel's own switch
+  double from_s = 0.0;  // search range of a pixel's own switch
   double to_s = 0.0;
 };
 
-// One pass. `taus.node` is the node of each pixel (empty: the middle one); the next pass' nodes are nearest_nodes().
+// One pass over the frames. `taus.node`: each pixel's node (empty: the middle one); the next pass uses nearest_nodes().
 // Thread: setup.
 Status pass(const FrameSeries& frames, const DecayTable& table, const std::vector<SwitchBetween>& switches,
             const std::vector<std::int8_t>& follows, PixelTaus& taus, const Progress& progress);
 
-// The responding pixels.
+// Indices of the responding pixels.
 std::vector<std::size_t> following(const std::vector<std::int8_t>& follows);
 
 std::vector<std::int8_t> nearest_nodes(const DecayTable& table, const PixelTaus& taus);
 
-// A plane through the pixels' delays, s.
+// A plane fitted to the pixels' delays, s.
 struct Sweep {
-  Eigen::Vector3d delay = Eigen::Vector3d::Zero();  // at the middle; from edge to edge along x; along y
+  Eigen::Vector3d delay = Eigen::Vector3d::Zero();  // at the middle; edge to edge along x; along y
   Eigen::Vector3d error = Eigen::Vector3d::Zero();
   double low() const { return delay[0] - (std::abs(delay[1]) + std::abs(delay[2])) / 2.0; }
   double high() const { return delay[0] + (std::abs(delay[1]) + std::abs(delay[2])) / 2.0; }
 };
 
-// Delays of the last pass. Thread: any.
+// From the delays of the last pass. Thread: any.
 Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s);
 
-// Switches of the mean signal between neighbouring intervals of the table; a pixel's own is searched up to `reach_s`
-// beyond the samples on either side. Thread: any.
+// Switches of the mean signal between neighbouring intervals of the table. A pixel's own switch is searched up to
+// `reach_s` beyond the samples on either side. Thread: any.
 std::vector<SwitchBetween> between(const FrameSeries& frames, const DecayTable& table, const SignalFit& fit,
                                    double reach_s);
 
-// Removes samples from intervals during which any pixel's input switches. Thread: any.
+// Removes samples taken while any pixel's input switches. Thread: any.
 void trim(const FrameSeries& frames, const std::vector<SwitchBetween>& switches, const DecayTable& table,
           const Sweep& sweep, SignalFit& fit);
 
 // Switching times and levels of the mean signal's input. Thread: any.
 void describe_switches(std::span<const double> t_s, const SignalFit& signal, PulseFit& fit);
 
-// Measured and simulated values of one pixel. `signal` has the intervals; levels and amplitudes are the pixel's own.
-// Thread: setup.
+// Measured and simulated values of one pixel. `signal` supplies the intervals; levels and amplitudes are the pixel's
+// own. Thread: setup.
 Status show_pixel(const FrameSeries& frames, const SignalFit& signal, const PixelTaus& taus,
                   const std::vector<std::size_t>& pixels, PixelTrace& trace);
 

@@ -5,13 +5,12 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kFarDelay = 4.0;         // scatters: a switch mistaken for its neighbour
-constexpr double kSwitchMargin_s = 1e-4;  // distance of samples from a switch, beyond the sweep, and
-constexpr double kSweepMargin = 0.05;     // of the sweep
+constexpr double kFarDelay = 4.0;         // outlier limit, in scatters: a switch mistaken for its neighbour
+constexpr double kSwitchMargin_s = 1e-4;  // smallest distance of a sample from a switch, beyond the sweep, plus
+constexpr double kSweepMargin = 0.05;     // this share of the sweep
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// One of the consecutive curves, and its end.
 struct Piece {
   Decay decay;
   std::size_t count = 0;
@@ -19,10 +18,10 @@ struct Piece {
   bool goes_on = false;  // the next piece has the same input
 };
 
-constexpr double kSameLevel = 0.01;  // of the contrast: no switch
-constexpr std::size_t kTiny = 2;     // maximum of samples during a switch
+constexpr double kSameLevel = 0.01;  // of the contrast: a smaller change is no switch
+constexpr std::size_t kTiny = 2;     // most samples during a switch
 
-// Intersection of two curves between the last sample of one interval and the first of another.
+// Intersection of two curves between the last sample of one interval and the first sample of the other.
 std::optional<double> meet(std::span<const double> t_s, const Interval& a, const Interval& b, const Decay& before,
                            const Decay& after, double tau_s) {
   const double from_s = t_s[a.end() - 1];
@@ -31,8 +30,8 @@ std::optional<double> meet(std::span<const double> t_s, const Interval& a, const
   return crossing(before, after, tau_s, from_s - slack_s, to_s + slack_s);
 }
 
-// The consecutive curves. One or two samples between curves that intersect belong to the switch; between others they
-// are a pulse too short for a fit. A curve that continues at the same level is no new one.
+// The consecutive curves. One or two samples between curves that intersect belong to the switch; otherwise they are a
+// pulse too short to fit. A curve that continues at the same level is not counted as new.
 std::vector<Piece> pieces_of(std::span<const double> t_s, const std::vector<Interval>& intervals,
                              const std::vector<Decay>& decays, double tau_s, double contrast) {
   std::vector<Piece> pieces;
@@ -59,7 +58,7 @@ std::vector<Piece> pieces_of(std::span<const double> t_s, const std::vector<Inte
   return pieces;
 }
 
-// The pixel nearest to the middle of the frame among those with at most the usual error of tau.
+// The pixel nearest to the middle of the frame among those whose error of tau is at most the median.
 std::size_t middle_pixel(const FrameSeries& frames, const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
   const float usual = median(mapped(pixels, [&](std::size_t p) { return taus.error[p]; }));
   std::size_t chosen = pixels.front();
@@ -79,7 +78,6 @@ std::size_t middle_pixel(const FrameSeries& frames, const PixelTaus& taus, const
 
 Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s) {
   Sweep sweep;
-  // Pixels with a known delay.
   const auto pixels = places_where(taus.delay_s.size(), [&](std::size_t p) { return std::isfinite(taus.delay_s[p]); });
   const auto place = [&](std::size_t p) {
     const PixelPlace at = place_of(p, frames.geometry.width);
@@ -88,7 +86,7 @@ Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s) 
   };
   const auto left = [&](std::size_t p) { return taus.delay_s[p] - place(p).dot(sweep.delay); };
   double scatter = std::numeric_limits<double>::infinity();
-  for (int round = 0; round < 3; ++round) {  // excludes outliers such as a switch mistaken for its neighbour
+  for (int round = 0; round < 3; ++round) {  // excludes outliers, such as a switch mistaken for its neighbour
     Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-12;
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     for (const std::size_t p : pixels) {
@@ -174,7 +172,7 @@ Status show_pixel(const FrameSeries& frames, const SignalFit& signal, const Pixe
     const auto piece = std::ranges::find_if(pieces, [t_s](const Piece& p) { return t_s <= p.to_s; });
     return piece == pieces.end() ? kNone : piece->decay.at(t_s, trace.tau_s);
   };
-  // Samples outside of intervals, or in ones without degrees of freedom, are not compared.
+  // Samples outside the intervals, or in intervals without degrees of freedom, are not compared.
   trace.simulated_k.assign(trace.t_s.size(), kNone);
   for (const Interval& i : signal.intervals) {
     if (i.count < kLeastCount) continue;

@@ -1,4 +1,3 @@
-// The effects of the catalogue.
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -10,7 +9,7 @@ EffectReport reported_as(const std::string& key, Of of) {
   return [key, of](const Fitted& f) { return Estimates{{key, of(f.value[0], f.error[0])}}; };
 }
 
-// Soft edges of the target are equivalent: the interval includes their possible share of the total blur.
+// Soft edges of the target look like blur: the interval includes their possible share of the total.
 Estimates report_blur(const Fitted& f) {
   const double whole = f.value[0] + f.state.edge_px * f.state.edge_px;
   Estimate sigma = root_interval(f.value[0], f.error[0]);
@@ -34,7 +33,7 @@ Estimates report_drift(const Fitted& f) {
   return {{"change_k", interval(largest, error)}};
 }
 
-// A reference temperature of gains, relative to kReference.
+// A reference temperature of the gains; the parameter is relative to kReference.
 Parameter about_reference(const char* name, double CameraModel::*member) {
   constexpr double kReach = 60.0;  // K
   return number_at(
@@ -42,7 +41,7 @@ Parameter about_reference(const char* name, double CameraModel::*member) {
       [](double kelvin) { return kelvin - kReference; }, [](double v) { return kReference + v; });
 }
 
-// The gains' reference differs between cameras: fitted, else it would appear as a pattern of offsets.
+// The gains' reference temperature differs between cameras; unless fitted, it would appear as a pattern of offsets.
 Estimates report_gains(const Fitted& f) {
   Estimates out = rms_of(MapKind::kGain)(f);
   out["reference_k"] = interval(kReference + f.value[0], f.error[0]);
@@ -69,16 +68,15 @@ Form slow_from(double tau_s) {
   return [tau_s](State& s) { s.camera.response.slow_tau_s = tau_s; };
 }
 
-// Optics, radiometry, the pixel's response in time, and heat that flows between pixels.
+// Optics, radiometry, the pixel's response in time, and heat conduction between pixels.
 std::vector<Effect> scene_and_pixel_effects() {
   constexpr double kSlowTau_s = 0.15;  // centre of the search for the second time constant
   const Predicate bars = any_of({Kind::kStillBars, Kind::kMovingBars});
   const Predicate changes = any_of({Kind::kChopper, Kind::kMovingBars});
-  // Pixels at the target's edges average over radiance, or over temperature.
+  // Pixels at the target's edges average radiance, or temperature.
   const std::vector<Form> edge_forms{[](State& s) { s.camera.edges_in_temperature = false; },
                                      [](State& s) { s.camera.edges_in_temperature = true; }};
   return {
-      // Blur of the optics, as a Gaussian.
       {.name = "optical_psf",
        .stage = "optics",
        .words = {"Optical blur", "The optics blur the picture[ by {sigma_px} (sigma)]"},
@@ -87,7 +85,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .parameters = always({number_of("blur_px2", 0.1, 0.0, 9.0, &Response::blur_px2)}),
        .least = 0.015,
        .report = report_blur},
-      // The gain falls towards the corners, about with the square of the radius: smooth, unlike a map of pixels.
+      // The gain falls towards the corners, about with the square of the radius: smooth, unlike a per-pixel map.
       {.name = "vignetting",
        .stage = "optics",
        .words = {"Vignetting", "Corners receive [{corner_loss} ]less than the middle"},
@@ -127,7 +125,6 @@ std::vector<Effect> scene_and_pixel_effects() {
        .inside = "share",
        .forms = edge_forms,
        .report = first_as("share")},
-      // The time constant of all pixels, as a share of the profile's.
       {.name = "tau_global",
        .stage = "pixel",
        .words = {"Time constant",
@@ -179,10 +176,10 @@ std::vector<Effect> scene_and_pixel_effects() {
   };
 }
 
-// The read-out and the package: times of rows and frames, offsets and gains.
+// Read-out and package: times of rows and frames, offsets and gains.
 std::vector<Effect> readout_effects() {
-  constexpr double kHeatingRate = 3.0;   // centre of its search
-  constexpr double kHeatingReach = 4.0;  // of its logarithm: down to linear growth within 1 %
+  constexpr double kHeatingRate = 3.0;   // centre of the rate's search range
+  constexpr double kHeatingReach = 4.0;  // of its logarithm: down to growth that is linear within 1 %
   const Predicate changes = any_of({Kind::kChopper, Kind::kMovingBars});
   return {
       {.name = "row_delay",
@@ -194,7 +191,7 @@ std::vector<Effect> readout_effects() {
        .least = 5e-07,
        .forms = {[](State& s) { s.camera.two_halves = false; }, [](State& s) { s.camera.two_halves = true; }},
        .report = first_as("row_delay_s")},
-      // The read-out averages over a part of the frame. Its mean delay is a start phase: only its square shows.
+      // The read-out averages over part of the frame. Only the window's square shows; its mean delay is a start phase.
       {.name = "integration_window",
        .stage = "readout",
        .words = {"Integration window",
@@ -205,7 +202,6 @@ std::vector<Effect> readout_effects() {
            "window_s2", 4e-6, 4e-5, [](auto& s) -> auto& { return s.camera.response.window_s; })}),
        .least = 4e-08,
        .report = reported_as("window_s", root_interval)},
-      // The frame period is not the nominal one. Pans confound it with their speed; a chopper does not.
       {.name = "clock_skew",
        .stage = "transport",
        .words = {"Clock skew",
@@ -242,7 +238,7 @@ std::vector<Effect> readout_effects() {
        .least = 0.00025,
        .inside = "reference",
        .report = report_gains},
-      // Heating by the bias pulse: an offset that grows with the time of the row in the frame.
+      // Heating by the bias pulse: an offset that grows with the row's time in the frame.
       {.name = "self_heating",
        .stage = "readout",
        .words = {"Self-heating",
@@ -255,7 +251,7 @@ std::vector<Effect> readout_effects() {
                 "log_rate", 0.1, kHeatingReach, kHeatingRate, [](auto& s) -> auto& { return s.camera.heating_rate; })}),
        .least = 0.001,
        .hides_in = MapKind::kOffset,
-       // By the simulator's definition: the last row gets 1 - exp(-rate) of the amplitude.
+       // As the simulator defines it: the last row gets 1 - exp(-rate) of the amplitude.
        .report = reported_as("amplitude_k",
                              [](double v, double e) {
                                const double share = -std::expm1(-kHeatingRate);
@@ -273,7 +269,7 @@ std::vector<Effect> readout_effects() {
   };
 }
 
-// Effects without a model of the mean, found by the statistics in events.cpp, noise.cpp and transport.cpp.
+// Effects that do not change the mean: found by the statistics in events.cpp, noise.cpp and transport.cpp.
 std::vector<Effect> statistical_effects() {
   using enum WithoutBench;
   const Predicate flat = any_of({Kind::kUniform});

@@ -7,7 +7,7 @@ namespace {
 
 using plot::format;
 
-// A unit that gives readable numbers.
+// Unit in which a value is readable.
 struct ShownUnit {
   double factor = 1.0;
   const char* text = "";
@@ -37,7 +37,7 @@ std::string digits(double value) {
   return size >= 99.95 ? format("%.0f", value) : format("%.3g", value);
 }
 
-// Decimals for three digits of the value, or the first of its uncertainty if that is finer.
+// Decimals that show three digits of the value, or the first digit of its uncertainty if that is finer.
 int decimals_for(double value, double half) {
   const auto place = [](double size) { return -static_cast<int>(std::floor(std::log10(size))); };
   int decimals = 0;
@@ -48,7 +48,7 @@ int decimals_for(double value, double half) {
 
 std::string fixed(double value, int decimals) { return std::isfinite(value) ? format("%.*f", decimals, value) : "?"; }
 
-// The text for a place in braces, or nothing when the parameter is missing.
+// Text of a placeholder; nothing when the parameter is missing.
 std::optional<std::string> place(const FoundEffect& effect, const std::string& inner, Wording wording) {
   const std::string key = inner.substr(0, inner.find_first_of("~?%"));
   const auto found = effect.parameters.find(key);
@@ -66,7 +66,7 @@ std::optional<std::string> place(const FoundEffect& effect, const std::string& i
   return quantity(key, is_signless ? std::abs(value) : value, wording);
 }
 
-// Replaces each part between these brackets by `inner` of it.
+// Replaces each part between these brackets by inner(part).
 template <typename Inner>
 std::optional<std::string> replaced(std::string_view words, char open, char close, const Inner& inner) {
   std::string out;
@@ -100,7 +100,7 @@ std::string lower_first(std::string text) {
   return text;
 }
 
-// Reduction of the gap by the effects.
+// Clause on the reduction of the gap by the effects.
 std::string closing(const Report& report) {
   const std::string these = report.effects.size() == 1 ? "this" : "these";
   if (std::ranges::all_of(report.effects, &FoundEffect::of_noise) || !(report.gap.before > 1.0)) {
@@ -139,10 +139,8 @@ std::string parameters_text(const FoundEffect& effect, Wording wording) {
                        [&](const auto& one) { return one.first + ' ' + quantity(one.first, one.second, wording); }));
 }
 
-// Of K or counts.
 std::string amount(double value, const std::string& unit) { return quantity("size_k", value, {.kelvin = unit == "K"}); }
 
-// The first few, and whether there are more.
 template <typename T>
 std::span<const T> first_of(const std::vector<T>& all, std::size_t most) {
   return std::span(all).first(std::min(most, all.size()));

@@ -1,5 +1,4 @@
-// The report as files. report.json: the table in docs/formats.md, key for key. JSON has no NaN and no infinity:
-// unmeasured values are null.
+// The report as files. report.json: the table in docs/formats.md, key for key; unmeasured values (NaN) are null.
 #include <algorithm>
 
 #include <nlohmann/json.hpp>
@@ -49,7 +48,7 @@ static void to_json(ordered_json& out, const Observation::Jump& jump) {
   out = {{"frame", jump.frame}, {"size", jump.size}};
 }
 
-// The first places [x, y], and their number.
+// Number of pixels, and the places [x, y] of the first ones.
 static ordered_json pixels_of(const std::vector<PixelPlace>& pixels) {
   constexpr std::size_t kMostPlaces = 256;
   ordered_json places = ordered_json::array();
@@ -116,7 +115,7 @@ std::string report_json(const Report& report) {
       {"observations", std::move(observations)},
       {"frames", report.frames},
       {"seconds", report.seconds}};
-  // File names need not be UTF-8.
+  // File names are not necessarily UTF-8.
   return out.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 

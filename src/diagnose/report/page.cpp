@@ -27,7 +27,6 @@ std::string fact(const std::string& value, const std::string& name) {
 
 std::string arrow(const Gaps& gap) { return gap_text(gap, " \u2192 "); }
 
-// A line of a figure of gaps.
 struct GapLine {
   std::string name;
   double from = 1.0;
@@ -35,10 +34,10 @@ struct GapLine {
   plot::Hue hue = plot::Hue::kBlurred;
 };
 
-// Each from one gap to another, the first above, with both numbers beside its name.
+// Each line goes from one gap to another, with both numbers beside its name; the first is on top.
 std::string gap_figure(const std::vector<GapLine>& lines) {
   constexpr double kLineHeight = 26.0;  // px
-  // At least this far, so that small gaps look small.
+  // The axis reaches at least this far, so that small gaps look small.
   plot::Plot plot{.y = {.name = "gap, noise floors", .logarithmic = true, .low = 0.9, .high = 2.2},
                   .levels = {{.at = 1.0, .hue = plot::Hue::kGreen}},
                   .sideways = true,
@@ -51,7 +50,7 @@ std::string gap_figure(const std::vector<GapLine>& lines) {
       plot.y.high = std::max(plot.y.high, 1.1 * gap);
     }
     plot.x.categories.push_back(name + "  " + (from == 1.0 ? gap_text(to) : arrow({from, to})));
-    // Room for the lines beside the longest name, which may be a file's.
+    // Leaves room for the lines beside the longest name, which may be a file name.
     plot.width = std::max(plot.width, plot::text_width(plot.x.categories.back(), 12.0) + 400.0);
     plot.series.push_back({.hue = hue, .x = {place, place}, .y = {from, to}, .width = 5.0});
     plot.series.push_back({.kind = plot::Kind::kPoints, .hue = hue, .x = {place}, .y = {to}});
@@ -59,7 +58,7 @@ std::string gap_figure(const std::vector<GapLine>& lines) {
   return plot::figure_html(plot);
 }
 
-// The nominal simulator's gap, its reduction by each effect, and the remaining one.
+// Lines for the nominal simulator's gap, its reduction by each effect, and the remaining one.
 void add_waterfall(const Report& report, bool of_noise, std::vector<GapLine>& lines) {
   using enum plot::Hue;
   lines.push_back(
@@ -83,7 +82,7 @@ std::string head_part(const Report& report) {
   const std::size_t end = words.find(". ");  // the first sentence becomes the heading
   std::string out = pill(report.verdict) + "<h1>" + words.substr(0, end == std::string::npos ? end : end + 1) + "</h1>";
   if (end != std::string::npos) out += "<p class=lead>" + words.substr(end + 2) + "</p>";
-  const std::size_t captures = report.inputs.size();  // those that no model predicts among them
+  const std::size_t captures = report.inputs.size();  // includes captures without a model
   out += format("<p class=soft>%zu capture%s, %zu frames, diagnosed in %s s.", captures, captures == 1 ? "" : "s",
                 report.frames, number_text(report.seconds).c_str());
   if (!report.withheld.empty()) {
@@ -239,7 +238,7 @@ std::string observed_part(const Report& report) {
          out;
 }
 
-constexpr double kWorthOpening = 1.1;  // minimum gap of a capture that is shown unfolded
+constexpr double kWorthOpening = 1.1;  // captures with a larger gap are shown unfolded
 
 std::string figures(const std::vector<plot::Plot>& plots) {
   std::string out;
@@ -270,7 +269,7 @@ std::string captures_part(const Report& report) {
 
 std::string noise_part(const Report& report) {
   if (report.noise.empty()) return {};
-  constexpr double kLeast = 1e-4;  // K: what is less stands at the axis' end
+  constexpr double kLeast = 1e-4;  // K: smaller values are drawn at the end of the axis
   const double factor = report.kelvin ? 1e3 : 1.0;
   plot::Plot plot{.x = {},
                   .y = {.unit = report.kelvin ? "mK" : "counts", .logarithmic = true, .low = factor * kLeast},

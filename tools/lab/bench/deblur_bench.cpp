@@ -1,4 +1,4 @@
-// `bolo-lab bench`; and time and accuracy of the ways to deblur one 640x120 frame, all in one run on one input.
+// `bolo-lab bench`: time and accuracy of each way to deblur a 640x120 frame, in one run on one input.
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -28,11 +28,11 @@ using Planes = std::vector<const void*>;
 
 deblur::WindowView window_of(const Planes& planes) { return {planes, static_cast<int>(planes.size()) - 1}; }
 
-// The newest window of a street that pans past the camera, 30 mK of noise, 10 mK a count.
+// The newest window of a street that passes the camera, with 30 mK of noise, 10 mK per count.
 struct Input {
   StreamFormat format;
   std::vector<std::vector<std::uint16_t>> frames;
-  std::array<Planes, kMostLost + 1> without;  // so many frames, every other one before the newest
+  std::array<Planes, kMostLost + 1> without;  // by number of frames lost: every other one before the newest
 };
 
 Result<Input> make_input(const deblur::Settings& settings) {
@@ -55,8 +55,8 @@ Result<Input> make_input(const deblur::Settings& settings) {
   return input;
 }
 
-// A camera's whole profile that changes no value, so that errors can be measured: the work is the same for every
-// number. Dead pixels, one of 200, lie outside the rows that are compared.
+// A complete camera profile that changes no value, so that errors can be measured; the work is the same for any values.
+// One pixel of 200 is dead, outside the compared rows.
 model::PixelMaps neutral_maps(const deblur::Settings& settings) {
   model::PixelMaps maps;
   maps.tau_s.assign(kFrame.pixels(), static_cast<float>(settings.tau_s));
@@ -70,7 +70,7 @@ model::PixelMaps neutral_maps(const deblur::Settings& settings) {
   return maps;
 }
 
-// A profile's work on each frame: the newest one is brought to float and corrected.
+// A profile's work per frame: the newest one is converted to float and corrected.
 class Corrected {
  public:
   Corrected(const Input& input, corrections::PixelCorrection correction)
@@ -95,20 +95,19 @@ class Corrected {
   Planes planes_;
 };
 
-// One way to deblur a frame.
 struct Variant {
-  std::string solver;  // as --solver
-  std::string isa;     // "": the best
+  std::string solver;  // as in --solver
+  std::string isa;     // empty: the best
   int threads = 1;
   double lambda_half_k = 0.0;
-  int lost = 0;          // frames before the newest that are missing
+  int lost = 0;          // missing frames before the newest
   bool profile = false;  // with maps of gain, offset, time constant and dead pixels, and a row delay
 };
 
-// A variant while it is measured.
+// A variant under measurement.
 class Runner {
  public:
-  // `corrected`: for a variant with a profile; the same one serves all, as one window serves those without.
+  // `corrected`: input of variants with a profile; all share it, as the others share one window.
   Runner(const Input& input, Corrected& corrected, Variant what)
       : input_(input), corrected_(corrected), what_(std::move(what)), out_(kFrame.pixels()) {
     settings_.method = *deblur::method_from_name(what_.solver);
@@ -143,9 +142,8 @@ class Runner {
     times_.push_back(ms * kFrame.height / rows_);
   }
 
-  // Times are of a whole frame, the fastest repeat's; errors against the optimum of the first pixels. `scaling` is the
-  // time of one thread over this time, `throughput_of_plain` frames a second over those without profile or losses: 1
-  // where no such variant was measured.
+  // Times of the fastest repeat for a whole frame; errors against the optimum, over the first pixels. `scaling`: time
+  // on one thread over this; `throughput_of_plain`: frame rate over that without profile or losses, or 1.
   Json result(const std::vector<float>& exact) {
     std::ranges::sort(times_);
     const auto pixels = static_cast<std::size_t>(rows_ * kFrame.width);
@@ -192,7 +190,7 @@ class Runner {
   std::vector<double> times_;
 };
 
-// The main one first. Plain scalar code is far slower than all others: one variant is enough of it.
+// The main variant first. Plain scalar code is far slower than all others, so one variant of it is enough.
 std::vector<Variant> list_variants(const BenchOptions& options, double lambda_half_k, int processors) {
   std::vector<Variant> list{{options.solver, options.isa, options.threads, lambda_half_k}};
   std::vector<std::string> isas{options.isa};
@@ -219,7 +217,7 @@ std::vector<Variant> list_variants(const BenchOptions& options, double lambda_ha
 
 Status check(const BenchOptions& options) {
   ASSIGN_OR_RETURN(const deblur::Method method, deblur::method_from_name(options.solver));
-  // Their work is in what one frame tells of the next, and what they approach is no optimum of a window.
+  // These solvers use state from frame to frame, and do not approach the optimum of a window.
   if (method == deblur::Method::kMmae || method == deblur::Method::kMotion) {
     return bad_input("--solver " + options.solver +
                      ": give admm, dual, exact or inverse, whose windows stand alone; bolo bench measures " +
@@ -235,7 +233,7 @@ Status check(const BenchOptions& options) {
   return {};
 }
 
-// The optimum for each lambda and number of lost frames, of the first rows.
+// The optimum of the first rows, by lambda and number of lost frames.
 using Optima = std::map<std::pair<double, int>, std::vector<float>>;
 Result<Optima> optima(const Input& input, Corrected& corrected, const std::vector<Variant>& list) {
   Optima result;

@@ -13,7 +13,7 @@ using Plane = std::vector<double>;
 inline constexpr double kSubstepS = 1.25e-4;
 inline constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
-// The effects in a capture. number(): a parameter of an effect, or `absent`.
+// The effects in a capture. number(): a parameter of an effect, or `absent` if there is none.
 struct Hidden {
   const std::vector<sim::EffectSpec>& effects;
   const sim::EffectSpec* find(std::string_view name) const {
@@ -30,7 +30,7 @@ struct Hidden {
   }
 };
 
-// Random draws: fixed patterns from the camera's seed, noise from the capture's.
+// Random draws: fixed patterns are seeded by the camera, noise by the capture.
 struct Luck {
   explicit Luck(std::uint64_t seed) : of(seed) {}
   double normal() { return gauss(of); }
@@ -43,11 +43,11 @@ struct Luck {
   std::normal_distribution<double> gauss;
 };
 
-// Radiance of a black body from 8 to 12 um, scaled to 300 with slope 1 at 300 K, and its inverse.
+// Band radiance of a black body, 8 to 12 um, scaled to 300 with slope 1 at 300 K, and its inverse.
 double radiance_of(double kelvin);
 double temperature_of(double radiance);
 
-// Irradiance of each pixel by a capture's bench: the mean over [t, t + kSubstepS). Plan and effects outlive it.
+// Irradiance of each pixel in a capture's bench: mean over [t, t + kSubstepS). Plan and effects must outlive it.
 using Scene = std::function<void(double t_s, Plane& out)>;
 Scene scene_of(const CapturePlan& plan, const Hidden& hidden, Geometry geometry);
 

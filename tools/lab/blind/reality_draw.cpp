@@ -11,7 +11,7 @@ struct Number {
   bool signed_too = false;
 };
 
-// An effect in one of its forms. The first form of a name is the standard one.
+// An effect in one of its forms. The first form of each name is the standard one.
 struct Entry {
   const char* name;
   const char* form;
@@ -124,7 +124,7 @@ capture::Stimulus stimulus_of(std::size_t i, double duration_s, double slant) {
   }
 }
 
-// The bench's true errors: start phases always, others if imperfect.
+// Draws true errors of the bench: start phases always, others only if it is imperfect.
 void draw_bench(bool imperfect, double edge_px, CapturePlan& plan, Luck& lot) {
   auto& bench = plan.bench;
   const bool bars = std::holds_alternative<capture::BarTarget>(plan.stimulus);

@@ -6,7 +6,7 @@ namespace {
 
 constexpr double kHousingK = 301.0;
 
-// By the trapezoid rule, without a unit.
+// Unscaled band radiance by the trapezoid rule.
 double radiance_sum(double kelvin) {
   double total = 0.0;
   constexpr int kParts = 40;
@@ -17,7 +17,7 @@ double radiance_sum(double kelvin) {
   return total;
 }
 
-// Loss of light towards the corners: cos^4 about any centre, scaled by the farthest corner.
+// Vignetting: cos^4 about any centre, scaled to the farthest corner.
 Plane corner_loss(const Hidden& hidden, Geometry g) {
   Plane loss(g.pixels(), 0.0);
   if (!hidden.has("vignetting")) return loss;
@@ -36,7 +36,6 @@ Plane corner_loss(const Hidden& hidden, Geometry g) {
   return loss;
 }
 
-// The irradiance of each pixel.
 struct Bench {
   const CapturePlan& plan;
   const Hidden& hidden;
@@ -60,7 +59,7 @@ struct Bench {
     return at == plan.bench.end() ? 0.0 : at->second;
   }
 
-  // The pixel's input: apparent temperature, or radiance.
+  // Input of the pixel: apparent temperature, or radiance.
   double signal(double kelvin, bool target) const {
     if (target && hidden.has("emissivity")) {
       const double e = hidden.number("emissivity", "emissivity", 1.0);
@@ -112,16 +111,16 @@ struct Bench {
   template <typename Other>
   void paint(const Other&, double, Plane&) const {}
 
-  // Covered share of a pixel with its left end at u periods: exact along x, then blurred numerically.
+  // Covered share of a pixel whose left end is at u periods: exact along x, then blurred numerically.
   void tabulate(const capture::BarTarget& b) {
-    const auto hot_up_to = [&](double x) {  // length of hot in [0, x)
+    const auto hot_up_to = [&](double x) {  // length of the hot part of [0, x)
       const double whole = std::floor(x / b.period_px);
       return whole * b.bar_width_px + std::min(x - whole * b.period_px, b.bar_width_px);
     };
     const double sigma = hidden.number("optical_psf", "sigma_px", 0.0);
     const bool disc = hidden.has("optical_psf", "disc");
     const double lean = std::sqrt(1.0 + b.slant_px_per_row * b.slant_px_per_row);
-    constexpr int kPoints = 41;  // of a blur
+    constexpr int kPoints = 41;  // of the blur
     std::vector<double> shifts;
     for (int i = 0; i < kPoints; ++i) {
       const double s = (i + 0.5) / kPoints * 2.0 - 1.0;

@@ -13,15 +13,15 @@ constexpr double kHotK = 325.0;
 constexpr double kChopperColdK = 295.0;
 constexpr std::array<double, 2> kChopperLevelsK{305.0, 320.0};
 constexpr std::array<double, 5> kPulsesS{0.012, 0.030, 0.060, 0.120, 0.300};
-constexpr double kGapS = 0.0837;  // no multiple of a frame, to vary the pulses' phases
+constexpr double kGapS = 0.0837;  // not a multiple of the frame period, to vary the pulses' phases
 constexpr double kBarsColdK = 290.0;
 constexpr double kBarsHotK = 315.0;
 
-constexpr std::array<int, 6> kFrames{380, 240, 400, 340, 340, 300};  // of the captures
+constexpr std::array<int, 6> kFrames{380, 240, 400, 340, 340, 300};  // one per capture
 
 bool is_moment(const sim::EffectSpec& effect) { return effect.name == "nuc_freeze" || effect.name == "offset_jump"; }
 
-// Every length at every height, within the capture.
+// Pulses of every length at every height, as far as they fit into the capture.
 capture::Chopper chopper(double duration_s) {
   capture::Chopper out;
   out.cold_k = kChopperColdK;
@@ -71,7 +71,7 @@ Bench draw_bench(bool imperfect, Dice& dice) {
   return imperfect ? Bench{true, dice.between(0.0, 0.3), dice.between(0.0, 0.01)} : Bench{};
 }
 
-// The stimulus' errors: its start always, others if the bench is imperfect.
+// Draws the stimulus' errors: its start always, others only if the bench is imperfect.
 sim::StimulusError draw_faults(const capture::Stimulus& stimulus, const Bench& bench, Dice& dice) {
   sim::StimulusError faults;
   const bool is_chopper = std::holds_alternative<capture::Chopper>(stimulus);
@@ -91,7 +91,7 @@ sim::StimulusError draw_faults(const capture::Stimulus& stimulus, const Bench& b
   if (target->velocity_px_s == 0.0) return faults;
   faults.velocity = dice.signed_between(0.0, 0.01);
   faults.uneven = dice.between(0.0, 0.01);
-  faults.uneven_period_s = dice.between(1.0, 3.0);  // slow: a capture is about one period
+  faults.uneven_period_s = dice.between(1.0, 3.0);  // slow: a capture lasts about one period
   faults.uneven_phase = dice.unit();
   return faults;
 }
@@ -101,7 +101,7 @@ void add_effect(std::vector<CapturePlan>& plans, const sim::EffectSpec& effect, 
     for (CapturePlan& plan : plans) plan.effects.push_back(effect);
     return;
   }
-  // One or two captures.
+  // Places it in one or two captures.
   const std::set<std::size_t> where{dice.below(plans.size()), dice.below(plans.size())};
   for (const std::size_t i : where) {
     sim::EffectSpec placed = effect;
@@ -119,7 +119,7 @@ void place_in_scene(sim::EffectSpec& effect, Dice& dice) {
   if (effect.name == "clipped_range") effect.values["level_k"] = kBarsColdK + cut * (kBarsHotK - kBarsColdK);
 }
 
-// The six captures. A momentary effect (a shutter, a jump) is in one or two of them.
+// The six captures. A momentary effect (shutter, jump) is in one or two of them.
 std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::vector<sim::EffectSpec>& effects,
                                        Dice& dice) {
   std::vector<CapturePlan> plans;
@@ -144,7 +144,6 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
 constexpr std::array<std::string_view, kKinds> kNames{"effect-free", "single", "pair", "outside",
                                                       "withheld",    "forms",  "bench"};
 
-// An effect and its form.
 struct Choice {
   std::string_view effect;
   std::string_view form;
@@ -163,7 +162,6 @@ std::vector<Choice> choices(Kind kind) {
   return out;
 }
 
-// Seed by the session's kind and index.
 std::uint64_t session_seed(const DrawOptions& options, Kind kind, std::size_t index) {
   using splitmix::key;
   return key(key(key(options.seed, 0) + static_cast<std::uint64_t>(kind), 0) + index, 0);
@@ -227,7 +225,7 @@ sim::CameraSettings camera_of(const Session& session, const CapturePlan& plan) {
   return camera;
 }
 
-// The file's description of the bench, with one error.
+// The bench description of the file, with one error.
 capture::Stimulus described(capture::Stimulus stimulus, std::string_view wrong) {
   if (auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
     if (wrong == "slant") bars->slant_px_per_row *= -1.0;
@@ -244,7 +242,7 @@ capture::Stimulus described(capture::Stimulus stimulus, std::string_view wrong) 
   return stimulus;
 }
 
-// Without the attributes of sim::write_capture(), which reveal seeds.
+// Omits the attributes of sim::write_capture(), which reveal seeds.
 Status write_planes(const std::filesystem::path& file, const StreamFormat& format, const CapturePlan& plan,
                     std::string_view misdescribed, const std::vector<std::uint16_t>& counts) {
   const std::lock_guard lock(hdf5_mutex());

@@ -30,7 +30,7 @@ AP in percent; delta_ap against "blurred"; recovered: the share of what blurring
 
 using Paths = std::vector<std::filesystem::path>;
 
-// Sorted files of a folder with one of the extensions.
+// Sorted files in a folder with one of the extensions.
 Result<Paths> files_in(const std::filesystem::path& folder, const std::vector<std::string>& extensions) {
   std::error_code error;
   Paths files;
@@ -46,7 +46,7 @@ Result<Paths> files_in(const std::filesystem::path& folder, const std::vector<st
   return files;
 }
 
-// The files that an option names, or else those in a folder of --data.
+// The files named by an option, or else those in a folder of --data.
 Result<Paths> listed(const cxxopts::ParseResult& given, const std::string& option, const char* folder,
                      const std::vector<std::string>& extensions) {
   if (given.count(option) != 0) {

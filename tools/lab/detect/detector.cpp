@@ -11,7 +11,7 @@
 namespace bolo::tools::detect {
 namespace {
 
-// A tensor as rows: the last extent is the row's length. Leading extents of 1 do not matter.
+// A tensor as rows: its last dimension is the row's length; leading dimensions of 1 are ignored.
 struct Rows {
   std::size_t rows = 0;
   std::size_t length = 0;
@@ -33,7 +33,7 @@ void add_classes(std::span<const float> scores, const Box& box, double least_sco
   }
 }
 
-// The mean of the softmax over the bins 0, 1, ...
+// Mean of the softmax over the bins 0, 1, ...
 double expected_bin(std::span<const float> logits) {
   const float top = *std::ranges::max_element(logits);
   double sum = 0.0;
@@ -46,7 +46,7 @@ double expected_bin(std::span<const float> logits) {
   return weighted / sum;
 }
 
-// Scores and distances of one stride.
+// Scores and distances for one stride.
 struct GflPair {
   Rows scores;
   Rows distances;
@@ -78,7 +78,7 @@ void add_places(const GflPair& pair, int cells_across, int stride, int bins, dou
     const std::size_t row = i / static_cast<std::size_t>(cells_across);
     const double x = (static_cast<double>(column) + 0.5) * stride;
     const double y = (static_cast<double>(row) + 0.5) * stride;
-    std::array<double, 4> to{};  // left, upper, right, lower side
+    std::array<double, 4> to{};  // left, top, right, bottom
     for (std::size_t side = 0; side < to.size(); ++side) {
       to[side] = stride * expected_bin(pair.distances.row(i).subspan(side * length, length));
     }
@@ -86,7 +86,7 @@ void add_places(const GflPair& pair, int cells_across, int stride, int bins, dou
   }
 }
 
-// For each place along one side of the input: the two pixels around it and the second one's weight.
+// Interpolation along one side of the input: the two nearest pixels and the second one's weight.
 struct Between {
   std::size_t first = 0;
   std::size_t second = 0;
@@ -138,7 +138,7 @@ void channel_keys(model::KeyTable& keys, const std::string& colour, Channel& cha
   keys.number("scale_" + colour, channel.scale, {1e-6, 100.0, ""}, "What is left is multiplied by this");
 }
 
-// As texts: KeyTable::file would resolve them beside the description, where the networks need not be.
+// As text: KeyTable::file would resolve paths beside the description, but the networks may be elsewhere.
 struct FileNames {
   std::string graph;
   std::string weights;
@@ -199,7 +199,7 @@ Status check(const model::KeyTable& keys, const DetectorDescription& d) {
 }
 
 Status place(std::filesystem::path& file, const std::filesystem::path& folder) {
-  file = folder / file;  // an absolute one stays
+  file = folder / file;  // keeps an absolute path
   std::error_code ignored;
   if (std::filesystem::is_regular_file(file, ignored)) return {};
   return bad_input(file.string() + ": not there; name the folder of the networks' files");

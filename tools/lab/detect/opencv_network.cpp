@@ -1,4 +1,4 @@
-// Networks by OpenCV's DNN module (4.6 and later), on the caller's thread.
+// Networks run by OpenCV's DNN module (4.6 and later), on the caller's thread.
 #include <algorithm>
 #include <fstream>
 #include <iterator>
@@ -13,7 +13,7 @@
 namespace bolo::tools::detect {
 namespace {
 
-// OpenCV reports each exception on stderr too; and its threads would add to those of the caller.
+// By default OpenCV also prints each exception to stderr, and starts threads of its own.
 void quieten() {
   static std::once_flag once;
   std::call_once(once, [] {
@@ -23,7 +23,7 @@ void quieten() {
   });
 }
 
-// "what is wrong", without place and line breaks.
+// The error message without location and line breaks.
 std::string reason_of(const cv::Exception& e) {
   std::string text = e.err;
   std::ranges::replace(text, '\n', ' ');
@@ -41,7 +41,7 @@ Result<std::string> contents_of(const std::filesystem::path& file) {
   return text;
 }
 
-// [yolo] layers give 0 for scores below their `thresh`, 0.2 by default.
+// [yolo] layers set scores below `thresh` (0.2 by default) to 0.
 std::string with_threshold(std::string graph, double least_score) {
   const std::string heading = "[yolo]";
   for (std::size_t at = graph.find(heading); at != std::string::npos; at = graph.find(heading, at + heading.size())) {

@@ -7,7 +7,7 @@
 namespace bolo::tools::detect {
 namespace {
 
-using Networks = std::vector<Detector>;  // used by one thread at a time: one of these a thread
+using Networks = std::vector<Detector>;  // a set per thread, as a network serves one thread at a time
 
 Result<Networks> open_networks(const Options& options) {
   Networks networks;
@@ -74,7 +74,7 @@ class Runner {
     }
   }
 
-  // Errors of description and network show here, before minutes of simulation.
+  // Reveals errors of descriptions and networks before minutes of simulation.
   Status try_out(Networks& networks) const {
     const Levels grey(options_.picture.pixels(), 128.0F);
     for (Detector& detector : networks) RETURN_IF_ERROR(detector.detect(grey, options_.picture));
@@ -106,36 +106,35 @@ class Runner {
   const Options& options_;
   Found found_;
   std::mutex mutex_;
-  std::vector<Networks> free_;  // as many as threads
+  std::vector<Networks> free_;  // one set per idle thread
 };
 
 constexpr double kPercent = 100.0;
 
-// AP of each column, in percent: as it is, and in each draw of the bootstrap.
+// AP of each column, percent, of the actual data and of each bootstrap draw.
 struct Scores {
   double objects = 0.0;
   std::vector<double> ap;
   std::vector<std::vector<double>> draws;  // [column][draw]
 };
 
-// The observations in one motion of stills with or without labels.
+// The observations in one motion of stills with, or without, labels.
 struct Group {
   std::size_t motion = 0;
   bool labelled = false;
   std::vector<const Observation*> observations;
-  std::vector<std::size_t> stills;  // those that can be drawn
+  std::vector<std::size_t> stills;  // stills to draw from
 };
 
-// A figure, and its interval over the draws.
 void add(Json& to, const std::string& key, double value, std::vector<double> draws) {
   const Interval interval = interval_95(std::move(draws));
   to[key] = value;
   to[key + "_ci95"] = std::isfinite(interval.low) ? Json{interval.low, interval.high} : Json();
 }
 
-// (AP - blurred) / (sharp - blurred); of a loss that there is none of, nothing can be recovered.
+// (AP - blurred) / (sharp - blurred); undefined without a loss to recover.
 double share_recovered(double ap, double blurred, double sharp) {
-  constexpr double kLeastLoss = 0.1;  // percent points
+  constexpr double kLeastLoss = 0.1;  // percentage points
   return sharp - blurred > kLeastLoss ? (ap - blurred) / (sharp - blurred) : kNoScore;
 }
 
@@ -155,8 +154,8 @@ Json cell_of(const Scores& s, std::size_t column) {
   return cell;
 }
 
-// Boxes that a detector should find: people's labels of classes that it knows, or, where there are none, its own boxes
-// on the sharp frame from `truth_score` on.
+// The boxes that a detector should find: people's labels of classes that it knows, or, for unlabelled stills, its own
+// boxes on the sharp frame with at least `truth_score`.
 std::vector<Truth> truth_of(const Observation& observation, bool labelled, std::size_t detector, double truth_score,
                             const std::vector<bool>& knows) {
   std::vector<Truth> truth;
@@ -215,7 +214,7 @@ class Judge {
     return {images, static_cast<int>(options_.classes.size())};
   }
 
-  // The same stills are drawn for every column, detector and motion, so that differences are of the same stills.
+  // The same stills are drawn for every column, detector and motion, so that differences are paired.
   std::vector<int> weights(const Group& group, std::uint64_t draw) const {
     const std::vector<int> times = drawn_scenes(group.stills.size(), options_.seed, draw);
     std::vector<int> weights;
@@ -230,7 +229,7 @@ class Judge {
   const Options& options_;
 };
 
-// The mean of the detectors that had something to find, draw by draw.
+// Mean over the detectors that had something to find, for each draw.
 Scores mean_of(std::vector<Scores> several) {
   std::erase_if(several, [](const Scores& one) { return !std::isfinite(one.ap.front()); });
   const auto count = static_cast<double>(several.size());

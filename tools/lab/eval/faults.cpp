@@ -11,14 +11,12 @@ namespace {
 
 constexpr Geometry kGeometry{64, 24};
 constexpr double kRateHz = 200.0;
-constexpr double kSeconds = 5.0;  // of the scene: longer than any stream
+constexpr double kSeconds = 5.0;  // of scene: longer than any stream
 constexpr int kTries = 3;
 
-constexpr std::uint64_t kMostLostOfFour = 1;  // of the frames that are hit, with working resends on a busy machine
+constexpr std::uint64_t kMostLostOfFour = 1;  // of four frames hit, with working resends on a busy machine
 
-// Faults from 0.3 to 0.5 s.
 constexpr Disturbance kWhile{.from_s = 0.3, .to_s = 0.5};
-// Faults at 0.3 s that are over at once.
 constexpr Disturbance kOnce{.from_s = 0.3, .to_s = 0.3};
 
 Result<fakecam::FaultScript> script_of(const std::string& texts) {
@@ -44,8 +42,8 @@ std::string injected_text(const std::vector<fakecam::InjectedFault>& injected) {
   return joined(words);
 }
 
-// One scenario, a few times: what was injected, lost and reconnected in the last run, whether what was lost is what was
-// injected, in every run, and the first thing that was found wrong.
+// Plays a scenario several times. Reports what was injected, lost and reconnected in the last run, whether losses
+// equalled injections in every run, and the first error found.
 Result<Json> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
   Json row{{"fault", scenario.name}, {"script", scenario.faults}};
   std::vector<double> recovery_ms;
@@ -92,7 +90,7 @@ Status evaluate_fault(const cxxopts::ParseResult& given) {
 const std::vector<Scenario>& scenarios() {
   static const std::vector<Scenario> kScenarios = [] {
     const Demands ask{.prepare = [](RunTask& task) { task.camera.resend = true; }};
-    // With time for the answers, also where the camera's thread has to wait for a processor.
+    // With time for the answers even if the camera's thread has to wait for a processor.
     const Demands ask_patiently{.resends = true, .exact = false, .prepare = [](RunTask& task) {
                                   task.camera.resend = true;
                                   task.camera.packet_timeout_us = 10'000;
@@ -205,8 +203,8 @@ namespace {
 
 constexpr double kTrialRateHz = 200.0;
 constexpr double kSpeedPxS = 200.0;
-constexpr double kCleanEndS = 0.1;  // without loss, so that every frame that is hit is also judged before the end
-constexpr double kSpareS = 1.0;     // the run outlasts its time by what stopping takes
+constexpr double kCleanEndS = 0.1;  // without loss, so that every frame hit is also judged
+constexpr double kSpareS = 1.0;     // of scene beyond the run's time, for the time to stop
 
 void add(SquareSum& sum, const Counts& shown, const std::vector<float>& truth, const LinearScale& scale) {
   for (std::size_t p = 0; p < truth.size(); ++p) {

@@ -1,6 +1,5 @@
-// Runs of the daemon's own way, from a failing camera, through real packets on the loopback, to a sink; judgement of
-// their results; the scenarios of faults, and the expected result of each.
-#pragma once
+// Runs the daemon's pipeline with a failing camera, over real packets on loopback, to a sink, and judges the results;
+// scenarios of faults with their expected results.
 
 #include <array>
 
@@ -18,12 +17,12 @@ using Counts = std::vector<std::uint16_t>;
 using Losses = std::array<std::uint64_t, kLossCauses>;  // frames, by cause
 
 struct RunTask {
-  const Recording* scene = nullptr;  // uint16 in kelvin at 10 mK; long enough for the run
-  int rows_below = 0;                // blank rows of the sensor below the scene
+  const Recording* scene = nullptr;  // uint16 in kelvin at 10 mK per count; long enough for the run
+  int rows_below = 0;                // blank sensor rows below the scene
   fakecam::FaultScript faults;
-  genicam::CameraOptions camera;  // the address is the fake camera's too
+  genicam::CameraOptions camera;  // its address is also the fake camera's
   pipeline::PipelineOptions pipeline;
-  double seconds = 1.0;  // from the first stream's start
+  double seconds = 1.0;  // since the start of the first stream
 };
 
 struct Published {
@@ -39,87 +38,81 @@ struct RunResult {
   std::uint64_t reconnects = 0;
   std::vector<fakecam::InjectedFault> injected;  // as in the task's script
   fakecam::FakeCameraStats camera;
-  std::vector<double> latency_ms;  // first packet received to published, of each frame
-  // UDP packets that this computer dropped meanwhile for want of room in a socket, whosever they were: when there are
-  // any, frames may be missing that no fault took.
+  std::vector<double> latency_ms;  // from first packet to publication, per frame
+  // UDP packets, of any program, that this host dropped for lack of socket buffers: they may explain missing frames.
   std::uint64_t host_dropped = 0;
 };
 
-// The first frame of each stream of the fake camera; the others follow by periods and ones.
+// Time of the first frame in each stream of the fake camera; the others follow at the frame period.
 inline constexpr std::int64_t kFirstCameraNs = 1'000'000'000;
 
-// Options for a fake camera at an address: the scene's size and rate, packets so small that frames have several,
-// nothing that waits for what a fake does not need. Thread: any.
+// Options for a fake camera: the scene's size and rate, several packets per frame, no long waits. Thread: any.
 genicam::CameraOptions camera_options(const Recording& scene, const std::string& address);
 
-// A loopback address that no other call has had; the process id is in it, so that programs run side by side.
-// Thread: any.
+// A new loopback address for each call; it contains the process id, so that programs can run in parallel. Thread: any.
 std::string fresh_address();
 
-// Errors: those of camera, source and pipeline; the camera that never began to stream. Thread: setup.
+// Errors: of camera, source and pipeline; a camera that never streams. Thread: setup.
 Result<RunResult> run(const RunTask& task);
 
-// The pipeline's result without faults: the deblurred plane of each frame, by its number. Empty for frames without a
-// full window. Thread: setup.
+// The deblurred plane of each frame without faults, by number; empty without a full window. Thread: setup.
 Result<std::vector<Counts>> undisturbed(const Recording& scene, const pipeline::PipelineOptions& options);
 
-// --- Results of a run, judged.
+// --- Judgement of a run.
 
-// Effects of the faults on frames that still arrive, and their times: s after the first stream's start; before it when
-// there is no single moment.
+// Effects of the faults on frames that arrive. Times: s since the first stream's start; negative: no single moment.
 struct Disturbance {
   double from_s = -1.0;
-  double to_s = -1.0;          // when the last of it is over; from_s for what is over at once
+  double to_s = -1.0;          // end of the last fault; from_s for momentary ones
   double clock_shift_s = 0.0;  // of the camera's clock, from then on
   int offset_counts = 0;       // of all pixels, from then on
 };
 
 struct Verdict {
-  std::uint64_t right = 0;       // the deblurred plane is that of an undisturbed run
-  std::uint64_t warm_up = 0;     // flagged: no full window yet, the raw plane
-  std::uint64_t gap = 0;         // flagged: another plane, for a frame of its window is lost
-  std::uint64_t settling = 0;    // another plane without a flag, less than a window after the disturbance
-  std::uint64_t wrong = 0;       // another plane without a flag and without excuse
-  std::uint64_t strange = 0;     // the raw plane is none of the scene's
-  std::uint64_t never_came = 0;  // frames between the first and the last of their stream that were not published
+  std::uint64_t right = 0;       // the deblurred plane equals the reference
+  std::uint64_t warm_up = 0;     // flagged: the window is not full, so the raw plane was published
+  std::uint64_t gap = 0;         // flagged: differs, because a frame of its window is lost
+  std::uint64_t settling = 0;    // differs without a flag, less than a window after the disturbance
+  std::uint64_t wrong = 0;       // differs without a flag or an excuse
+  std::uint64_t strange = 0;     // the raw plane is not one of the scene's
+  std::uint64_t never_came = 0;  // missing frames within a stream
   bool recovered = false;        // the run ends with right frames
-  // From the disturbance's end until only right frames are published; 0 when all of them were, or nothing struck.
+  // From the end of the disturbance until all frames are right; 0 if all were, or without a disturbance.
   double recovery_ms = 0.0;
 };
 
-// `reference`: of undisturbed(); `window`: frames. Thread: any.
+// `reference`: from undisturbed(); `window`: frames. Thread: any.
 Verdict judge(const RunResult& result, const Recording& scene, const std::vector<Counts>& reference, int window,
               const Disturbance& disturbance);
 
-// The losses expected from the camera's own record of its faults. `resends`: lost packets are sent again. Thread: any.
+// Losses expected from the camera's record of its faults. `resends`: lost packets are sent again. Thread: any.
 Losses expected_losses(const fakecam::FaultScript& script, const std::vector<fakecam::InjectedFault>& injected,
                        bool resends);
 
-// --- The faults that are tried, one at a time.
+// --- The fault scenarios.
 
-// Expected results of a scenario, and its needs beside its faults.
+// Expected results of a scenario, and its settings besides the faults.
 struct Demands {
-  bool resends = false;  // the daemon asks for lost packets and gets them: most frames are saved
+  bool resends = false;  // the daemon requests lost packets and gets them, which saves most frames
   int least_reconnects = 0;
   int most_reconnects = 0;
-  // False: losses depend on more than the fault: on how fast packets are requested and sent again, on when a camera is
-  // reopened. Then each missing frame must be counted, and no more is demanded.
+  // False: losses also depend on timing (resends, reopening): then missing frames need only be counted.
   bool exact = true;
-  std::function<void(RunTask&)> prepare = nullptr;  // further settings
+  std::function<void(RunTask&)> prepare = nullptr;  // applies further settings
 };
 
 struct Scenario {
   std::string name;
-  std::string faults;  // as parse_fault() reads them, with spaces between
+  std::string faults;  // separated by blanks, as parse_fault() reads them
   double seconds = 1.0;
   Disturbance disturbance{};
   Demands demands{};
 };
 
-// All of them, of a small scene at 200 Hz. Thread: any.
+// All scenarios, for a small scene at 200 Hz. Thread: any.
 const std::vector<Scenario>& scenarios();
 
-// Input of all scenarios: 64x24 pixels of a street that passes by, and an undisturbed run's result on it.
+// Input of all scenarios: 64x24 pixels of a street that passes by, with the result of an undisturbed run.
 struct Stage {
   Recording scene;
   pipeline::PipelineOptions pipeline;
@@ -135,20 +128,20 @@ struct Outcome {
   bool losses_match() const { return run.lost == expected; }
 };
 
-// Runs it on a camera of its own. Again, up to three times in all, when this computer dropped packets by itself.
-// `seed`: another one chooses other packets. Thread: any.
+// Plays a scenario on a camera of its own; retries, up to three times in all, if this host dropped packets itself.
+// `seed` selects the affected packets. Thread: any.
 Result<Outcome> play(const Scenario& scenario, const Stage& stage, int seed = 1);
 
-// Describes unmet demands; empty when all are met. Thread: any.
+// Describes unmet demands; empty: none. Thread: any.
 std::string unmet_demands(const Scenario& scenario, const Outcome& outcome);
 
 // "incomplete 12, missing 3", or "none". Thread: any.
 std::string text_of(const Losses& losses);
 
-// --- One run at one rate of packet loss.
+// --- A run at one rate of packet loss.
 
 struct LossTask {
-  double rate = 0.01;  // share of the packets
+  double rate = 0.01;  // share of packets
   bool resend = false;
   int packet_size = 1500;  // bytes
   double seconds = 4.0;
@@ -157,9 +150,9 @@ struct LossTask {
 // Input of all trials: a street, 640x120 at 200 Hz. Thread: setup.
 Result<Recording> loss_scene(double seconds);
 
-// `scene`: of loss_scene(), long enough. Frames sent, those of them that lost a packet at first (frames_hit), and those
-// counted as lost on the way (network: incomplete, missing) and because deblurring was behind (no slot, no room in the
-// queue); errors of the frames that came, against the truth, with a full window behind them. Thread: setup.
+// `scene`: from loss_scene(), long enough. Returns frames sent, those of them hit by loss (frames_hit), those counted
+// as lost on the way (network: incomplete, missing) and because deblurring was behind (no slot, queue full); errors
+// against the truth of frames with a full window. Thread: setup.
 Result<Json> try_loss(const LossTask& task, const Recording& scene, const pipeline::PipelineOptions& options);
 
 }  // namespace bolo::tools::faults

@@ -65,7 +65,6 @@ Result<std::vector<Motion>> motions_of(const cxxopts::ParseResult& given) {
   return motions;
 }
 
-// Options of `bolo-lab eval fidelity`.
 struct Options {
   std::vector<std::string> scenes;
   std::vector<Motion> motions;  // pans, then trajectories
@@ -75,10 +74,10 @@ struct Options {
   Geometry crop{320, 64};
   std::uint64_t seed = 1;
   int threads = 2;
-  OutputFile plot;  // empty: none
+  OutputFile plot;  // empty: no plot
 };
 
-// From one target to the next, in frames: pans show another part of the scene, hands change their speed slowly.
+// Frames between targets: pans show new parts of the scene, hands change their speed slowly.
 int stride_of(const Motion& motion) { return motion.is_pan() ? 3 : 8; }
 
 class Evaluation {
@@ -164,7 +163,7 @@ Status run(const cxxopts::ParseResult& given) {
   return save(sheet, options.plot);
 }
 
-// RMSE over latency, of the cells at one noise.
+// RMSE over latency for the cells with one noise level.
 plot::Plot panel_of(const std::vector<Json>& cells) {
   const Json& first = cells.front();
   plot::Plot panel{.title = plot::format("Noise %g K", first["noise_k"].get<double>()),

@@ -1,5 +1,5 @@
-// The table of `bolo-lab eval fidelity`: every estimator, and a filter that knows the motion, on the same targets of
-// one sequence; and its drawing. Figures are JSON as the verb prints it: the schema is in its --help.
+// The table of `bolo-lab eval fidelity` and its plots: every estimator, and a filter that knows the motion, on the same
+// targets of one sequence. Figures are the verb's JSON, whose schema is in its --help.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace bolo::tools::fidelity {
 
-// --- A scene seen by a moving microbolometer, made in memory with its truth.
+// --- A scene seen by a moving microbolometer, simulated in memory with its truth.
 
 inline constexpr double kTauS = model::kA655scTau;
 inline constexpr double kPeriodS = model::kA655scPeriod;
@@ -30,9 +30,9 @@ inline std::size_t at(Geometry g, int x, int y) {
 }
 
 struct Motion {
-  double speed_px_s = 0.0;           // along +x; of use when there is no trajectory
+  double speed_px_s = 0.0;           // along +x; unused with a trajectory
   std::filesystem::path trajectory;  // empty: a pan at constant speed
-  std::optional<double> start_s{};   // time in the trajectory's file of the first frame; empty: its middle
+  std::optional<double> start_s{};   // time of the first frame in the trajectory's file; empty: its middle
 
   bool is_pan() const { return trajectory.empty(); }
   std::string label() const;  // "300 px/s", or the trajectory file's stem
@@ -41,38 +41,37 @@ struct Motion {
 struct SequenceTask {
   std::string scene = "street";  // or a picture file
   Motion motion;
-  Geometry crop{320, 64};  // what is judged; the simulated frame is kMargin larger where the motion needs it
-  int targets = 24;        // frames that are judged
-  int stride = 3;          // frames from one target to the next
-  int lookahead = 2;       // frames that follow the last target
+  Geometry crop{320, 64};  // the judged part; simulated frames are kMargin larger where the motion needs it
+  int targets = 24;        // judged frames
+  int stride = 3;          // frames between targets
+  int lookahead = 2;       // frames after the last target
   std::uint64_t seed = 1;  // of the street
-  int threads = 2;         // the result does not depend on them
-  // The scene's position at the judged pixel (0, 0) at the first target; empty: the middle of the path's whole view is
-  // the middle of the scene.
+  int threads = 2;         // does not affect the result
+  // Scene position of the judged pixel (0, 0) at the first target; empty: the whole path is centred in the scene.
   std::optional<sim::Position> origin{};
 };
 
-// Pixels around the judged ones that estimators may use, so that spatial filters do not suffer from a border.
+// Pixels around the judged ones that estimators may use, so that spatial filters have no border there.
 inline constexpr int kMargin = 32;
-// Frames before the first target: a window, and as many again for measurements over time.
+// Frames before the first target: a window, plus as many for estimates over time.
 inline constexpr int kLeadIn = 32;
 
-// Noiseless input and ground truth of a sequence.
+// Noiseless input and truth of a sequence.
 struct CleanSequence {
   SequenceTask task;
   Geometry geometry;  // of the whole frames
   Region judged;
-  Planes shown;                          // each frame, whole, K
+  Planes shown;                          // each whole frame, K
   Planes truth;                          // T_ss at each frame's time, judged part, K
-  std::vector<std::size_t> targets;      // rising indices of frames
-  std::vector<sim::Position> content_v;  // at each target: how fast the picture moves over the pixels, px/s
-  std::optional<sim::Path> path;         // the motion, over the time that the pixels remember
+  std::vector<std::size_t> targets;      // rising frame indices
+  std::vector<sim::Position> content_v;  // at each target: velocity of the picture on the sensor, px/s
+  std::optional<sim::Path> path;         // the motion, as far back as the pixels' memory
 };
 
-// kBadInput names the scene or trajectory that cannot be used. Thread: any.
+// kBadInput names an unusable scene or trajectory. Thread: any.
 Result<CleanSequence> simulate(const SequenceTask& task);
 
-// The sequence with noise, as the camera stores it: 10 mK a step.
+// The sequence with noise, as stored by the camera in steps of 10 mK.
 struct Sequence {
   const CleanSequence* clean = nullptr;
   double noise_k = 0.0;
@@ -86,40 +85,38 @@ struct Sequence {
 // Thread: any.
 Sequence read_out(const CleanSequence& clean, double noise_k, std::uint64_t noise_seed);
 
-// The judged part of a whole plane. Thread: any.
+// The part of a whole plane that is judged. Thread: any.
 Plane cut(const Plane& whole, Geometry geometry, const Region& part);
 
-// The truth of the targets alone. Thread: any.
+// The truth at the targets only. Thread: any.
 Planes target_truth(const CleanSequence& clean);
 
-// --- Errors of an estimate. Both have the same planes.
+// --- Errors of an estimate. Estimate and truth have the same planes.
 
-// Root mean square difference over all planes, K. Thread: any.
+// Root mean square error over all planes, K. Thread: any.
 double rmse(const Planes& estimate, const Planes& truth);
 
-// 10-90 % rise, px, of the median profile across the truth's strongest vertical edges that have no other edge within 16
-// columns: each edge's profile is scaled so that the truth's levels on either side are 0 and 1. NaN when there is no
-// such edge or crossing. Thread: any.
+// 10-90 % rise, px, of the median profile across the truth's strongest vertical edges with no other within 16 columns;
+// profiles are scaled to the truth's levels on both sides, 0 and 1. NaN without edge or crossing. Thread: any.
 double edge_width(const Planes& estimate, const Planes& truth, Geometry geometry);
 
-// RMSE after each plane is shifted against the truth to its least error, at most 24 px along x and 8 along y and to
-// fractions of a pixel: without lag. Over the pixels of both. Thread: any.
+// RMSE over common pixels at each plane's best shift, up to 24 px along x and 8 along y: without lag. Thread: any.
 double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry geometry);
 
-// Root mean square of the error about its mean in each of the 10 % flattest tiles of 16x16 pixels of the truth: noise,
-// regardless of lag. NaN when the picture is smaller than a tile. Thread: any.
+// Noise regardless of lag: standard deviation of the error within tiles, rms over the 10 % of 16x16 tiles in which the
+// truth is flattest. NaN when the picture is smaller than a tile. Thread: any.
 double flat_noise(const Planes& estimate, const Planes& truth, Geometry geometry);
 
-// All of them as JSON. Thread: any.
+// All of these as JSON. Thread: any.
 Json measure(const Planes& estimate, const Planes& truth, Geometry geometry);
 
 // --- The table.
 
 struct Column {
   const char* name;                // in JSON
-  const char* words;               // in the picture and the head
-  std::optional<plot::Hue> hue{};  // of its line in the picture; none: not drawn
-  double width = 2.0;              // of that line: those below show beneath
+  const char* words;               // in plots and table head
+  std::optional<plot::Hue> hue{};  // colour of its line in plots; nothing: not drawn
+  double width = 2.0;              // line width: wider lines remain visible under narrower ones
 };
 
 inline constexpr std::array<Column, 9> kColumns{{
@@ -134,48 +131,46 @@ inline constexpr std::array<Column, 9> kColumns{{
     {"spatial_wiener_10", "told 10 % too much speed"},
 }};
 
-// kappa 0.1; in units of half squares they are 0.001 to 2.
+// For kappa 0.1; in units of half squares, 0.001 to 2.
 inline constexpr std::array<double, 13> kLambdas{0.0002, 0.0005, 0.001, 0.002, 0.004, 0.007, 0.01,
                                                  0.02,   0.04,   0.07,  0.1,   0.2,   0.4};
 inline constexpr double kAuthorsLambda = 0.1;
 
-// The settings of a method as the table runs it; kAdmm for the QP.
+// Settings of a method in this table; kAdmm for the QP.
 deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda = kAuthorsLambda);
 
-// Estimates of every target, judged part, K. The solver sees the frames before them in order, as in a live stream.
-// kBadInput when Solver::create refuses the settings. Thread: any, several at once.
+// Estimates of every target, judged part, K. The solver sees all earlier frames in order, as in a live stream.
+// kBadInput when Solver::create rejects the settings. Thread: any, several at once.
 Result<Planes> estimate(const Sequence& sequence, const deblur::Settings& settings);
 
-// Columns of the estimators that use only the frame itself: they are the same at every look-ahead, and made once.
-// Thread: any, several at once.
+// Columns of single-frame estimators, which do not depend on the look-ahead. Thread: any, several at once.
 Json spatial_columns(const Sequence& sequence);
 
-// The cell at one look-ahead, without the spatial columns. Thread: any, several at once.
+// The cell for one look-ahead, without the spatial columns. Thread: any, several at once.
 Result<Json> evaluate(const Sequence& sequence, int lookahead);
 
-// For each scene and motion a row of panels, one a noise: RMSE over latency. Thread: any.
+// A row of panels (one per noise level) for each scene and motion: RMSE over latency. Thread: any.
 plot::Sheet sheet_of(const Json& cells);
 
-// --- A spatial filter that knows the blur.
+// --- A spatial filter with known blur.
 
-// Blur as a sum: blurred(x, y) = sum of weight * sharp(x + dx, y + dy). The weights sum to 1.
+// Element of a blur: blurred(x, y) = sum of weight * sharp(x + dx, y + dy). The weights sum to 1.
 struct Tap {
   int dx = 0;
   int dy = 0;
   float weight = 0.0F;
 };
 
-// The trail exp(-s / (v tau)) that thermal inertia leaves behind what moves over the pixels at a steady velocity, with
-// the picture linear between pixels. Thread: any.
+// The trail exp(-s / (v tau)) of thermal inertia at constant velocity, linear between pixels. Thread: any.
 std::vector<Tap> motion_kernel(sim::Position content_px_s, double tau_s);
 
-// The same for the camera's actual path before `t_s`; `factor` stretches the trail: 1.1 for a speed 10 % too high. The
-// path must go back 6 tau_s before. Thread: any.
+// The same for the camera's actual path before `t_s`, which must go back 6 tau_s. `factor` stretches the trail: 1.1 for
+// a speed 10 % too high. Thread: any.
 std::vector<Tap> path_kernel(const sim::Path& path, double t_s, double tau_s, double factor = 1.0);
 
-// Spatial Wiener filter with the known blur H: conj(H) / (|H|^2 + noise_to_signal * (f^2 + f0^2) / f0^2), for pictures
-// whose power falls as 1 / (f^2 + f0^2), f0 = 1/64 cycles a pixel. Borders are joined by a smooth ramp. The transform
-// of the picture is shared by all strengths. Thread: any, one object each.
+// Spatial Wiener filter with known blur H: conj(H) / (|H|^2 + noise_to_signal * (f^2 + f0^2) / f0^2), for pictures with
+// a power spectrum 1 / (f^2 + f0^2), f0 = 1/64 cycles per pixel. Opposite borders are joined by a smooth ramp. All
+// strengths share the picture's transform. Thread: any, one object each.
 class SpatialWiener {
  public:
   SpatialWiener(const Plane& image, Geometry geometry, const std::vector<Tap>& kernel);
@@ -192,12 +187,12 @@ class SpatialWiener {
   Spectrum kernel_;
 };
 
-// Keeps the best of several tries by their RMSE against the truth: a bound, unknown outside a simulator.
+// Keeps the try with the least RMSE against the truth: a bound, not available outside a simulator.
 class Oracle {
  public:
   explicit Oracle(const Planes& truth) : truth_(truth) {}
   void offer(Planes tried, std::string setting);
-  const Planes& planes() const { return planes_; }         // every target, judged part
+  const Planes& planes() const { return planes_; }         // of every target, judged part
   const std::string& setting() const { return setting_; }  // "lambda 0.01"
 
  private:
@@ -210,6 +205,6 @@ class Oracle {
 // Offers the targets, each restored with its kernel, at every strength. Thread: any, several at once.
 void try_wiener(const Sequence& sequence, const std::vector<std::vector<Tap>>& kernels, Oracle& oracle);
 
-inline constexpr double kWrongSpeed = 1.1;  // speed of the spatial filter with a wrong motion
+inline constexpr double kWrongSpeed = 1.1;  // speed factor of the spatial filter with a wrong motion
 
 }  // namespace bolo::tools::fidelity

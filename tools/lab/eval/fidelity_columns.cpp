@@ -17,7 +17,7 @@ Json picked_figures(const Oracle& oracle, const Planes& truth, const Sequence& s
   return figures;
 }
 
-// The trail at each target for its velocity times a factor.
+// The trail at each target for its velocity times `factor`.
 std::vector<std::vector<Tap>> motion_kernels(const CleanSequence& clean, double factor) {
   return mapped(clean.content_v, [factor](sim::Position v) {
     return motion_kernel({factor * v.x_px, factor * v.y_px}, kTauS);
@@ -51,7 +51,7 @@ deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda
 
 Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings) {
   ASSIGN_OR_RETURN(const auto solver, [&] {
-    static std::mutex one_at_a_time;  // set-up is no place for two threads
+    static std::mutex one_at_a_time;  // set-up is not thread-safe
     const std::lock_guard lock(one_at_a_time);
     return deblur::Solver::create(settings, s.format, PixelType::kFloat32);
   }());

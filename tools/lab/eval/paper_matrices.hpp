@@ -1,4 +1,4 @@
-// The paper's problem as matrices, as it is written: the plain reference of the solvers.
+// The paper's problem in matrix form: the plain reference of the solvers.
 #pragma once
 
 #include <algorithm>
@@ -11,8 +11,8 @@
 namespace bolo::tools::paper {
 
 // V of Theorem 1 (rows x bins). The input is constant over `bins` equal parts of [t.front(), t.back()]; row j belongs
-// to the sample at t[j + 1]: y(t[j+1]) = y(t[0]) exp(-(t[j+1] - t[0]) / tau) + sum_k V(j, k) x_k.
-// t in s, strictly rising, at least two; tau in s, > 0. Thread: setup.
+// to the sample at t[j + 1]: y(t[j+1]) = y(t[0]) exp(-(t[j+1] - t[0]) / tau) + sum_k V(j, k) x_k. t in s, strictly
+// rising, at least two; tau in s, > 0. Thread: setup.
 inline Eigen::MatrixXd response_matrix(std::span<const double> t, int bins, double tau_s) {
   const double width = (t.back() - t.front()) / bins;
   return Eigen::MatrixXd::NullaryExpr(std::ssize(t) - 1, bins, [=](Eigen::Index row, Eigen::Index k) {
@@ -24,7 +24,7 @@ inline Eigen::MatrixXd response_matrix(std::span<const double> t, int bins, doub
   });
 }
 
-// Y_j = y[j+1] - y[0] exp(-(t[j+1] - t[0]) / tau): what V maps the input to. Thread: setup.
+// Y_j = y[j+1] - y[0] exp(-(t[j+1] - t[0]) / tau), the right side of V x = Y. Thread: setup.
 inline Eigen::VectorXd constraints(std::span<const double> t, std::span<const double> y, double tau_s) {
   return Eigen::VectorXd::NullaryExpr(std::ssize(t) - 1, [=](Eigen::Index j) {
     const auto sample = static_cast<std::size_t>(j) + 1;
@@ -32,10 +32,9 @@ inline Eigen::VectorXd constraints(std::span<const double> t, std::span<const do
   });
 }
 
-// The orthonormal Haar transform of 2^n values (paper, section IV), rows are basis functions: D = H A, A = H^T D.
-// Order: D_0 is the scaling coefficient, then wavelets from coarse to fine: 2^l + k is the k-th of level l, positive on
-// the first half of its support and negative on the second. Made one level after the other: the coarser wavelets twice
-// as wide, then the finest ones. Thread: setup.
+// The orthonormal Haar transform of 2^n values (paper, section IV); rows are basis functions: D = H A, A = H^T D. D_0
+// is the scaling coefficient, then wavelets from coarse to fine: 2^l + k is the k-th of level l, positive on the first
+// half of its support, negative on the second. Built level by level from the coarsest. Thread: setup.
 inline Eigen::MatrixXd haar_matrix(int bins) {
   constexpr double kHalf = 1.0 / std::numbers::sqrt2;
   Eigen::MatrixXd h = Eigen::MatrixXd::Identity(1, 1);

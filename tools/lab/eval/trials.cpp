@@ -91,7 +91,7 @@ Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial) {
       (*all)[k * pixels + p] = static_cast<float>(format.scale.to_physical(static_cast<double>(plane[p])));
     }
   }
-  if (trial.part_of_field) {  // the left third films a wall: its first frame, with its own noise
+  if (trial.part_of_field) {  // the left third sees a wall: its first frame, with new noise
     std::mt19937_64 random(trial.seed + 1000);
     std::normal_distribution<float> noise(0.0F, static_cast<float>(std::max(trial.noise_k, 1e-6)));
     for (std::size_t i = 0; i < all->size(); ++i) {
@@ -177,7 +177,7 @@ std::vector<double> times_of(const PixelTrial& trial) {
 
 double window_s(const PixelTrial& trial) { return (trial.frames - 1) * trial.period_s; }
 
-// The window's problem with its mean taken out, as the authors' programme does.
+// The window's problem without its mean, as in the authors' program.
 struct Problem {
   double mean = 0.0;
   Eigen::MatrixXd v;
@@ -278,7 +278,7 @@ std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vect
   const Problem p = problem_of(trial, samples);
   const Eigen::MatrixXd inverse = paper::haar_matrix(1 << trial.levels).transpose();
   const Eigen::MatrixXd z = p.v * inverse;
-  const double lambda = trial.lambda / (2.0 * trial.kappa);  // of 1/2 ||.||^2 + lambda ||.||_1
+  const double lambda = trial.lambda / (2.0 * trial.kappa);  // for 1/2 ||.||^2 + lambda ||.||_1
   Eigen::VectorXd d = Eigen::VectorXd::Zero(z.cols());
   Eigen::VectorXd left = p.y;
   const Eigen::VectorXd norm = z.colwise().squaredNorm().transpose();

@@ -1,4 +1,4 @@
-// Invariants and their breaches, the daemon's log, and the comparison of the camera's and the daemon's counts.
+// Invariants and their breaches, the daemon's log, and the comparison of camera and daemon counts.
 #pragma once
 
 #include <mutex>
@@ -8,16 +8,16 @@
 namespace bolo::tools::soak {
 
 enum class LogLine {
-  kFine,           // informs, or warns of trouble with the camera or of frames lost
-  kRefusedReload,  // an error: a file that is wrong was not taken up
-  kNoLife,         // an error: no signs of life to the service manager's watchdog
-  kWrong,          // another error, a message at an end before it ran, or no line of bolod's
+  kFine,           // information, or a warning about the camera or lost frames
+  kRefusedReload,  // error: a faulty configuration was not taken up
+  kNoLife,         // error: no watchdog notification to the service manager
+  kWrong,          // any other error, a message at the end before it ran, or a foreign line
 };
 
-// A line of text: time, level, message (log.format = "text"). Thread: any.
+// Classifies a log line: time, level, message (log.format = "text"). Thread: any.
 LogLine classify(std::string_view line);
 
-// --- Invariants, with counts of their checks and breaches.
+// --- Invariants, with counts of checks and breaches.
 
 enum class Invariant {
   kAccount,
@@ -45,11 +45,10 @@ struct InvariantInfo {
 };
 const InvariantInfo& info_of(Invariant invariant);
 
-// One that did not hold.
 struct Breach {
   Invariant invariant = Invariant::kAccount;
-  double at_s = 0.0;  // since the soak's beginning
-  std::string what;   // with its figures
+  double at_s = 0.0;  // since the start of the soak
+  std::string what;   // with figures
   std::string during;
 };
 
@@ -59,18 +58,18 @@ class Findings {
   struct Tally {
     std::uint64_t checks = 0;
     std::uint64_t broken = 0;
-    std::string figure;  // last measurement, in words
+    std::string figure;  // last measurement, as text
   };
-  static constexpr std::size_t kKept = 20;  // breaches of one invariant that are described
+  static constexpr std::size_t kKept = 20;  // breaches kept with description, per invariant
 
-  // Sets the time of what follows, and the present disturbance.
+  // Sets time and current disturbance for the calls that follow.
   void now(double at_s, const std::string& during);
 
   void count_check(Invariant invariant, std::uint64_t times = 1);
   void broken(Invariant invariant, std::string what);
-  // Counts a check, and a breach `what` unless it holds.
+  // Counts a check, and a breach with text `what` unless it holds.
   bool require(Invariant invariant, bool holds, const std::string& what);
-  // Counts a check of a step, and its error as a breach.
+  // Counts a check; an error of `status` is a breach.
   bool done(Invariant invariant, const Status& status);
   void figure(Invariant invariant, std::string text);
 
@@ -86,59 +85,59 @@ class Findings {
   std::vector<Breach> breaches_;
 };
 
-// --- The books of camera and daemon.
+// --- Frame accounts of camera and daemon.
 
-// Of all causes. Thread: any.
+// Sum over all causes. Thread: any.
 std::uint64_t total(const faults::Losses& lost);
 
 // A fake camera's own counts (bolo fakecam --json --tell-every).
 struct CameraAccount {
   std::int64_t time_ns = 0;
-  std::int64_t first_stream_ns = 0;  // 0: nobody has opened it yet
+  std::int64_t first_stream_ns = 0;  // 0: not opened by anyone yet
   std::int64_t last_timestamp_ns = 0;
-  std::uint64_t passed = 0;  // frames whose turn has come, sent or withheld
+  std::uint64_t passed = 0;  // frames whose time has come, sent or withheld
   std::uint64_t sent = 0;
   std::uint64_t streams = 0;
   std::vector<fakecam::InjectedFault> injected;
 
   std::uint64_t skipped_ids() const;  // by id_gap
 };
-// Nothing when the line is no account. Thread: any.
+// Nothing if the line is not an account. Thread: any.
 std::optional<CameraAccount> parse_account(const std::string& line);
 
-// Both books at one frame, with nothing under way that one of them has and the other has not yet.
+// Both accounts at the same frame, when no frame around it is still in flight.
 struct Mark {
   double at_s = 0.0;
-  // The camera's.
-  int camera = 0;            // which process
-  std::uint64_t passed = 0;  // of all camera processes so far
+  // From the camera:
+  int camera = 0;            // process number
+  std::uint64_t passed = 0;  // over all camera processes so far
   std::uint64_t skipped_ids = 0;
   std::uint64_t streams = 0;
-  // The daemon's.
-  int life = 0;  // which process
+  // From the daemon:
+  int life = 0;  // process number
   std::uint64_t frame_id = 0;
-  // The reader's, of all lives so far.
-  std::uint64_t published = 0;  // frames, that of the mark included
+  // From the reader, over all lives so far:
+  std::uint64_t published = 0;  // frames, including the marked one
   std::uint64_t lost_total = 0;
-  double silence_s = 0.0;  // in which nothing was published
+  double silence_s = 0.0;  // time without published frames
 };
 
-// Sums from one mark to the next.
+// Differences between two marks.
 struct Balance {
-  std::uint64_t passed = 0;  // by the camera, numbers that it skipped included
+  std::uint64_t passed = 0;  // by the camera, including skipped numbers
   std::uint64_t published = 0;
-  std::uint64_t lost = 0;        // by cause, all of them
-  std::uint64_t numbered = 0;    // ids that the daemon gave out; of one life only
-  std::int64_t unaccounted = 0;  // passed, neither published nor lost: sent to nobody
-  bool one_life = true;          // of the daemon
-  bool one_stream = true;        // of the camera, too
+  std::uint64_t lost = 0;        // of any cause
+  std::uint64_t numbered = 0;    // ids assigned by the daemon; within one life only
+  std::int64_t unaccounted = 0;  // passed, but neither published nor lost: sent to nobody
+  bool one_life = true;          // within one life of the daemon
+  bool one_stream = true;        // and within one stream of the camera
 };
 // Thread: any.
 Balance balance_of(const Mark& from, const Mark& to);
 
 inline constexpr std::int64_t kUnaccountedMargin = 40;  // frames in flight when a stream breaks
 
-// Judges a balance. `period_s`: of the frames. Thread: any.
+// Judges a balance. `period_s`: frame period. Thread: any.
 void check_balance(const Balance& balance, double silence_s, double period_s, Findings& findings);
 
 }  // namespace bolo::tools::soak

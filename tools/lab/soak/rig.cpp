@@ -17,11 +17,11 @@ namespace {
 constexpr double kCameraEnd_s = 5.0;
 constexpr auto kServeLimit = std::chrono::seconds(30);
 constexpr std::size_t kReaders = 2;
-constexpr std::size_t kSmallFrame = 20'000;  // pixels: below, packets are so small that a frame has several
+constexpr std::size_t kSmallFrame = 20'000;  // pixels: smaller frames get packets so small that a frame has several
 constexpr int kSmallPacket = 576;            // bytes
 constexpr std::size_t kLap = 240;            // frames of the scene
 
-// As many frames as a reader needs that does not get a processor for a second.
+// Bridges a second in which a reader gets no processor.
 constexpr int kRingFrames = 256;
 
 constexpr int kOpen_ms = 10'000;
@@ -86,7 +86,7 @@ Rig::~Rig() {
   readers_.clear();
   daemon_.reset();
   camera_.reset();
-  shm_unlink(("/bolo." + file_.name).c_str());  // of a daemon that was killed
+  shm_unlink(("/bolo." + file_.name).c_str());  // left by a killed daemon
 }
 
 Status Rig::make_files() {
@@ -131,7 +131,7 @@ Status Rig::end_camera() {
   const auto code = camera_->wait(kCameraEnd_s);
   read_camera();
   book_.end();
-  std::error_code ignored;  // of a file that goes on for megabytes
+  std::error_code ignored;  // the file grows to megabytes
   std::filesystem::remove(camera_->log().string() + ".out", ignored);
   camera_.reset();
   if (!code) return failed("the camera did not end within " + std::to_string(static_cast<int>(kCameraEnd_s)) + " s");
@@ -168,20 +168,20 @@ std::filesystem::path config_of(const DaemonFile& file) { return file.folder / "
 
 Status write_daemon_file(const DaemonFile& file) {
   const std::filesystem::path profile = file.folder / "profile.toml";
-  // The camera drops the frames that a shutter repeats.
+  // The camera drops the frames that its shutter repeats.
   RETURN_IF_ERROR(write_file({profile, Replace::kExisting}, "[firmware]\ndrop_repeated = true\n"));
   std::string text = "name = '" + file.name + "'\nprofile = '" + profile.string() + "'\n[source]\n";
   text += "type = 'genicam'\nserial = ''\nir_format = '10mk'\nresend = true\naddress = '" + file.address + "'\n";
   text += plot::format("width = %d\nheight = %d\nrate_hz = %.1f\npacket_size = %d\n", file.geometry.width,
                        file.geometry.height, kRateHz, file.geometry.pixels() < kSmallFrame ? kSmallPacket : 0);
-  // Planes are compared bit for bit; what lambda = "auto" measures goes on from before each fault.
+  // Planes are compared bit for bit, but lambda = "auto" would carry estimates over a fault.
   text += "[deblur]\nlambda = 0.001\n[log]\nlevel = 'info'\nformat = 'text'\n";
   text += plot::format("[nuc]\npolicy = 'camera'\ninterval_s = %.1f\n", file.nuc_interval_s);
   text += plot::format("[shm]\nslots = %d\n[control]\nsocket = '%s'\n", kRingFrames, (file.folder / "control").c_str());
   return write_file({config_of(file), Replace::kExisting}, text);
 }
 
-// From the end of the file: it grows for hours.
+// Reads from the end of the file, which grows for hours.
 Json last_account(const std::string& file) {
   std::ifstream in(file, std::ios::ate);
   const std::streamoff size = in.tellg();

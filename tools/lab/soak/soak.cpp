@@ -1,4 +1,4 @@
-// `bolo-lab soak`: everything that goes wrong on a vehicle, for as long as one likes; its findings as text and as JSON.
+// `bolo-lab soak`: all that goes wrong on a vehicle, for any length of time; findings as text and JSON.
 #include <algorithm>
 #include <cstdio>
 
@@ -68,7 +68,6 @@ Json report_json(const SoakRequest& request, const std::string& command, const S
           {"disturbances", list(struck)}};
 }
 
-// The schedule, a line for each disturbance.
 std::string schedule_text(const Schedule& schedule) {
   std::string out = format("seed %llu: %zu round(s) of %.1f s\n", static_cast<unsigned long long>(schedule.seed),
                            schedule.rounds.size(), schedule.round_s);
@@ -81,7 +80,7 @@ std::string schedule_text(const Schedule& schedule) {
   return out;
 }
 
-// The verdict, then the report without its long list.
+// The verdict, then the report without its list of disturbances.
 std::string describe_report(Json report) {
   std::vector<std::string> unjudged;
   for (const Json& invariant : report["invariants"]) {
@@ -126,7 +125,7 @@ cxxopts::Options make_options() {
   return options;
 }
 
-// All kinds, or those that were named.
+// The kinds named, or all.
 Result<std::set<Kind>> read_kinds(const cxxopts::ParseResult& parsed) {
   std::set<Kind> named;
   for (const auto& argument : parsed.arguments()) {
@@ -154,7 +153,7 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
 
 constexpr std::array kReportFiles{"report.json", "report.txt", "bolod.log"};
 
-// Makes the folder for the report, and sees that nothing stands there in the way.
+// Creates the folder for the report and checks that no file is in the way.
 Status prepare_report(const Request& request) {
   if (request.report.empty()) return {};
   RETURN_IF_ERROR(make_folder(request.report));
@@ -167,7 +166,7 @@ Status write_report(const Request& request, const Json& json, const std::string&
   if (auto copy = FileBeside::create({request.report / kReportFiles[2], request.replace})) {
     std::error_code error;
     fs::copy_file(request.soak.rig.folder / "bolod.err", copy->path(), fs::copy_options::overwrite_existing, error);
-    if (!error) (void)copy->publish();  // a log is no reason to do without the report
+    if (!error) (void)copy->publish();  // the report matters more than a missing log
   }
   RETURN_IF_ERROR(write_file({request.report / kReportFiles[0], request.replace}, json.dump(1) + "\n"));
   return write_file({request.report / kReportFiles[1], request.replace},

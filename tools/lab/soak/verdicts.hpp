@@ -1,5 +1,4 @@
-// A soak, camera, daemon and readers as processes of their own, disturbed as scheduled and watched all the time; and
-// its results.
+// A soak (camera, daemon and readers as processes, disturbed as scheduled, watched continuously) and its results.
 #pragma once
 
 #include <limits>
@@ -13,16 +12,16 @@ namespace bolo::tools::soak {
 
 struct Usage {
   double rss_mib = 0.0;
-  double private_mib = 0.0;  // of what several processes may map (PSS), what is nobody else's (anonymous)
+  double private_mib = 0.0;  // anonymous part of the proportional set size (Pss_Anon)
   int descriptors = 0;
   int threads = 0;
   double cpu_s = 0.0;  // since its start
 };
 
-// Nothing of a process that is gone. Thread: any.
+// Nothing if the process is gone. Thread: any.
 std::optional<Usage> usage_of(pid_t pid);
 
-// CPU time of all processors since the computer's start, but for niced programs, which give way; s. Thread: any.
+// CPU time of all processors since boot, without niced programs, which give way, s. Thread: any.
 double busy_s();
 
 // --- Growth of memory, open files and threads.
@@ -35,43 +34,40 @@ struct Reading {
 struct Growth {
   double first = 0.0;           // median of the first fifth
   double last = 0.0;            // median of the last fifth
-  double slope_per_hour = 0.0;  // median of the slopes of all pairs (Theil and Sen): one odd reading does not move it
-  bool judged = false;          // there were enough readings
+  double slope_per_hour = 0.0;  // median slope of all pairs (Theil-Sen), robust against outliers
+  bool judged = false;          // enough readings
 
   double by() const { return last - first; }
 };
 
-// Of the readings from `settle_s` after the first one on; judged when they span as much again and are ten.
-// Thread: any.
+// From `settle_s` after the first reading; judged if the rest spans as long again and has ten readings. Thread: any.
 Growth growth_of(const std::vector<Reading>& readings, double settle_s);
 
-// True if it grew by `limit` or more, by both measures: the medians, and the slope over the time that they span.
-// Thread: any.
+// True if both measures show growth by `limit` or more: the medians, and the slope over `span_s`. Thread: any.
 bool grows(const Growth& growth, double span_s, double limit);
 
-inline constexpr double kSample_s = 1.0;  // from one sample of the processes to the next
+inline constexpr double kSample_s = 1.0;  // between samples of the processes
 
-// A disturbance as it came to pass. Times: s since the soak's beginning.
+// A disturbance as it happened. Times: s since the start of the soak.
 struct Struck {
   Disturbance disturbance;
   std::size_t round = 0;
   double begin_s = 0.0;
   double end_s = 0.0;
   bool over = false;                 // it has ended
-  std::optional<double> recovery_s;  // after its end; nothing: not before the end
+  std::optional<double> recovery_s;  // after its end; nothing: none before the soak ended
 };
 
-// One second of it.
 struct Second {
-  double at_s = 0.0;  // its end
+  double at_s = 0.0;  // of its end
   bool quiet = false;
   std::uint64_t frames = 0;
-  std::uint64_t undone = 0;  // published as they came, for too many were waiting
+  std::uint64_t undone = 0;  // published raw, because too many were waiting
   double p99_ms = 0.0;
-  faults::Losses lost{};  // in it
+  faults::Losses lost{};  // in this second
   int life = 0;           // of the daemon
   std::optional<Usage> daemon;
-  double others = 0.0;  // share of the processors' time that programs beside the soak's took
+  double others = 0.0;  // share of processor time taken by programs outside the soak
 };
 
 // Latencies: {frames, p50, p99, max}, ms.
@@ -80,12 +76,12 @@ struct SoakResult {
   bool interrupted = false;
   std::vector<Struck> struck;
   std::vector<Second> timeline;
-  Json quiet;  // latencies of quiet times
+  Json quiet;  // latencies in quiet times
   double others_in_quiet = 0.0;
-  Json lives = Json::array();  // what grew in each life of the daemon
-  // From the first mark to the last: frames that the camera passed (numbers that it skipped included) and sent, those
-  // published and lost by cause, those sent while nobody listened, how often both books were compared; by grade; and
-  // those unread, published but overwritten before the soak read them.
+  Json lives = Json::array();  // growth in each life of the daemon
+  // Between the first and the last mark: frames that the camera passed (including skipped numbers) and sent, those
+  // published and lost by cause, those sent while nobody listened, number of comparisons; counts by grade; and unread
+  // ones, overwritten before the soak read them.
   Json frames;
   std::string solver;
 };
@@ -95,8 +91,7 @@ struct SoakRequest {
   Schedule schedule;
 };
 
-// `progress` gets a line every few seconds. The findings outlive the call. An error: it could not be set up.
-// Thread: setup.
+// Calls `progress` with a line every few seconds. `findings` must outlive the call. Error: set-up. Thread: setup.
 Result<SoakResult> run_soak(const SoakRequest& request, const Programs& programs, const std::atomic<bool>& stop,
                             const std::function<void(const std::string&)>& progress, Findings& findings);
 
@@ -105,14 +100,14 @@ Result<SoakResult> run_soak(const SoakRequest& request, const Programs& programs
 // Thread: one at a time.
 class Sampler {
  public:
-  // All outlive this.
+  // All arguments must outlive this.
   Sampler(Rig& rig, Watcher& watcher, Findings& findings) : rig_(rig), watcher_(watcher), findings_(findings) {}
 
   void sample(double now_s, bool quiet);
 
   const std::vector<Second>& timeline() const noexcept { return timeline_; }
-  const std::vector<double>& quiet_ms() const noexcept { return quiet_ms_; }  // latencies of quiet times
-  // Hands over the timeline and the counts.
+  const std::vector<double>& quiet_ms() const noexcept { return quiet_ms_; }  // latencies in quiet times
+  // Moves the timeline and the counts to `result`.
   void finish(SoakResult& result);
 
  private:
@@ -126,43 +121,42 @@ class Sampler {
   std::vector<double> quiet_ms_;
   Flow sum_;             // without latencies
   Counters counted_;     // at the last sample
-  double busy_s_ = 0.0;  // all processors, at the last sample
+  double busy_s_ = 0.0;  // of all processors, at the last sample
   double ours_s_ = 0.0;
   std::map<pid_t, double> cpu_of_;
 };
 
-// --- Verdicts on the seconds of a soak taken together.
+// --- Verdicts on the whole of a soak.
 
-// Share of the processors' time: if other programs take more, times are theirs, and are reported but not judged.
+// Share of processor time: when other programs take more, times are reported but not judged.
 inline constexpr double kMostOthers = 0.15;
 
 // Thread: any.
 Json figures_of(const std::vector<double>& latency_ms);
 
-// The most that other programs took in any full second since then. Thread: any.
+// The largest share that other programs took in any full second since `from_s`. Thread: any.
 double others_since(const std::vector<Second>& timeline, double from_s);
 
-// Frames lost for want of time in the last second but one, though none was published as it came, in it or beside it:
-// before that there is no time to react. 0: all is well. Thread: any.
+// Frames lost for lack of time in the last second but one although no frame was published raw in it or its neighbours;
+// earlier there is no time to react. 0: as it should be. Thread: any.
 std::uint64_t lost_too_early(const std::vector<Second>& timeline);
 
 // Fill in the result's figures and judge them. Thread: any.
 void judge_latency(const std::vector<double>& quiet_ms, SoakResult& result, Findings& findings);
 void judge_growth(SoakResult& result, Findings& findings);
 
-// --- The soak's own bookkeeping: finds moments at which camera's and daemon's books can be compared, and compares
-// them.
+// --- Comparison of the accounts of camera and daemon, at moments at which they are comparable.
 
 // Thread: one at a time.
 class Books {
  public:
   Books(double period_s, Findings& findings) : period_s_(period_s), findings_(findings) {}
 
-  // Takes the camera's report, and makes a mark of it as soon as its frame has settled.
+  // Takes the camera's report, and makes a mark of it once its frame has settled.
   void update(const CameraBook& camera, const Watcher& watcher, double now_s);
 
   double last_mark_s() const { return last_ ? last_->at_s : -std::numeric_limits<double>::infinity(); }
-  // The sums from the first mark to the last.
+  // Sums between the first and the last mark.
   void close(const faults::Losses& lost, SoakResult& result) const;
 
  private:

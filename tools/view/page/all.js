@@ -1,14 +1,14 @@
-// All cameras side by side: the newest deblurred frame of each with the time at which it was taken.
+// All cameras side by side: the newest deblurred frame of each, with the time at which it was taken.
 
 import { followFrames } from "./feed.js";
 import { coloursOf, fillTable } from "./palettes.js";
 
-const SAMPLE = 7;      // every so many pixels tell the range
-const ENDS = 0.005;    // of them are darker, and as many brighter, than what is told apart
-const CALM = 0.1;      // of the way to a new range, a frame
+const SAMPLE = 7;      // every n-th pixel determines the range
+const ENDS = 0.005;    // share of these pixels below the range, and above it
+const CALM = 0.1;      // share of the way to a new range per frame
 const LEAST_SPAN = 100;  // counts
 
-if (location.search) history.replaceState(null, "", location.pathname);  // the token has become a cookie
+if (location.search) history.replaceState(null, "", location.pathname);  // the token is in a cookie now
 const colours = coloursOf("iron");
 
 function element(name, properties, ...children) {

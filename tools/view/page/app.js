@@ -15,10 +15,10 @@ const MODES = ["divider", "both", "raw", "sharp"];
 const RANGES = ["auto", "frame", "fixed"];
 const THEMES = ["auto", "light", "dark"];
 
-// The token has become a cookie; it should not stay in the address.
+// The token is in a cookie now; it should not stay in the address.
 if (location.search) history.replaceState(null, "", location.pathname);
 
-// Choices are kept in this browser, where it lets us.
+// Choices are kept in this browser if it allows that.
 function recall() {
   try { return JSON.parse(localStorage.getItem("bolo")) ?? {}; } catch { return {}; }
 }
@@ -105,7 +105,7 @@ function newSamples(samples, fresh) {
 
 // ---- state ----
 
-// The first fault, from the outside in; nothing when frames arrive.
+// The first fault on the way from the page to the camera; nothing when frames arrive.
 function obstacle() {
   if (trouble) return ["gone", "No answer from bolo view", trouble];
   if (!status) return ["gone", "Connecting", ""];
@@ -130,7 +130,7 @@ function showState() {
   document.title = `${status?.name ?? "Bolo"} – ${$("pill").textContent}`;
 }
 
-// Frames that the daemon had no time to solve fully, while some are among those that are shown.
+// Shows the share of recent frames that the daemon had no time to solve fully.
 function showEffort() {
   const share = shown.hurried();
   $("effort").hidden = !share;
@@ -217,7 +217,7 @@ function chooseArrows(arrows) {
   $("arrows").setAttribute("aria-pressed", arrows);
   draw();
 }
-// A click: says what is to be seen, or why nothing is.
+// On a click: says what the arrows mean, or why there are none.
 function toggleArrows() {
   chooseArrows(!kept.arrows);
   if (!kept.arrows || !frame) return;

@@ -1,14 +1,14 @@
-// The scene's motion as arrows over the picture: each shows where its place goes within a few frames.
+// The scene's motion as arrows over the picture: each shows how far its place moves within a few frames.
 
 const BLOCK = 8;         // pixels of the frame
-const APART = 26;        // CSS pixels from arrow to arrow, at least
-const FRAMES = 5;        // that an arrow's length stands for
-const LEAST_SURE = 0.15; // less is not drawn
-const AT_REST = 0.05;    // px a frame: a dot
+const APART = 26;        // CSS pixels between arrows, at least
+const FRAMES = 5;        // frames of motion that an arrow's length shows
+const LEAST_SURE = 0.15; // minimum confidence to draw an arrow
+const AT_REST = 0.05;    // px per frame: below it a dot
 
 export const ARROW_FRAMES = FRAMES;
 
-// Means of x and y over `step` times `step` blocks, by confidence, and the mean of that.
+// Confidence-weighted mean motion over `step` times `step` blocks, and the mean confidence.
 function cell(motion, column, row, step) {
   let x = 0, y = 0, sure = 0, blocks = 0;
   for (let r = row; r < Math.min(row + step, motion.down); ++r) {
@@ -42,7 +42,7 @@ export function paintArrows(context, motion, place, ratio) {
   context.globalAlpha = 1;
 }
 
-// Its middle at (x, y): white with a dark edge, to be seen on every palette.
+// Centred at (x, y); white with a dark edge, which is visible on every palette.
 function paintArrow(context, x, y, dx, dy, ratio) {
   const length = Math.hypot(dx, dy);
   const head = Math.min(6 * ratio, 0.45 * length);

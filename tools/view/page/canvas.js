@@ -1,10 +1,10 @@
-// Canvases at the screen's own resolution.
+// Canvases at the resolution of the screen.
 
-const MOST = 3; // more device pixels for a point than this are not seen
+const MOST = 3; // device pixels per CSS pixel; more are not visible
 
 export const pixelRatio = () => Math.min(MOST, devicePixelRatio || 1);
 
-// Makes the canvas as fine as the screen where it is shown, and empties it.
+// Sets the canvas to its displayed size in device pixels and clears it.
 export function sharpCanvas(canvas) {
   const ratio = pixelRatio();
   const width = Math.round(canvas.clientWidth * ratio);

@@ -1,8 +1,8 @@
-// Fetches what the page shows. Frames are pulled: one that is slow sees fewer of them, and nobody waits for it.
+// Fetches the page's data. Frames are pulled: a slow page gets fewer of them, and nobody waits for it.
 
 import { parseFrame } from "./frame.js";
 
-const LEAST_MS = 1000 / 30;  // from frame to frame
+const LEAST_MS = 1000 / 30;  // between frames
 const STATUS_MS = 1000;
 const TRACE_MS = 80;
 const RETRY_MS = 700;
@@ -17,8 +17,8 @@ async function get(path) {
   return answer;
 }
 
-// onFrame(frame); onTrouble(words), null when it is over. `stopped()`: frames are not wanted now. `of`: where the camera's
-// answers are, relative to the page.
+// Calls onFrame(frame), and onTrouble(words) with null when trouble is over. `stopped()`: pause. `of`: address of the
+// camera's answers, relative to the page.
 export async function followFrames({ of = "", onFrame, onTrouble, stopped }) {
   let seen = { epoch: 0, number: 0 };
   for (;;) {
@@ -46,12 +46,12 @@ export async function followStatus({ onStatus }) {
     await visible();
     try {
       onStatus(await (await get("api/status")).json());
-    } catch { /* followFrames tells */ }
+    } catch { /* followFrames reports it */ }
     await pause(STATUS_MS);
   }
 }
 
-// onSamples({epoch, next, t_s, raw, deblurred}, fresh) of the pixel that `pixel()` gives.
+// Calls onSamples({epoch, next, t_s, raw, deblurred}, fresh) for the pixel that `pixel()` returns.
 export async function followTrace({ pixel, onSamples, stopped }) {
   let of = null;
   let place = { epoch: 0, next: 0 };
@@ -73,7 +73,7 @@ export async function followTrace({ pixel, onSamples, stopped }) {
   }
 }
 
-// Asks for a NUC; the status says what came of it.
+// Requests a NUC; its outcome is in the status.
 export async function askForNuc() {
   const answer = await fetch("api/nuc", { method: "POST" });
   if (!answer.ok) throw new Error((await answer.text()).trim());

@@ -1,4 +1,4 @@
-// A frame as /api/frame sends it, and what its counts mean.
+// Parses a frame of /api/frame and converts its counts.
 
 const KELVIN = 0;
 export const FLAGS = { gap: 1, warmUp: 2, nuc: 4, saturated: 8, jitter: 16, reduced: 32, inverse: 64, raw: 128 };
@@ -22,20 +22,20 @@ export function parseFrame(buffer) {
     rowStep: head.getUint32(76, true),
     raw: new Uint16Array(buffer, bytes, width * height),
     sharp: new Uint16Array(buffer, bytes + 2 * width * height, width * height),
-    utc_ms: Number(head.getBigInt64(88, true) / 1000n) / 1000, // 0: not known
+    utc_ms: Number(head.getBigInt64(88, true) / 1000n) / 1000, // 0: unknown
     motion: motionOf(buffer, bytes + 4 * width * height, head.getUint32(80, true), head.getUint32(84, true)),
     at: new Date(),
   };
 }
 
-// x, y (px a frame) and confidence of each block of 8x8 pixels; null: not known for this frame.
+// x, y (px per frame) and confidence of each block of 8x8 pixels; null: unknown for this frame.
 function motionOf(buffer, begin, across, down) {
   return across > 0 ? { across, down, values: new Float32Array(buffer, begin, 3 * across * down) } : null;
 }
 
 const ZERO_CELSIUS = 273.15;
 
-// Turns counts into the unit that is shown, and back.
+// Converts counts to the displayed unit and back.
 export class Unit {
   constructor(frame, celsius) {
     this.kelvin = frame.kelvin;
@@ -50,7 +50,7 @@ export class Unit {
   words(count, digits = this.digits) { return `${this.value(count).toFixed(digits)} ${this.name}`; }
 }
 
-// Both units, for what is read off one place.
+// A value at one place, in both units.
 export function bothUnits(frame, count) {
   if (!frame.kelvin) return `${count} counts`;
   const kelvin = count * frame.scale + frame.offset;

@@ -1,4 +1,4 @@
-// The figures of the daemon, its camera and this page.
+// The figures of daemon, camera and page.
 
 import { FLAGS } from "./frame.js";
 
@@ -69,7 +69,7 @@ function showLosses(status) {
   }
 }
 
-// Statistics of the frames that this page showed last.
+// Statistics of the frames shown recently.
 export class Shown {
   constructor() { this.frames = []; }
   add(frame) {
@@ -78,7 +78,7 @@ export class Shown {
     set("frame-id", String(frame.id));
     this.age = this.age === undefined ? frame.age_ms : this.age + (frame.age_ms - this.age) * 0.05;
   }
-  // Of the last two seconds' frames: the share of those with one of the flags.
+  // Share of the last two seconds' frames with any of these flags.
   hurried(flags = FLAGS.reduced | FLAGS.inverse | FLAGS.raw) {
     return this.frames.length && this.frames.filter((frame) => frame.flags & flags).length / this.frames.length;
   }

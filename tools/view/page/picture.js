@@ -1,4 +1,4 @@
-// The picture: two planes of a frame through a palette, zoomed and moved, with a divider, a cursor and a pin.
+// The picture: two planes of a frame through a palette, zoomed and panned, with a divider, a cursor and a pin.
 
 import { paintArrows } from "./arrows.js";
 import { pixelRatio } from "./canvas.js";
@@ -6,21 +6,21 @@ import { fillTable } from "./palettes.js";
 
 const MAX_ZOOM = 40;
 const GAP = 6;  // between two panes, CSS pixels
-const CLICK = 5;  // a pointer that moved less has clicked
+const CLICK = 5;  // a pointer that moved less counts as a click
 
 export class Picture {
-  // changed(what): "cursor", "pin", "divider" or "zoom" did.
+  // Calls changed(what) when "cursor", "pin", "divider" or "zoom" changes.
   constructor({ stage, canvas, divider, changed }) {
     Object.assign(this, { stage, canvas, divider, changed });
     this.context = canvas.getContext("2d", { alpha: false });
     this.planes = { raw: document.createElement("canvas"), sharp: document.createElement("canvas") };
     this.table = new Uint32Array(65536);
     this.mode = "divider";
-    this.arrows = false;  // of the scene's motion
+    this.arrows = false;  // show the scene's motion
     this.split = 0.5;
     this.zoom = 1;
     this.centre = null;  // frame pixels
-    this.cursor = null;  // pixel {x, y}; byKeys: to be drawn, as no pointer shows it
+    this.cursor = null;  // pixel {x, y}; byKeys: draw it, as no pointer shows it
     this.pin = null;
     this.frame = null;
     this.pointers = new Map();
@@ -40,7 +40,7 @@ export class Picture {
 
   colour(colours, low, high) { fillTable(this.table, colours, low, high); }
 
-  // The stage's height: what the picture needs at its full width, within bounds; the canvas in device pixels.
+  // Sets the stage's height so that the picture has its full width, within bounds; the canvas is in device pixels.
   resize() {
     if (!this.frame) return;
     const width = this.stage.clientWidth;
@@ -70,7 +70,7 @@ export class Picture {
     this.changed("divider");
   }
 
-  // Rectangles of the canvas, in device pixels, with the plane that each shows.
+  // Rectangles of the canvas, in device pixels, and the plane that each shows.
   panes() {
     const { width, height } = this.canvas;
     const gap = Math.round(GAP * this.ratio);
@@ -90,7 +90,7 @@ export class Picture {
     return [{ plane: "raw", ...whole, clip: [0, edge] }, { plane: "sharp", ...whole, clip: [edge, width] }];
   }
 
-  // Device pixels a frame pixel, at zoom 1 the whole frame fits.
+  // Device pixels per frame pixel; at zoom 1 the whole frame fits.
   scale(pane) {
     return this.zoom * Math.min(pane.width / this.frame.width, pane.height / (this.frame.height * this.frame.rowStep));
   }
@@ -177,7 +177,7 @@ export class Picture {
     return this.panes().find((p) => x >= p.x && y >= p.y && x < p.x + p.width && y < p.y + p.height);
   }
 
-  // The frame pixel below a place on the canvas (CSS pixels); nothing outside the frame.
+  // The frame pixel at a position on the canvas (CSS pixels); null outside the frame.
   pixelAt(cssX, cssY) {
     if (!this.frame) return null;
     const x = cssX * this.ratio;
@@ -190,7 +190,7 @@ export class Picture {
     return px >= 0 && py >= 0 && px < this.frame.width && py < this.frame.height ? { x: px, y: py } : null;
   }
 
-  // Zooms so that what lies at a place stays there; without a place, about the middle.
+  // Zooms about a position, or about the middle if none is given.
   zoomBy(factor, cssX, cssY) {
     if (!this.frame) return;
     const pane = this.paneAt(cssX * this.ratio, cssY * this.ratio) ?? this.panes()[0];
@@ -208,7 +208,7 @@ export class Picture {
     this.zoomBy(1);
   }
 
-  // Keeps the frame's edge at the pane's, or the frame in its middle.
+  // Limits the position so that the frame fills the pane, or is centred in it.
   moveTo(x, y) {
     const pane = this.panes()[0];
     const s = this.scale(pane);
@@ -278,7 +278,7 @@ export class Picture {
     }, { passive: false });
   }
 
-  // One pointer moves the picture, two zoom it about their middle.
+  // One pointer pans the picture, two zoom it about their midpoint.
   drag(pointer, at) {
     const others = [...this.pointers.values()].filter((p) => p !== pointer);
     const dx = at.x - pointer.x;

@@ -1,24 +1,24 @@
-// Which counts get the palette's first and last colour: followed calmly, taken from each frame, or fixed by hand.
+// Counts that get the palette's first and last colour: following the scene smoothly, taken from each frame, or fixed.
 
 import { sharpCanvas } from "./canvas.js";
 
 const BINS = 160;
-const LEAST_SPAN_K = 1.0;  // a scene of one temperature is shown as such, not as noise
-const CALM_S = 0.5;  // time in which the automatic range follows
+const LEAST_SPAN_K = 1.0;  // a scene of uniform temperature is not stretched to noise
+const CALM_S = 0.5;  // time constant of the automatic range
 
 export class Range {
   constructor({ canvas, low, high, lowThumb, highThumb, changed }) {
     Object.assign(this, { canvas, changed, inputs: { low, high }, thumbs: { low: lowThumb, high: highThumb } });
     this.mode = "auto";
     this.low = 0;
-    this.high = 0;  // counts; nothing shown yet
+    this.high = 0;  // counts; equal: nothing shown yet
     this.axis = null;  // counts at the ends of the scale
     this.histogram = new Uint32Array(65536);
     this.bins = new Float64Array(BINS);
     for (const end of ["low", "high"]) this.listen(end);
   }
 
-  // Follows a frame. Takes both planes, so that one range suits both.
+  // Follows a frame. Uses both planes, so that one range suits both.
   follow(frame, unit) {
     this.unit = unit;
     const { histogram } = this;
@@ -37,7 +37,7 @@ export class Range {
     this.high += (wanted.high - this.high) * share;
   }
 
-  // The scale has room beside what is there, and moves only when it must.
+  // The scale leaves a margin around the values, and moves only when necessary.
   followAxis(first, last, unit) {
     const room = Math.max(unit.span(LEAST_SPAN_K), (last - first) * 0.3);
     const chosen = this.high > this.low ? this : { low: first, high: last };
@@ -135,7 +135,7 @@ function widen(low, high, unit) {
   return { low: low - lack, high: high + lack };
 }
 
-// The counts at which so many values have been passed.
+// The counts below or at which these numbers of values lie.
 function quantiles(histogram, ranks) {
   const found = [];
   let passed = 0;

@@ -1,4 +1,4 @@
-// Pictures and values as files, made in the browser.
+// Saves pictures and values as files made in the browser.
 
 import { css } from "./range.js";
 
@@ -13,7 +13,7 @@ function download(blob, name) {
 const stamp = (date) => date.toISOString().replaceAll(":", "").replace(/\.\d+/, "");
 const fileName = (name, frame, what) => `${name}-${stamp(frame.at)}-${frame.id}-${what}`;
 
-// The picture as shown, with a caption line below it.
+// The displayed picture with a caption line below it.
 export function pictureWithCaption({ picture, frame, name, camera, range, unit, colours }) {
   const source = picture.canvas;
   const r = picture.ratio;
@@ -75,9 +75,9 @@ export function saveCsv({ frame, name, plane }) {
   download(new Blob([lines.join("\n"), "\n"], { type: "text/csv" }), fileName(name, frame, what));
 }
 
-// A grey 16-bit PNG with texts; canvases only make 8-bit ones.
+// A 16-bit grey PNG with texts; canvases make only 8-bit ones.
 async function png16(counts, width, height, words) {
-  const rows = new DataView(new ArrayBuffer(height * (1 + 2 * width)));  // each row begins with its filter: none
+  const rows = new DataView(new ArrayBuffer(height * (1 + 2 * width)));  // each row begins with its filter type: none
   for (let y = 0, at = 0; y < height; ++y) {
     ++at;
     for (let x = 0; x < width; ++x, at += 2) rows.setUint16(at, counts[y * width + x]);

@@ -1,11 +1,11 @@
-// The pinned pixel's last seconds, every frame of them: blurred against deblurred.
+// The last seconds of the pinned pixel, without skipping frames: blurred and deblurred.
 
 import { sharpCanvas } from "./canvas.js";
 
 const KEPT_S = 8;
 
 export class Trace {
-  // The colours of `raw`, `sharp` and `axis` elements are those of the curves and the axes.
+  // Curves and axes have the colours of the elements `raw`, `sharp` and `axis`.
   constructor({ canvas, raw, sharp, axis }) {
     Object.assign(this, { canvas, colours: { raw, sharp, axis } });
     this.span_s = KEPT_S;  // shown
@@ -99,7 +99,7 @@ export class Trace {
     context.fillText(this.unit.name, box.left - 44 * ratio, 8 * ratio);
   }
 
-  // Lost frames are gaps.
+  // Lost frames are gaps in the curve.
   paintCurve(context, counts, element, width, x, y) {
     context.strokeStyle = getComputedStyle(element).color;
     context.lineWidth = width;
@@ -116,7 +116,7 @@ export class Trace {
   }
 }
 
-// Round values, `about` of them, that cover low to high.
+// Some `about` round values that cover low to high.
 function niceTicks(low, high, about) {
   const rough = (high - low) / about;
   const power = 10 ** Math.floor(Math.log10(rough));

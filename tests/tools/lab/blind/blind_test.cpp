@@ -21,7 +21,7 @@ Trial trial(Kind kind, const std::vector<std::string>& hidden, Finding finding) 
   return out;
 }
 
-// What a judgement says, in words.
+// A judgement in words.
 std::string words_of(const Judgement& j) {
   std::string all;
   for (const auto& [holds, word] : {std::pair{j.passed, "passed "},

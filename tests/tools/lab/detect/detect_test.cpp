@@ -88,7 +88,7 @@ TEST(AveragePrecision, AWeightIsARepetition) {
 
 // --- From a network's outputs to judged boxes.
 
-// What good ones become is seen on real stills (verb_test.cpp).
+// Outputs of the right shapes are tested on real stills (verb_test.cpp).
 TEST(Outputs, OfOtherShapesAreRefused) {
   expect_error(decode_yolo(std::vector<Tensor>{{{2, 5}, std::vector<float>(10)}}, {400, 200}, 0.01), {"2x5"});
   EXPECT_FALSE(decode_yolo(std::vector<Tensor>{Tensor{}}, {400, 200}, 0.01));

@@ -1,5 +1,5 @@
-// The spatial filter undoes a blur that it is told, and the sequences have the blur that is told; the measures, on
-// constructed input.
+// The spatial filter undoes a known blur, sequences have the blur that is stated, and the measures on constructed
+// input.
 #include "tests/test.hpp"
 #include "tools/lab/eval/fidelity.hpp"
 
@@ -41,7 +41,7 @@ TEST(FidelityMotionKernel, IsTheExponentialTrail) {
   EXPECT_EQ(motion_kernel({0.0, 0.0}, 0.011).size(), 1U) << "stands still";
 }
 
-// Over a steady pan both ways of telling the blur are the same; over a bend only the path itself is right.
+// For a steady pan both kernels agree; on a bend only that of the path is right.
 TEST(FidelityPathKernel, FollowsTheWay) {
   const auto kernel = motion_kernel({-300.0, 0.0}, kTauS);
   const auto gone = path_kernel(sim::steady_pan(-300.0), 0.4, kTauS);
@@ -63,7 +63,7 @@ TEST(FidelityPathKernel, FollowsTheWay) {
   EXPECT_EQ(std::ranges::min_element(longer, {}, &Tap::dx)->dx, -12);
 }
 
-// The sum that a kernel stands for; the borders' pixels go on outwards.
+// The sum that a kernel defines; border pixels are repeated outside.
 Plane blurred(const Plane& image, Geometry g, const std::vector<Tap>& kernel) {
   Plane out;
   for (int y = 0; y < g.height; ++y) {
@@ -106,8 +106,8 @@ CleanSequence small_sequence(double speed) {
   return *must(simulate(task));
 }
 
-// The kernel that the spatial filter is told is the blur that the simulated pixels have. Both place the picture
-// linearly between pixels, but on grids half a pixel apart: small differences stay.
+// The spatial filter's kernel is the blur of the simulated pixels. Both interpolate the picture linearly, but on grids
+// half a pixel apart: small differences remain.
 TEST(FidelityData, TheToldKernelIsTheSimulatedBlur) {
   const CleanSequence clean = small_sequence(400.0);
   const std::size_t target = clean.targets[1];
@@ -131,7 +131,7 @@ TEST(FidelityData, NoiseAndQuantisationAreAsAsked) {
   EXPECT_NEAR(rmse(kelvin, clean.shown), std::sqrt(0.1 * 0.1 + kQuantisationK * kQuantisationK / 12.0), 0.001);
 }
 
-// The best of what was offered stays, whatever comes after.
+// Keeps the best offer, whatever follows.
 TEST(FidelityOracle, KeepsTheBest) {
   const Planes truth{Plane(4, 300.0F)};
   Oracle oracle(truth);
@@ -194,7 +194,7 @@ TEST(FidelityEdgeWidth, OfAnExponentialTrailIsLnNineLengths) {
   EXPECT_TRUE(std::isnan(edge_width(flat, truth, kMeasured))) << "never rises";
 }
 
-// A picture that stands 2.3 px to the right and 0.6 px up of the truth is not wrong but for that; its noise stays.
+// A picture shifted by 2.3 px to the right and 0.6 px up has no other error; its noise remains.
 TEST(FidelityShiftedRmse, TakesOutLagAndNothingElse) {
   const auto scene = [](double x, double y) { return 300.0 + 3.0 * std::sin(0.21 * x + 0.1 * y) + std::cos(0.5 * y); };
   const auto truth = plane_of(kMeasured, scene);

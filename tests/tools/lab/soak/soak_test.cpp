@@ -1,4 +1,4 @@
-// What a soak judges by: that it sees what is wrong, and excuses what is not.
+// The judgement of a soak: it sees what is wrong, and excuses what is not.
 #include "bolo/shm_layout.h"
 #include "drivers/fakecam/fault_script.hpp"
 #include "tests/test.hpp"
@@ -217,7 +217,7 @@ std::size_t times(const Schedule& schedule, Kind kind) {
   return n;
 }
 
-// But for those of a camera that is set up wrong, which tests/tools/lab/faults has.
+// Except faults of a misconfigured camera, which are in tests/tools/lab/faults.
 TEST(SoakKinds, StandInTheirOwnOrderAndHoldEveryFaultOfTheFakeCamera) {
   for (const KindInfo& info : kinds()) {
     EXPECT_EQ(info_of(info.kind).name, info.name);
@@ -253,7 +253,7 @@ TEST(SoakSchedule, HasEachKindInTwoMinutesAndRoomAfterEach) {
   }
 }
 
-// --- Verdicts on the seconds of a soak: growth, latency, overload.
+// --- Verdicts on a whole soak: growth, latency, overload.
 
 // Ten quiet minutes of one daemon that uses the same all the time.
 SoakResult ten_minutes() {
