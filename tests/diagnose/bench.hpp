@@ -1,4 +1,4 @@
-// Recordings of a simulated bench for the diagnosis' tests, in memory or as files. Simulator and diagnosis share no
+// Recordings of a simulated bench for the diagnosis tests, in memory or as files. Simulator and diagnosis share no
 // code, so that each checks the other.
 #pragma once
 
@@ -16,14 +16,14 @@ inline constexpr int kWidth = 32;
 inline constexpr int kHeight = 24;
 inline constexpr double kPeriodS = 0.005;
 
-// Without noise or quantisation: the mean of a pixel.
+// Without noise or quantisation: a pixel's mean.
 inline sim::CameraSettings ideal_camera() {
   sim::CameraSettings camera = sim::testing::ideal_camera({kWidth, kHeight});
   camera.threads = 1;
   return camera;
 }
 
-// The same with 30 mK of noise and counts of 10 mK.
+// The ideal camera with 30 mK of noise and counts of 10 mK.
 inline sim::CameraSettings noisy_camera(std::uint64_t seed = 1) {
   sim::CameraSettings camera = ideal_camera();
   camera.readout.noise_k = 0.03;
@@ -32,7 +32,7 @@ inline sim::CameraSettings noisy_camera(std::uint64_t seed = 1) {
   return camera;
 }
 
-// Pulses of 12 to 120 ms that begin at odd times, to two levels.
+// Pulses of 12 to 120 ms to two levels, at irregular times.
 inline capture::Chopper odd_chopper() {
   capture::Chopper chopper;
   chopper.cold_k = 295.0;
@@ -51,7 +51,7 @@ inline capture::Chopper odd_chopper() {
 // 290 and 315 K, period 20 px, slanted.
 inline capture::BarTarget slanted_bars(double velocity_px_s) { return {290.0, 315.0, 20.0, 10.0, 0.25, velocity_px_s}; }
 
-// Of all pixels, without values.
+// A recording of all pixels without values.
 inline Recording blank(const capture::Stimulus& stimulus, int frames) {
   Recording r;
   r.kind = kind_of(stimulus);
@@ -63,7 +63,7 @@ inline Recording blank(const capture::Stimulus& stimulus, int frames) {
   return r;
 }
 
-// The camera's recording, of all pixels, of the stimulus with its true `error`.
+// Simulates a recording of all pixels; `error` is the bench's true deviation from the stimulus.
 inline Recording record(const sim::CameraSettings& camera, const capture::Stimulus& stimulus, int frames,
                         const sim::StimulusError& error = {}) {
   Recording r = blank(stimulus, frames);
@@ -73,7 +73,7 @@ inline Recording record(const sim::CameraSettings& camera, const capture::Stimul
   return r;
 }
 
-// Every nth frame: of a camera of a lower rate.
+// Every nth frame, like a camera of a lower rate.
 inline Recording every(int n, const Recording& fast) {
   Recording slow = blank(fast.stimulus, fast.frames() / n);
   for (int k = 0; k < slow.frames(); ++k) {
@@ -83,7 +83,7 @@ inline Recording every(int n, const Recording& fast) {
   return slow;
 }
 
-// Computes the statistics of its recordings, again after a change of values.
+// Computes the recordings' statistics; call again after a change of values.
 inline void measure(Session& session) {
   for (Recording& r : session.recordings) {
     FrameStatisticsSum sum(session.width, session.height, true);
@@ -94,7 +94,7 @@ inline void measure(Session& session) {
   }
 }
 
-// One camera's recordings, named recording-1 and so on.
+// A session of one camera; recordings are named recording-1 and so on.
 inline Session session_of(std::vector<Recording> recordings) {
   Session session;
   session.width = kWidth;
@@ -115,7 +115,7 @@ inline Session session_of(std::vector<Recording> recordings) {
 
 inline Recording empty_shutter(int frames) { return blank(capture::Uniform{300.0}, frames); }
 
-// A closed shutter at 300 K: `value(frame, row, column)` is added, the sum rounded to 10 mK (`step`).
+// A closed shutter at 300 K plus `value(frame, row, column)`, rounded to `step` (10 mK).
 template <typename Value>
 Recording shutter(int frames, Value value, double step = 0.01) {
   Recording r = empty_shutter(frames);
@@ -128,7 +128,7 @@ Recording shutter(int frames, Value value, double step = 0.01) {
   return r;
 }
 
-// Writes a capture: `fill(k, plane)` in counts of 10 mK, or in kelvin for T = float.
+// Writes a capture: `fill(k, plane)` gives counts of 10 mK, or kelvin for T = float.
 template <typename T, typename Fill>
 std::filesystem::path write_capture(const std::filesystem::path& file, Geometry geometry, int frames, Fill fill,
                                     const capture::Stimulus& stimulus = capture::NoStimulus{},
@@ -152,7 +152,7 @@ std::filesystem::path write_capture(const std::filesystem::path& file, Geometry 
   return file;
 }
 
-// The recording as a file, 10 mK a count. `model`: the camera's.
+// Writes the recording with 10 mK a count. `model`: the camera's.
 inline std::filesystem::path write(const Recording& recording, const std::filesystem::path& file,
                                    const std::string& model = "camera") {
   const auto fill = [&recording](int k, std::vector<std::uint16_t>& counts) {
@@ -167,12 +167,12 @@ inline std::filesystem::path write(const Recording& recording, const std::filesy
 
 inline bool go_on(const std::string&, double) { return true; }
 
-// The diagnosis of captures; a test in which it fails ends with what it says.
+// Diagnosis of captures; on error the test fails with its message.
 inline Report diagnosed(const std::vector<std::filesystem::path>& files, const Options& options = {}) {
   return *must(diagnose(files, options, go_on));
 }
 
-// The camera's frame of a flat field, without noise.
+// The camera's noise-free frame of a flat field.
 inline std::vector<float> flat_frame(sim::CameraSettings camera, double kelvin) {
   camera.readout = {0.0, 0.0, PixelType::kFloat32, 1};
   auto simulator = must(sim::Simulator::create(camera, sim::make_uniform(kelvin)));
@@ -203,7 +203,7 @@ inline bool has(const Report& report, const std::string& effect) {
   return std::ranges::count(report.effects, effect, &FoundEffect::name) != 0;
 }
 
-// "explained: tau_global iir"
+// Verdict and effects, e.g. "explained: tau_global iir".
 inline std::string told(const Report& report) {
   std::string all = report.verdict + ":";
   for (const FoundEffect& effect : report.effects) all += ' ' + effect.name;

@@ -1,5 +1,5 @@
-// The catalogues of the simulator and of the diagnosis: two lists, made from two folders, of the same effects; and
-// which of them a diagnosis takes.
+// The effect catalogues of simulator and diagnosis, made from two folders, list the same effects; and which of them a
+// diagnosis selects.
 #include "src/diagnose/effect.hpp"
 #include "src/sim/effect.hpp"
 #include "tests/diagnose/bench.hpp"
@@ -26,7 +26,7 @@ TEST(Catalogue, IsTheSimulatorsWithItsStages) {
   for (const char* none : {"tau_globl", ""}) EXPECT_EQ(find_effect(none), nullptr);
 }
 
-// A bench with the captures that any effect needs.
+// A bench session with captures for every effect.
 const Session& bench() {
   const sim::CameraSettings camera = testing::noisy_camera();
   static const Session full = testing::session_of(
@@ -37,7 +37,7 @@ const Session& bench() {
   return full;
 }
 
-// The nominal camera, with the first form of the effect.
+// The nominal camera with the first form of the effect.
 State nominal(const Effect& effect) {
   State state = nominal_state(bench(), {});
   if (!effect.forms.empty()) effect.forms.front()(state);
@@ -53,7 +53,7 @@ TEST(Catalogue, EveryEffectIsToldByAFullBenchAndSaysWhatItNeeds) {
     ASSERT_TRUE(effect.testable_in) << effect.name;
     EXPECT_TRUE(effect.testable_in(full)) << effect.name;
     EXPECT_FALSE(effect.needs.empty()) << effect.name;
-    static_cast<void>(effect.testable_in(nothing));  // either value, without a crash
+    static_cast<void>(effect.testable_in(nothing));  // either value; must not crash
   }
 }
 
@@ -97,11 +97,11 @@ TEST(Catalogue, AnEffectAtItsTypicalSizeChangesThePrediction) {
   }
 }
 
-// The keys of the report are those of `bolo simulate --effect`, so that a diagnosis can be simulated.
+// The report's keys are those of `bolo simulate --effect`, so that a diagnosis can be simulated.
 TEST(Catalogue, ReportsParametersThatTheSimulatorKnows) {
   const Session& full = bench();
-  // Drift: a capture does not give the session's amplitude, so the observed change is reported. Non-linearity: its
-  // amount is reported, which the simulator does not have.
+  // Drift: a capture does not determine the session's amplitude, so the observed change is reported. Non-linearity: the
+  // report states its amount, which is no parameter of the simulator.
   const std::set<std::string> own{"drift", "radiometric_nonlinearity"};
   for (const Effect& effect : catalogue()) {
     if (!effect.report || own.contains(effect.name)) continue;
@@ -166,7 +166,7 @@ class Selection : public ::testing::Test {
   Scratch scratch_;
 };
 
-// A short chopper alone tells of the time constant: of much, but too few cells to be sure before the rest fits.
+// A short chopper alone shows a large error of tau, but in too few cells to be sure before the rest fits.
 TEST_F(Selection, GoesOnWithWhatIsSureBesideALargerEffect) {
   sim::CameraSettings camera = testing::noisy_camera();
   for (const char* effect : {"tau_global:scale=1.1", "vignetting:corner_loss=0.01"}) {
@@ -177,7 +177,7 @@ TEST_F(Selection, GoesOnWithWhatIsSureBesideALargerEffect) {
             "explained: tau_global vignetting");
 }
 
-// A pattern that one capture does not have is none of the camera.
+// A pattern that one capture lacks does not belong to the camera.
 TEST_F(Selection, LeavesAMapByWhichACaptureFitsWorse) {
   std::mt19937 random(4);
   std::normal_distribution<double> unit;

@@ -12,7 +12,7 @@ constexpr double kHalfPeriodPx = 10.0;  // of the bench's bars
 
 class Diagnosis : public testing::BlindBench {
  protected:
-  // Six captures of the bench, 32x24, all with the effect.
+  // Diagnosis of six 32x24 captures of the bench, all with the effect.
   Report of(const std::string& effect, std::uint64_t seed, const Options& options = {}) {
     return diagnosed(bench({.seed = seed}, {effect}), options);
   }
@@ -30,12 +30,11 @@ TEST_F(Diagnosis, FindsNothingWhereNothingIs) {
   EXPECT_EQ(report.frames, 2000U);
 }
 
-// Still bars before pixels that average over 0.85 of their distance, behind optics that blur by 0.25 px, in closed
-// form.
+// Still bars in closed form: pixels that average over 0.85 of their pitch, optics that blur by 0.25 px.
 Recording bars_through_small_pixels() {
   constexpr double kAperture_px = 0.85;
   constexpr double kBlur_px = 0.25;
-  const auto integral = [](double x) {  // of a blurred step
+  const auto integral = [](double x) {  // integral of a blurred step
     const double z = x / kBlur_px;
     return 0.5 * x * std::erfc(-z / std::numbers::sqrt2) +
            kBlur_px * std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
@@ -49,7 +48,7 @@ Recording bars_through_small_pixels() {
   std::normal_distribution<double> noise(0.0, 0.03);
   for (int p = 0; p < testing::kWidth * testing::kHeight; ++p) {
     const double x = p % testing::kWidth - bars.slant_px_per_row * (p / testing::kWidth) - 3.37;
-    const double u = std::remainder(x - bars.bar_width_px / 2.0, bars.period_px);  // from the middle of a hot bar
+    const double u = std::remainder(x - bars.bar_width_px / 2.0, bars.period_px);  // from the centre of a hot bar
     const double hot = step(bars.bar_width_px / 2.0 - std::abs(u));
     for (int k = 0; k < 150; ++k) {
       r.values(k, p) = static_cast<float>(bars.cold_k + (bars.hot_k - bars.cold_k) * hot + noise(random));
@@ -68,7 +67,7 @@ TEST_F(Diagnosis, AllowsForPixelsThatDoNotFillTheirPlace) {
   EXPECT_NEAR(report.stimulus.at("still.h5").at("aperture_px"), 0.85, 0.03);
 }
 
-// Of slow cameras a chopper's capture of a second has few frames, but as many edges.
+// At a slow camera's rate one second of a chopper has few frames, but as many edges.
 TEST_F(Diagnosis, OfASlowCameraSeesWhatAChopperShows) {
   std::vector<std::filesystem::path> files;
   sim::CameraSettings camera = testing::noisy_camera();
@@ -97,7 +96,7 @@ TEST_F(Diagnosis, NamesWhatExplainsAllInFewCells) {
   EXPECT_EQ(told(report), "explained: clock_skew") << report.unexplained.where;
 }
 
-// Telegraph noise may keep a pixel at one level for the whole of a short capture, and at the other in the next.
+// Telegraph noise may keep a pixel at one level for a whole short capture and at the other in the next.
 TEST_F(Diagnosis, LeavesNothingOverOfPixelsThatRestBetweenJumps) {
   std::mt19937 random(7);
   std::normal_distribution<double> noise(0.0, 0.03);
@@ -114,7 +113,7 @@ TEST_F(Diagnosis, LeavesNothingOverOfPixelsThatRestBetweenJumps) {
   EXPECT_EQ(told(report), "explained: rts") << report.unexplained.where;
 }
 
-// Magnification that breathes by 3 %: shifts of what is not predicted well, and large gains of whatever is tried.
+// Magnification oscillates by 3 %: a prediction error that looks like shifts and makes any candidate seem a large gain.
 TEST_F(Diagnosis, NamesNothingForPansThatNothingExplains) {
   const auto record = [](const capture::Stimulus& stimulus) {
     return testing::every(2, testing::record(testing::noisy_camera(), stimulus, 160));
@@ -142,7 +141,7 @@ struct Case {
   std::string name;
   std::string key;
   double truth = 0.0;
-  double tolerance = 0.0;  // relative, of the estimate
+  double tolerance = 0.0;  // relative to the estimate
 };
 
 class OneEffect : public Diagnosis, public ::testing::WithParamInterface<Case> {};
@@ -197,7 +196,7 @@ TEST_P(Withheld, IsSaidToBeUnknown) {
   const std::string name = effect.substr(0, effect.find(':'));
   const Report report = of(effect, 13, {.withheld = {name}});
   EXPECT_EQ(report.verdict, "unknown_effect") << told(report);
-  EXPECT_TRUE(report.effects.empty()) << told(report);  // nor is another said to be there in its place
+  EXPECT_TRUE(report.effects.empty()) << told(report);  // no other effect is named in its place
   EXPECT_FALSE(report.unexplained.where.empty());
   EXPECT_FALSE(report.unexplained.stage.empty());
   EXPECT_LT(report.unexplained.p_value, 1e-3);
@@ -212,12 +211,12 @@ INSTANTIATE_TEST_SUITE_P(OfTheCatalogue, Withheld,
                            return std::string(made.param, std::string_view(made.param).find(':'));
                          });
 
-// Heat that grows linearly, unlike the effect's standard form, which saturates within the frame.
+// Heating that grows linearly, unlike the effect's standard form, which saturates within the frame.
 class EvenHeat : public Diagnosis {
  protected:
   static constexpr double kHeat_k = 0.1;
 
-  // Two flat fields, heated from row to row, with fixed offsets of each pixel.
+  // Two flat fields, heated row by row, with a fixed offset in each pixel.
   Report heated(double offset_k) {
     std::mt19937 random(16);
     std::normal_distribution<double> gauss;
@@ -246,14 +245,14 @@ TEST_F(EvenHeat, IsNoPatternOfPixels) {
   EXPECT_NEAR(0.95 * report.effects[0].parameters.at("amplitude_k").value, kHeat_k, 0.02 * kHeat_k);
 }
 
-// The pattern's map had absorbed most of it.
+// The fixed pattern's map must not absorb the heating.
 TEST_F(EvenHeat, IsToldFromAPattern) {
   const Report report = heated(0.03);
   ASSERT_EQ(told(report), "explained: fpn_offset self_heating") << report.unexplained.where;
   EXPECT_NEAR(0.95 * report.effects[1].parameters.at("amplitude_k").value, kHeat_k, 0.1 * kHeat_k);
 }
 
-// Coarse steps whiten the noise, and shift whole frames with little noise alike.
+// Coarse quantisation whitens the noise, and at low noise shifts whole frames alike.
 TEST_F(Diagnosis, TellsAFilterBehindCoarseStepsByLateEdges) {
   const Report report = diagnosed(bench({.seed = 90417}, {}, Kind::kPair, 1));
   const auto& hidden = session_.effects;

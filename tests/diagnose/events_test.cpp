@@ -109,7 +109,7 @@ TEST_F(Events, AStepOfEachPixelIsAJumpWithAPattern) {
   EXPECT_TRUE(jumps(session).empty());
 }
 
-// Also of a freeze that begins after few frames.
+// Also after a freeze that begins within the first frames.
 TEST_F(Events, AJumpAfterAFreezeBelongsToIt) {
   for (const int first : {91, 8}) {
     Session session = shutter([](int k, int, int) { return k >= 150 ? 0.1 : 0.0; });
@@ -124,7 +124,7 @@ TEST_F(Events, AJumpAfterAFreezeBelongsToIt) {
   }
 }
 
-// A fit of two levels, each of a part of the frames, has absorbed a part of the jump.
+// Fitting two levels, each to a part of the frames, has absorbed a part of the jump.
 TEST_F(Events, AJumpIsFoundThatLevelsHaveTakenUpInPart) {
   MatrixXd levels = MatrixXd::Zero(kFrames, 2);
   for (int k = 0; k < kFrames; ++k) levels(k, k % 40 < 16 || k >= 190 ? 1 : 0) = 1.0;
@@ -137,7 +137,7 @@ TEST_F(Events, AJumpIsFoundThatLevelsHaveTakenUpInPart) {
   ASSERT_TRUE(jump);
   EXPECT_EQ(jump->frame, 120U);
   EXPECT_NEAR(jump->global_k, 0.5, 0.02);
-  VectorXd shown = VectorXd::Zero(kFrames);  // leaps by far more in the same frame
+  VectorXd shown = VectorXd::Zero(kFrames);  // a prediction with a far larger step in the same frame
   shown.tail(kFrames - 120).setConstant(10.0);
   EXPECT_FALSE(find_jump(session, 0, session.recordings[0].values, {}, levels, shown));
   remove_jump(session, *jump, session.recordings[0].values, levels);
@@ -199,7 +199,7 @@ TEST_F(Events, PixelsThatJumpBetweenTwoLevelsAreFound) {
   EXPECT_TRUE(bad.stuck.empty());
 }
 
-// In short flat fields, too.
+// Also in short flat fields.
 TEST_F(Events, NoiseAloneDoesNotJump) {
   std::vector<Recording> all;
   for (int i = 0; i < 120; ++i) {
@@ -211,7 +211,7 @@ TEST_F(Events, NoiseAloneDoesNotJump) {
   EXPECT_TRUE(bad.jumping.empty());
 }
 
-// Slow drift takes pixels over the border between two multiples: one hop and back is no telegraph signal.
+// Slow drift takes pixels across a rounding boundary: one change there and back is no telegraph noise.
 TEST_F(Events, PixelsThatHopBetweenTwoCoarseValuesDoNotJump) {
   const auto rounded = [this](int k, int, int c) {
     return 0.1 * std::round(10.0 * (noise(0.022) + (c == 7 && (k / 50) % 2 == 1 ? 0.09 : 0.0)));
@@ -228,7 +228,7 @@ TEST_F(Events, ACoarseStepIsFoundAndOneWithoutAnyChangeIsNotKnown) {
   const auto coarse = [this](int, int, int) { return noise(0.08); };
   EXPECT_NEAR(find_step(testing::session_of({testing::shutter(kFrames, coarse, 0.1)})), 0.1, 1e-6);
   EXPECT_EQ(find_step(testing::session_of({testing::shutter(kFrames, [](int, int, int) { return 0.0; })})), 0.0);
-  for (const double step : {0.02, 0.025, 0.05, 0.106, 0.1537}) {  // most are no multiples of the stored one
+  for (const double step : {0.02, 0.025, 0.05, 0.106, 0.1537}) {  // most are no multiples of the stored step
     const auto rounded = [&](int, int, int) { return step * std::round(noise(0.08) / step); };
     EXPECT_NEAR(find_step(testing::session_of({testing::shutter(kFrames, rounded)})), step, 0.03 * step);
   }

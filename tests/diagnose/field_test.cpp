@@ -34,7 +34,7 @@ bool untold(const Report& report, const std::string& effect) {
   return std::ranges::find(report.not_identifiable, effect, &NotIdentifiable::effect) != report.not_identifiable.end();
 }
 
-// Effects that a still recording cannot identify are listed, those from motion are not.
+// Lists effects that a still recording cannot identify, but not those seen through motion.
 TEST_F(FieldRecording, WithoutAnEffectThereIsNoGapAndItSaysWhatItCannotTell) {
   for (const bool moves : {false, true}) {
     const Report report = diagnosed(moves ? hand() : still());
@@ -46,7 +46,7 @@ TEST_F(FieldRecording, WithoutAnEffectThereIsNoGapAndItSaysWhatItCannotTell) {
   }
 }
 
-// A panned scene is tracked despite the object; before a still camera the object is the only motion.
+// A panned scene is tracked despite the object; for a still camera the object is the only motion.
 TEST_F(FieldRecording, WhatMovesByItselfIsNoEffect) {
   for (Shot shot : {still(), hand()}) {
     const bool stands = shot.view.width == 64;
@@ -74,13 +74,13 @@ TEST_F(FieldRecording, NamesTheEffectOrSaysThatSomethingIsLeft) {
   }
 }
 
-// A third of the noise, as much as slow pixel noise may be for a while, but far beyond its error in a large picture.
+// A third of the noise: slow pixel noise may reach this for a while, but in a large picture it is far beyond its error.
 TEST_F(FieldRecording, NamesAFaintPatternOfManyPixels) {
   const Shot shot{.view = {320, 240}, .path = pan().path, .effects = {"fpn_offset:pixel_k=0.011,column_k=0"}};
   EXPECT_EQ(told(diagnosed(shot)), "explained: fpn_offset");
 }
 
-// As flat fields show, which the recording does not have.
+// Judged on flat fields, which the recording does not have.
 TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
   for (const Case& c : {Case{hand(), "fpn_offset"}, Case{pan(), "fpn_gain"}}) {
     Shot shot = c.shot;
@@ -95,7 +95,7 @@ TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
   }
 }
 
-// What a profile's maps undo is not named again, what they leave is; new maps are of frames as they come.
+// A pattern that the profile's maps remove is not named again, a remainder is; new maps refer to uncorrected frames.
 TEST_F(FieldRecording, AppliesKnownMapsBefore) {
   Shot shot = hand();
   shot.view = {128, 96};
@@ -133,7 +133,7 @@ TEST_F(FieldRecording, NamesTheFrameThatJumped) {
   }
 }
 
-// An offset that is no candidate before the scene is followed misleads the match of its frame.
+// The jump must be a candidate before the scene is tracked, or it misleads the registration of its frame.
 TEST_F(FieldRecording, NamesALargeJumpOfAMovingScene) {
   Shot shot{.view = {128, 96}, .frames = 200, .path = bed::slow_hand(), .period_s = 1.0 / 30.0};
   for (const auto& [jump_k, at_s] : {std::pair{1.35, 1.505}, std::pair{-1.15, 2.616}, std::pair{-0.75, 4.838}}) {
@@ -150,7 +150,7 @@ TEST_F(FieldRecording, AHandTooFastToFollowHasNoJumps) {
   EXPECT_EQ(diagnosed(shot).observations.front().jumps.size(), 0U);
 }
 
-// At a jerk of the hand, all pixels of an uneven sky change alike, but over some frames, unlike an offset.
+// At a jerk of the hand all pixels of an uneven sky change alike, but over several frames, unlike an offset jump.
 TEST_F(FieldRecording, AJerkOverAnUnevenSkyIsNoJump) {
   for (const bool jumps : {false, true}) {
     Shot shot{.view = {96, 72}, .frames = 220, .path = bed::jerks(), .sky = true};
@@ -163,7 +163,7 @@ TEST_F(FieldRecording, AJerkOverAnUnevenSkyIsNoJump) {
   }
 }
 
-// A scene at rest except for some jerks is at the same pixels in both halves of the data.
+// A scene at rest except for some jerks covers the same pixels in both halves of the data.
 TEST_F(FieldRecording, AJerkTellsNoPattern) {
   for (Shot shot : {Shot{.view = {96, 72}, .period_s = 1.0 / 30.0}, Shot{.view = {128, 96}, .period_s = 1.0 / 60.0},
                     Shot{.view = {128, 96}, .sky = true}}) {
@@ -175,7 +175,7 @@ TEST_F(FieldRecording, AJerkTellsNoPattern) {
   }
 }
 
-// What many jerks tell of one does not help to predict: it is the scene's.
+// A pattern learned from many jerks does not predict another jerk: it belongs to the scene.
 TEST_F(FieldRecording, ManyJerksTellNoPattern) {
   constexpr double kPeriod = 1.0 / 30.0;
   const Report report = diagnosed({.view = {160, 120},
@@ -186,7 +186,7 @@ TEST_F(FieldRecording, ManyJerksTellNoPattern) {
   EXPECT_TRUE(report.effects.empty()) << told(report);
 }
 
-// The scene leaps within a frame and is then another picture.
+// The scene leaps within a frame and shows another picture afterwards.
 TEST_F(FieldRecording, AJerkThatIsNotFollowedIsNoJump) {
   for (const bool sky : {false, true}) {
     const Report report =
@@ -195,8 +195,8 @@ TEST_F(FieldRecording, AJerkThatIsNotFollowedIsNoJump) {
   }
 }
 
-// Offsets of pixels that grow with the package's temperature are no fixed pattern, even if observable only for a part
-// of the time.
+// Pixel offsets that grow with the package's temperature are no fixed pattern, even if observable only part of the
+// time.
 TEST_F(FieldRecording, NamesAPatternThatGrowsADrift) {
   for (const double from_s : {-10.0, 0.8}) {
     Shot shot = hand();
@@ -209,7 +209,7 @@ TEST_F(FieldRecording, NamesAPatternThatGrowsADrift) {
   }
 }
 
-// Offsets after a NUC belong to it: no fixed pattern of the camera.
+// Offsets after a NUC belong to it and are no fixed pattern of the camera.
 TEST_F(FieldRecording, NamesTheShutterAlone) {
   for (const char* when : {"1.2", "0.5"}) {
     Shot shot = hand();
@@ -219,7 +219,7 @@ TEST_F(FieldRecording, NamesTheShutterAlone) {
   }
 }
 
-// The second loss is of two frames; each is reported by the frame after it.
+// The second loss is of two frames; each is reported at the frame after it.
 TEST_F(FieldRecording, NamesTheFramesBeforeWhichOthersWereLost) {
   for (const double px_s : {240.0, 100.0}) {
     Shot shot = pan();

@@ -11,7 +11,7 @@ constexpr double kNoNoise = std::numeric_limits<double>::infinity();  // no ceil
 constexpr int kFrames = 400;
 constexpr double kSigma = 0.03;
 
-// Values for each frame, row and column, drawn once and in this order.
+// Draws for each frame, row and column, in this order.
 class Draws {
  public:
   explicit Draws(unsigned seed) : engine_(seed) {}
@@ -28,7 +28,7 @@ class Draws {
   std::normal_distribution<double> unit_;
 };
 
-// Of a shutter with `value(frame, row, column)`.
+// Noise statistics of a shutter with `value(frame, row, column)`.
 template <typename Value>
 NoiseStatistics measured(Value value) {
   return measure_noise(testing::session_of({testing::shutter(kFrames, value)}), kNoNoise);
@@ -122,7 +122,7 @@ TEST(MeasureNoise, ARecursiveFilterIsSeenInTheColour) {
       s += alpha * (draws.normal() - s);
       return s;
     });
-    // Weak filters of both forms are nearly equal.
+    // Weak filters of both forms are nearly the same.
     EXPECT_TRUE(n.filter == FrameFilter::kRecursive || alpha > 0.85);
     EXPECT_NE(n.filter, FrameFilter::kNone);
     EXPECT_NEAR(n.alpha.value, alpha, n.filter == FrameFilter::kRecursive ? 2.5 * n.alpha.error : 0.02);
@@ -157,12 +157,12 @@ TEST(MeasureNoise, LowFrequencyNoiseHasACorner) {
   EXPECT_EQ(n.filter, FrameFilter::kNone);
 }
 
-// Relaxations an octave apart. A flatter or steeper 1/f is no filter.
+// A sum of relaxation processes an octave apart. 1/f noise of another slope is no filter.
 TEST(MeasureNoise, LowFrequencyNoiseOfAnotherSlopeIsNoFilter) {
   for (const double exponent : {0.65, 1.3}) {
     SCOPED_TRACE(exponent);
     constexpr double kCorner = 4.0;
-    double grown = 0.0;  // of the white noise at the corner: it is not quite 1 / f^exponent
+    double grown = 0.0;  // relative to white noise at the corner, as the sum is not quite 1 / f^exponent
     Draws draws(11);
     std::vector<double> keep;
     std::vector<double> sigma;
@@ -196,7 +196,7 @@ TEST(MeasureNoise, LowFrequencyNoiseOfAnotherSlopeIsNoFilter) {
 TEST(MeasureNoise, TailsAreStudents) {
   Draws draws(9);
   std::student_t_distribution<double> student(4.0);
-  const double scale = kSigma / std::sqrt(2.0);  // variance of t with 4 degrees: 2
+  const double scale = kSigma / std::sqrt(2.0);  // t distribution with 4 degrees of freedom: variance 2
   const NoiseStatistics n = measured([&](int, int, int) { return scale * student(draws.engine()); });
   EXPECT_GT(n.excess_kurtosis.z, 20.0);
   EXPECT_NEAR(n.degrees, 4.0, 0.6);
@@ -212,7 +212,7 @@ TEST(MeasureNoise, MainsHumIsALine) {
   EXPECT_NEAR(n.line_hz, 37.3, 1.0);
 }
 
-// The few bins beside a bin know their median with an error of its own.
+// A line is judged against the median of a few neighbouring bins, which has an error of its own.
 TEST(MeasureNoise, WhiteNoiseHasNoLine) {
   double least = 1.0;
   for (unsigned seed = 100; seed < 220; ++seed) {
@@ -270,8 +270,8 @@ TEST(IsStill, ToldFromMotion) {
   EXPECT_FALSE(is_still(session, session.recordings[1]));
 }
 
-// A scene that moves by several pixels a frame is white in time, as noise is. A camera may add to it what whole frames,
-// rows and columns share, and share a little of a pixel's noise with its neighbours.
+// A scene that moves by several pixels a frame is white in time, like noise. A camera may add noise common to whole
+// frames, rows and columns, and share a little of a pixel's noise with its neighbours.
 TEST(IsStill, ToldFromFastMotionByWhatNeighboursShare) {
   Draws draws(14);
   const std::vector<double> common = draws.normals(60 * (1 + kHeight + kWidth), 2.0);

@@ -22,13 +22,13 @@ class Observations : public ::testing::Test {
     return testing::write_capture<std::uint16_t>(scratch_ / name, geometry, frames, fill, stimulus);
   }
 
-  // A real capture; empty where there is no test data.
+  // A real capture; empty without test data.
   static std::filesystem::path real(const std::string& name) {
     const char* folder = std::getenv("BOLO_TEST_DATA");
     return folder == nullptr ? std::filesystem::path() : std::filesystem::path(folder) / "captures" / name;
   }
 
-  // The same with `change(k)` counts added to every pixel of frame k.
+  // A real capture with `change(k)` counts added to every pixel of frame k.
   template <typename Change>
   std::filesystem::path altered(const std::string& name, Change change) {
     if (real(name).empty()) return {};
@@ -62,7 +62,7 @@ const Observation& only(const Report& report) {
   return report.observations.empty() ? kNone : report.observations.front();
 }
 
-// All three forms of the report.
+// Looks for the text in all three forms of the report.
 void expect_said(const Report& report, const std::string& text) {
   EXPECT_NE(report_summary(report).find(text), std::string::npos) << text << " in\n" << report_summary(report);
   EXPECT_NE(report_html(report).find(text), std::string::npos) << text;
@@ -86,7 +86,7 @@ TEST_F(Observations, AStreetWithAJumpOfFiveKelvinShowsTheJump) {
   EXPECT_EQ(json.at("observations").at("street.h5").at("jumps").at(0).at("frame"), kJumpAt);
 }
 
-// Also one of a single value, as a camera without power may send.
+// Also if all pixels have one value, as a camera without power may send.
 TEST_F(Observations, AFrozenStreamIsNotTestable) {
   Frame noisy(32 * 24);
   flat(0, noisy);
@@ -171,7 +171,7 @@ TEST_F(Observations, PatternsOutliersFlickerAndNoiseOfAField) {
   EXPECT_EQ(seen.outliers, (std::vector<PixelPlace>{{40, 30}}));
 }
 
-// A street, by a camera of tau 12.1 ms with a profile of 11.
+// A street seen by a camera of tau 12.1 ms with a profile of 11 ms.
 bed::Shot hand(int frames, sim::Path path) {
   return {.view = {240, 120}, .frames = frames, .tau_s = 0.0121, .path = std::move(path)};
 }
@@ -205,7 +205,7 @@ TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
   EXPECT_EQ(report.effects.size(), 2U);
 }
 
-// Of a frame's little acceleration and shear most is the measurement's error, which would make a slope too small.
+// The measurement error dominates a frame's small acceleration and shear and would bias the slope low.
 TEST_F(Observations, ASlowHandTellsTheRowDelay) {
   constexpr double kDelay_s = 28e-6;
   std::vector<sim::PathPoint> points;
@@ -223,7 +223,7 @@ TEST_F(Observations, ASlowHandTellsTheRowDelay) {
   EXPECT_NEAR(found.value, kDelay_s, 0.05 * kDelay_s);
 }
 
-// A pan blurs all frames alike: a soft scene is equivalent to a slow pixel.
+// A steady pan blurs all frames alike: a soft scene is equivalent to a slow pixel.
 TEST_F(Observations, AnEvenPanTellsNoTimeConstant) {
   const Report report = diagnosed({bed::shoot(hand(400, sim::steady_pan(500.0)), scratch_ / "pan.h5")});
   ASSERT_TRUE(only(report).motion);
@@ -233,7 +233,7 @@ TEST_F(Observations, AnEvenPanTellsNoTimeConstant) {
   expect_said(report, "too evenly");
 }
 
-// Motion is known from the second full window on: here of one frame.
+// Motion is known from the second full window on: here for one frame.
 TEST_F(Observations, AFewFramesTellNothingOfTime) {
   const Report report = diagnosed({bed::shoot(hand(18, bed::restless()), scratch_ / "few.h5")});
   ASSERT_TRUE(only(report).motion);
@@ -242,7 +242,7 @@ TEST_F(Observations, AFewFramesTellNothingOfTime) {
   EXPECT_FALSE(only(report).motion->row_delay_s);
 }
 
-// Counts have no model, and a chopper's switches are no jumps of the camera.
+// Counts have no model, and a chopper's edges are no jumps of the camera.
 TEST_F(Observations, AChopperInCountsBlamesNothingOnTheCamera) {
   const capture::Chopper chopper{.cold_k = 298.0, .on_s = {0.1, 0.3}, .off_s = {0.2, 0.5}, .level_k = {318.0, 308.0}};
   auto writer = must(capture::CaptureWriter::create(
@@ -250,11 +250,11 @@ TEST_F(Observations, AChopperInCountsBlamesNothingOnTheCamera) {
   EXPECT_TRUE(writer->write_stimulus(chopper));
   double seen = 0.0;
   Frame plane(std::size_t{48} * 32);
-  std::vector<int> own(plane.size());  // a fixed pattern, which can be followed
+  std::vector<int> own(plane.size());  // a fixed pattern, which can be tracked
   for (int& offset : own) offset = noise();
   for (int k = 0; k < 200; ++k) {
     const double level = k >= 20 && k < 40 ? 2000.0 : k >= 60 && k < 100 ? 1000.0 : 0.0;
-    seen += (level - seen) * 0.365;  // in 5 ms, of pixels of 11 ms
+    seen += (level - seen) * 0.365;  // response in 5 ms of pixels with tau 11 ms
     for (std::size_t p = 0; p < plane.size(); ++p) {
       plane[p] = static_cast<std::uint16_t>(std::lround(29800.0 + seen) + own[p] + noise());
     }
@@ -279,7 +279,7 @@ TEST_F(Observations, OfARealDriveItSaysWhatItCanTellAndNoMore) {
        {"tau_global", "tau_spread", "slow_pole", "row_delay", "optical_psf", "crosstalk", "jitter"}) {
     EXPECT_FALSE(has(report, name)) << told(report);
   }
-  for (const char* name : {"coarse_quantisation", "noise_level", "tau_spread"}) {  // the profile has kelvin
+  for (const char* name : {"coarse_quantisation", "noise_level", "tau_spread"}) {  // the profile converts to kelvin
     EXPECT_TRUE(std::ranges::count(report.not_identifiable, name, &NotIdentifiable::effect)) << name;
   }
   const Observation& seen = only(report);
@@ -296,7 +296,6 @@ TEST_F(Observations, OfRealBlackBodiesInCounts) {
   const Report flat = diagnosed({real("atto320_blackbody_25C.h5")});
   EXPECT_TRUE(has(flat, "flicker")) << told(flat);
   EXPECT_FALSE(has(flat, "tau_global"));
-  // The same without a stimulus.
   const Report report = diagnosed({altered("atto320_blackbody_25C.h5", [](std::size_t) { return 0; })});
   EXPECT_EQ(report.verdict, "not_testable");
   const Observation& seen = only(report);

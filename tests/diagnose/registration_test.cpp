@@ -1,4 +1,4 @@
-// Registration of stimuli and frame times on simulated recordings of known truth.
+// Registration of stimuli and frame times on simulated recordings with known truth.
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"
@@ -13,10 +13,10 @@ using testing::slanted_bars;
 constexpr double kFloorK = 0.03;
 constexpr double kPeriodPx = 20.0;
 
-// Distance of two phases of the periodic target.
+// Distance between two phases of the periodic target.
 double apart(double a, double b) { return std::abs(a - b - kPeriodPx * std::round((a - b) / kPeriodPx)); }
 
-// The recording without frame `lost`; its times go on as if nothing had happened.
+// Removes frame `lost`; the time stamps go on without a gap.
 Recording without_frame(Recording r, int lost) {
   const Series values = r.values;
   const int left = r.frames() - 1;
@@ -38,7 +38,7 @@ Registered registered(const Session& session) {
   return out;
 }
 
-// Judges a session's only recording; `state` gets its frame times.
+// Judges the only recording of a session; `state` receives its frame times.
 Transport judged(Recording recording, State& state) {
   const Session session = testing::session_of({std::move(recording)});
   state = registered(session).state;
@@ -59,7 +59,7 @@ TEST(RegisterStimuli, FindsThePhaseOfMovingBars) {
   }
 }
 
-// A straight line through a recording's last frames would tell the speed in their middle.
+// Fitting a straight line to a recording's last frames would give the speed at their middle, not at the end.
 TEST(RegisterStimuli, FollowsASpeedThatChangesUpToTheEnds) {
   const sim::StimulusError error{.uneven = 0.03, .uneven_phase = 0.4};
   const Session session = testing::session_of({record(noisy_camera(), slanted_bars(-320.0), 120, error)});
@@ -122,7 +122,7 @@ TEST(JudgeTransport, FindsALostFrameOfMovingBars) {
   EXPECT_EQ(plain.stimuli[0].late_s[158], 0.0);
 }
 
-// A step of a period is much of what a slower camera sees within 60 ms.
+// A loss is judged over 60 ms: a slower camera has few frames there, so that one period is a large part of them.
 TEST(JudgeTransport, FindsALostFrameOfASlowerCamera) {
   const Recording slow = testing::every(2, record(noisy_camera(), slanted_bars(-320.0), 320));
   Session session = testing::session_of({without_frame(slow, 83)});
@@ -132,7 +132,7 @@ TEST(JudgeTransport, FindsALostFrameOfASlowerCamera) {
   EXPECT_NEAR(state.stimuli[0].late_s[158], 0.01, 1e-9);
 }
 
-// Five of them within a second.
+// Up to five losses within a second.
 TEST(JudgeTransport, FindsLostFramesOfAChopper) {
   for (const std::vector<int>& lost : {std::vector<int>{100}, {190, 160, 130, 100, 70}}) {
     Recording r = record(noisy_camera(), odd_chopper(), 260);
@@ -145,7 +145,7 @@ TEST(JudgeTransport, FindsLostFramesOfAChopper) {
   }
 }
 
-// Two frames of strong jitter may be a whole period too far apart without a loss.
+// With strong jitter two frames may be a whole period too far apart without a loss.
 TEST(JudgeTransport, MeasuresJitter) {
   for (const double rms_s : {5e-4, 8e-4}) {
     sim::CameraSettings camera = noisy_camera();
@@ -160,7 +160,7 @@ TEST(JudgeTransport, MeasuresJitter) {
   }
 }
 
-// Frozen frames do not count; the speed beside them is uncertain.
+// Frozen frames do not count; the speed next to them is uncertain.
 TEST(JudgeTransport, JitterAroundAFreezeIsNoLoss) {
   int steps = 0;
   for (unsigned seed = 1; seed <= 12; ++seed) {
@@ -175,7 +175,7 @@ TEST(JudgeTransport, JitterAroundAFreezeIsNoLoss) {
   EXPECT_EQ(steps, 0);
 }
 
-// The first unknown's bound pushes the second one beyond its own, until the first one is held.
+// The first unknown's bound pushes the second beyond its own until the first is held at it.
 TEST(SolveWithin, LetsGoOfWhatWasHeldBesideAnother) {
   const MatrixXd normal{{1.0, 0.6}, {0.6, 1.0}};
   const VectorXd solved = solve_within(normal, VectorXd{{-3.8, -1.0}}, VectorXd{{0.0, -3.0}}, VectorXd{{8.0, 0.0}});
@@ -217,10 +217,10 @@ TEST(Nuisances, LevelsThatAgreeWithTheFilesSayThatTheBenchIsGood) {
   EXPECT_LT(good, 0.02);
   EXPECT_GT(level_spread(all, state), 0.4);
   EXPECT_LT(level_evidence(all, state), evidence);
-  EXPECT_NEAR(level_excess(all, state), 1.0, 0.01);  // 0.5 K are what a bench without a statement may be off by
+  EXPECT_NEAR(level_excess(all, state), 1.0, 0.01);  // a bench without a statement may be off by 0.5 K
 }
 
-// The same black body is off by the same in every capture: five captures say no more than one.
+// The same black body has the same error in every capture: five captures carry no more information than one.
 TEST(Nuisances, LevelsOfOneSetPointThatAgreeCountOnce) {
   std::vector<Recording> flats;
   for (int i = 0; i < 5; ++i) {

@@ -16,7 +16,7 @@ class SessionFiles : public ::testing::Test {
     return testing::write(record(noisy_camera(seed), capture::Uniform{300.0}, frames), scratch_ / name);
   }
 
-  // Two good shutters and `bad`: it is excluded with one line that contains `why`.
+  // Two good shutters and `bad`: it is excluded with one line that contains all of `why`.
   void expect_left_out(const std::filesystem::path& bad, const std::vector<std::string>& why) {
     SCOPED_TRACE(bad.filename());
     for (const auto& [name, seed] : {std::pair{"good-1.h5", 1U}, {"good-2.h5", 2U}}) {
@@ -99,7 +99,7 @@ TEST_F(SessionFiles, TheDiagnosisCanBeStopped) {
   EXPECT_FALSE(diagnose({shutter("a.h5")}, {}, [](const std::string&, double) { return false; }));
 }
 
-// What was found by then is of the frames that were there before: of another size, or of other moments.
+// Intermediate results refer to the replaced frames: a new file may differ in size or only in content.
 TEST_F(SessionFiles, ACaptureThatChangesMeanwhileIsSaid) {
   const auto pan = [this](const std::string& name, Geometry size, int frames) {
     const auto fill = [size](int k, std::vector<std::uint16_t>& plane) {
@@ -130,7 +130,7 @@ TEST_F(SessionFiles, AnEffectToWithholdMustBeKnown) {
   expect_refused(diagnose({shutter("a.h5")}, {.withheld = {"tau_globl"}}, go_on), {"tau_globl"});
 }
 
-// The chopper of the file never ran: one warning, and no effect of the camera.
+// The file claims a chopper that never ran: one warning, and no effect of the camera.
 TEST_F(SessionFiles, AStimulusThatDoesNotMatchItsCapture) {
   Recording wrong = record(noisy_camera(3), capture::Uniform{300.0}, 240);
   wrong.stimulus = testing::odd_chopper();
@@ -140,7 +140,7 @@ TEST_F(SessionFiles, AStimulusThatDoesNotMatchItsCapture) {
   EXPECT_EQ(testing::told(report), "no_gap:");
 }
 
-// A level error of 1 K is the bench's, not the camera's.
+// A level error of 1 K belongs to the bench, not to the camera.
 TEST_F(SessionFiles, ALevelThatIsOff) {
   sim::StimulusError error;
   error.level_k = 0.8;
@@ -150,7 +150,7 @@ TEST_F(SessionFiles, ALevelThatIsOff) {
   EXPECT_NEAR(report.stimulus.at("flat.h5").at("level_error_k"), 0.8, 0.02);
 }
 
-// Not one beyond its last: the first column is 1 K colder.
+// The middle one, not one beyond the last; the first column is 1 K colder.
 TEST(DrawnPixel, OfAFrameOfOneRowIsItsMiddleOne) {
   const Scratch scratch;
   std::mt19937 random(1);

@@ -1,4 +1,4 @@
-// A camera's profile.
+// A camera profile (TOML).
 #include "src/model/camera_profile.hpp"
 #include "tests/fuzz/input.hpp"
 

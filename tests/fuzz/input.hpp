@@ -1,4 +1,4 @@
-// Decodes the bytes that a fuzz target is given.
+// Decodes the input bytes of a fuzz target.
 #pragma once
 
 #include <sys/mman.h>
@@ -15,12 +15,12 @@
 
 #include "src/core/unique_fd.hpp"
 
-// libFuzzer calls it for every input, run_corpus.cpp for the kept ones.
+// Called by libFuzzer for every input, by run_corpus.cpp for the corpus.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t bytes);
 
 namespace bolo::fuzz {
 
-// Values from the front of the bytes; zeros when they are used up.
+// Takes values from the front of the bytes; zeros once they are used up.
 class Input {
  public:
   Input(const std::uint8_t* data, std::size_t bytes) : rest_(data, bytes) {}
@@ -48,7 +48,7 @@ class Input {
   std::span<const std::uint8_t> rest_;
 };
 
-// The bytes as a file, in memory, for readers that want a name.
+// The bytes as a file in memory, for readers that need a path.
 class InputFile {
  public:
   explicit InputFile(std::span<const std::uint8_t> bytes) : file_(memfd_create("input", MFD_CLOEXEC)) {

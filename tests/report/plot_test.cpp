@@ -35,7 +35,7 @@ Plot latency() {
   return plot;
 }
 
-// Over names.
+// A bar plot over names.
 Plot named(bool sideways) {
   Plot plot{.title = "Errors",
             .x = {.categories = {"dead_pixels", "offset_jump", "a name that is rather long"}},
@@ -119,7 +119,7 @@ TEST(Plot, ManyPointsOnAColumnOfPixelsKeepTheirExtremes) {
   plot.y = {.low = 0.0, .high = 50.0};
   const std::string svg = to_svg({{plot}});
   EXPECT_LT(svg.size(), 60000U);
-  EXPECT_NE(svg.find(" 0.0L"), std::string::npos);  // the one at the top
+  EXPECT_NE(svg.find(" 0.0L"), std::string::npos);  // the top edge
 }
 
 TEST(Plot, AreasBelowOneAnotherAreAligned) {
@@ -142,7 +142,7 @@ TEST(Plot, WithoutDataThereIsNothingToDraw) {
   EXPECT_FALSE(has_content(plot));
   EXPECT_FALSE(elements_of(to_svg({{plot}})).empty());
   EXPECT_FALSE(elements_of(to_svg(Rows())).empty());
-  plot.plane = {.width = 3, .height = 3, .values = {1.0F}};  // not as many as it says
+  plot.plane = {.width = 3, .height = 3, .values = {1.0F}};  // fewer than its size
   EXPECT_FALSE(has_content(plot));
   EXPECT_TRUE(has_content(plane()));
 }
@@ -167,11 +167,11 @@ TEST(Sheet, IsWrittenAsItsNameSays) {
   EXPECT_EQ(figures, 3U);
   expect_parts(html, {"seed 7", "prefers-color-scheme:dark"});
   expect_none(html, {"<script", "<link", "url("});
-  // Columns of numbers stand to the right.
+  // Columns of numbers are right-aligned.
   expect_parts(html, {"<td>missing</td><td class=\"n\">12</td>", "<th>cause</th><th class=\"n\">frames</th>"});
 }
 
-// The picture as RGBA.
+// Decodes a PNG data address to RGBA.
 std::vector<unsigned char> decoded(const std::string& address, unsigned& width, unsigned& height) {
   constexpr std::string_view kHead = "data:image/png;base64,";
   EXPECT_TRUE(address.starts_with(kHead));
@@ -190,7 +190,7 @@ std::vector<unsigned char> decoded(const std::string& address, unsigned& width, 
 
 TEST(Plane, ShowsEachValueInItsColour) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  for (const int extra : {0, 1, 2}) {  // all three lengths that base64 may end with are likely to come up
+  for (const int extra : {0, 1, 2}) {  // likely to cover all three lengths of base64 padding
     Plane plane{.width = 3 + extra, .height = 2, .low = 0.0, .high = 5.0};
     for (int i = 0; i < plane.width * plane.height; ++i) plane.values.push_back(i == 1 ? nan : static_cast<float>(i));
     unsigned width = 0;

@@ -1,4 +1,4 @@
-// Shared parts of all verbs: the line of progress, on a terminal, and the end by a library's exception.
+// Shared parts of all verbs: progress line, terminal, exceptions from libraries.
 #include <fcntl.h>
 #include <pty.h>
 #include <sys/resource.h>
@@ -15,7 +15,7 @@ namespace bolo::tools::cli_test {
 
 int run_out_of_memory(int, char**) { throw std::bad_alloc(); }
 int fail(int, char**) { throw std::runtime_error("no\nthread"); }
-// Under a limit that leaves no memory at all, calls go deep.
+// Deep recursion under a limit that leaves no memory.
 int go_deep(int, char**) {
   constexpr std::size_t kDeep = 900'000;
   rlim_t pages = 0;
@@ -28,7 +28,7 @@ int go_deep(int, char**) {
 }
 constexpr std::array<Verb, 3> kVerbs{{{"hunger", "", run_out_of_memory}, {"fail", "", fail}, {"deep", "", go_deep}}};
 
-// The line of error; exit code 1 is expected.
+// Error line of a verb that ends with exit code 1.
 std::string ended(std::string verb) {
   std::string program = "bolo";
   std::array<char*, 2> words{program.data(), verb.data()};
@@ -51,7 +51,7 @@ TEST(Dispatch, TheStackHasItsMemoryBeforeALimitIsReached) {
   EXPECT_EQ(in_child([&] { return dispatch({"bolo", ""}, kVerbs, 2, words.data()); }), 0);
 }
 
-// Exit code and output of parsing words behind a verb's name; no code: they are good.
+// Exit code and output of parsing the words behind a verb; no code: they are valid.
 struct Parsed {
   std::optional<int> code;
   std::string output;
@@ -100,7 +100,7 @@ TEST(Parse, AFlagThatIsToldFalseIsRefused) {
   EXPECT_EQ(outcome.output, "bolo verb: --overwrite takes no value; leave it out instead\n");
 }
 
-// Stands for stderr while it lives.
+// Replaces stderr during its lifetime.
 class Terminal {
  public:
   Terminal() : stderr_(::dup(STDERR_FILENO)), terminal_(::posix_openpt(O_RDWR | O_NOCTTY)) {
@@ -134,7 +134,7 @@ TEST(Progress, DoesNotWaitForATerminalThatTakesNothing) {
     int slave = -1;
     if (openpty(&master, &slave, nullptr, nullptr, nullptr) != 0) return 1;
     dup2(slave, STDERR_FILENO);
-    tcflow(slave, TCOOFF);  // as by Ctrl-S
+    tcflow(slave, TCOOFF);  // like Ctrl-S
     alarm(30);
     Progress progress("recording", 0);
     for (int i = 0; i < 3; ++i) {

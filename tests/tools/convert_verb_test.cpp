@@ -1,5 +1,5 @@
-// `bolo convert` as its user meets it. Radiometric stills are put together here by the structure that exiftool
-// documents for FLIR's APP1 segments, and exiftool itself reads them.
+// `bolo convert` from the command line. Radiometric stills are built by the structure that exiftool documents for
+// FLIR's APP1 segments, and are read by exiftool itself.
 #include <sys/resource.h>
 #include <sys/stat.h>
 
@@ -82,7 +82,7 @@ TEST_F(ConvertVerb, ANameWithACommaIsOneFile) {
 
 TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
   write_capture("a.h5", 5);
-  fs::copy(file("a.h5"), file("a.mat"));  // what such a file holds is tests/capture/capture_variants_test.cpp's
+  fs::copy(file("a.h5"), file("a.mat"));  // contents of .mat files: capture_variants_test.cpp
   done(words("@a.mat -o @b.h5"));
   const capture::CaptureReader a = open("a.h5");
   const capture::CaptureReader b = expect_values("b.h5", 5);
@@ -99,7 +99,7 @@ TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
   EXPECT_EQ(one.events().size(), 0U);
 }
 
-// The limit on file size stands for the end of the disk. The program inherits it from this process.
+// The file size limit stands in for a full disk; the program inherits it.
 TEST_F(ConvertVerb, AFullDiskLeavesNothingOfACapture) {
   write_capture("a.h5", 3000);
   rlimit before{};
@@ -126,7 +126,7 @@ TEST_F(ConvertVerb, PreviewsOfARangeHaveTheSameGreysInEveryFrame) {
   refused(words("@a.h5 -o @q.png --range 290,300"), "add --preview");
 }
 
-// Each page leads to the next only: to look for each from the first one took minutes.
+// Each page links only to the next one: searching each from the first took minutes.
 TEST_F(ConvertVerb, AFilmOfThousandsOfPagesIsGoneThroughOnce) {
   constexpr std::size_t kPages = 6000;
   const std::vector<std::uint16_t> plane(64, 30000);
@@ -142,7 +142,7 @@ TEST_F(ConvertVerb, AFilmOfThousandsOfPagesIsGoneThroughOnce) {
   EXPECT_FALSE(fs::exists(file("half.h5")));
 }
 
-// A pipe would be waited for.
+// Opening a pipe would block.
 TEST_F(ConvertVerb, RefusesWhatIsNoFile) {
   for (const char* name : {"p.png", "p.tiff", "p.jpg", "p.cptv", "p.mcap", "p.h5"}) {
     ASSERT_EQ(mkfifo(file(name).c_str(), 0600), 0);
@@ -166,7 +166,7 @@ TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
   const auto pages = must(count_tiff_pages(file("a.tiff")));
   EXPECT_EQ(*pages, 4U);
   auto book = must(TiffReader::open(file("a.tiff")));
-  for (const std::size_t i : {0U, 2U, 1U, 1U}) {  // there and back
+  for (const std::size_t i : {0U, 2U, 1U, 1U}) {  // back and forth
     const auto page = must(book->read(i));
     for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(page->f32[p], 0.01 * value_at(i, p), 1e-4) << i;
   }
@@ -175,7 +175,7 @@ TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
   const capture::CaptureReader reader = open("b.h5");
   EXPECT_EQ(reader.info().frames, 4U);
   EXPECT_EQ(reader.info().format.type, PixelType::kFloat32);
-  // And pictures from floating point, by the scale that is asked for.
+  // Pictures from floating point, with the given scale.
   done(words("@a.tiff -o @p.png --scale 0.01 --offset 0"));
   const auto picture = must(read_png_picture(file("p_000002.png")));
   for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(picture->u16[p], value_at(2, p), 1);
@@ -235,12 +235,12 @@ TEST_F(ConvertVerb, WrongUsageIsOneLine) {
   refused({write("bad.jpg", "no JPEG"), "-o", file("b.h5")}, "bad.jpg: is no JPEG");
   fs::resize_file(write("huge.jpg", "\xff\xd8\xff"), std::uintmax_t{1} << 40U);
   refused({file("huge.jpg"), "-o", file("b.h5")}, "huge.jpg: is larger than a still can be");
-  refused(words("@a.png -o @a.mcap --rate 1e-7"), "--rate must be");  // no reader takes such a period
+  refused(words("@a.png -o @a.mcap --rate 1e-7"), "--rate must be");  // too long for any reader
 }
 
 // --- radiometric stills ---
 
-// So many bytes of a number, little-endian or `big`.
+// Writes a number of `bytes` bytes, little-endian or `big`.
 void put(std::string& out, std::size_t at, std::size_t bytes, std::uint32_t v, bool big = false) {
   for (std::size_t i = 0; i < bytes; ++i) out[at + i] = static_cast<char>(v >> (8 * (big ? bytes - 1 - i : i)));
 }
@@ -273,7 +273,7 @@ std::string camera_info(const FlirConstants& c) {
   return out;
 }
 
-// Record 1, little-endian: a head of 32 bytes, then the PNG or the values.
+// Record 1, little-endian: a header of 32 bytes, then the PNG or the values.
 std::string raw_data(const std::string& image) {
   std::string out(0x20, '\0');
   put(out, 0, 2, 2);
@@ -282,7 +282,7 @@ std::string raw_data(const std::string& image) {
   return out + image;
 }
 
-// The FFF block: a big-endian head and directory, then the records.
+// FFF block: a big-endian header and directory, then the records.
 std::string fff(const std::string& raw, const std::string& info) {
   constexpr std::size_t kHead = 0x40;
   constexpr std::size_t kEntry = 0x20;
@@ -303,7 +303,7 @@ std::string fff(const std::string& raw, const std::string& info) {
   return out + raw + info;
 }
 
-// A JPEG of nothing but the segments: start, FLIR's APP1 in one part, end.
+// A JPEG of segments only: start, FLIR's APP1 in one part, end.
 std::string jpeg(const std::string& block) {
   std::string out = "\xFF\xD8\xFF\xE1";
   out += std::string("\0\0FLIR\0\x01\0\0", 10);
@@ -311,7 +311,7 @@ std::string jpeg(const std::string& block) {
   return out + block + "\xFF\xD9";
 }
 
-// The formula of flir_still.hpp, as it stands there.
+// The formula of flir_still.hpp.
 double flir_raw(double kelvin, const FlirConstants& c) {
   const auto radiation = [&c](double k) {
     return c.planck_r1 / (c.planck_r2 * (std::exp(c.planck_b / k) - c.planck_f)) - c.planck_o;
@@ -326,7 +326,7 @@ double flir_raw(double kelvin, const FlirConstants& c) {
 
 double scene_k(std::size_t pixel) { return 290.0 + 0.05 * static_cast<double>(pixel % kWidth); }
 
-// The raw image as a PNG, as one with its bytes swapped, and as mere values: cameras of each kind are about.
+// Raw images as PNG, as byte-swapped PNG, and as plain values: all three occur in cameras.
 TEST_F(ConvertVerb, RadiometricStillsBecomeKelvin) {
   if (!output_of({"exiftool", "-ver"}, "libimage-exiftool-perl")) GTEST_SKIP() << "exiftool is not installed";
   std::vector<std::uint16_t> raw;
@@ -351,7 +351,7 @@ TEST_F(ConvertVerb, RadiometricStillsBecomeKelvin) {
   }
 }
 
-// A single pixel without a temperature is none of the still.
+// One pixel without a temperature makes the still invalid.
 TEST_F(ConvertVerb, AStillWhoseConstantsMakeNoTemperaturesIsRefused) {
   if (!output_of({"exiftool", "-ver"}, "libimage-exiftool-perl")) GTEST_SKIP() << "exiftool is not installed";
   std::vector<std::uint16_t> raw(kPixels, static_cast<std::uint16_t>(std::lround(flir_raw(300.0, kConstants))));
@@ -374,7 +374,7 @@ TEST_F(ConvertVerb, AStillWhoseConstantsMakeNoTemperaturesIsRefused) {
   EXPECT_NEAR(plane[4], 300.0, 0.02);
 }
 
-// By hand: with everything transparent and black it is Planck's formula alone.
+// By hand: with everything transparent and black only Planck's formula remains.
 TEST(FlirKelvin, AgreesWithTheFormulaWithoutSurroundings) {
   FlirConstants c = kConstants;
   c.emissivity = 1.0;
@@ -386,7 +386,7 @@ TEST(FlirKelvin, AgreesWithTheFormulaWithoutSurroundings) {
   EXPECT_NEAR(atmosphere_transmission(c), 1.0, 1e-12);
 }
 
-// A black body as warm as all that surrounds it looks the same through anything.
+// A black body at the temperature of all its surroundings looks the same through anything.
 TEST(FlirKelvin, SurroundingsOfTheSameTemperatureDoNotShow) {
   FlirConstants c = kConstants;
   c.reflected_k = c.atmosphere_k = c.window_k = 300.0;

@@ -1,4 +1,4 @@
-// `bolo deblur` of many captures: what is done is not done again, and processes share what is not.
+// `bolo deblur` of many captures: finished ones are skipped, and processes share the rest.
 #include <fcntl.h>
 #include <sys/stat.h>
 
@@ -8,7 +8,7 @@
 #include "tools/deblur/request.hpp"
 
 namespace {
-int g_looks_until_error = -1;  // of stat; < 0: none comes
+int g_looks_until_error = -1;  // calls of stat before it fails; < 0: never fails
 }  // namespace
 
 extern "C" int stat(const char* path, struct stat* about) {
@@ -24,7 +24,7 @@ using nlohmann::json;
 using namespace test;
 using Variables = std::map<std::string, std::string>;
 
-// --- which share ---
+// --- shares of several processes ---
 
 auto lookup(const Variables& variables) {
   return [&variables](const char* name) -> const char* {
@@ -123,7 +123,7 @@ class DeblurFolder : public ProgramTest {
     return read_deblur_request(deblur_command_line().parse(static_cast<int>(arguments.size()), arguments.data()));
   }
 
-  // Seconds enough for any file system's clock.
+  // Longer than the resolution of any file system's clock.
   void make_older(const std::string& name) const {
     fs::last_write_time(file(name), fs::last_write_time(file(name)) - std::chrono::seconds(10));
   }
@@ -147,7 +147,7 @@ TEST_F(DeblurFolder, BecomesAFolderOfTheSameFrames) {
 TEST_F(DeblurFolder, WhatIsDoneIsNotDoneAgain) {
   EXPECT_EQ(did(archive()), "abc");
   const auto written = fs::last_write_time(file("sharp/a.h5"));
-  // A kill's remains beside a finished capture are removed, but not those of one in work.
+  // Leftovers of a killed run beside a finished capture are removed, but not those of a run in progress.
   write("sharp/a.h5.part.journal", "left");
   write("sharp/b.h5.part.journal", "of one that works on it");
   write("sharp/b.h5.part", "now");
@@ -183,7 +183,7 @@ TEST_F(DeblurFolder, OtherSettingsMakeItAgain) {
   }
   write("points.csv", "3,2\n");
   EXPECT_EQ(did(archive("--points @points.csv")), "abc") << "the same file's other points";
-  // Without --overwrite what was made otherwise stays.
+  // Without --overwrite outputs of other settings are kept.
   const auto before = contents(file("sharp/a.h5"));
   ended(2, words("@archive -o @sharp --lambda 0.5"), {"--overwrite"});
   EXPECT_TRUE(contents(file("sharp/a.h5")) == before);
@@ -200,7 +200,7 @@ TEST_F(DeblurFolder, AProfileThatChangesMeanwhileIsNotTakenForTheOneThatWasRead)
   EXPECT_NE(*must(made_from(*must(request_now()), *input)), before);
 }
 
-// One that a network's file system does not answer for is not passed over.
+// A capture that stat fails on, as on a network file system, must not be skipped.
 TEST_F(DeblurFolder, IsWholeOrRefused) {
   fs::create_symlink("a.h5", file("archive/d.h5"));
   bool erred = true;
@@ -219,7 +219,7 @@ TEST_F(DeblurFolder, AnotherInputMakesItAgain) {
   Blurred longer = capture('a');
   longer.frames += 1;
   write_blurred(file("archive/a.h5"), longer);
-  make_older("archive/a.h5");  // as a copy that keeps its time would be
+  make_older("archive/a.h5");  // like a copy with the old time stamp
   EXPECT_EQ(did(archive()), "a");
   for (const char* name : {"a", "b", "c"}) make_older("sharp/" + std::string(name) + ".h5");
   make_older("archive/a.h5");
@@ -284,7 +284,7 @@ TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
   EXPECT_FALSE(fs::exists(file("sharp/b.h5.part")));
 }
 
-// Unless others share it: one of them may be about to write there.
+// Shared folders stay: another process may be about to write there.
 TEST_F(DeblurFolder, WhereNothingIsMadeNoFolderStays) {
   ended(2, words("@archive/no.h5 @archive/none.h5 -o @new/sharp"), {"no.h5"});
   EXPECT_FALSE(fs::exists(file("new")));
@@ -293,7 +293,7 @@ TEST_F(DeblurFolder, WhereNothingIsMadeNoFolderStays) {
 }
 
 TEST_F(DeblurFolder, ANameThatIsNotUtf8IsANameLikeAnyOther) {
-  fs::create_symlink("round.h5", file("archive/round.h5"));  // leads nowhere: no capture
+  fs::create_symlink("round.h5", file("archive/round.h5"));  // dangling link: no capture
   const std::string name = "archive/d\xff\xfe.h5";
   write_blurred(file(name), capture('d'));
   const json summary = archive();
@@ -304,7 +304,7 @@ TEST_F(DeblurFolder, ANameThatIsNotUtf8IsANameLikeAnyOther) {
   EXPECT_TRUE(fs::exists(file("\xff.h5")));
 }
 
-// A folder goes on without it, and without anybody's having asked for an unfinished recording of the same name to go.
+// The folder's other captures are still processed; an unfinished recording is not deleted without being asked.
 TEST_F(DeblurFolder, ARecordingThatWasCutOffIsNotBegunAgain) {
   fs::create_directory(file("sharp"));
   const std::string part = file("sharp/b.h5.part");
@@ -330,7 +330,7 @@ TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
                                       {"@archive/a.h5 -o @out.h5 --shard 2", "--shard '2'"},
                                       {"@archive/a.h5 -o @out.h5 --shard 3/2", "--shard '3/2'"},
                                       {"@archive/a.h5 @none.h5 -o @sharp", "none.h5"}}) {
-    const Outcome outcome = run(words(line));  // which may tell of captures before the wrong one
+    const Outcome outcome = run(words(line));  // may first report captures before the faulty one
     EXPECT_EQ(outcome.exit_code, 2) << line;
     expect_parts(outcome.err, {message});
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
@@ -338,7 +338,7 @@ TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
   }
 }
 
-// --- what changes meanwhile ---
+// --- changes during a run ---
 
 TEST(CaptureRun, RefusesACaptureThatAnotherProgramReplacedMeanwhile) {
   const Scratch scratch;
@@ -352,7 +352,7 @@ TEST(CaptureRun, RefusesACaptureThatAnotherProgramReplacedMeanwhile) {
                    {"in.h5", "replaced by another program"});
     EXPECT_FALSE(fs::exists(scratch / "out.h5"));
   }
-  write_blurred(file, {});  // the same again
+  write_blurred(file, {});  // same content again
   const fs::path part = scratch / "out.h5.part";
   const auto replace_part = [&](std::uint64_t, bool) {
     if (fs::exists(scratch / "moved.h5")) return;

@@ -1,4 +1,4 @@
-// `bolo deblur` as its user meets it: the program itself, its files, messages and exit codes.
+// The program `bolo deblur`: files, messages and exit codes.
 #include "tests/tools/deblur_verb.hpp"
 #include "src/capture/pixel_maps_io.hpp"
 
@@ -32,7 +32,7 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
   EXPECT_LT(rmse("deblurred_k"), 0.1 * rmse("blurred_k"));
 }
 
-// A camera that is read faster than it takes pictures: its frames are those that repeat none.
+// A camera that is read faster than it takes pictures: repeated frames are removed.
 TEST_F(DeblurVerb, FramesThatRepeatAreDroppedAsIfTheyHadNeverBeenRead) {
   write("drop.toml", "[firmware]\ndrop_repeated = true\n");
   const auto once = deblurred("--profile @drop.toml");
@@ -49,7 +49,7 @@ TEST_F(DeblurVerb, FramesThatRepeatAreDroppedAsIfTheyHadNeverBeenRead) {
   }
 }
 
-// A gyro whose times are others' changes no bit; one whose times are the frames' is used, and said so.
+// A gyro with foreign times changes no bit; one with the frames' times is used and reported.
 TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
   write_blurred(file("in.h5"), {.height = kWidth});
   write("lens.toml", "[lens]\nfocal_px = 1400\n");
@@ -69,7 +69,7 @@ TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
   (void)with_gyro_from(99.95, "told.h5");
   const auto gyro = report()["gyro"];
   EXPECT_EQ(gyro["silent"], 0);
-  EXPECT_GT(gyro["used"].get<int>() + gyro["ignored"].get<int>(), 30);  // the bar jumps, which no even turn explains
+  EXPECT_GT(gyro["used"].get<int>() + gyro["ignored"].get<int>(), 30);  // the bar jumps, unlike any steady turn
 }
 
 TEST_F(DeblurVerb, TheRmseIsThatOfTheFilesAndTheTruthIsCopied) {
@@ -131,8 +131,8 @@ TEST_F(DeblurVerb, LambdaMayBeAutomaticAndNoiseGiven) {
 TEST_F(DeblurVerb, AnInstructionSetCanBeChosen) {
   const Outcome refused = run(words("@in.h5 -o @out.h5 --isa none"));
   ASSERT_EQ(refused.exit_code, 2);
-  std::string slowest = refused.err.substr(refused.err.rfind(' ') + 1);  // the last of those it offers
-  slowest.pop_back();                                                    // the line's end
+  std::string slowest = refused.err.substr(refused.err.rfind(' ') + 1);  // the last rate offered
+  slowest.pop_back();                                                    // line end
   (void)deblurred("--isa " + slowest);
   EXPECT_EQ(report()["settings"]["isa"], slowest);
 }
@@ -234,7 +234,7 @@ TEST_F(DeblurVerb, AnOutputThatIsMadeMeanwhileCostsNothing) {
   EXPECT_EQ(must(capture::CaptureReader::open(file("out.h5.part")))->info().frames, 44U);
 }
 
-// One frame takes this solver seconds, and 64 wait for it: neither is waited for.
+// One frame takes this solver seconds, and 64 are queued: interruption waits for neither.
 TEST_F(DeblurVerb, AnInterruptionIsHeardInTheMiddleOfAFrame) {
   write_blurred(file("in.h5"), {.truth = false, .frames = 100, .width = 1024, .height = 768});
   Program program = start(words("@in.h5 -o @out.h5 --solver exact --levels 7 --lambda 0.001 --threads 1"));
@@ -248,7 +248,7 @@ TEST_F(DeblurVerb, AnInterruptionIsHeardInTheMiddleOfAFrame) {
   EXPECT_LT(took.count(), 5.0) << "1 s is promised; a busy machine takes longer, all frames far longer";
 }
 
-// --- What `bolo deblur` refuses, and in which words.
+// --- Refusals of `bolo deblur` and their messages.
 
 struct Refusal {
   std::string words;  // "@NAME": the file of that name
@@ -312,7 +312,7 @@ TEST_F(DeblurVerb, RefusesInOneLineWithExitCode2AndNoOutput) {
                                                {100.0 + 20 * kPeriod, "nuc"},
                                                {100.0 + 35 * kPeriod, "nuc"},
                                                {100.0 + 50 * kPeriod, "reconnect"}}});
-  write_blurred(file("slow.h5"), {.period_s = 114.0});  // milliseconds taken for seconds
+  write_blurred(file("slow.h5"), {.period_s = 114.0});  // milliseconds taken as seconds
   floats.odd = {25, std::numeric_limits<float>::quiet_NaN()};
   write_blurred(file("nan.h5"), floats);
   floats.odd = {25, 3e38F};

@@ -1,4 +1,4 @@
-// bolo doctor through its executable, on the machine that it runs on.
+// The program bolo doctor on the machine it runs on.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

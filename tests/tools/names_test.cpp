@@ -1,4 +1,4 @@
-// Names and texts of any bytes, as file systems and strangers' captures have them.
+// Names and texts of arbitrary bytes, as from file systems and foreign captures.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"
@@ -10,7 +10,7 @@ class Names : public ProgramTest {
  protected:
   Names() : ProgramTest({BOLO_PROGRAM}) {}
 
-  // Two frames.
+  // Writes a capture of two frames with this note.
   std::string capture(const std::string& note) const {
     SmallCapture capture(file("in.h5"), small_info({2, 1}));
     EXPECT_TRUE(capture->write_attribute("note", note));
@@ -32,7 +32,7 @@ TEST_F(Names, JsonIsWrittenWithThem) {
 
 TEST_F(Names, InfoShowsAttributesOfAnyBytes) { expect_parts(printed({"info", capture("x\xff")}), {"note \"x"}); }
 
-// Nor does HDF5 at the program's end, of what it could not close: each byte of the first object is damaged once.
+// HDF5 must not print errors at exit about objects that it could not close: each byte of the first object is damaged.
 TEST_F(Names, OfADamagedCaptureThereIsOneLine) {
   const std::string good = contents(capture(""));
   for (std::size_t at = 96; at < 128; ++at) {

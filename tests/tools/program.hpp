@@ -1,4 +1,4 @@
-// Programs under test: started, watched, signalled, waited for; and the tests that run them.
+// Programs under test: start, watch, signal, wait; and the base class of their tests.
 #pragma once
 
 #include <fcntl.h>
@@ -16,7 +16,7 @@ inline std::string contents(const std::filesystem::path& file) {
   return text.str();
 }
 
-// A loopback address that no other test has: all 22 bits of the process id are in it (as own_address() of programs.py).
+// A loopback address of this process alone: it contains all 22 bits of the process id (as in programs.py).
 inline std::string own_address() {
   const int pid = getpid();
   return "127." + std::to_string(64 + pid / 65024) + "." + std::to_string(pid / 254 % 256) + "." +
@@ -24,12 +24,12 @@ inline std::string own_address() {
 }
 
 struct Outcome {
-  int exit_code = -1;  // or 128 + the signal that ended it
+  int exit_code = -1;  // or 128 + signal number
   std::string out;
   std::string err;
 };
 
-// Killed in the end, if it still runs.
+// Killed on destruction if still running.
 class Program {
  public:
   // Starts words[0]; standard output and error go to LOG.out and LOG.err.
@@ -41,7 +41,7 @@ class Program {
     const std::string err = log_ + ".err";
     pid_ = fork();
     if (pid_ != 0) return;
-    redirect(STDIN_FILENO, "/dev/null", O_RDONLY);  // the child allocates nothing: this program may have threads
+    redirect(STDIN_FILENO, "/dev/null", O_RDONLY);  // the child must not allocate: this program may have threads
     redirect(STDOUT_FILENO, out.c_str(), O_WRONLY | O_CREAT | O_TRUNC);
     redirect(STDERR_FILENO, err.c_str(), O_WRONLY | O_CREAT | O_TRUNC);
     execv(argv[0], argv.data());
@@ -58,14 +58,14 @@ class Program {
 
   std::uint32_t pid() const { return static_cast<std::uint32_t>(pid_); }
   void signal(int number) const { kill(pid_, number); }
-  // SIGSTOP, until all its threads stand still: on a busy machine that takes a while.
+  // Sends SIGSTOP and waits until all threads have stopped, which takes a while on a busy machine.
   bool stop() const {
     int status = 0;
     signal(SIGSTOP);
     return waitpid(pid_, &status, WUNTRACED) == pid_ && WIFSTOPPED(status);
   }
 
-  // The exit code, or 128 + the signal that ended it.
+  // Exit code, or 128 + signal number.
   int wait() {
     int status = 0;
     if (running_ && waitpid(pid_, &status, 0) == pid_) {
@@ -77,7 +77,7 @@ class Program {
   std::string out() const { return contents(log_ + ".out"); }
   std::string err() const { return contents(log_ + ".err"); }
 
-  // Waits for its end.
+  // Waits for the exit code and output.
   Outcome outcome() {
     const int code = wait();
     return {code, out(), err()};
@@ -96,18 +96,18 @@ class Program {
   int code_ = -1;
 };
 
-// Waits for words on its standard error: a daemon's log is written by a thread of its own, behind what it tells of.
+// Waits for words on standard error. A daemon writes its log in a separate thread, after the event.
 inline bool logged(const Program& program, const std::string& words) {
   return eventually([&] { return program.err().find(words) != std::string::npos; });
 }
 
-// Ends it by SIGTERM, in good order.
+// Ends the program by SIGTERM and expects exit code 0.
 inline void expect_good_end(Program& program) {
   program.signal(SIGTERM);
   EXPECT_EQ(program.wait(), 0) << program.err();
 }
 
-// A test of a program, in a folder of its own. `words`: what each command begins with, the program first.
+// Base of program tests, each in its own folder. `words`: the start of every command, program first.
 class ProgramTest : public ::testing::Test {
  protected:
   explicit ProgramTest(std::vector<std::string> words) : words_(std::move(words)) {}
@@ -119,11 +119,11 @@ class ProgramTest : public ::testing::Test {
   }
   Outcome run(const std::vector<std::string>& more) const { return start(more).outcome(); }
 
-  // Its standard output; expects success.
+  // Standard output; expects success.
   std::string printed(const std::vector<std::string>& more) const { return ended(0, more); }
-  // The same of one that prints nothing of interest.
+  // Expects success, ignores the output.
   void done(const std::vector<std::string>& more) const { ended(0, more); }
-  // Expects this exit code, and these parts in what is said on standard error. Its standard output.
+  // Expects this exit code and these parts on standard error. Returns standard output.
   std::string ended(int exit_code, const std::vector<std::string>& more,
                     std::initializer_list<std::string> parts = {}) const {
     const Outcome outcome = run(more);
@@ -131,7 +131,7 @@ class ProgramTest : public ::testing::Test {
     expect_parts(outcome.err, parts);
     return outcome.out;
   }
-  // Expects the exit code 2 and one line of error that says `part`.
+  // Expects exit code 2 and one line of error that contains `part`.
   void refused(const std::vector<std::string>& more, const std::string& part = "") const {
     const Outcome outcome = run(more);
     const std::string last = more.empty() ? "nothing" : more.back();
@@ -141,13 +141,13 @@ class ProgramTest : public ::testing::Test {
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << last << ": " << outcome.err;
   }
 
-  // Each of these lines of words, behind the `usual` ones.
+  // Expects that each of these lines, appended to `usual`, is refused.
   template <typename... Lines>
   void refused_each(const std::string& usual, const Lines&... lines) const {
     (refused(words(usual + ' ' + lines)), ...);
   }
 
-  // Words apart by blanks; "@NAME" is the file of that name in the test's folder.
+  // Splits a line at blanks; "@NAME" becomes that file's path in the test's folder.
   std::vector<std::string> words(const std::string& line) const {
     std::vector<std::string> all;
     std::istringstream in(line);

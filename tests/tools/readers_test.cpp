@@ -4,10 +4,10 @@
 
 namespace bolo::tools::readers_test {
 
-// Ratios to the same writer without readers, in the same rounds, for other programs compete for the processors. A
-// writer that waited for a frozen reader would be later by a hundred times, one that waited for each by ten.
+// Relative to the same writer without readers in the same rounds, as other programs compete for the processors. Waiting
+// for a frozen reader would make the writer a hundred times later, waiting for each reader ten times.
 TEST(Readers, DoNotChangeRateOrLatency) {
-  constexpr double kRounds_s = 16.0;  // three or so
+  constexpr double kRounds_s = 16.0;  // about three rounds
   constexpr double kRateWithin = 0.01;
   constexpr double kMostLatency = 4.0;
   const auto report = must(bench_readers(kRounds_s, 10));

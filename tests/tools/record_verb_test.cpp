@@ -1,4 +1,4 @@
-// `bolo record` and `bolo recover` as their users meet them; the daemon is a writer of shared memory fed by the test.
+// The programs `bolo record` and `bolo recover`; the daemon is a shared-memory writer driven by the test.
 #include <sys/resource.h>
 
 #include <regex>
@@ -18,7 +18,7 @@ bool exists(const std::string& file) { return fs::exists(file); }
 
 capture::CaptureReader opened(const std::string& file) { return *must(capture::CaptureReader::open(file)); }
 
-// Every frame is as it was published.
+// Every frame equals the published one.
 void expect_published(const capture::CaptureReader& reader, std::size_t plane_index = 0) {
   std::vector<std::uint16_t> plane(reader.info().format.geometry.pixels());
   for (std::size_t i = 0; i < reader.info().frames; ++i) {
@@ -29,7 +29,7 @@ void expect_published(const capture::CaptureReader& reader, std::size_t plane_in
   }
 }
 
-// A capture of this many frames, as they were published.
+// Expects a capture of this many frames, equal to the published ones.
 void expect_recorded(const std::string& file, std::size_t frames, std::size_t plane_index = 0) {
   const capture::CaptureReader reader = opened(file);
   EXPECT_EQ(reader.info().frames, frames) << file;
@@ -40,17 +40,17 @@ class RecordVerb : public ProgramTest {
  protected:
   RecordVerb() : ProgramTest({BOLO_PROGRAM}) {}
 
-  // Records this test's writer into a.h5.
+  // Starts a recording of this test's writer into a.h5.
   Program record(const std::vector<std::string>& more) const {
     std::vector<std::string> words{"record", name_, "-o", file("a.h5"), "--json"};
     words.insert(words.end(), more.begin(), more.end());
     return start(words);
   }
-  // Publishes until the recording has begun, and `frames` more.
+  // Publishes until the recording has begun, then `frames` more.
   void publish_into_it(int frames) {
     writer_.publish_until([&] { return exists(file("a.h5.part")) && --frames < 0; });
   }
-  // Publishes until `last` is whole; returns the recording's final report.
+  // Publishes until `last` is complete; returns the recording's final report.
   json end_of(Program& program, const std::string& last = "a.h5") {
     writer_.publish_until([&] { return exists(file(last)); });
     const Outcome outcome = program.outcome();
@@ -80,7 +80,7 @@ TEST_F(RecordVerb, SeveralCamerasGoIntoOneFolder) {
   refused({"record", name_ + "-l", name_ + "-r", "-o", file("rig.h5")}, "into a folder");
 }
 
-// One that is not there costs the other nothing, and is told.
+// A missing daemon does not affect the other recording, and is reported.
 TEST_F(RecordVerb, AnInterruptEndsAllInGoodOrder) {
   ASSERT_TRUE(writer_.open());
   Program program = start({"record", name_, name_ + "-none", "-o", file("rig")});
@@ -130,7 +130,7 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   for (const char* left : {".part", ".part.journal", ".part.live"}) EXPECT_FALSE(exists(file("a.h5") + left)) << left;
 }
 
-// Found once frames flow, of a camera whose settings say another rate than its clock.
+// The measured period differs from the configured one, and is known only once frames flow.
 TEST_F(RecordVerb, AnotherPeriodThatTheDaemonFindsIsInTheFile) {
   writer_.stats.period_s.set(0.005);
   ASSERT_TRUE(writer_.open());
@@ -141,7 +141,7 @@ TEST_F(RecordVerb, AnotherPeriodThatTheDaemonFindsIsInTheFile) {
   EXPECT_EQ(opened(file("a.h5")).info().format.frame_period_s, 0.0055);
 }
 
-// Somebody sets the clock in the middle of it, by an hour, and later back by more.
+// The clock is set during the recording, forward by an hour, and later back by more.
 TEST_F(RecordVerb, UtcIsRecordedAndAStepOfTheClockIsSaid) {
   ASSERT_TRUE(writer_.open());
   constexpr std::int64_t kHour = 3'600'000'000'000;
@@ -176,7 +176,7 @@ TEST_F(RecordVerb, UtcIsRecordedAndAStepOfTheClockIsSaid) {
                {"  utc        2025-11-23T19:31:02.000Z to 2025-11-23T18:31:02.000Z, within 0.0015 s\n"});
 }
 
-// A hundredth of a minute are 120 frames of 5 ms.
+// A hundredth of a minute is 120 frames of 5 ms.
 TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
   writer_.format.motion = true;
   ASSERT_TRUE(writer_.open());
@@ -198,7 +198,7 @@ TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
   }
 }
 
-// Recordings of earlier drives, whole and cut off, and links of others: their numbers are skipped, no frame is lost.
+// Recordings of earlier drives, complete and cut off, and foreign links: their numbers are skipped, no frame is lost.
 TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
   ASSERT_TRUE(writer_.open());
   write("a_002.h5", "earlier");
@@ -224,12 +224,12 @@ TEST_F(RecordVerb, WaitsForADaemonThatIsNotThereYet) {
   EXPECT_EQ(program.wait(), 0);
 }
 
-// A daemon whose camera sends nothing: a recording with a time limit still ends.
+// Frames stop, but the daemon lives: a recording with a time limit still ends.
 TEST_F(RecordVerb, SecondsWithoutAFrameEnd) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--seconds", "0.3", "--wait", "0.2"});
   EXPECT_TRUE(eventually([&] {
-    writer_.sink.idle(writer_.stats);  // its signs of life
+    writer_.sink.idle(writer_.stats);  // heartbeat
     return program.err().find("runs, but no frame came from it; no file was finished") != std::string::npos;
   }));
   EXPECT_EQ(program.wait(), 1);
@@ -246,11 +246,11 @@ TEST_F(RecordVerb, OutputThatCannotBePrintedIsAFailure) {
 
 TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
   ASSERT_TRUE(writer_.open());
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {  // the last: the terminal is closed
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {  // the last: closed terminal
     SCOPED_TRACE(signal);
     Program program = record({});
     publish_into_it(50);
-    program.signal(SIGPIPE);  // who read its words has ended: the recording has not
+    program.signal(SIGPIPE);  // the reader of its output has ended, the recording goes on
     program.signal(signal);
     ASSERT_EQ(program.wait(), 0) << program.err();
     EXPECT_FALSE(exists(file("a.h5.part")));
@@ -264,17 +264,17 @@ TEST_F(RecordVerb, FollowsADaemonThatIsStartedAgain) {
   Program program = record({"--frames", "200"});
   publish_into_it(60);
   writer_.sink.close();
-  shm::Writer next(name_);  // numbers and times begin anew
+  shm::Writer next(name_);  // ids and times start again
   ASSERT_TRUE(next.open());
   next.publish_until([&] { return exists(file("a.h5")); });
   EXPECT_EQ(end_of(program)["reconnects"], 1);
-  const capture::CaptureReader reader = opened(file("a.h5"));  // refuses numbers and times that don't rise
+  const capture::CaptureReader reader = opened(file("a.h5"));  // open() refuses ids and times that do not rise
   EXPECT_EQ(reader.info().frames, 200U);
   ASSERT_EQ(reader.events().size(), 1U);
   EXPECT_EQ(reader.events()[0].kind, "reconnect");
 }
 
-// The camera begins its count anew, two seconds later: `bolo info` tells these frames from the file.
+// The camera's counter restarts two seconds later: `bolo info` reports the lost frames from the file.
 TEST_F(RecordVerb, FramesThatABreakOfTheCameraTookAreLost) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "200"});
@@ -285,8 +285,8 @@ TEST_F(RecordVerb, FramesThatABreakOfTheCameraTookAreLost) {
   EXPECT_EQ(end_of(program)["lost"]["before"], 198 + 399) << "every second number is one, too";
 }
 
-// A killed daemon's heartbeat looks alive for two seconds. Its successor's ring is shorter than that here, so that
-// frames would be overwritten if the recorder waited for it to grow old.
+// A killed daemon's heartbeat looks alive for two seconds. The successor's ring is shorter here: waiting for the
+// heartbeat to expire would overwrite frames.
 TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
   constexpr int kSlots = 256;  // 1.3 s
   const auto publish_at_its_rate = [](shm::Writer& writer, int frames) {
@@ -319,7 +319,7 @@ TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
   EXPECT_GT(report["frames"], 2 * kSlots);
 }
 
-// A ring that is turned over faster than it is read: what was overwritten is counted, and marked in the file.
+// The ring wraps faster than it is read: overwritten frames are counted and marked in the file.
 TEST_F(RecordVerb, OverwrittenFramesAreCounted) {
   ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "400"});
@@ -334,7 +334,7 @@ TEST_F(RecordVerb, OverwrittenFramesAreCounted) {
   EXPECT_EQ(reader.events()[0].kind, "gap");
 }
 
-// The limit on file size stands for the end of the disk. The program inherits it from this process.
+// The file size limit stands in for a full disk; the program inherits it.
 TEST_F(RecordVerb, FullDiskEndsInAGoodCapture) {
   writer_.format.source.format.geometry = {320, 240};
   ASSERT_TRUE(writer_.open());
@@ -384,7 +384,7 @@ TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
     EXPECT_EQ(early.exit_code, 1);
     expect_parts(early.err, {"another program has it open"});
   }
-  refused({"record", name_, "-o", file("a.h5")}, "bolo recover");  // an unfinished recording is not written over
+  refused({"record", name_, "-o", file("a.h5")}, "bolo recover");  // does not overwrite an unfinished recording
   std::ofstream(file("c.h5.part"));
   refused({"record", name_, "-o", file("c.h5")}, "c.h5.part: is there, and empty; remove it");  // nothing to recover
   EXPECT_EQ(json::parse(printed({"recover", part, "-o", file("b.h5"), "--json"}))["frames"], frames);
@@ -415,7 +415,7 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
   refused({"recover", file("absent.h5")}, "where to");
 }
 
-// A capture that was cut off: frames up to the cut are saved, the file stays as it is.
+// A truncated capture: frames before the cut are saved, the file itself stays unchanged.
 TEST_F(RecordVerb, ACutOffCaptureIsRecovered) {
   SmallCapture capture(file("a.h5"), small_info({64, 48}));
   for (std::uint64_t i = 0; i < 400; ++i) {

@@ -1,4 +1,4 @@
-// bolo simulate through its executable.
+// The program bolo simulate.
 #include <sys/resource.h>
 
 #include <nlohmann/json.hpp>
@@ -16,7 +16,7 @@ class SimulateVerb : public tools::test::ProgramTest {
  protected:
   SimulateVerb() : ProgramTest({BOLO_PROGRAM, "simulate"}) {}
 
-  // A small capture, written and opened again.
+  // Simulates a small capture and opens it.
   Result<capture::CaptureReader> simulated(const std::string& line, const std::string& name = "a.h5") const {
     done(words("-o @" + name + " --overwrite --width 32 --height 12 " + line));
     return capture::CaptureReader::open(file(name));
@@ -58,7 +58,7 @@ TEST_F(SimulateVerb, EveryStimulusIsWrittenAsWhatItIs) {
   EXPECT_EQ(bars.period_px, 20.0);
   EXPECT_EQ(bars.velocity_px_s, -50.0);
   const auto chopper = std::get<capture::Chopper>(stimulus("--stimulus chopper"));
-  ASSERT_GE(chopper.on_s.size(), 10U);  // five lengths at two heights
+  ASSERT_GE(chopper.on_s.size(), 10U);  // five lengths at two levels
   EXPECT_NEAR(chopper.off_s.front() - chopper.on_s.front(), 0.012, 1e-12);
   EXPECT_LT(chopper.off_s.back(), 2.0);
   EXPECT_EQ(chopper.level_k[9], 320.0);
@@ -148,7 +148,7 @@ TEST_F(SimulateVerb, ListsTheEffects) {
   }
 }
 
-// The limit on file size stands for the end of the disk. The program inherits it from this process.
+// The file size limit stands in for a full disk; the program inherits it.
 TEST_F(SimulateVerb, AFullDiskLeavesNothing) {
   rlimit before{};
   getrlimit(RLIMIT_FSIZE, &before);

@@ -1,5 +1,4 @@
-// A recording onto a disk that is slower than the camera: frames are lost by count, the daemon and what was recorded
-// are not touched.
+// Recording to a disk slower than the camera: lost frames are counted, the daemon and recorded frames are unaffected.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -16,8 +15,8 @@ namespace {
 
 std::atomic<int> g_delay_ms{0};
 std::atomic<int> g_stat_error{0};
-std::atomic<int> g_calls_until_error{-1};   // of pread and pwrite; < 0: none comes
-std::atomic<int> g_news_until_refusal{-1};  // of threads beside the main one; likewise
+std::atomic<int> g_calls_until_error{-1};   // of pread and pwrite; < 0: none fails
+std::atomic<int> g_news_until_refusal{-1};  // of all but the main thread; < 0: none fails
 
 bool disk_errs() {
   if (g_calls_until_error < 0 || g_calls_until_error-- > 0) return false;
@@ -27,7 +26,7 @@ bool disk_errs() {
 
 }  // namespace
 
-// Takes the place of the C library's: all that a recording writes goes through it.
+// Replaces the C library's pwrite, through which a recording writes everything.
 extern "C" ssize_t pwrite(int descriptor, const void* data, size_t bytes, off_t offset) {
   std::this_thread::sleep_for(std::chrono::milliseconds(g_delay_ms.load()));
   if (disk_errs()) return -1;
@@ -68,7 +67,7 @@ class SlowDisk : public ScratchTest {
  protected:
   void TearDown() override { g_delay_ms = 0; }
 
-  // Records into file_ until `publish` has done, and is stopped.
+  // Records into file_ until `publish` returns.
   template <typename Publish>
   RecordResult record_while(Publish publish, double split_s = 0.0) {
     const std::size_t plane_bytes = writer_.format.source.format.geometry.pixels() * sizeof(std::uint16_t);
@@ -87,7 +86,7 @@ class SlowDisk : public ScratchTest {
     return result ? std::move(*result) : RecordResult{};
   }
 
-  // Records while the disk is slow for a while, then as fast as ever.
+  // Records while the disk is slow for a while, then fast again.
   RecordResult record_through_a_slow_time() {
     return record_while([this] {
       g_delay_ms = kSlowWrite_ms;
@@ -128,7 +127,7 @@ TEST_F(SlowDisk, CostsFramesByCountAndNothingElse) {
   EXPECT_NE(std::ranges::find(reader->events(), "gap", &capture::Event::kind), reader->events().end());
 }
 
-// Each allocation of the writer's and the disk's threads in turn.
+// Fails each allocation of the writer and disk threads in turn.
 TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
   constexpr std::uint64_t kFrames = 40;
   bool refused = true;
@@ -153,7 +152,7 @@ TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
     for (const auto& files : {done.files, done.parts}) {
       for (const auto& file : files) {
         auto reader = capture::CaptureReader::open(file);
-        if (!reader) {  // refused at its only commit
+        if (!reader) {  // failed at its only commit
           EXPECT_FALSE(done.status);
           expect_parts(reader.error().message, {"/frames is empty"});
           continue;
@@ -169,7 +168,7 @@ TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
   }
 }
 
-// Likewise of a capture that is given up with frames that wait for their commit.
+// The same for a capture abandoned with uncommitted frames.
 TEST(Memory, ThatIsRefusedToACaptureThatIsGivenUpEndsNothing) {
   bool refused = true;
   for (int news = 0; refused; ++news) {
@@ -188,7 +187,7 @@ TEST(Memory, ThatIsRefusedToACaptureThatIsGivenUpEndsNothing) {
   }
 }
 
-// The recorder closes its files itself then.
+// The recorder then closes its files itself.
 TEST_F(SlowDisk, NoThreadCanBeStarted) {
   constexpr double kSplit_s = 0.2;
   ASSERT_TRUE(writer_.open());
@@ -207,7 +206,7 @@ TEST_F(SlowDisk, NoThreadCanBeStarted) {
   EXPECT_EQ(frames, result.written.frames);
 }
 
-// Its frames are not among those of the files.
+// Its frames are not counted as recorded in the files.
 TEST_F(SlowDisk, APartThatCannotGetItsNameIsTold) {
   constexpr double kSplit_s = 0.2;
   ASSERT_TRUE(writer_.open());
@@ -222,7 +221,7 @@ TEST_F(SlowDisk, APartThatCannotGetItsNameIsTold) {
   EXPECT_FALSE(result.written.files.empty());
 }
 
-// As NFS does not for a while (ESTALE).
+// NFS fails like this for a while (ESTALE).
 TEST_F(SlowDisk, WhatCannotBeBegunIsNoUnfinishedRecording) {
   g_stat_error = ESTALE;
   const auto begun = capture::CrashSafeFile::create(file_, capture::SurvivesCut::kPower, Replace::kNothing);
@@ -231,7 +230,7 @@ TEST_F(SlowDisk, WhatCannotBeBegunIsNoUnfinishedRecording) {
   EXPECT_FALSE(std::filesystem::exists(file_));
 }
 
-// Wherever one read or write fails (a bad sector, a network): what got its name can be read, what did not be saved.
+// One read or write fails anywhere (bad sector, network): finished files are readable, unfinished ones recoverable.
 TEST_F(SlowDisk, OneErrorCostsNoFrameThatWasCommitted) {
   const capture::CaptureInfo info{.format = {.geometry = {16, 8}, .frame_period_s = 0.01}};
   const capture::WriterOptions how{.survives_power_cut = true, .times = true};
@@ -263,7 +262,7 @@ TEST_F(SlowDisk, OneErrorCostsNoFrameThatWasCommitted) {
   }
 }
 
-// The least of a group's and those it is in; "max" is none.
+// The smallest limit of a cgroup and its parents; "max" is no limit.
 TEST(MemoryLimit, IsOfAllGroups) {
   const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / shm::unique_name("groups");
   const std::filesystem::path inner = folder / "system.slice" / "recorder.service";
@@ -281,7 +280,7 @@ TEST(MemoryLimit, IsOfAllGroups) {
   EXPECT_EQ(limit_within("0::/system.slice/recorder.service\n"), 2000U);
   EXPECT_EQ(limit_within("0::/system.slice\n"), 3000U);
   EXPECT_EQ(limit_within("0::/\n"), kAny);
-  std::ofstream(folder / "memory.max") << "1000\n";  // a container's own
+  std::ofstream(folder / "memory.max") << "1000\n";  // a container's own cgroup
   EXPECT_EQ(limit_within("0::/\n"), 1000U);
   EXPECT_EQ(limit_within("4:memory:/other\n"), kAny);
   EXPECT_EQ(memory_limit(folder, folder / "missing"), kAny);

@@ -1,5 +1,5 @@
-// Loaded before the C library: a disk that takes its time over each sync, as SD cards and eMMC do. BOLO_SLOW_SYNC_MS:
-// the least and the most of it, "700,1500".
+// Preloaded: makes each sync slow, as on SD cards and eMMC. BOLO_SLOW_SYNC_MS: shortest and longest time in ms, e.g.
+// "700,1500".
 #include <dlfcn.h>
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-// What bolo stat shows of a daemon, and who answers at its control socket.
+// Output of bolo stat about a daemon, and the identity of who answers at its control socket.
 #include "tools/view/stat_sample.hpp"
 #include "src/pipeline/source.hpp"
 #include "src/rt/counters.hpp"
@@ -29,13 +29,13 @@ StatSnapshot first_snapshot() {
   h.warm_up = 16;
   h.deblur_ns = 1'000'000;
   h.lost[static_cast<std::size_t>(LossCause::kMissing)] = 5;
-  h.latency[rt::LatencyHistogram::bucket(90'000'000)] = 990;  // old frames were slow
+  h.latency[rt::LatencyHistogram::bucket(90'000'000)] = 990;  // earlier frames were slow
   std::strcpy(h.camera_model, "Model");
   std::strcpy(h.solver, "admm");
   return snapshot;
 }
 
-// Two seconds later: 400 frames in, 390 out (40 of them warm-up), one slow among them.
+// Two seconds later: 400 frames in, 390 out (40 of them warm-up), one of them slow.
 StatSnapshot second_snapshot() {
   StatSnapshot snapshot = first_snapshot();
   snapshot.at_ns += 2 * kSecondNs;
@@ -181,17 +181,17 @@ TEST(StatSample, MotionIsTheNewestFrames) {
   }
 }
 
-// A camera's model name cannot control the terminal.
+// A camera's model name must not control the terminal.
 TEST(StatSample, TableShowsWhatIsNotPrintableAsQuestionMarks) {
   StatSnapshot snapshot = second_snapshot();
   std::strcpy(snapshot.header.camera_model, "A655\x1b[2J\xff\r\n\xc2\x9b");
   std::strcpy(snapshot.header.solver, "\xcf\x84 = 11 ms");
   const std::string table = stat_table("a\x1b]0;b\a", snapshot, compare(first_snapshot(), snapshot));
-  expect_parts(table, {"A655?[2J????? ", "\xcf\x84 = 11 ms"});  // what is text stays
+  expect_parts(table, {"A655?[2J????? ", "\xcf\x84 = 11 ms"});  // printable text stays
   EXPECT_EQ(table.find_first_of("\x1b\r\a\x7f"), std::string::npos);
 }
 
-// As one of another version might: it runs on while the package is upgraded.
+// Like a daemon of another version, which keeps running while the package is upgraded.
 TEST(StatSample, ADaemonThatSaysLessOrOtherThingsIsShown) {
   StatSnapshot snapshot = second_snapshot();
   for (const char* answer :
@@ -239,11 +239,11 @@ TEST(StatHistory, ShowsLatencyLossesAndTheirScale) {
   EXPECT_EQ(history_lines(silent, {80, 4}, false).at(1), "  p99     ") << "a scale nevertheless";
 }
 
-// --- Who answers: the daemon, or somebody who made a socket of that name.
+// --- Authenticity: the daemon, or another user with a socket of that name.
 
 constexpr std::string_view kAnswer = "{\"ok\": true}\n";
 
-// Answers one request in a daemon's place.
+// Answers one request in place of a daemon.
 void answer_one(const UniqueFd& listener) {
   const UniqueFd client(accept(listener.get(), nullptr, nullptr));
   std::array<char, 64> request{};

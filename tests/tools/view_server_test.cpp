@@ -1,4 +1,4 @@
-// Requests that the view's server refuses and accepts, and its limits.
+// Requests refused and accepted by the view's server, and its limits.
 #include <poll.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -25,7 +25,7 @@ UniqueFd connected(std::uint16_t port) {
   return fd;
 }
 
-// A view of a daemon that is not there.
+// A view of a daemon that does not run.
 class ViewServer : public testing::Test {
  protected:
   void serve(HttpServer::Limits limits) { serve(1, limits); }
@@ -57,28 +57,28 @@ class ViewServer : public testing::Test {
     if (thread_.joinable()) thread_.join();
   }
 
-  // A cookie of this view.
+  // Session cookie of this view.
   std::string cookie(const std::string& token = kToken) const {
     return "Cookie: bolo_view_" + std::to_string(server_->port()) + "=" + token + "\r\n";
   }
-  // A request by a browser that was let in, on a connection of its own.
+  // A request of an authorised browser, with its own connection.
   std::string request_for(const std::string& path) const {
     return "GET " + path + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + cookie() + "\r\n";
   }
-  // Expects that somebody who comes now is served soon.
+  // Expects that a new client is served soon.
   void expect_room() const {
     const UniqueFd fd = test::patient_socket(AF_INET, 5);
     ASSERT_TRUE(test::connect_to(fd, "127.0.0.1", server_->port()));
     send_text(fd, request_for("/icon.svg"));
     EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 200"));
   }
-  // The whole answer to a request line and headers; the connection is closed after it.
+  // Complete answer to a request line and headers; closes the connection.
   std::string ask_bare(const std::string& request, const std::string& headers, const std::string& host) {
     const UniqueFd fd = connected(server_->port());
     send_text(fd, request + " HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n" + headers + "\r\n");
     return receive_all(fd);
   }
-  // The same by a browser that was let in.
+  // The same from an authorised browser.
   std::string ask(const std::string& request, const std::string& headers = "", const std::string& host = "localhost") {
     return ask_bare(request, cookie() + headers, host);
   }
@@ -137,7 +137,7 @@ TEST_F(ViewServer, ServesSeveralCamerasEachAtItsPlace) {
        {"/api/status", "/api/frame?epoch=0&after=0", "/camera/", "/camera/none/", "/camera//api/status"}) {
     EXPECT_EQ(status(std::string("GET ") + path), 404) << path;
   }
-  EXPECT_EQ(status("GET " + first), 404);  // links on the page are relative to the slash behind it
+  EXPECT_EQ(status("GET " + first), 404);  // links on the page need the trailing slash
 }
 
 TEST_F(ViewServer, RefusesOtherMethods) {
@@ -193,7 +193,7 @@ TEST_F(ViewServer, OtherSitesGetNothing) {
     const std::string header = std::string("Sec-Fetch-Site: ") + site + "\r\n";
     EXPECT_EQ(status("GET /api/status", header), 403) << site;
     EXPECT_EQ(status("GET /app.js", header), 403) << site;
-    EXPECT_EQ(status("GET /", header), 200) << site;  // a link to the page
+    EXPECT_EQ(status("GET /", header), 200) << site;  // a link to the page from elsewhere
   }
   EXPECT_EQ(status("GET /api/status", "Sec-Fetch-Site: same-origin\r\n"), 200);
 }
@@ -244,7 +244,7 @@ TEST_F(ViewServer, RefusesBodiesAndNonsense) {
   EXPECT_NE(status("GET /" + std::string(40000, 'a')), 200);
   EXPECT_EQ(status("GET /api/frame?epoch=0&after=0"), 204) << "a frame that does not come";
   const UniqueFd fd = connected(server_->port());
-  send_text(fd, "GET / HTTP/1.1\r\n\r\n");  // without a Host
+  send_text(fd, "GET / HTTP/1.1\r\n\r\n");  // no Host header
   EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 400"));
 }
 
@@ -273,7 +273,7 @@ TEST_F(ViewServer, ConnectionsAreBoundedAndComeFree) {
   for (int i = 0; i < 12; ++i) idle.push_back(connected(server_->port()));
   for (const UniqueFd& fd : idle) {
     const std::string request = "GET /icon.svg HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
-    send(fd.get(), request.data(), request.size(), MSG_NOSIGNAL);  // those beyond the bound are closed or wait
+    send(fd.get(), request.data(), request.size(), MSG_NOSIGNAL);  // requests beyond the limit are closed or wait
   }
   idle.clear();
   int served = 0;
@@ -281,7 +281,7 @@ TEST_F(ViewServer, ConnectionsAreBoundedAndComeFree) {
   EXPECT_EQ(served, 200);
 }
 
-// Strangers who hold all places, with requests that they never finish, hold them until somebody else comes.
+// Strangers that occupy all connections with unfinished requests keep them only until another client comes.
 TEST_F(ViewServer, WhoIsSilentMakesRoom) {
   serve({.connections = 4});
   std::vector<UniqueFd> silent;
@@ -295,7 +295,7 @@ TEST_F(ViewServer, WhoIsSilentMakesRoom) {
   }
 }
 
-// A browser that was let in and takes nothing any more (a laptop that fell asleep) holds its place until then, too.
+// So does an authorised browser that stops reading (a laptop that fell asleep).
 TEST_F(ViewServer, WhoTakesNoAnswerMakesRoom) {
   serve({.connections = 4});
   const std::string request = "GET /app.js HTTP/1.1\r\nHost: localhost\r\n" + cookie() + "\r\n";
@@ -336,7 +336,7 @@ TEST(ViewListen, SaysThatNoFileDescriptorsAreLeft) {
   for (rlim_t left = 0; left < 7; ++left) EXPECT_EQ(in_child([&] { return with_descriptors(left); }), 0) << left;
 }
 
-// Whoever forgets the token lets nobody in.
+// An empty token admits nobody.
 TEST_F(ViewServer, AnEmptyTokenOpensNothing) {
   serve(1, {}, "");
   for (const char* request : {"GET /", "GET /?token=", "GET /?token"}) {

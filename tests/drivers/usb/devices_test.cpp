@@ -1,4 +1,4 @@
-// Devices listed, reported, and seen to come and go.
+// Devices: listing, reports, hot-plug events.
 #include "drivers/usb/devices.hpp"
 #include "tests/drivers/usb/mock_camera.hpp"
 #include "tests/refusal.hpp"

@@ -1,4 +1,4 @@
-// `bolo demo` in a folder that the user named, and where files of his are.
+// `bolo demo` in a folder given by the user, with other files in it.
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test::demo_verb_test {
@@ -17,7 +17,7 @@ TEST_F(DemoVerb, ReplacesNothing) {
   }
 }
 
-// A file system without a limit states none: whatever stands in the way there, it is not the room.
+// A file system without a size limit reports none: then any problem must be another one.
 TEST_F(DemoVerb, SaysHowMuchRoomItNeedsBeforeItBegins) {
   const std::string mounted =
       "mount -t tmpfs -o size=$1 none \"$0\" || exit 77; shift; touch \"$0/street.h5\"; exec \"$@\"";

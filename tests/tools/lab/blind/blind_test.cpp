@@ -1,4 +1,4 @@
-// The blind check: its score, its seal, the process of its diagnosis; its sessions, and the second reality.
+// The blind check: score, seal, diagnosing process, sessions, and the second reality.
 #include "tools/lab/blind/blind.hpp"
 #include "src/capture/capture.hpp"
 #include "tests/tools/program.hpp"
@@ -21,7 +21,7 @@ Trial trial(Kind kind, const std::vector<std::string>& hidden, Finding finding) 
   return out;
 }
 
-// What a judgement says, in words.
+// A judgement in words.
 std::string words_of(const Judgement& j) {
   std::string all;
   for (const auto& [holds, word] : {std::pair{j.passed, "passed "},
@@ -48,15 +48,15 @@ TEST(BlindScore, EachKindAsksForItsOwn) {
        {Case{Kind::kEffectFree, {}, "no_gap", {}, "passed exact nothing"},
         {Kind::kEffectFree, {}, "explained", {"iir"}, "false blamed"},
         {Kind::kEffectFree, {}, "unknown_effect", {}, "flagged"},
-        // the right cause first
+        // right cause first
         {Kind::kSingle, {"iir"}, "explained", {"iir"}, "passed exact all"},
         {Kind::kSingle, {"iir"}, "explained", {"flicker", "iir"}, "all false blamed"},
         {Kind::kSingle, {"iir"}, "no_gap", {}, "nothing"},
-        // both
+        // both causes
         {Kind::kPair, {"iir", "drift"}, "explained", {"drift", "iir"}, "passed exact all"},
         {Kind::kPair, {"iir", "drift"}, "explained", {"drift", "iir", "rts"}, "passed all false blamed"},
         {Kind::kPair, {"iir", "drift"}, "explained", {"drift"}, ""},
-        // a flag
+        // flagged
         {Kind::kWithheld, {"iir"}, "unknown_effect", {}, "passed flagged"},
         {Kind::kOutside, {"iir"}, "partly_explained", {"drift"}, "passed false flagged"},
         {Kind::kWithheld, {"iir"}, "explained", {"tau_global"}, "false blamed"},
@@ -145,7 +145,7 @@ TEST(BlindSeal, TheSameAnswersHaveAnotherDigestEachTime) {
 
 // --- the diagnosing process
 
-// A program of one shell line in `folder`.
+// A program in `folder` that runs one shell line.
 ChildWork work_of(const Scratch& folder, const std::string& line) {
   const auto program = folder / "program";
   std::ofstream(program) << "#!/bin/sh\n" << line << '\n';
@@ -267,8 +267,8 @@ TEST(BlindSession, OnlyAnImperfectBenchHasErrors) {
   EXPECT_NE(perfect.captures[2].faults.start_s, 0.0);
   EXPECT_NE(perfect.captures[5].faults.phase, 0.0);
   EXPECT_GT(imperfect.captures[2].faults.sweep_s, 0.0);
-  EXPECT_EQ(imperfect.captures[3].faults.edge_px, imperfect.captures[5].faults.edge_px);  // the same target
-  EXPECT_EQ(imperfect.captures[5].faults.velocity, 0.0);                                  // a still target
+  EXPECT_EQ(imperfect.captures[3].faults.edge_px, imperfect.captures[5].faults.edge_px);  // same target
+  EXPECT_EQ(imperfect.captures[5].faults.velocity, 0.0);                                  // still target
 }
 
 TEST(BlindSession, WhatHappensOnceHappensInOneOrTwoCaptures) {
@@ -324,7 +324,7 @@ TEST(BlindCaptures, SayNothingOfWhatIsHidden) {
 
 TEST(BlindCaptures, TheStimulusStartsWhereItWasDrawn) {
   Session session = short_session(Kind::kEffectFree, "");
-  session.captures = {session.captures[5]};  // the still target
+  session.captures = {session.captures[5]};  // still target
   const auto at_phase = [&session](double phase) {
     const Scratch folder;
     session.captures[0].faults.phase = phase;
@@ -337,7 +337,7 @@ TEST(BlindCaptures, TheStimulusStartsWhereItWasDrawn) {
   EXPECT_GT(std::abs(moved[1] - at_zero[1]), 1000);
 }
 
-// --- The second reality against closed forms of the simplest cases.
+// --- The second reality against closed forms of its simplest cases.
 
 Session in_second_reality(Kind kind, std::size_t index) {
   return draw_session({.geometry = {16, 12}, .reality = Reality::kSecond}, kind, index).value();
@@ -360,10 +360,10 @@ TEST(SecondReality, TheSameSeedGivesTheSameFrames) {
 TEST(SecondReality, AStillFieldIsAtItsTemperature) {
   const Session session = in_second_reality(Kind::kEffectFree, 0);
   const auto counts = second::film(session, session.captures[0]);
-  EXPECT_NEAR(mean_of(counts, 100), 299.0 - 0.005, 0.01);  // values are cut to counts of 10 mK
+  EXPECT_NEAR(mean_of(counts, 100), 299.0 - 0.005, 0.01);  // values are truncated to counts of 10 mK
 }
 
-// tau dT/dt + T = T_ss: after a switch the frames' means fall as exp(-t / tau).
+// tau dT/dt + T = T_ss: after a switch the frames' means decay as exp(-t / tau).
 TEST(SecondReality, PixelsFollowTheirTimeConstant) {
   for (const double scale : {1.0, 0.9}) {
     Session session = in_second_reality(Kind::kEffectFree, 0);
@@ -384,7 +384,7 @@ TEST(SecondReality, EveryEffectOfTheCatalogueIsHidden) {
   }
 }
 
-// Using them would make it dependent.
+// The second reality must stay independent of both.
 TEST(SecondReality, UsesNeitherSimulatorNorDiagnosis) {
   for (const char* name : {"reality.cpp", "reality_draw.cpp", "reality_scene.cpp", "reality.hpp"}) {
     const std::string text = test::contents(std::filesystem::path(BOLO_SOURCE_DIR) / "tools/lab/blind" / name);

@@ -1,4 +1,4 @@
-// Boxes, label files, labels as a moving camera sees them, the bootstrap, and average precision.
+// Boxes, label files, labels in a moving camera's view, the bootstrap, and average precision.
 #include <png.h>
 
 #include "tests/refusal.hpp"
@@ -44,7 +44,7 @@ TEST(ViewTruth, MovesAgainstTheViewAndIsCutAtTheBorder) {
 
 TEST(ViewTruth, WhatLiesBeyondTheStillIsACrowdOfEveryClass) {
   const auto seen = truth_in_view({}, 2, {640, 512}, {320, 240}, {-10.0, 300.0});
-  ASSERT_EQ(seen.size(), 4U);  // a band to the left and one below, for two classes
+  ASSERT_EQ(seen.size(), 4U);  // left and lower band, for two classes
   for (const Truth& one : seen) EXPECT_EQ(one.kind, TruthKind::kCrowd);
   EXPECT_EQ(seen[0].box, (Box{0, 0, 10, 240}));
   EXPECT_EQ(seen[2].box, (Box{0, 212, 320, 28}));
@@ -61,9 +61,9 @@ TEST(Bootstrap, TheIntervalIsTheMiddleOfTheNumbers) {
   EXPECT_TRUE(std::isnan(interval_95({std::nan("")}).low));
 }
 
-// --- average precision: average_precision_test.py compares it with another implementation on random pictures
+// --- Average precision; average_precision_test.py compares it with another implementation on random pictures.
 
-// The bootstrap relies on it.
+// The bootstrap relies on this.
 TEST(AveragePrecision, AWeightIsARepetition) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> near(0.0, 12.0);
@@ -86,9 +86,9 @@ TEST(AveragePrecision, AWeightIsARepetition) {
   EXPECT_NE(weighted.ap, Evaluator(images, 1).score().ap);
 }
 
-// --- From a network's outputs to judged boxes.
+// --- Network outputs to judged boxes.
 
-// What good ones become is seen on real stills (verb_test.cpp).
+// Valid outputs are tested on real stills (verb_test.cpp).
 TEST(Outputs, OfOtherShapesAreRefused) {
   expect_error(decode_yolo(std::vector<Tensor>{{{2, 5}, std::vector<float>(10)}}, {400, 200}, 0.01), {"2x5"});
   EXPECT_FALSE(decode_yolo(std::vector<Tensor>{Tensor{}}, {400, 200}, 0.01));
@@ -111,7 +111,7 @@ TEST(Suppression, KeepsTheBestOfEachClass) {
 TEST(Detector, GivesJudgedClassesInThePicturesPixels) {
   DetectorDescription d;
   d.input = {200, 100};
-  // Classes dog, car, person. The second row is a car half outside, the third the same person again, less surely.
+  // Classes dog, car, person. The second row is a car half outside, the third the same person with a lower score.
   const std::vector<Tensor> outputs{{{3, 8}, {0.5F,  0.5F, 0.5F, 0.5F, 1.0F, 0.9F, 0.0F, 0.8F,  //
                                               0.0F,  0.5F, 0.2F, 0.2F, 1.0F, 0.0F, 0.6F, 0.0F,  //
                                               0.51F, 0.5F, 0.5F, 0.5F, 1.0F, 0.0F, 0.0F, 0.7F}}};
@@ -127,7 +127,7 @@ TEST(Detector, GivesJudgedClassesInThePicturesPixels) {
   EXPECT_NEAR((*found)[1].box.width, 40.0, 1e-4);  // of 80
 }
 
-// --- Descriptions of detectors: those that come with Bolo, and wrong ones.
+// --- Detector descriptions: those shipped with Bolo, and invalid ones.
 
 constexpr const char* kGood = R"(name = "one"
 [network]
@@ -190,13 +190,13 @@ TEST(Descriptions, OfBoloAreGood) {
   EXPECT_GE(read, 3);
 }
 
-// --- Looks at a still: a bright box in the picture is where the moved label says.
+// --- Views of a still: a bright box in the picture must lie where the moved label says.
 
 constexpr Geometry kStill{160, 128};
 constexpr Geometry kPicture{96, 80};
 constexpr Box kBright{60, 50, 32, 20};
 
-// Grey, with a bright box, and a label on it.
+// A grey still with a bright box and its label.
 std::filesystem::path make_still(const Scratch& folder) {
   std::vector<unsigned char> grey(kStill.pixels(), 80);
   for (int y = 50; y < 70; ++y) {
@@ -247,7 +247,7 @@ TEST_F(Views, TheMovedLabelIsWhereTheObjectIsSeen) {
         if (hot != inside) ++wrong;
       }
     }
-    EXPECT_LE(wrong, 4);  // corners, where the picture between pixels is not a box
+    EXPECT_LE(wrong, 4);  // corners, where interpolation rounds the box
   }
 }
 

@@ -1,4 +1,4 @@
-// bolo-lab eval detect through its executable.
+// The program bolo-lab eval detect.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"
@@ -21,13 +21,13 @@ TEST_F(DetectVerb, RefusesWrongInputInOneLine) {
   const std::string stills = "--scenes x.png --trajectories @hand.csv --detectors ";
   refused_each("", "", "--data /nonexistent", "--data @", stills + "@broken.toml", stills + "/none",
                stills + "@dark.toml");
-  // The last of these: the network is none, the still is not there.
+  // In the last of these the network is missing, and so is the still.
   refused_each(stills + "@one.toml", "--size 640", "--size 8x8", "--repeats 0", "--noise -1", "--resamples 1",
                "--threads 0", "--detectors @one.toml", "--unknown", "stray", "");
 }
 
-// One labelled still and one without, one look each. What a detector finds in the sharp picture tells that the picture
-// came to the network as it was trained with, and its outputs were read as it means them.
+// One labelled and one unlabelled still, one view each. Detections in the sharp picture show that the network got the
+// picture as it was trained for, and that its outputs were decoded correctly.
 TEST_F(DetectVerb, JudgesRealStills) {
   const char* const set = std::getenv("BOLO_TEST_DATA");
   const std::filesystem::path data = set != nullptr ? set : "";

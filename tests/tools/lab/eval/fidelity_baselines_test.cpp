@@ -1,5 +1,4 @@
-// The spatial filter undoes a blur that it is told, and the sequences have the blur that is told; the measures, on
-// constructed input.
+// The spatial filter undoes a given blur, and the sequences have the stated blur; the measures on constructed input.
 #include "tests/test.hpp"
 #include "tools/lab/eval/fidelity.hpp"
 
@@ -7,7 +6,7 @@ namespace bolo::tools::fidelity::fidelity_baselines_test {
 
 constexpr Geometry kSize{120, 40};
 
-// Boxes on a ground, none near the borders.
+// Boxes on a background, none near the borders.
 Plane boxes() {
   Plane plane(kSize.pixels(), 290.0F);
   const auto box = [&](int x0, int y0, int x1, int y1, float k) {
@@ -22,7 +21,7 @@ Plane boxes() {
 }
 
 TEST(FidelityMotionKernel, IsTheExponentialTrail) {
-  const auto kernel = motion_kernel({400.0, 0.0}, 0.01);  // 4 px a time constant
+  const auto kernel = motion_kernel({400.0, 0.0}, 0.01);  // 4 px in a time constant
   EXPECT_NEAR(kernel[8].weight / kernel[4].weight, std::exp(-1.0), 1e-3);
   for (const Tap& tap : kernel) EXPECT_TRUE(tap.dy == 0 && tap.dx >= 0);
   for (const sim::Position velocity : {sim::Position{400.0, 0.0}, {-300.0, 150.0}, {0.0, 0.0}}) {
@@ -35,13 +34,13 @@ TEST(FidelityMotionKernel, IsTheExponentialTrail) {
       mean_y += double{tap.weight} * tap.dy;
     }
     EXPECT_NEAR(weight, 1.0, 1e-6);
-    EXPECT_NEAR(mean_x, 0.01 * velocity.x_px, 0.1);  // an exponential's mean is its length, less the tail that is cut
+    EXPECT_NEAR(mean_x, 0.01 * velocity.x_px, 0.1);  // mean of an exponential: its length, minus the cut-off tail
     EXPECT_NEAR(mean_y, 0.01 * velocity.y_px, 0.05);
   }
   EXPECT_EQ(motion_kernel({0.0, 0.0}, 0.011).size(), 1U) << "stands still";
 }
 
-// Over a steady pan both ways of telling the blur are the same; over a bend only the path itself is right.
+// For a steady pan both kernels are the same; around a bend only the path kernel is right.
 TEST(FidelityPathKernel, FollowsTheWay) {
   const auto kernel = motion_kernel({-300.0, 0.0}, kTauS);
   const auto gone = path_kernel(sim::steady_pan(-300.0), 0.4, kTauS);
@@ -54,16 +53,16 @@ TEST(FidelityPathKernel, FollowsTheWay) {
   double along = 0.0;
   double across = 0.0;
   for (const Tap& tap : path_kernel(bend, 0.02, 0.01)) {
-    EXPECT_TRUE(tap.dx == 0 || tap.dy == -6) << tap.dx << ' ' << tap.dy;  // first down, then, further back, aside
+    EXPECT_TRUE(tap.dx == 0 || tap.dy == -6) << tap.dx << ' ' << tap.dy;  // first down, then, further back, sideways
     (tap.dy == -6 && tap.dx < 0 ? across : along) += static_cast<double>(tap.weight);
   }
-  EXPECT_GT(along, 0.6);  // what is younger than 0.01 s: 1 - 1/e
+  EXPECT_GT(along, 0.6);  // the part younger than 0.01 s: 1 - 1/e
   EXPECT_NEAR(along + across, 1.0, 1e-6);
   const auto longer = path_kernel(bend, 0.02, 0.01, 1.5);
   EXPECT_EQ(std::ranges::min_element(longer, {}, &Tap::dx)->dx, -12);
 }
 
-// The sum that a kernel stands for; the borders' pixels go on outwards.
+// Applies a kernel as a sum, with border pixels repeated outwards.
 Plane blurred(const Plane& image, Geometry g, const std::vector<Tap>& kernel) {
   Plane out;
   for (int y = 0; y < g.height; ++y) {
@@ -106,8 +105,8 @@ CleanSequence small_sequence(double speed) {
   return *must(simulate(task));
 }
 
-// The kernel that the spatial filter is told is the blur that the simulated pixels have. Both place the picture
-// linearly between pixels, but on grids half a pixel apart: small differences stay.
+// The kernel given to the spatial filter matches the blur of the simulated pixels. Both interpolate the picture
+// linearly, but on grids half a pixel apart: small differences stay.
 TEST(FidelityData, TheToldKernelIsTheSimulatedBlur) {
   const CleanSequence clean = small_sequence(400.0);
   const std::size_t target = clean.targets[1];
@@ -115,7 +114,7 @@ TEST(FidelityData, TheToldKernelIsTheSimulatedBlur) {
   const Geometry judged{clean.judged.width, clean.judged.height};
   const Plane kernel = blurred(clean.truth[target], judged, motion_kernel(clean.content_v[1], kTauS));
   const Plane shown = cut(clean.shown[target], clean.geometry, clean.judged);
-  // The trail reaches to the right: columns whose trail ends inside the judged part.
+  // Only columns whose trail, which extends to the right, ends inside the judged part.
   const Region inner{0, 0, judged.width - 30, judged.height};
   const Planes truth{cut(clean.truth[target], judged, inner)};
   const Planes seen{cut(shown, judged, inner)};
@@ -131,7 +130,7 @@ TEST(FidelityData, NoiseAndQuantisationAreAsAsked) {
   EXPECT_NEAR(rmse(kelvin, clean.shown), std::sqrt(0.1 * 0.1 + kQuantisationK * kQuantisationK / 12.0), 0.001);
 }
 
-// The best of what was offered stays, whatever comes after.
+// Keeps the best candidate, whatever comes later.
 TEST(FidelityOracle, KeepsTheBest) {
   const Planes truth{Plane(4, 300.0F)};
   Oracle oracle(truth);
@@ -167,7 +166,7 @@ TEST(FidelityRmse, IsTheRootMeanSquareOverAllPlanes) {
   EXPECT_NEAR(rmse(estimate, truth), std::sqrt((9.0 + 16.0) / 2.0), 1e-6);
 }
 
-// A step of 10 K in the middle, and the trail that a content speed of `trail` px a time constant leaves of it.
+// A step of 10 K in the middle, and its trail for a content moving `trail` px in a time constant.
 Plane step_edge(Geometry size = kMeasured) {
   return plane_of(size, [](int x, int) { return x < 48 ? 290.0 : 300.0; });
 }
@@ -194,7 +193,7 @@ TEST(FidelityEdgeWidth, OfAnExponentialTrailIsLnNineLengths) {
   EXPECT_TRUE(std::isnan(edge_width(flat, truth, kMeasured))) << "never rises";
 }
 
-// A picture that stands 2.3 px to the right and 0.6 px up of the truth is not wrong but for that; its noise stays.
+// A picture shifted by 2.3 px to the right and 0.6 px up has no other error; its noise remains.
 TEST(FidelityShiftedRmse, TakesOutLagAndNothingElse) {
   const auto scene = [](double x, double y) { return 300.0 + 3.0 * std::sin(0.21 * x + 0.1 * y) + std::cos(0.5 * y); };
   const auto truth = plane_of(kMeasured, scene);

@@ -1,4 +1,4 @@
-// bolo-lab eval fidelity through its executable.
+// The program bolo-lab eval fidelity.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

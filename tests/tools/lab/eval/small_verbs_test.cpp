@@ -1,4 +1,4 @@
-// The evaluations `pulses`, `pixel` and `loop` of bolo-lab through their executable.
+// The program bolo-lab: evaluations `pulses`, `pixel` and `loop`.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

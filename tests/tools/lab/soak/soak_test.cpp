@@ -1,4 +1,4 @@
-// What a soak judges by: that it sees what is wrong, and excuses what is not.
+// Criteria of a soak: they find errors, and excuse what is allowed.
 #include "bolo/shm_layout.h"
 #include "drivers/fakecam/fault_script.hpp"
 #include "tests/test.hpp"
@@ -9,11 +9,11 @@
 
 namespace bolo::tools::soak::soak_test {
 
-// --- Accounts of frames.
+// --- Frame accounts.
 
 constexpr double kPeriod_s = 0.005;
 
-// 1000 frames passed, 990 published, 10 lost, in one daemon's life and one stream.
+// Adds 1000 frames passed, 990 published, 10 lost, in one daemon and one stream.
 Mark after(const Mark& from) {
   Mark to = from;
   to.passed += 1000;
@@ -48,7 +48,7 @@ TEST(SoakAccount, ABrokenStreamMayLoseWhatFellIntoItsSilence) {
   to.silence_s = 1.0;
   const auto broken = [&to](std::uint64_t unaccounted) {
     Mark mark = to;
-    mark.passed += unaccounted;  // to nobody
+    mark.passed += unaccounted;  // accounted nowhere
     const Judged findings(mark);
     EXPECT_EQ(findings.tally(Invariant::kAccount).broken, 0U);
     return findings.tally(Invariant::kCamera).broken;
@@ -81,14 +81,14 @@ Truth truth() {
   return Truth(raw, deblurred);
 }
 
-// Differences of a frame from the one that is due.
+// Deviations of a frame from the expected one.
 struct Change {
   int offset = 0;
   std::uint32_t flags = 0;
   std::uint64_t missed = 0;
 };
 
-// A stream of right frames, to be spoiled.
+// A stream of correct frames, which tests corrupt.
 class SoakFrameJudge : public testing::Test {
  protected:
   Grade show(Change change = {}) {
@@ -110,7 +110,7 @@ class SoakFrameJudge : public testing::Test {
     camera_ns_ += 5'000'000;
     publish_ns_ += 5'000'000;
   }
-  void lose_frames(std::size_t n) {  // by the camera or on the way
+  void lose_frames(std::size_t n) {  // at the camera or on the way
     index_ += n;
     id_ += n;
     camera_ns_ += static_cast<std::int64_t>(n) * 5'000'000;
@@ -156,7 +156,7 @@ TEST_F(SoakFrameJudge, SeesASingleWrongPixelOfASharpPlaneUnlessItsFlagSaysSo) {
 
 TEST_F(SoakFrameJudge, ExcusesAWindowAfterWhatCannotBeTold) {
   settle();
-  ++id_;  // the camera's counter jumps, its scene and clock go on
+  ++id_;  // the camera's counter jumps; scene and clock go on
   spoil_ = [&] { deblurred_[7] += 1; };
   for (int i = 0; i < kWindow; ++i) EXPECT_EQ(show(), Grade::kSettling);
   EXPECT_EQ(show(), Grade::kWrong);
@@ -179,7 +179,7 @@ TEST_F(SoakFrameJudge, SeesAHoleInTheNumbers) {
   ++number_;
   show();
   EXPECT_EQ(broken(Invariant::kOrder), 1U);
-  show({.missed = 3});  // overwritten before they were read: known
+  show({.missed = 3});  // overwritten before being read: known
   EXPECT_EQ(broken(Invariant::kOrder), 1U);
 }
 
@@ -199,7 +199,7 @@ TEST_F(SoakFrameJudge, SeesIdsAndTimesThatDoNotRise) {
   EXPECT_EQ(broken(Invariant::kOrder), 3U);
 }
 
-// --- The schedule holds everything, and leaves room to recover.
+// --- The schedule contains everything and leaves time to recover.
 
 std::set<Kind> all_kinds() {
   std::set<Kind> all;
@@ -217,7 +217,7 @@ std::size_t times(const Schedule& schedule, Kind kind) {
   return n;
 }
 
-// But for those of a camera that is set up wrong, which tests/tools/lab/faults has.
+// Except faults of a misconfigured camera, which tests/tools/lab/faults covers.
 TEST(SoakKinds, StandInTheirOwnOrderAndHoldEveryFaultOfTheFakeCamera) {
   for (const KindInfo& info : kinds()) {
     EXPECT_EQ(info_of(info.kind).name, info.name);
@@ -238,7 +238,7 @@ TEST(SoakSchedule, HasEachKindInTwoMinutesAndRoomAfterEach) {
     const Schedule brief = draw_schedule(request(120, seed));
     EXPECT_TRUE(brief.no_room.empty());
     for (const KindInfo& info : kinds()) {
-      if (info.kind == Kind::kCameraReplaced) continue;  // between rounds, and this is one
+      if (info.kind == Kind::kCameraReplaced) continue;  // happens between rounds, and this is one round
       EXPECT_EQ(times(brief, info.kind), 1U) << info.name;
     }
     const Schedule schedule = draw_schedule(request(1800, seed));
@@ -255,7 +255,7 @@ TEST(SoakSchedule, HasEachKindInTwoMinutesAndRoomAfterEach) {
 
 // --- Verdicts on the seconds of a soak: growth, latency, overload.
 
-// Ten quiet minutes of one daemon that uses the same all the time.
+// Ten quiet minutes of one daemon with constant resource use.
 SoakResult ten_minutes() {
   SoakResult result;
   for (int i = 1; i <= 600; ++i) {
@@ -265,7 +265,7 @@ SoakResult ten_minutes() {
   return result;
 }
 
-// Number of breaches in ten minutes in which each second is changed so.
+// Number of breaches in ten minutes when each second is changed by `change`.
 std::uint64_t broken_by(Invariant invariant, void (*change)(Second&)) {
   SoakResult result = ten_minutes();
   for (Second& second : result.timeline) change(second);
@@ -318,7 +318,7 @@ TEST(SoakVerdicts, FramesAreNotLostBeforeLessIsSpentOnThem) {
   timeline[1].lost[static_cast<std::size_t>(LossCause::kMissing)] = 90;
   EXPECT_EQ(lost_too_early(timeline), 7U);
   for (Second& beside : timeline) {
-    beside.undone = 1;  // as they came: there is no less
+    beside.undone = 1;  // published raw: the lowest level
     EXPECT_EQ(lost_too_early(timeline), 0U);
     beside.undone = 0;
   }
