@@ -36,7 +36,7 @@ std::string text_of(const Json& value) {
   return value.is_number() && std::isfinite(value.get<double>()) ? plot::format("%.4g", value.get<double>()) : "-";
 }
 
-// Names and texts of all that is in it, "recovery_ms/median".
+// Names and texts of all leaf values, such as "recovery_ms/median".
 using Fields = std::vector<std::pair<std::string, std::string>>;
 Fields fields_of(const Json& object) {
   Fields fields;
@@ -51,7 +51,7 @@ bool is_table(const Json& value) {
 
 std::string table_of(const Json& rows, const std::string& indent);
 
-// A line of what is no table, then the tables.
+// One line for plain values, then the tables.
 std::string lines_of(const Json& object, const std::string& indent, const std::string& name = "") {
   Json plain = Json::object();
   std::string tables;
@@ -63,7 +63,7 @@ std::string lines_of(const Json& object, const std::string& indent, const std::s
   return (line.empty() ? "" : indent + line + "\n") + tables;
 }
 
-// A row a line; where that would be too wide, the rows one by one.
+// A row on each line; for a table that is too wide, the rows one by one.
 std::string table_of(const Json& rows, const std::string& indent) {
   constexpr std::size_t kWidest = 240;
   Fields heads;

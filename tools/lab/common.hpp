@@ -1,4 +1,4 @@
-// Parts that the laboratory's verbs share: tables, random draws, work on several threads.
+// Shared by the laboratory's verbs: tables, random draws, parallel jobs.
 #pragma once
 
 #include <algorithm>
@@ -23,15 +23,15 @@
 
 namespace bolo::tools {
 
-// "640x480". Thread: any.
+// Parses a size such as "640x480". Thread: any.
 Result<Geometry> size_of(const std::string& text, const char* option, Geometry least, Geometry most);
 
-// The words in a row. Thread: any.
+// Joins the words. Thread: any.
 std::string joined(const std::vector<std::string>& words, const char* between = ", ");
 
 using Json = nlohmann::ordered_json;
 
-// The object that describes each of several things, in their order. Thread: any.
+// A JSON list with the object json_of(item) for each item. Thread: any.
 template <typename Range, typename Of>
 Json list_of(const Range& items, Of json_of) {
   Json list = Json::array();
@@ -39,14 +39,14 @@ Json list_of(const Range& items, Of json_of) {
   return list;
 }
 
-// A report as people read it: by the names of its JSON, lists of objects and objects of objects as tables, or, where
-// those would be too wide, line by line. Thread: any.
+// A report as text: values under their JSON names; lists of objects and objects of objects as tables, or, if too wide,
+// line by line. Thread: any.
 std::string report_text(const Json& report);
 
-// To stdout, as JSON or as text. Thread: one at a time.
+// Prints to stdout, as JSON or as text. Thread: one at a time.
 void print_report(const Json& report, bool json);
 
-// A picture between its pixels, bicubic (Catmull and Rom); beyond the border its pixels repeat. Thread: any.
+// Bicubic interpolation (Catmull and Rom); pixels repeat beyond the border. Thread: any.
 inline float sample(std::span<const float> plane, Geometry g, double x, double y) noexcept {
   const auto weights = [](double f) {
     return std::array{((2.0 - f) * f - 1.0) * f / 2.0, ((3.0 * f - 5.0) * f * f + 2.0) / 2.0,
@@ -68,7 +68,7 @@ inline float sample(std::span<const float> plane, Geometry g, double x, double y
   return static_cast<float>(sum);
 }
 
-// Squared differences, summed up.
+// Accumulates squared differences.
 struct SquareSum {
   double sum = 0.0;
   std::size_t count = 0;
@@ -78,11 +78,11 @@ struct SquareSum {
     ++count;
   }
   void add(float a, float b) { add(static_cast<double>(a), static_cast<double>(b)); }
-  double mean() const { return sum / static_cast<double>(count); }  // NaN of nothing
+  double mean() const { return sum / static_cast<double>(count); }  // NaN if empty
   double root_mean() const { return std::sqrt(mean()); }
 };
 
-// Random draws that depend on nothing but a key: SplitMix64's words from number `first` on.
+// Random draws that depend on a key only: SplitMix64's words from number `first` on.
 class Dice {
  public:
   explicit Dice(std::uint64_t key, std::uint64_t first = 0) noexcept : key_(key), count_(first) {}
@@ -90,7 +90,7 @@ class Dice {
   double unit() noexcept { return splitmix::unit(word()); }  // in [0, 1)
   double between(double low, double high) noexcept { return low + (high - low) * unit(); }
   std::size_t below(std::size_t count) noexcept { return static_cast<std::size_t>(word() % count); }
-  // Uniform in size between the two, of either sign.
+  // Uniform magnitude between both, of either sign.
   double signed_between(double low, double high) noexcept {
     const double size = between(low, high);
     return unit() < 0.5 ? -size : size;
@@ -101,21 +101,21 @@ class Dice {
   std::uint64_t count_;
 };
 
-// Independent jobs on some threads; each leaves its result in a place of its own. Thread: one at a time.
+// Independent jobs on several threads; each writes its result to its own place. Thread: one at a time.
 class Jobs {
  public:
   using Job = std::function<Status()>;
   void add(Job job) { jobs_.push_back(std::move(job)); }
 
-  // Does all that were added, and forgets them. The error of the first job that failed, in the order they were added;
-  // an interrupt ends those that have not begun. `done` counts on, for `progress`.
+  // Runs all added jobs and clears the list. Returns the error of the first failed job, in the order they were added;
+  // an interrupt skips jobs that have not begun. `done` counts on, for `progress`.
   Status run(int threads, Progress& progress, std::uint64_t& done);
 
  private:
   std::vector<Job> jobs_;
 };
 
-// Runs a job that makes a Result and keeps its value.
+// A job that calls `make` and stores its value in `place`.
 template <typename T, typename Make>
 Jobs::Job keep(T& place, Make make) {
   return [&place, make]() -> Status {

@@ -1,4 +1,4 @@
-// `bolo-lab`: measures and tries Bolo itself; never installed, never needed by bolo or bolod. And `bolo-lab eval live`.
+// `bolo-lab`: measures and tests Bolo itself, and `bolo-lab eval live`; never installed, never needed by bolo or bolod.
 #include "tools/demo/live_check.hpp"
 #include "tools/lab/common.hpp"
 #include "tools/lab/verbs.hpp"

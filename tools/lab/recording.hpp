@@ -1,4 +1,4 @@
-// A moving scene as a camera sees it, in memory, with the truth; and as a source of frames.
+// A moving scene as seen by a camera, in memory with its truth, and as a source of frames.
 #pragma once
 
 #include <atomic>
@@ -14,28 +14,28 @@
 
 namespace bolo::tools {
 
-// Frame k was taken k periods after the first.
+// Frame k was taken k periods after frame 0.
 struct Recording {
   StreamFormat format;
   std::vector<std::vector<std::byte>> planes;
   std::vector<std::vector<float>> truth;  // K
 };
 
-// A street that passes by.
+// A passing street.
 struct StreetPass {
-  std::uint64_t street = 5;  // which one
+  std::uint64_t street = 5;  // seed of the street
   double speed_px_s = 60.0;
   std::size_t frames = 260;
-  std::size_t more_frames = 32;  // effects that lose frames, or jitter, need later ones
+  std::size_t more_frames = 32;  // later frames for effects that lose or jitter frames
 };
 
 // Thread: any.
 Result<Recording> record_street(const sim::CameraSettings& camera, const StreetPass& pass);
 
-// Hands in every frame, as fast as they are taken. Frame k has the id k and the time of k periods.
+// Delivers every frame as fast as the pipeline takes them. Frame k has id k and the time of k periods.
 class RecordingSource final : public pipeline::FrameSource {
  public:
-  // The recording outlives this. Thread: setup.
+  // The recording must outlive the source. Thread: setup.
   explicit RecordingSource(const Recording& recording) : recording_(recording) {}
   ~RecordingSource() override { RecordingSource::stop(); }
   RecordingSource(const RecordingSource&) = delete;

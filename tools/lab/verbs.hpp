@@ -1,5 +1,5 @@
-// The verbs of `bolo-lab`, one folder each, and the evaluations of `bolo-lab eval`, one file each.
-// Of all of them argv[0] is the verb itself; they return the exit code.
+// Verbs of `bolo-lab`, one folder each, and evaluations of `bolo-lab eval`, one file each. argv[0] is the verb itself;
+// they return the exit code.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// `bolo-lab bench`; and time and accuracy of the ways to deblur one 640x120 frame, all in one run on one input.
+// `bolo-lab bench`: time and accuracy of all ways to deblur one 640x120 frame, in one run on the same input.
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -32,7 +32,7 @@ deblur::WindowView window_of(const Planes& planes) { return {planes, static_cast
 struct Input {
   StreamFormat format;
   std::vector<std::vector<std::uint16_t>> frames;
-  std::array<Planes, kMostLost + 1> without;  // so many frames, every other one before the newest
+  std::array<Planes, kMostLost + 1> without;  // [n]: with n lost frames, every other one before the newest
 };
 
 Result<Input> make_input(const deblur::Settings& settings) {
@@ -55,8 +55,8 @@ Result<Input> make_input(const deblur::Settings& settings) {
   return input;
 }
 
-// A camera's whole profile that changes no value, so that errors can be measured: the work is the same for every
-// number. Dead pixels, one of 200, lie outside the rows that are compared.
+// A complete camera profile whose corrections change no value, so that errors can be measured; the work does not depend
+// on the numbers. Dead pixels, one in 200, lie outside the compared rows.
 model::PixelMaps neutral_maps(const deblur::Settings& settings) {
   model::PixelMaps maps;
   maps.tau_s.assign(kFrame.pixels(), static_cast<float>(settings.tau_s));
@@ -70,7 +70,7 @@ model::PixelMaps neutral_maps(const deblur::Settings& settings) {
   return maps;
 }
 
-// A profile's work on each frame: the newest one is brought to float and corrected.
+// A profile's work on each frame: converts the newest frame to float and corrects it.
 class Corrected {
  public:
   Corrected(const Input& input, corrections::PixelCorrection correction)
@@ -95,20 +95,19 @@ class Corrected {
   Planes planes_;
 };
 
-// One way to deblur a frame.
 struct Variant {
   std::string solver;  // as --solver
-  std::string isa;     // "": the best
+  std::string isa;     // "": the fastest
   int threads = 1;
   double lambda_half_k = 0.0;
-  int lost = 0;          // frames before the newest that are missing
+  int lost = 0;          // missing frames before the newest
   bool profile = false;  // with maps of gain, offset, time constant and dead pixels, and a row delay
 };
 
-// A variant while it is measured.
+// Measures one variant.
 class Runner {
  public:
-  // `corrected`: for a variant with a profile; the same one serves all, as one window serves those without.
+  // `corrected`: shared by all variants with a profile, as one window is by those without.
   Runner(const Input& input, Corrected& corrected, Variant what)
       : input_(input), corrected_(corrected), what_(std::move(what)), out_(kFrame.pixels()) {
     settings_.method = *deblur::method_from_name(what_.solver);
@@ -143,9 +142,9 @@ class Runner {
     times_.push_back(ms * kFrame.height / rows_);
   }
 
-  // Times are of a whole frame, the fastest repeat's; errors against the optimum of the first pixels. `scaling` is the
-  // time of one thread over this time, `throughput_of_plain` frames a second over those without profile or losses: 1
-  // where no such variant was measured.
+  // Times are for a whole frame, fastest repeat; errors are against the optimum of the first pixels. `scaling` is the
+  // time with one thread over this time, `throughput_of_plain` the frame rate relative to the same variant without
+  // profile or losses; 1 if no such variant was measured.
   Json result(const std::vector<float>& exact) {
     std::ranges::sort(times_);
     const auto pixels = static_cast<std::size_t>(rows_ * kFrame.width);
@@ -192,7 +191,7 @@ class Runner {
   std::vector<double> times_;
 };
 
-// The main one first. Plain scalar code is far slower than all others: one variant is enough of it.
+// The main variant first. One variant of plain scalar code is enough, as it is far slower than all others.
 std::vector<Variant> list_variants(const BenchOptions& options, double lambda_half_k, int processors) {
   std::vector<Variant> list{{options.solver, options.isa, options.threads, lambda_half_k}};
   std::vector<std::string> isas{options.isa};
@@ -219,7 +218,7 @@ std::vector<Variant> list_variants(const BenchOptions& options, double lambda_ha
 
 Status check(const BenchOptions& options) {
   ASSIGN_OR_RETURN(const deblur::Method method, deblur::method_from_name(options.solver));
-  // Their work is in what one frame tells of the next, and what they approach is no optimum of a window.
+  // These solvers carry state from frame to frame, and do not approach the optimum of a single window.
   if (method == deblur::Method::kMmae || method == deblur::Method::kMotion) {
     return bad_input("--solver " + options.solver +
                      ": give admm, dual, exact or inverse, whose windows stand alone; bolo bench measures " +
@@ -235,7 +234,7 @@ Status check(const BenchOptions& options) {
   return {};
 }
 
-// The optimum for each lambda and number of lost frames, of the first rows.
+// Optimum of the first rows for each lambda and number of lost frames.
 using Optima = std::map<std::pair<double, int>, std::vector<float>>;
 Result<Optima> optima(const Input& input, Corrected& corrected, const std::vector<Variant>& list) {
   Optima result;

@@ -1,4 +1,4 @@
-// Cost of readers of shared memory to the writer: its rate and latency with 0, 1, 4 and 16 of them, each a process that
+// Cost of shared-memory readers to the writer: its rate and latency with 0, 1, 4 and 16 of them, each a process that
 // reads through libbolo-client.
 #include <sched.h>
 #include <sys/mman.h>
@@ -27,7 +27,7 @@ namespace {
 constexpr Geometry kStreamed{640, 120};
 constexpr std::int64_t kPeriodNs = 5'000'000;
 constexpr int kWarmUpFrames = 30;
-constexpr int kFrames = 200;  // measured in a phase
+constexpr int kFrames = 200;  // measured in each phase
 constexpr int kFreezeAt = kWarmUpFrames + kFrames / 4;
 constexpr int kKillAt = kWarmUpFrames + kFrames / 2;
 constexpr std::array<int, 4> kReaders{0, 1, 4, 16};
@@ -37,19 +37,19 @@ constexpr timespec kSlowReadersPause{0, 10 * kPeriodNs};
 
 enum class Manner { kPlain, kFrozen, kKilled, kSlow };
 
-// One of several readers is frozen, one killed, one slow; a single one just reads.
+// With four readers or more, one is frozen, one killed and one slow; a single one just reads.
 Manner manner_of(int reader, int readers) {
   if (readers < 4 || reader > 2) return Manner::kPlain;
   return std::array{Manner::kFrozen, Manner::kKilled, Manner::kSlow}[static_cast<std::size_t>(reader)];
 }
 
-// A reader's reports to the writer's process, in memory that both share.
+// A reader's reports to the writer's process, in shared memory.
 struct ReaderState {
   rt::Gauge<bool> ready;
   rt::Counter frames;
 };
 
-// A child: copies every frame until the writer ends.
+// In a child: copies every frame until the writer ends.
 int read_all(const std::string& name, Manner manner, ReaderState& state) {
   const sched_param ordinary{};
   sched_setscheduler(0, SCHED_OTHER, &ordinary);
@@ -67,7 +67,7 @@ int read_all(const std::string& name, Manner manner, ReaderState& state) {
   return 0;
 }
 
-// Reader processes; killed and gathered in the destructor.
+// Reader processes, killed and reaped in the destructor.
 class Readers {
  public:
   Readers(const std::string& name, int count) : count_(static_cast<std::size_t>(count)) {
@@ -106,7 +106,7 @@ class Readers {
     }
   }
 
-  // Frames read by those that nothing was done to, on average.
+  // Average number of frames read by undisturbed readers.
   double frames_read() const {
     double sum = 0.0;
     double readers = 0.0;
@@ -129,7 +129,7 @@ class Readers {
   std::vector<pid_t> processes_;
 };
 
-// A sink with two planes to publish by turns.
+// A sink that publishes two planes alternately.
 class Writer {
  public:
   Status open(const std::string& name) {
@@ -183,14 +183,14 @@ Phase pace(Writer& writer, const Readers& readers) {
     const std::int64_t begin_ns = monotonic_ns();
     writer.publish(static_cast<std::uint64_t>(i));
     last_ns = monotonic_ns();
-    if (i == kFreezeAt) readers.signal(Manner::kFrozen, SIGSTOP);  // right after a frame: while it is read
+    if (i == kFreezeAt) readers.signal(Manner::kFrozen, SIGSTOP);  // right after a frame: while it is being read
     if (i == kKillAt) readers.signal(Manner::kKilled, SIGKILL);
     if (i == kWarmUpFrames) first_ns = last_ns;
     if (i <= kWarmUpFrames) continue;
     publish_us.push_back(static_cast<double>(last_ns - begin_ns) * 1e-3);
     due_us.push_back(static_cast<double>(last_ns - due_ns) * 1e-3);
   }
-  sleep_until(due_ns);  // readers have a period for the last frame too
+  sleep_until(due_ns);  // readers have a period for the last frame, too
   Phase phase;
   phase.rate_hz = kFrames / (static_cast<double>(last_ns - first_ns) / kNsPerSecond);
   phase.publish_us_p50 = quantile(publish_us, 0.50);
@@ -202,7 +202,7 @@ Phase pace(Writer& writer, const Readers& readers) {
 
 Result<Phase> run_phase(int count, int priority) {
   const std::string name = "bench-" + std::to_string(getpid());
-  const Readers readers(name, count);  // before the writer has a thread of its own
+  const Readers readers(name, count);  // forks before the writer starts a thread
   Writer writer;
   RETURN_IF_ERROR(writer.open(name));
   RETURN_IF_ERROR(readers.wait_until_ready());
@@ -213,7 +213,7 @@ Result<Phase> run_phase(int count, int priority) {
   return phase;
 }
 
-// Medians of the rounds; ratios are taken within a round, to its phase without readers.
+// Medians over rounds; ratios are to the phase without readers of the same round.
 Json measured(int readers, const std::vector<Phase>& phases, const std::vector<Phase>& alone) {
   const auto of_manner = [readers](Manner manner) {
     int count = 0;
@@ -250,7 +250,7 @@ Result<Json> bench_readers(double seconds, int priority) {
   std::size_t rounds = 0;
   for (; rounds == 0 || monotonic_ns() < end_ns; ++rounds) {
     for (std::size_t i = 0; i < kReaders.size(); ++i) {
-      // Each round begins with another one, so that what changes on the machine meets all of them.
+      // Each round starts with another case, so that drifts of the machine's load affect all of them.
       const std::size_t which = (i + rounds) % kReaders.size();
       ASSIGN_OR_RETURN(const auto phase, run_phase(kReaders[which], priority));
       phases[which].push_back(phase);

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 using Given = cxxopts::ParseResult;
 using Words = std::vector<std::string>;
 
-// Sorted keys, no blanks, shortest numbers that read back the same: one text for one set of answers.
+// Sorted keys, no blanks, shortest round-trip numbers: the text is unique for a set of answers.
 std::string canonical(const std::vector<Session>& sessions) {
   nlohmann::json out = nlohmann::json::array();
   for (const Session& session : sessions) out.push_back(to_json(session));
@@ -38,7 +38,7 @@ Result<std::string> fresh_nonce() {
 struct Request {
   DrawOptions draw;
   std::vector<Session> sessions;  // drawn
-  fs::path program;               // with the checked `diagnose`
+  fs::path program;               // provides the tested `diagnose`
   fs::path keep;                  // empty: captures and reports are deleted
   int jobs = 2;
   Replace replace = Replace::kNothing;  // of kept files
@@ -121,7 +121,7 @@ Status draw_sessions(const Given& given, Request& request) {
   return {};
 }
 
-// Makes the folder of kept files, and checks that nothing in it would be overwritten.
+// Makes the folder of kept files and checks that nothing in it would be overwritten.
 Status prepare_kept(const Request& request) {
   if (request.keep.empty()) return {};
   RETURN_IF_ERROR(make_folder(request.keep));
@@ -155,7 +155,7 @@ Status keep_as(ScratchFolder& folder, const fs::path& target, Replace replace) {
   std::error_code error;
   if (replace == Replace::kExisting) fs::remove_all(target, error);
   fs::rename(folder.path(), target, error);
-  // Another process has kept the same session meanwhile.
+  // Another process has kept the same session in the meantime.
   if (error == std::errc::directory_not_empty || error == std::errc::file_exists) return {};
   if (error) return failed(target.string() + ": cannot be made: " + error.message());
   folder.keep();
@@ -163,7 +163,7 @@ Status keep_as(ScratchFolder& folder, const fs::path& target, Replace replace) {
 }
 
 // Simulates and diagnoses one session in a private folder of a random name. A failed diagnosis is a trial without a
-// finding; kFailed: the disk, the simulator, or an interrupt.
+// finding; kFailed: disk, simulator or interrupt.
 Result<Trial> run_trial(const Session& session, const Request& request) {
   ASSIGN_OR_RETURN(auto folder, request.keep.empty() ? ScratchFolder::make() : ScratchFolder::make(request.keep));
   ASSIGN_OR_RETURN(const auto captures, write_captures(session, folder.path()));
@@ -195,7 +195,7 @@ Status keep_answers(const Request& request, const Opened& opened) {
   return write_file({request.keep / kKeptFiles[1], request.replace}, opened.nonce);
 }
 
-// Prints the seal before any diagnosis; with --json to stderr, as stdout has the JSON only.
+// Prints the seal before any diagnosis; with --json to stderr, as stdout carries the JSON only.
 Status draw_and_score(const Request& request) {
   const auto started = std::chrono::steady_clock::now();
   ASSIGN_OR_RETURN(const auto seal, Seal::close(request.sessions));
@@ -228,7 +228,7 @@ std::vector<std::string> environment() {
   return out;
 }
 
-// The last line that is not empty.
+// The last non-empty line.
 std::string last_line(const std::filesystem::path& log) {
   std::ifstream in(log);
   std::string last;
@@ -240,7 +240,7 @@ std::string last_line(const std::filesystem::path& log) {
 
 using nlohmann::json;
 
-// null: unmeasured.
+// null: not measured.
 double number(const json& value) {
   return value.is_number() ? value.get<double>() : std::numeric_limits<double>::quiet_NaN();
 }

@@ -10,7 +10,7 @@ constexpr double kNoiseK = 0.03;
 constexpr double kCountK = 0.01;
 constexpr double kGainCorrectedAtK = 298.15;
 
-// temperature_of() for many values.
+// temperature_of() by table, for many values.
 class Inverse {
  public:
   Inverse() {
@@ -28,7 +28,7 @@ class Inverse {
   std::array<double, kPoints + 1> table_{};
 };
 
-// The heat equation of all pixels by an explicit third-order Runge-Kutta method, and its history.
+// The heat equation of all pixels by an explicit third-order Runge-Kutta method, with its history.
 struct Array {
   const Scene& scene;
   const Hidden& hidden;
@@ -50,7 +50,7 @@ struct Array {
       const double smooth = std::sqrt(2.0) * std::sin(4.0 * (x * std::cos(turn) + y * std::sin(turn)) + turn);
       tau[p] = 0.8 * luck.even(-1.732, 1.732) + 0.6 * smooth;
     }
-    // The spread is about the mean, and exact: a piece of a wave has an rms of its own.
+    // The spread is relative to the mean, and exact: the rms of the drawn piece of a wave would not be.
     const auto pixels = static_cast<double>(tau.size());
     const double mean = std::accumulate(tau.begin(), tau.end(), 0.0) / pixels;
     double square = 0.0;
@@ -85,7 +85,7 @@ struct Array {
     return a + (place - whole) * (past[(i + 1) % kPast][pixel] - a);
   }
 
-  // from + part * dT/dt, with the derivative of `state`.
+  // from + part * dT/dt, with the derivative at `state`.
   void move(const Plane& from, const Plane& state, double part_s, Plane& to) const {
     const double coupling = hidden.number("crosstalk", "coupling", 0.0);
     const bool diagonal = hidden.has("crosstalk", "eight");
@@ -126,7 +126,7 @@ struct Array {
   }
 };
 
-// True times of the stored frames, with lost frames, clock skew and jitter; -1: repeats the frame before.
+// True times of the stored frames, with lost frames, clock skew and jitter; -1: repeats the previous frame.
 std::vector<double> frame_times(const CapturePlan& plan, const Hidden& hidden, Luck& luck) {
   const double rate = hidden.number("frame_loss", "per_thousand", 0.0) / 1000.0;
   const bool burst = hidden.has("frame_loss", "burst");
@@ -142,7 +142,7 @@ std::vector<double> frame_times(const CapturePlan& plan, const Hidden& hidden, L
       continue;
     }
     if (event) number += 1.0;
-    // Five lost within a second.
+    // Five losses within a second.
     if (burst && k > middle && (k - middle) % 40 == 0 && k <= middle + 200) number += 1.0;
     const double off = jitter > 0.0 ? std::clamp(jitter * luck.normal(), -0.002, 0.002) : 0.0;
     times.push_back(number * period + off);
@@ -199,7 +199,7 @@ struct Readout {
     if (hopping > 0.0) defect[gain.size() / 2 + 5] = defect[gain.size() / 3] = 3;
   }
 
-  // Noise with a spectrum 1/f^exponent: relaxations an octave apart.
+  // Noise with a spectrum 1/f^exponent: sum of relaxation processes an octave apart.
   void make_slow() {
     const double corner = hidden.number("one_over_f", "corner_hz", 0.0);
     if (corner <= 0.0) return;
@@ -261,7 +261,7 @@ struct Readout {
     }
   }
 
-  // Random telegraph signal, longer at the lower level.
+  // Random telegraph noise, which stays longer at the lower level.
   void hop(std::size_t p, double& value) {
     const double rate = hidden.number("rts", "rate_hz", 0.0) * kFrameS;
     if (luck.chance(up[p] != 0 ? 1.3 * rate : 0.8 * rate)) up[p] = up[p] != 0 ? 0 : 1;
@@ -312,7 +312,7 @@ double row_time(const Hidden& hidden, int row, int height) {
 }  // namespace
 
 std::vector<std::uint16_t> film(const Session& session, const CapturePlan& plan) {
-  constexpr double kBeforeS = 1.5;  // the bench runs before the first frame
+  constexpr double kBeforeS = 1.5;  // the bench starts this long before the first frame
   const Hidden hidden{plan.effects};
   const Geometry g = session.geometry;
   const Scene scene = scene_of(plan, hidden, g);

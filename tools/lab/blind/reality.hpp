@@ -13,7 +13,7 @@ using Plane = std::vector<double>;
 inline constexpr double kSubstepS = 1.25e-4;
 inline constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
-// The effects in a capture. number(): a parameter of an effect, or `absent`.
+// The effects in a capture. number(): an effect's parameter, or `absent`.
 struct Hidden {
   const std::vector<sim::EffectSpec>& effects;
   const sim::EffectSpec* find(std::string_view name) const {

@@ -11,7 +11,7 @@ struct Number {
   bool signed_too = false;
 };
 
-// An effect in one of its forms. The first form of a name is the standard one.
+// An effect in one of its forms; the first entry of a name is its standard form.
 struct Entry {
   const char* name;
   const char* form;

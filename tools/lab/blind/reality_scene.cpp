@@ -6,7 +6,7 @@ namespace {
 
 constexpr double kHousingK = 301.0;
 
-// By the trapezoid rule, without a unit.
+// Trapezoid rule, in arbitrary units.
 double radiance_sum(double kelvin) {
   double total = 0.0;
   constexpr int kParts = 40;
@@ -36,7 +36,7 @@ Plane corner_loss(const Hidden& hidden, Geometry g) {
   return loss;
 }
 
-// The irradiance of each pixel.
+// Irradiance of each pixel.
 struct Bench {
   const CapturePlan& plan;
   const Hidden& hidden;
@@ -60,7 +60,7 @@ struct Bench {
     return at == plan.bench.end() ? 0.0 : at->second;
   }
 
-  // The pixel's input: apparent temperature, or radiance.
+  // Input of a pixel: apparent temperature, or radiance.
   double signal(double kelvin, bool target) const {
     if (target && hidden.has("emissivity")) {
       const double e = hidden.number("emissivity", "emissivity", 1.0);
@@ -112,16 +112,16 @@ struct Bench {
   template <typename Other>
   void paint(const Other&, double, Plane&) const {}
 
-  // Covered share of a pixel with its left end at u periods: exact along x, then blurred numerically.
+  // Covered share of a pixel whose left edge is at u periods: exact along x, then blurred numerically.
   void tabulate(const capture::BarTarget& b) {
-    const auto hot_up_to = [&](double x) {  // length of hot in [0, x)
+    const auto hot_up_to = [&](double x) {  // hot length in [0, x)
       const double whole = std::floor(x / b.period_px);
       return whole * b.bar_width_px + std::min(x - whole * b.period_px, b.bar_width_px);
     };
     const double sigma = hidden.number("optical_psf", "sigma_px", 0.0);
     const bool disc = hidden.has("optical_psf", "disc");
     const double lean = std::sqrt(1.0 + b.slant_px_per_row * b.slant_px_per_row);
-    constexpr int kPoints = 41;  // of a blur
+    constexpr int kPoints = 41;  // samples of the blur
     std::vector<double> shifts;
     for (int i = 0; i < kPoints; ++i) {
       const double s = (i + 0.5) / kPoints * 2.0 - 1.0;
@@ -133,7 +133,7 @@ struct Bench {
       return disc ? std::sqrt(std::max(0.0, 1.0 - r * r / 4.0)) : std::exp(-r * r / 2.0);
     };
     covered.assign(kTable + 2, 0.0);
-    constexpr int kWithin = 8;  // points over the row's height, and over the target's soft edge
+    constexpr int kWithin = 8;  // samples over a row's height, and over the target's soft edge
     for (std::size_t i = 0; i < covered.size(); ++i) {
       double sum = 0.0;
       double weights = 0.0;

@@ -13,15 +13,15 @@ constexpr double kHotK = 325.0;
 constexpr double kChopperColdK = 295.0;
 constexpr std::array<double, 2> kChopperLevelsK{305.0, 320.0};
 constexpr std::array<double, 5> kPulsesS{0.012, 0.030, 0.060, 0.120, 0.300};
-constexpr double kGapS = 0.0837;  // no multiple of a frame, to vary the pulses' phases
+constexpr double kGapS = 0.0837;  // no multiple of a frame: the pulses' phases vary
 constexpr double kBarsColdK = 290.0;
 constexpr double kBarsHotK = 315.0;
 
-constexpr std::array<int, 6> kFrames{380, 240, 400, 340, 340, 300};  // of the captures
+constexpr std::array<int, 6> kFrames{380, 240, 400, 340, 340, 300};  // of the six captures
 
 bool is_moment(const sim::EffectSpec& effect) { return effect.name == "nuc_freeze" || effect.name == "offset_jump"; }
 
-// Every length at every height, within the capture.
+// All pulse lengths at all levels, within the capture.
 capture::Chopper chopper(double duration_s) {
   capture::Chopper out;
   out.cold_k = kChopperColdK;
@@ -71,7 +71,7 @@ Bench draw_bench(bool imperfect, Dice& dice) {
   return imperfect ? Bench{true, dice.between(0.0, 0.3), dice.between(0.0, 0.01)} : Bench{};
 }
 
-// The stimulus' errors: its start always, others if the bench is imperfect.
+// The stimulus' errors: start phase always, others if the bench is imperfect.
 sim::StimulusError draw_faults(const capture::Stimulus& stimulus, const Bench& bench, Dice& dice) {
   sim::StimulusError faults;
   const bool is_chopper = std::holds_alternative<capture::Chopper>(stimulus);
@@ -101,7 +101,7 @@ void add_effect(std::vector<CapturePlan>& plans, const sim::EffectSpec& effect, 
     for (CapturePlan& plan : plans) plan.effects.push_back(effect);
     return;
   }
-  // One or two captures.
+  // The effect is in one or two captures.
   const std::set<std::size_t> where{dice.below(plans.size()), dice.below(plans.size())};
   for (const std::size_t i : where) {
     sim::EffectSpec placed = effect;
@@ -144,13 +144,12 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
 constexpr std::array<std::string_view, kKinds> kNames{"effect-free", "single", "pair", "outside",
                                                       "withheld",    "forms",  "bench"};
 
-// An effect and its form.
 struct Choice {
   std::string_view effect;
   std::string_view form;
 };
 
-// The effects for sessions of this kind, in the order of their turns.
+// Effects for sessions of this kind, in the order in which they are used.
 std::vector<Choice> choices(Kind kind) {
   std::vector<Choice> out;
   for (const sim::EffectDescription& effect : sim::effect_descriptions()) {

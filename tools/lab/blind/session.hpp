@@ -14,10 +14,10 @@ namespace bolo::tools::blind {
 enum class Kind {
   kEffectFree,
   kSingle,    // one effect of the catalogue, each in turn
-  kPair,      // two of them
+  kPair,      // two of the catalogue
   kOutside,   // one that is not in the catalogue
   kWithheld,  // one of the catalogue, withheld from the diagnosis
-  kForms,     // one of the catalogue in another physical form than the standard one
+  kForms,     // one of the catalogue in a physical form other than the standard one
   kBench,     // no effect, but a wrong /stimulus
 };
 inline constexpr std::size_t kKinds = 7;
@@ -33,7 +33,7 @@ struct DrawOptions {
   std::uint64_t seed = 1;
   Geometry geometry{32, 24};
   double frames_scale = 1.0;  // factor on the captures' lengths
-  bool imperfect = false;     // the stimuli have errors
+  bool imperfect = false;     // the stimuli deviate from the nominal ones
   std::string only{};         // the effect of every session; empty: all in turn
   Reality reality = Reality::kFirst;
 };
@@ -46,7 +46,7 @@ struct CapturePlan {
   std::uint64_t noise_seed = 0;
   std::vector<sim::EffectSpec> effects;                // in this capture
   sim::StimulusError faults;                           // deviations of the true stimulus from the nominal one
-  std::map<std::string, double, std::less<>> bench{};  // the same, of the second reality
+  std::map<std::string, double, std::less<>> bench{};  // the same for the second reality
 };
 
 // One session of the check: the hidden answer.
@@ -63,9 +63,9 @@ struct Session {
   std::vector<CapturePlan> captures;
 };
 
-// Six captures: closed shutter, hot flat, chopper, slow pan, fast pan the other way, static target; 10 mK a count.
-// The same options, kind and index give the same session, whatever others are drawn. kBadInput when `only` names no
-// effect of the kind. Thread: any.
+// Six captures: closed shutter, hot flat, chopper, slow pan, fast pan the other way, static target; 10 mK a count. The
+// same options, kind and index give the same session, whatever others are drawn. kBadInput if `only` names no effect of
+// the kind. Thread: any.
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index);
 
 // The possible errors in /stimulus, in turn.
@@ -89,8 +89,8 @@ Result<std::vector<std::filesystem::path>> write_captures(const Session& session
 
 namespace second {
 
-// A session of six captures; the hidden effects have the usual names, with this reality's parameters. kBadInput when
-// `only` names no effect of the kind. Thread: any.
+// A session of six captures; hidden effects have the usual names and this reality's parameters. kBadInput if `only`
+// names no effect of the kind. Thread: any.
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index);
 
 // All frames of a capture, row-major, 10 mK a count. Thread: any.

@@ -19,7 +19,7 @@ struct Line {
   Box share;
 };
 
-// Exactly five numbers: a whole one, then a box that lies within the picture, or nearly so.
+// Exactly five numbers: an integer, then a box that lies within the picture, or nearly so.
 std::optional<Line> parse_line(const std::string& text) {
   std::istringstream in(text);
   Line line;
@@ -42,7 +42,7 @@ Box in_pixels(const Box& share, Geometry picture) {
           share.height * picture.height};
 }
 
-// Truth of one class in the order in which it is offered: objects first, then what is ignored, each as given.
+// Truth of one class in matching order: objects first, then ignored boxes, each in the given order.
 struct Offered {
   Box box;
   bool ignored = false;
@@ -73,7 +73,7 @@ constexpr std::array kIous{0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95
 constexpr int kRecallPoints = 101;  // from 0 to 1
 constexpr std::size_t kNothing = std::numeric_limits<std::size_t>::max();
 
-// The truth that a detection takes, of those that are free; a crowd always is.
+// The free truth that a detection matches; a crowd is always free.
 std::size_t taken_by(const Detection& detection, const std::vector<Offered>& offered, const std::vector<bool>& taken,
                      double least_iou) {
   double best = std::min(least_iou, 1.0 - 1e-10);
@@ -81,7 +81,7 @@ std::size_t taken_by(const Detection& detection, const std::vector<Offered>& off
   for (std::size_t i = 0; i < offered.size(); ++i) {
     const Offered& one = offered[i];
     if (taken[i] && !one.crowd) continue;
-    if (choice != kNothing && !offered[choice].ignored && one.ignored) break;  // an object is better than any of these
+    if (choice != kNothing && !offered[choice].ignored && one.ignored) break;  // any object beats all ignored boxes
     const double overlap = one.crowd ? share_within(detection.box, one.box) : iou(detection.box, one.box);
     if (overlap < best) continue;
     best = overlap;
@@ -94,7 +94,7 @@ double mean_of(const std::vector<double>& values) {
   return values.empty() ? kNoScore : sum_of(values) / static_cast<double>(values.size());
 }
 
-// Precision over recall, ready to be read at even recalls: points in rising order of recall.
+// Precision over recall, in rising order of recall, to be sampled at even recalls.
 struct Curve {
   std::vector<double> recall;
   std::vector<double> precision;
@@ -105,7 +105,7 @@ struct Curve {
     auto at = recall.begin();
     const double step = 1.0 / (kRecallPoints - 1);
     for (int i = 0; i < kRecallPoints; ++i) {
-      const double wanted = i + 1 < kRecallPoints ? i * step : 1.0;  // as numpy.linspace has them, to the last bit
+      const double wanted = i + 1 < kRecallPoints ? i * step : 1.0;  // bit-identical to numpy.linspace
       at = std::lower_bound(at, recall.end(), wanted);
       if (at == recall.end()) break;
       sum += precision[static_cast<std::size_t>(at - recall.begin())];

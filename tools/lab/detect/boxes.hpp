@@ -1,4 +1,4 @@
-// Boxes in a picture, detections, the label files that people draw boxes in, and average precision.
+// Boxes in a picture, detections, label files, and average precision.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace bolo::tools::detect {
 
-// Pixels, from the left upper corner; pixel (0, 0) covers [0, 1) x [0, 1).
+// In pixels, from the upper left corner; pixel (0, 0) covers [0, 1) x [0, 1).
 struct Box {
   double x = 0.0;
   double y = 0.0;
@@ -24,7 +24,7 @@ struct Box {
   constexpr bool operator==(const Box&) const = default;
 };
 
-// A detector's result. `label`: an index of the classes that are judged.
+// A detector's result. `label`: index into the judged classes.
 struct Detection {
   int label = 0;
   double score = 0.0;
@@ -32,9 +32,9 @@ struct Detection {
 };
 
 enum class TruthKind : std::uint8_t {
-  kObject,   // to be found
-  kIgnored,  // neither to be found nor wrong when found, once
-  kCrowd,    // the same for any number of detections that lie mostly within it: for areas without labels
+  kObject,   // must be found
+  kIgnored,  // need not be found; the first match is not counted as wrong
+  kCrowd,    // like kIgnored for any number of detections that lie mostly within: for areas without labels
 };
 
 struct Truth {
@@ -47,37 +47,36 @@ struct Truth {
 double area(const Box& box);
 double intersection(const Box& a, const Box& b);
 double iou(const Box& a, const Box& b);                    // intersection over union; 0 for empty boxes
-double share_within(const Box& box, const Box& other);     // of the box's area; 0 for an empty box
+double share_within(const Box& box, const Box& other);     // share of the box's area; 0 for an empty box
 Box clipped(const Box& box, double width, double height);  // to the picture; empty outside
 Box moved(const Box& box, double dx, double dy);           //
 
-// --- The classes that are judged, and label files: one line a box, `class cx cy w h`, shares of the picture (YOLO's
-// form).
+// --- Judged classes, and label files: one line a box, `class cx cy w h` in shares of the picture (YOLO format).
 
 struct JudgedClass {
-  std::string name;  // as the detectors' lists of classes have it
-  int number = 0;    // what label files write for it
+  std::string name;  // as in the detectors' class lists
+  int number = 0;    // as in label files
 };
 
-// The boxes of the judged classes, in pixels of a picture of this size; others are left out. kBadInput names file and
+// Boxes of the judged classes, in pixels of a picture of this size; other classes are skipped. kBadInput names file and
 // line. Thread: any.
 Result<std::vector<Truth>> read_labels(const std::filesystem::path& file, Geometry picture,
                                        const std::vector<JudgedClass>& classes);
 
-// A file with one name a line, as Darknet's `coco.names`; kBadInput when it cannot be read or has none. Thread: any.
+// Reads a file with one name a line, like Darknet's `coco.names`; kBadInput if unreadable or empty. Thread: any.
 Result<std::vector<std::string>> read_names(const std::filesystem::path& file);
 
-// Names between commas, blanks around them taken off. Thread: any.
+// Splits at commas and trims blanks. Thread: any.
 std::vector<std::string> split_names(const std::string& text);
 
-// --- Boxes that people drew over a still, as a moving camera sees them at one instant.
+// --- Boxes labelled on a still, as a moving camera sees them at one instant.
 
-// An object of which less lies in the view is ignored.
+// An object with a smaller visible share is ignored.
 inline constexpr double kLeastVisible = 0.5;
 
 // The labels of a still of size `still`, in a view of size `view` whose pixel (0, 0) is at the still's pixel `at`:
-// moved, cut to the view, those outside left out. The view beyond the still is a mirrored part of it that nobody
-// labelled: a crowd of every class, 0 .. classes - 1. Thread: any.
+// moved, clipped to the view, those outside left out. Beyond the still the view shows a mirrored, unlabelled part of
+// it: a crowd of every class 0 .. classes - 1. Thread: any.
 std::vector<Truth> truth_in_view(const std::vector<Truth>& labels, int classes, Geometry still, Geometry view,
                                  sim::Position at);
 
@@ -90,7 +89,6 @@ std::vector<Truth> truth_in_view(const std::vector<Truth>& labels, int classes, 
 //     spaced recalls;
 //  4. AP is the mean over recalls and the IoU thresholds 0.5, 0.55 ... 0.95, and over the classes that have objects.
 
-// Truth and detections of one image.
 struct ImageBoxes {
   std::vector<Truth> truth;
   std::vector<Detection> detections;
@@ -99,17 +97,17 @@ struct ImageBoxes {
 inline constexpr double kNoScore = std::numeric_limits<double>::quiet_NaN();
 
 struct ApScore {
-  double ap = kNoScore;  // 0 to 1; kNoScore where nothing was to be found
+  double ap = kNoScore;  // 0 to 1; kNoScore if nothing was to be found
   double objects = 0.0;
 };
 
-// Matches once, and scores any weighting of the images: a weight of 2 counts an image twice, as when it is drawn twice.
+// Matches once, then scores any weighting of images: a weight of 2 counts an image twice, as in the bootstrap.
 class Evaluator {
  public:
-  // Thread: any. `labels`: the classes are 0 .. labels - 1; others are left out.
+  // Thread: any. `labels`: classes are 0 .. labels - 1; others are ignored.
   Evaluator(std::span<const ImageBoxes> images, int labels);
 
-  // `weights`: one an image, none negative; empty: all 1. Thread: any, several at once.
+  // `weights`: one per image, none negative; empty: all 1. Thread: any, several at once.
   ApScore score(std::span<const int> weights = {}) const;
 
  private:
@@ -120,7 +118,7 @@ class Evaluator {
     std::uint32_t ignored = 0;
   };
   struct Class {
-    std::vector<Ranked> ranking;       // of all images, falling scores
+    std::vector<Ranked> ranking;       // of all images, by falling score
     std::vector<int> objects_a_image;  //
   };
 
@@ -130,10 +128,10 @@ class Evaluator {
   std::vector<Class> classes_;
 };
 
-// --- Scatter of a figure over other choices of scenes: the percentile bootstrap (Efron, "Bootstrap methods: another
-// look at the jackknife", 1979). Scenes are drawn anew, with replacement, each with all its images.
+// --- Uncertainty of a figure over other choices of scenes: percentile bootstrap (Efron, "Bootstrap methods: another
+// look at the jackknife", 1979). Scenes are drawn with replacement, each with all its images.
 
-// The number of times that each of `scenes` scenes is drawn in draw `draw`; they sum to `scenes`. Thread: any.
+// How often each of `scenes` scenes is drawn in draw `draw`; the counts sum to `scenes`. Thread: any.
 std::vector<int> drawn_scenes(std::size_t scenes, std::uint64_t seed, std::uint64_t draw);
 
 struct Interval {
@@ -141,7 +139,7 @@ struct Interval {
   double high = 0.0;
 };
 
-// The middle 95 % of the values that are numbers; NaN twice where there are none. Thread: any.
+// Middle 95 % of the finite values; NaN twice if there are none. Thread: any.
 Interval interval_95(std::vector<double> values);
 
 }  // namespace bolo::tools::detect

@@ -46,7 +46,7 @@ Result<Paths> files_in(const std::filesystem::path& folder, const std::vector<st
   return files;
 }
 
-// The files that an option names, or else those in a folder of --data.
+// Files named by an option, or else those in a folder of --data.
 Result<Paths> listed(const cxxopts::ParseResult& given, const std::string& option, const char* folder,
                      const std::vector<std::string>& extensions) {
   if (given.count(option) != 0) {

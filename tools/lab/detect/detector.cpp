@@ -11,7 +11,7 @@
 namespace bolo::tools::detect {
 namespace {
 
-// A tensor as rows: the last extent is the row's length. Leading extents of 1 do not matter.
+// A tensor as rows; the last extent is the row length. Leading extents of 1 are ignored.
 struct Rows {
   std::size_t rows = 0;
   std::size_t length = 0;
@@ -33,7 +33,7 @@ void add_classes(std::span<const float> scores, const Box& box, double least_sco
   }
 }
 
-// The mean of the softmax over the bins 0, 1, ...
+// Mean of the softmax over the bins 0, 1, ...
 double expected_bin(std::span<const float> logits) {
   const float top = *std::ranges::max_element(logits);
   double sum = 0.0;
@@ -86,7 +86,7 @@ void add_places(const GflPair& pair, int cells_across, int stride, int bins, dou
   }
 }
 
-// For each place along one side of the input: the two pixels around it and the second one's weight.
+// Linear interpolation along one side of the input: two pixels and the weight of the second.
 struct Between {
   std::size_t first = 0;
   std::size_t second = 0;
@@ -138,7 +138,7 @@ void channel_keys(model::KeyTable& keys, const std::string& colour, Channel& cha
   keys.number("scale_" + colour, channel.scale, {1e-6, 100.0, ""}, "What is left is multiplied by this");
 }
 
-// As texts: KeyTable::file would resolve them beside the description, where the networks need not be.
+// As strings: KeyTable::file would resolve them relative to the description, where the networks need not be.
 struct FileNames {
   std::string graph;
   std::string weights;
@@ -199,7 +199,7 @@ Status check(const model::KeyTable& keys, const DetectorDescription& d) {
 }
 
 Status place(std::filesystem::path& file, const std::filesystem::path& folder) {
-  file = folder / file;  // an absolute one stays
+  file = folder / file;  // absolute paths stay
   std::error_code ignored;
   if (std::filesystem::is_regular_file(file, ignored)) return {};
   return bad_input(file.string() + ": not there; name the folder of the networks' files");

@@ -1,4 +1,4 @@
-// In place of opencv_network.cpp where OpenCV is not there.
+// Replaces opencv_network.cpp in builds without OpenCV.
 #include "tools/lab/detect/detector.hpp"
 
 namespace bolo::tools::detect {

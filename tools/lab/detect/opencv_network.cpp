@@ -13,7 +13,7 @@
 namespace bolo::tools::detect {
 namespace {
 
-// OpenCV reports each exception on stderr too; and its threads would add to those of the caller.
+// OpenCV also prints each exception to stderr, and its threads would add to the caller's.
 void quieten() {
   static std::once_flag once;
   std::call_once(once, [] {
@@ -23,7 +23,7 @@ void quieten() {
   });
 }
 
-// "what is wrong", without place and line breaks.
+// Error message without source location and line breaks.
 std::string reason_of(const cv::Exception& e) {
   std::string text = e.err;
   std::ranges::replace(text, '\n', ' ');

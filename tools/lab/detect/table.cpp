@@ -7,7 +7,7 @@
 namespace bolo::tools::detect {
 namespace {
 
-using Networks = std::vector<Detector>;  // used by one thread at a time: one of these a thread
+using Networks = std::vector<Detector>;  // one set per thread
 
 Result<Networks> open_networks(const Options& options) {
   Networks networks;
@@ -74,7 +74,7 @@ class Runner {
     }
   }
 
-  // Errors of description and network show here, before minutes of simulation.
+  // Finds errors of description and network before minutes of simulation.
   Status try_out(Networks& networks) const {
     const Levels grey(options_.picture.pixels(), 128.0F);
     for (Detector& detector : networks) RETURN_IF_ERROR(detector.detect(grey, options_.picture));
@@ -106,19 +106,19 @@ class Runner {
   const Options& options_;
   Found found_;
   std::mutex mutex_;
-  std::vector<Networks> free_;  // as many as threads
+  std::vector<Networks> free_;  // one per thread
 };
 
 constexpr double kPercent = 100.0;
 
-// AP of each column, in percent: as it is, and in each draw of the bootstrap.
+// AP of each column in percent: of the data, and of each bootstrap draw.
 struct Scores {
   double objects = 0.0;
   std::vector<double> ap;
   std::vector<std::vector<double>> draws;  // [column][draw]
 };
 
-// The observations in one motion of stills with or without labels.
+// Observations in one motion, of stills either with labels or without.
 struct Group {
   std::size_t motion = 0;
   bool labelled = false;
@@ -126,14 +126,14 @@ struct Group {
   std::vector<std::size_t> stills;  // those that can be drawn
 };
 
-// A figure, and its interval over the draws.
+// Adds a figure and its interval over the draws.
 void add(Json& to, const std::string& key, double value, std::vector<double> draws) {
   const Interval interval = interval_95(std::move(draws));
   to[key] = value;
   to[key + "_ci95"] = std::isfinite(interval.low) ? Json{interval.low, interval.high} : Json();
 }
 
-// (AP - blurred) / (sharp - blurred); of a loss that there is none of, nothing can be recovered.
+// (AP - blurred) / (sharp - blurred); undefined if blur costs nothing.
 double share_recovered(double ap, double blurred, double sharp) {
   constexpr double kLeastLoss = 0.1;  // percent points
   return sharp - blurred > kLeastLoss ? (ap - blurred) / (sharp - blurred) : kNoScore;
@@ -155,8 +155,8 @@ Json cell_of(const Scores& s, std::size_t column) {
   return cell;
 }
 
-// Boxes that a detector should find: people's labels of classes that it knows, or, where there are none, its own boxes
-// on the sharp frame from `truth_score` on.
+// Boxes that a detector should find: labels of the classes that it knows, or, without labels, its own boxes on the
+// sharp frame with a score of at least `truth_score`.
 std::vector<Truth> truth_of(const Observation& observation, bool labelled, std::size_t detector, double truth_score,
                             const std::vector<bool>& knows) {
   std::vector<Truth> truth;
@@ -215,7 +215,7 @@ class Judge {
     return {images, static_cast<int>(options_.classes.size())};
   }
 
-  // The same stills are drawn for every column, detector and motion, so that differences are of the same stills.
+  // The same stills are drawn for every column, detector and motion, so that differences compare the same stills.
   std::vector<int> weights(const Group& group, std::uint64_t draw) const {
     const std::vector<int> times = drawn_scenes(group.stills.size(), options_.seed, draw);
     std::vector<int> weights;
@@ -230,7 +230,7 @@ class Judge {
   const Options& options_;
 };
 
-// The mean of the detectors that had something to find, draw by draw.
+// Mean over the detectors with something to find, draw by draw.
 Scores mean_of(std::vector<Scores> several) {
   std::erase_if(several, [](const Scores& one) { return !std::isfinite(one.ap.front()); });
   const auto count = static_cast<double>(several.size());

@@ -7,7 +7,7 @@
 namespace bolo::tools::detect {
 namespace {
 
-// Time of a trajectory that a view needs before and after its first frame: the pixels' memory, and the frames.
+// Time that a view needs in a trajectory before and after its first frame: the pixels' memory, and the frames.
 constexpr double kBefore_s = 0.2;
 constexpr double kAfter_s = (fidelity::kLeadIn + 4) * fidelity::kPeriodS;
 
@@ -15,7 +15,7 @@ using fidelity::Plane;
 using fidelity::Planes;
 using fidelity::Sequence;
 
-// A column that a solver makes.
+// A column produced by a solver.
 struct Solved {
   Column column;
   deblur::Method method = deblur::Method::kAdmm;
@@ -23,7 +23,7 @@ struct Solved {
   bool auto_lambda = false;
 };
 
-// Another solver is another line.
+// To add a solver, add a line.
 const std::vector<Solved>& solved_columns() {
   using enum deblur::Method;
   static const std::vector<Solved> all{

@@ -14,11 +14,11 @@ constexpr double kRateHz = 200.0;
 constexpr double kSeconds = 5.0;  // of the scene: longer than any stream
 constexpr int kTries = 3;
 
-constexpr std::uint64_t kMostLostOfFour = 1;  // of the frames that are hit, with working resends on a busy machine
+constexpr std::uint64_t kMostLostOfFour = 1;  // of four affected frames, with working resends on a busy machine
 
 // Faults from 0.3 to 0.5 s.
 constexpr Disturbance kWhile{.from_s = 0.3, .to_s = 0.5};
-// Faults at 0.3 s that are over at once.
+// Momentary faults at 0.3 s.
 constexpr Disturbance kOnce{.from_s = 0.3, .to_s = 0.3};
 
 Result<fakecam::FaultScript> script_of(const std::string& texts) {
@@ -44,8 +44,8 @@ std::string injected_text(const std::vector<fakecam::InjectedFault>& injected) {
   return joined(words);
 }
 
-// One scenario, a few times: what was injected, lost and reconnected in the last run, whether what was lost is what was
-// injected, in every run, and the first thing that was found wrong.
+// Repeats one scenario. The row has the faults, losses and reconnects of the last run, whether losses equal the
+// injected ones in every run, and the first failure.
 Result<Json> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
   Json row{{"fault", scenario.name}, {"script", scenario.faults}};
   std::vector<double> recovery_ms;
@@ -92,7 +92,7 @@ Status evaluate_fault(const cxxopts::ParseResult& given) {
 const std::vector<Scenario>& scenarios() {
   static const std::vector<Scenario> kScenarios = [] {
     const Demands ask{.prepare = [](RunTask& task) { task.camera.resend = true; }};
-    // With time for the answers, also where the camera's thread has to wait for a processor.
+    // With time for answers even if the camera's thread has to wait for a processor.
     const Demands ask_patiently{.resends = true, .exact = false, .prepare = [](RunTask& task) {
                                   task.camera.resend = true;
                                   task.camera.packet_timeout_us = 10'000;
@@ -107,14 +107,14 @@ const std::vector<Scenario>& scenarios() {
     const Demands reconnect_twice{.least_reconnects = 1, .most_reconnects = 2};
 
     return std::vector<Scenario>{
-        // The network.
+        // Network faults.
         {"loss", "loss:at=0.3,for=0.2,rate=0.05", 0.75, kWhile},
         {"loss, resent", "loss:at=0.3,for=0.2,rate=0.05", 0.75, kWhile, ask_patiently},
         {"loss, unanswered", "loss:at=0.3,for=0.2,rate=0.05 resend_unanswered", 0.75, kWhile, ask},
         {"reorder", "reorder:at=0.3,for=0.2,rate=0.3,by=3", 0.75, kWhile},
         {"duplicate", "duplicate:at=0.3,for=0.2,rate=0.3", 0.75, kWhile},
         {"garbage", "garbage:at=0.3,for=0.2,rate=0.05", 0.75, kWhile},
-        // The frames.
+        // Frame faults.
         {"id gap", "id_gap:at=0.3,ids=7", 0.6, kOnce},
         {"time jump", "time_jump:at=0.3,by=0.5", 0.6, {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = 0.5}},
         {"time jump back", "time_jump:at=0.3,by=-0.5", 0.6, {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = -0.5}},
@@ -123,7 +123,7 @@ const std::vector<Scenario>& scenarios() {
         {"nuc", "nuc:at=0.3,for=0.2,offset=0.5", 0.8, {0.3, 0.5, 0.0, 50}, drop_repeated},
         {"byte order", "byte_order", 0.4, {}, big_endian},
         {"metadata rows", "metadata_rows:rows=3", 0.4, {}, metadata},
-        // The camera.
+        // Camera faults.
         {"freeze", "freeze:at=0.3,for=0.2", 0.8, kWhile},
         {"long stall", "stall:at=0.3,for=0.8", 1.8, {.from_s = 0.3, .to_s = 1.1}, reconnect_lossy},
         {"control loss", "control_loss:at=0.3", 2.0, kOnce, reconnect},
@@ -205,8 +205,8 @@ namespace {
 
 constexpr double kTrialRateHz = 200.0;
 constexpr double kSpeedPxS = 200.0;
-constexpr double kCleanEndS = 0.1;  // without loss, so that every frame that is hit is also judged before the end
-constexpr double kSpareS = 1.0;     // the run outlasts its time by what stopping takes
+constexpr double kCleanEndS = 0.1;  // without loss, so that every affected frame is judged before the end
+constexpr double kSpareS = 1.0;     // allowance for stopping at the end of a run
 
 void add(SquareSum& sum, const Counts& shown, const std::vector<float>& truth, const LinearScale& scale) {
   for (std::size_t p = 0; p < truth.size(); ++p) {

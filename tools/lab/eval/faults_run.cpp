@@ -15,11 +15,11 @@ namespace bolo::tools::faults {
 namespace {
 
 constexpr std::uint64_t kFirstId = 100;
-constexpr double kOpenLimitS = 20.0;  // to the first stream; a camera that drops the connection first takes a while
+constexpr double kOpenLimitS = 20.0;  // to the first stream; includes a camera that first drops the connection
 constexpr std::size_t kSpareFrames = 256;
-constexpr int kManyPackets = 576;  // bytes: a frame of 64x24 pixels then has eight packets
+constexpr int kManyPackets = 576;  // bytes: eight packets for a frame of 64x24 pixels
 
-// Keeps a copy of each frame, in memory taken beforehand.
+// Copies each frame into preallocated memory.
 class KeepingSink final : public pipeline::FrameSink {
  public:
   explicit KeepingSink(std::size_t frames) : most_(frames) {}
@@ -66,7 +66,7 @@ fakecam::MemoryFrames::Content content_of(const Recording& scene, int rows_below
   return content;
 }
 
-// RcvbufErrors of this network namespace: the kernel's own count, two lines of names and values.
+// RcvbufErrors of this network namespace, counted by the kernel: two lines of names and values.
 std::uint64_t host_dropped() {
   std::ifstream in("/proc/net/snmp");
   std::string names;
@@ -101,10 +101,10 @@ enum class Kind { kRight, kWarmUp, kGap, kOther, kStrange };
 
 struct Seen {
   std::size_t number = 0;  // in the scene
-  int offset = 0;          // of its pixels, counts
+  int offset = 0;          // of all pixels, counts
 };
 
-// True if both planes are the same but for an offset. Rounding moves deblurred values by one count when it is there.
+// True if the planes differ by a common offset only, within `tolerance`: an offset changes the rounding by one count.
 bool same(const Counts& shown, const std::uint16_t* expected, int offset, int tolerance) {
   for (std::size_t p = 0; p < shown.size(); ++p) {
     if (std::abs(static_cast<int>(shown[p]) - static_cast<int>(expected[p]) - offset) > tolerance) return false;
@@ -117,7 +117,7 @@ class Judge {
   Judge(const Recording& scene, const std::vector<Counts>& reference, const Disturbance& disturbance)
       : scene_(scene), reference_(reference), disturbance_(disturbance) {}
 
-  // The scene's frame that this is, by the camera's clock and value by value.
+  // The scene's frame that this is, by the camera's clock and all values.
   std::optional<Seen> find(const Published& frame) const {
     for (const double shift_s : {0.0, disturbance_.clock_shift_s}) {
       const double since_first = static_cast<double>(frame.meta.camera_ns - kFirstCameraNs) / kNsPerSecond - shift_s;
@@ -141,7 +141,7 @@ class Judge {
     return (frame.meta.flags & kFlagGap) != 0 ? Kind::kGap : Kind::kOther;
   }
 
-  // Less than a window after the disturbance, in the stream that it struck.
+  // Less than a window after the disturbance, in the stream that it hit.
   bool settles(const Seen& seen, int window) const {
     const double time_s = static_cast<double>(seen.number) * scene_.format.frame_period_s;
     const double settled_s = disturbance_.to_s + (window - 0.5) * scene_.format.frame_period_s;
@@ -188,7 +188,7 @@ Result<RunResult> run(const RunTask& task) {
   KeepingSink sink(static_cast<std::size_t>(task.seconds / task.scene->format.frame_period_s) + kSpareFrames);
   auto source = std::make_unique<genicam::GenicamSource>(task.camera);
   const genicam::GenicamSource& camera = *source;
-  static std::mutex opening;  // Aravis reads a camera's description with what the whole process shares
+  static std::mutex opening;  // Aravis parses a camera's description with process-wide state
   ASSIGN_OR_RETURN(const auto line, [&] {
     const std::lock_guard lock(opening);
     return pipeline::Pipeline::create(std::move(source), {&sink}, task.pipeline);
@@ -198,7 +198,7 @@ Result<RunResult> run(const RunTask& task) {
   Status ran;
   std::thread runner([&] {
     ran = line->run(stop);
-    ended.store(true, std::memory_order_relaxed);  // what it wrote is read after the join
+    ended.store(true, std::memory_order_relaxed);  // relaxed: the join orders the results
   });
   const Status waited = wait_for_end(*fake, task.seconds, ended);
   RunResult result;
@@ -239,7 +239,7 @@ Verdict judge(const RunResult& result, const Recording& scene, const std::vector
   const auto over_ns = start_ns + static_cast<std::int64_t>(disturbance.to_s * kNsPerSecond);
   const auto from_ns = start_ns + static_cast<std::int64_t>(disturbance.from_s * kNsPerSecond);
   Verdict verdict;
-  std::int64_t right_since_ns = 0;  // publish time of the first of the right frames that end the run
+  std::int64_t right_since_ns = 0;  // publish time of the first frame of the final run of right ones
   bool disturbed = false;
   std::size_t last_number = 0;
   bool later_stream = false;

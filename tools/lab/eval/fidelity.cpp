@@ -78,7 +78,7 @@ struct Options {
   OutputFile plot;  // empty: none
 };
 
-// From one target to the next, in frames: pans show another part of the scene, hands change their speed slowly.
+// Frames between targets: pans show another part of the scene, hands change their speed slowly.
 int stride_of(const Motion& motion) { return motion.is_pan() ? 3 : 8; }
 
 class Evaluation {
@@ -164,7 +164,7 @@ Status run(const cxxopts::ParseResult& given) {
   return save(sheet, options.plot);
 }
 
-// RMSE over latency, of the cells at one noise.
+// RMSE over latency of the cells at one noise.
 plot::Plot panel_of(const std::vector<Json>& cells) {
   const Json& first = cells.front();
   plot::Plot panel{.title = plot::format("Noise %g K", first["noise_k"].get<double>()),

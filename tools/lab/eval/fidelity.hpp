@@ -1,5 +1,5 @@
-// The table of `bolo-lab eval fidelity`: every estimator, and a filter that knows the motion, on the same targets of
-// one sequence; and its drawing. Figures are JSON as the verb prints it: the schema is in its --help.
+// The table of `bolo-lab eval fidelity` and its plot: every estimator, and a filter that knows the motion, on the same
+// targets of one sequence. Figures are JSON as printed by the verb; the schema is in its --help.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace bolo::tools::fidelity {
 
-// --- A scene seen by a moving microbolometer, made in memory with its truth.
+// --- A scene seen by a moving microbolometer, simulated in memory with its truth.
 
 inline constexpr double kTauS = model::kA655scTau;
 inline constexpr double kPeriodS = model::kA655scPeriod;
@@ -30,9 +30,9 @@ inline std::size_t at(Geometry g, int x, int y) {
 }
 
 struct Motion {
-  double speed_px_s = 0.0;           // along +x; of use when there is no trajectory
+  double speed_px_s = 0.0;           // along +x; only without a trajectory
   std::filesystem::path trajectory;  // empty: a pan at constant speed
-  std::optional<double> start_s{};   // time in the trajectory's file of the first frame; empty: its middle
+  std::optional<double> start_s{};   // of the first frame, in the trajectory's file; empty: the middle
 
   bool is_pan() const { return trajectory.empty(); }
   std::string label() const;  // "300 px/s", or the trajectory file's stem
@@ -41,20 +41,20 @@ struct Motion {
 struct SequenceTask {
   std::string scene = "street";  // or a picture file
   Motion motion;
-  Geometry crop{320, 64};  // what is judged; the simulated frame is kMargin larger where the motion needs it
-  int targets = 24;        // frames that are judged
-  int stride = 3;          // frames from one target to the next
-  int lookahead = 2;       // frames that follow the last target
+  Geometry crop{320, 64};  // judged part; the simulated frame is larger by kMargin where the motion needs it
+  int targets = 24;        // judged frames
+  int stride = 3;          // frames between targets
+  int lookahead = 2;       // frames after the last target
   std::uint64_t seed = 1;  // of the street
   int threads = 2;         // the result does not depend on them
-  // The scene's position at the judged pixel (0, 0) at the first target; empty: the middle of the path's whole view is
-  // the middle of the scene.
+  // Scene position of the judged pixel (0, 0) at the first target; empty: the centre of the path's whole view is the
+  // centre of the scene.
   std::optional<sim::Position> origin{};
 };
 
-// Pixels around the judged ones that estimators may use, so that spatial filters do not suffer from a border.
+// Pixels around the judged ones for use by estimators, so that spatial filters do not suffer from a border.
 inline constexpr int kMargin = 32;
-// Frames before the first target: a window, and as many again for measurements over time.
+// Frames before the first target: one window, and as many again for measurements over time.
 inline constexpr int kLeadIn = 32;
 
 // Noiseless input and ground truth of a sequence.
@@ -62,17 +62,17 @@ struct CleanSequence {
   SequenceTask task;
   Geometry geometry;  // of the whole frames
   Region judged;
-  Planes shown;                          // each frame, whole, K
+  Planes shown;                          // each whole frame, K
   Planes truth;                          // T_ss at each frame's time, judged part, K
-  std::vector<std::size_t> targets;      // rising indices of frames
-  std::vector<sim::Position> content_v;  // at each target: how fast the picture moves over the pixels, px/s
-  std::optional<sim::Path> path;         // the motion, over the time that the pixels remember
+  std::vector<std::size_t> targets;      // rising frame indices
+  std::vector<sim::Position> content_v;  // picture velocity over the pixels at each target, px/s
+  std::optional<sim::Path> path;         // the motion, including the time that the pixels remember
 };
 
-// kBadInput names the scene or trajectory that cannot be used. Thread: any.
+// kBadInput names an unusable scene or trajectory. Thread: any.
 Result<CleanSequence> simulate(const SequenceTask& task);
 
-// The sequence with noise, as the camera stores it: 10 mK a step.
+// The sequence with noise, as stored by the camera: 10 mK a step.
 struct Sequence {
   const CleanSequence* clean = nullptr;
   double noise_k = 0.0;
@@ -89,37 +89,37 @@ Sequence read_out(const CleanSequence& clean, double noise_k, std::uint64_t nois
 // The judged part of a whole plane. Thread: any.
 Plane cut(const Plane& whole, Geometry geometry, const Region& part);
 
-// The truth of the targets alone. Thread: any.
+// The truth of the targets only. Thread: any.
 Planes target_truth(const CleanSequence& clean);
 
-// --- Errors of an estimate. Both have the same planes.
+// --- Errors of an estimate. Estimate and truth have the same planes.
 
 // Root mean square difference over all planes, K. Thread: any.
 double rmse(const Planes& estimate, const Planes& truth);
 
 // 10-90 % rise, px, of the median profile across the truth's strongest vertical edges that have no other edge within 16
-// columns: each edge's profile is scaled so that the truth's levels on either side are 0 and 1. NaN when there is no
-// such edge or crossing. Thread: any.
+// columns; each edge's profile is scaled so that the truth's levels on either side are 0 and 1. NaN if there is no such
+// edge or crossing. Thread: any.
 double edge_width(const Planes& estimate, const Planes& truth, Geometry geometry);
 
-// RMSE after each plane is shifted against the truth to its least error, at most 24 px along x and 8 along y and to
-// fractions of a pixel: without lag. Over the pixels of both. Thread: any.
+// RMSE without lag: each plane is first shifted against the truth to the least error, by at most 24 px along x and 8
+// along y, to fractions of a pixel. Over the pixels that both cover. Thread: any.
 double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry geometry);
 
-// Root mean square of the error about its mean in each of the 10 % flattest tiles of 16x16 pixels of the truth: noise,
-// regardless of lag. NaN when the picture is smaller than a tile. Thread: any.
+// RMS of the error about its mean in each of the truth's flattest 10 % of 16x16 pixel tiles: noise, regardless of lag.
+// NaN if the picture is smaller than a tile. Thread: any.
 double flat_noise(const Planes& estimate, const Planes& truth, Geometry geometry);
 
-// All of them as JSON. Thread: any.
+// All error measures as JSON. Thread: any.
 Json measure(const Planes& estimate, const Planes& truth, Geometry geometry);
 
 // --- The table.
 
 struct Column {
   const char* name;                // in JSON
-  const char* words;               // in the picture and the head
-  std::optional<plot::Hue> hue{};  // of its line in the picture; none: not drawn
-  double width = 2.0;              // of that line: those below show beneath
+  const char* words;               // in the plot and the table head
+  std::optional<plot::Hue> hue{};  // of its line in the plot; none: not drawn
+  double width = 2.0;              // of the line: wider ones stay visible below others
 };
 
 inline constexpr std::array<Column, 9> kColumns{{
@@ -139,21 +139,21 @@ inline constexpr std::array<double, 13> kLambdas{0.0002, 0.0005, 0.001, 0.002, 0
                                                  0.02,   0.04,   0.07,  0.1,   0.2,   0.4};
 inline constexpr double kAuthorsLambda = 0.1;
 
-// The settings of a method as the table runs it; kAdmm for the QP.
+// Settings of a method in the table; kAdmm for the QP.
 deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda = kAuthorsLambda);
 
-// Estimates of every target, judged part, K. The solver sees the frames before them in order, as in a live stream.
-// kBadInput when Solver::create refuses the settings. Thread: any, several at once.
+// Estimates of every target, judged part, K. The solver sees the preceding frames in order, as in a live stream.
+// kBadInput if Solver::create refuses the settings. Thread: any, several at once.
 Result<Planes> estimate(const Sequence& sequence, const deblur::Settings& settings);
 
-// Columns of the estimators that use only the frame itself: they are the same at every look-ahead, and made once.
+// Columns of estimators that use only the frame itself: computed once, as they are the same at every look-ahead.
 // Thread: any, several at once.
 Json spatial_columns(const Sequence& sequence);
 
 // The cell at one look-ahead, without the spatial columns. Thread: any, several at once.
 Result<Json> evaluate(const Sequence& sequence, int lookahead);
 
-// For each scene and motion a row of panels, one a noise: RMSE over latency. Thread: any.
+// A row of panels for each scene and motion, one per noise: RMSE over latency. Thread: any.
 plot::Sheet sheet_of(const Json& cells);
 
 // --- A spatial filter that knows the blur.
@@ -165,12 +165,12 @@ struct Tap {
   float weight = 0.0F;
 };
 
-// The trail exp(-s / (v tau)) that thermal inertia leaves behind what moves over the pixels at a steady velocity, with
-// the picture linear between pixels. Thread: any.
+// The trail exp(-s / (v tau)) that thermal inertia leaves behind content moving over the pixels at a steady velocity,
+// with the picture interpolated linearly. Thread: any.
 std::vector<Tap> motion_kernel(sim::Position content_px_s, double tau_s);
 
 // The same for the camera's actual path before `t_s`; `factor` stretches the trail: 1.1 for a speed 10 % too high. The
-// path must go back 6 tau_s before. Thread: any.
+// path must reach back 6 tau_s. Thread: any.
 std::vector<Tap> path_kernel(const sim::Path& path, double t_s, double tau_s, double factor = 1.0);
 
 // Spatial Wiener filter with the known blur H: conj(H) / (|H|^2 + noise_to_signal * (f^2 + f0^2) / f0^2), for pictures
@@ -192,7 +192,7 @@ class SpatialWiener {
   Spectrum kernel_;
 };
 
-// Keeps the best of several tries by their RMSE against the truth: a bound, unknown outside a simulator.
+// Keeps the best of several attempts by RMSE against the truth: a bound that is unknown outside a simulator.
 class Oracle {
  public:
   explicit Oracle(const Planes& truth) : truth_(truth) {}
@@ -207,9 +207,9 @@ class Oracle {
   double error_ = 0.0;
 };
 
-// Offers the targets, each restored with its kernel, at every strength. Thread: any, several at once.
+// Offers the targets, each deblurred with its kernel, at every strength. Thread: any, several at once.
 void try_wiener(const Sequence& sequence, const std::vector<std::vector<Tap>>& kernels, Oracle& oracle);
 
-inline constexpr double kWrongSpeed = 1.1;  // speed of the spatial filter with a wrong motion
+inline constexpr double kWrongSpeed = 1.1;  // factor on the speed for the spatial filter with a wrong motion
 
 }  // namespace bolo::tools::fidelity

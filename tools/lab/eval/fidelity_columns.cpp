@@ -51,7 +51,7 @@ deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda
 
 Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings) {
   ASSIGN_OR_RETURN(const auto solver, [&] {
-    static std::mutex one_at_a_time;  // set-up is no place for two threads
+    static std::mutex one_at_a_time;  // set-up must not run on two threads at once
     const std::lock_guard lock(one_at_a_time);
     return deblur::Solver::create(settings, s.format, PixelType::kFloat32);
   }());
@@ -93,7 +93,7 @@ Result<Json> evaluate(const Sequence& s, int lookahead) {
        {std::pair{"inverse", kInverse}, {"auto", kAdmm}, {"mmae", kMmae}, {"motion", kMotion}}) {
     deblur::Settings settings = settings_of(method, lookahead);
     settings.auto_lambda = method == kAdmm;
-    const auto planes = estimate(s, settings);  // motion takes no look-ahead above 1
+    const auto planes = estimate(s, settings);  // motion has no look-ahead above 1
     columns[name] = planes ? figures_of(*planes, truth, s) : Json{{"skipped", planes.error().message}};
   }
   return Json{{"scene", s.clean->task.scene},

@@ -14,7 +14,7 @@ Result<std::unique_ptr<const sim::Scene>> scene_of(const SequenceTask& task, Geo
   return sim::read_image(task.scene, {}).map(sim::make_still_scene);
 }
 
-// By default from the middle of a trajectory's file: where hand-held recordings are neither being started nor put away.
+// By default from the middle of a trajectory's file, away from where a hand-held recording is started and put away.
 Result<sim::Path> path_of(const Motion& motion, double from_s, double to_s) {
   if (motion.is_pan()) return sim::steady_pan(motion.speed_px_s);
   ASSIGN_OR_RETURN(const auto points, sim::read_trajectory(motion.trajectory));
@@ -26,14 +26,14 @@ Result<sim::Path> path_of(const Motion& motion, double from_s, double to_s) {
   return path;
 }
 
-// The picture moves against the view. Over one frame, central.
+// The picture moves opposite to the view. Central difference over one frame.
 sim::Position content_velocity(const sim::Path& path, double t_s) {
   const sim::Position before = path.at(t_s - kPeriodS / 2.0);
   const sim::Position after = path.at(t_s + kPeriodS / 2.0);
   return {(before.x_px - after.x_px) / kPeriodS, (before.y_px - after.y_px) / kPeriodS};
 }
 
-// The scene position of the whole frame's pixel (0, 0) at motion (0, 0).
+// Scene position of the whole frame's pixel (0, 0) at motion (0, 0).
 sim::Position origin_of(const SequenceTask& task, const CleanSequence& made, const sim::Scene& scene,
                         const sim::Path& path, double from_s, double to_s) {
   if (!task.origin) return sim::centred_origin(scene, path, made.geometry, from_s, to_s);

@@ -13,12 +13,12 @@
 namespace bolo::tools::fidelity {
 namespace {
 
-constexpr double kTrail = 6.0;        // time constants that a kernel reaches back; 0.25 % is left beyond
-constexpr double kStepPx = 0.05;      // of the integral along the trail
+constexpr double kTrail = 6.0;        // kernel length in time constants; 0.25 % is cut off
+constexpr double kStepPx = 0.05;      // integration step along the trail
 constexpr int kRamp = 64;             // columns that join the left and right borders of a padded picture
 constexpr double kCorner = 1.0 / 64;  // f0, cycles a pixel
 
-// Even, and with small factors only, for the transform.
+// Even, and with small prime factors only, for the FFT.
 int padded_length(int wanted) {
   const auto smooth = [](int n) {
     for (const int p : {2, 3, 5}) {
@@ -30,14 +30,14 @@ int padded_length(int wanted) {
   return wanted;
 }
 
-// The far border's share in a padding element: 0 inside, then a ramp over the padding.
+// Weight of the opposite border in a padding element: 0 inside, then a ramp over the padding.
 double ramp(int i, int length, int padded) {
   return i < length ? 0.0 : static_cast<double>(i - length + 1) / (padded - length + 1);
 }
 
 int steps_along(double length_px) { return std::max(1, static_cast<int>(std::ceil(length_px / kStepPx))); }
 
-// The integral of exp(-age / tau) over the pixel's trail: `shown_at(age_s)` is its distance from the pixel, now.
+// Integral of exp(-age / tau) over the pixel's trail; `shown_at(age_s)` is its distance from the pixel at that age.
 template <typename ShownAt>
 std::vector<Tap> trail_kernel(int steps, double tau_s, ShownAt&& shown_at) {
   std::map<std::pair<int, int>, double> sum;

@@ -17,7 +17,7 @@ Picture picture_of(std::span<const float> plane, Geometry g) {
   return Eigen::Map<const Floats>(plane.data(), g.height, g.width).cast<double>();
 }
 
-// A place where the truth steps from one level to another along a row, between columns x and x + 1.
+// A step of the truth between columns x and x + 1 of a row.
 struct Edge {
   int x = 0;
   int y = 0;
@@ -27,8 +27,8 @@ struct Edge {
 
 int reach_of(Geometry g) { return std::min(32, g.width / 4); }
 
-// The steepest steps of a plane, at most one in 200 pixels: each more than half of what separates the levels on its
-// sides (columns 2 to 4 from it), and so far from others that a trail fits in.
+// The steepest steps of a plane, at most one in 200 pixels. Each is more than half of the difference between the levels
+// on its sides (columns 2 to 4 from it), and far enough from others for a trail to fit in.
 std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
   constexpr int kAlone = 16;  // columns
   const int reach = reach_of(g);
@@ -55,7 +55,7 @@ std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
   return edges;
 }
 
-// From 10 to 90 % of a profile around its half-way crossing that is nearest to the middle, linear between pixels.
+// 10-90 % rise of a profile around the half-way crossing nearest to its middle, linear between pixels.
 double rise_of(const std::vector<double>& profile) {
   const auto size = static_cast<std::ptrdiff_t>(profile.size());
   const auto crossing = [&](std::ptrdiff_t from, int direction, double level) {
@@ -104,7 +104,7 @@ ShiftedError shifted_error(const Picture& estimate, const Plane& truth, Geometry
   return error;
 }
 
-// Mean square error, of every second pixel each way, after a whole shift.
+// Mean square error after a whole-pixel shift, of every second pixel in each direction.
 double whole_shift_error(const Picture& estimate, const Picture& truth, int dx, int dy) {
   const auto every_second = [&](const Picture& picture, int x, int y) {
     return picture(Eigen::seqN(y, (picture.rows() - std::abs(dy) + 1) / 2, 2),
@@ -116,7 +116,7 @@ double whole_shift_error(const Picture& estimate, const Picture& truth, int dx, 
       .mean();
 }
 
-// Mean square error at the best shift: of whole ones first, then between them.
+// Mean square error at the best shift: search by whole pixels, then between them.
 double best_shifted_error(const Plane& estimate, const Plane& truth, Geometry g) {
   const Picture shown = picture_of(estimate, g);
   const Picture still = picture_of(truth, g);
@@ -179,7 +179,7 @@ double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry g) {
 
 double flat_noise(const Planes& estimate, const Planes& truth, Geometry g) {
   constexpr int kTile = 16;
-  std::vector<std::pair<double, double>> tiles;  // mean squares about their means, of truth and error
+  std::vector<std::pair<double, double>> tiles;  // variances of truth and error
   for (std::size_t k = 0; k < truth.size(); ++k) {
     const Picture still = picture_of(truth[k], g);
     const Picture error = picture_of(estimate[k], g) - still;

@@ -1,4 +1,4 @@
-// `bolo-lab eval loop`: what a diagnosis is worth to the deblurring: camera -> diagnosis -> profile -> pipeline.
+// `bolo-lab eval loop`: benefit of a diagnosis to the deblurring: camera -> diagnosis -> profile -> pipeline.
 
 #include <algorithm>
 
@@ -35,14 +35,14 @@ sim::CameraSettings camera_of(const blind::Session& session, std::vector<sim::Ef
   return camera;
 }
 
-// The effects of a map: their shapes come from a seed, so they are measured.
+// Effects that are maps of pixels: drawn from a seed, so their shapes are measured.
 bool has_map(std::string_view name) {
   constexpr std::array<std::string_view, 7> kMaps{"fpn_offset", "fpn_gain",    "vignetting", "self_heating",
                                                   "drift",      "dead_pixels", "tau_spread"};
   return std::ranges::find(kMaps, name) != kMaps.end();
 }
 
-// Frames of a camera without noise that films `field`, K.
+// Frames of a noiseless camera that films `field`, K.
 Result<std::vector<std::vector<float>>> measure(const blind::Session& session, std::unique_ptr<const sim::Field> field,
                                                 std::size_t frames) {
   std::vector<sim::EffectSpec> effects;
@@ -124,8 +124,8 @@ class ErrorSink final : public pipeline::FrameSink {
   SquareSum squares_;
 };
 
-// The session's camera, with its effects or without, films a street that passes by, after the session: the same noise
-// either way. Momentary effects happen in the middle.
+// The session's camera films a passing street after the session, with its effects or without: the same noise either
+// way. Momentary effects occur in the middle.
 Result<Recording> record_scene(const blind::Session& session, bool with_effects) {
   std::vector<sim::EffectSpec> effects;
   if (with_effects) effects = session.effects;
@@ -137,8 +137,8 @@ Result<Recording> record_scene(const blind::Session& session, bool with_effects)
   return record_street(camera, {kStreet, kSceneSpeedPxS, kSceneFrames});
 }
 
-// The session's hidden effects, as the pipeline's corrections: constants as they were drawn; maps as a bench without
-// noise or error would measure them at the scene's time.
+// The session's hidden effects as the pipeline's corrections: constants as drawn; maps as measured by a bench without
+// noise or error at the scene's time.
 Result<diagnose::Learned> true_profile(const blind::Session& session) {
   diagnose::Learned known;
   for (const sim::EffectSpec& effect : session.effects) set_constants(effect, known.profile);
@@ -189,8 +189,8 @@ Result<diagnose::Report> diagnosed(const blind::Session& session, int threads) {
                             [](const std::string&, double) { return !interrupted().load(std::memory_order_relaxed); });
 }
 
-// RMSE of the deblurred scene, K: of the camera without the effect and a nominal profile; then with the effect, and the
-// profile nominal, as diagnosed, and as it truly is.
+// RMSE of the deblurred scene, K: for the camera without the effect and the nominal profile; then with the effect, for
+// the nominal, the diagnosed and the true profile.
 Result<Json> row_of(const blind::DrawOptions& draw, int threads) {
   ASSIGN_OR_RETURN(const auto session, blind::draw_session(draw, blind::Kind::kSingle, 0));
   ASSIGN_OR_RETURN(const auto report, diagnosed(session, threads));

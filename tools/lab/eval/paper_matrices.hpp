@@ -1,4 +1,4 @@
-// The paper's problem as matrices, as it is written: the plain reference of the solvers.
+// The paper's problem as matrices: the plain reference of the solvers.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@ inline Eigen::MatrixXd response_matrix(std::span<const double> t, int bins, doub
   });
 }
 
-// Y_j = y[j+1] - y[0] exp(-(t[j+1] - t[0]) / tau): what V maps the input to. Thread: setup.
+// Y_j = y[j+1] - y[0] exp(-(t[j+1] - t[0]) / tau): the right-hand side of V A = Y. Thread: setup.
 inline Eigen::VectorXd constraints(std::span<const double> t, std::span<const double> y, double tau_s) {
   return Eigen::VectorXd::NullaryExpr(std::ssize(t) - 1, [=](Eigen::Index j) {
     const auto sample = static_cast<std::size_t>(j) + 1;
@@ -34,8 +34,8 @@ inline Eigen::VectorXd constraints(std::span<const double> t, std::span<const do
 
 // The orthonormal Haar transform of 2^n values (paper, section IV), rows are basis functions: D = H A, A = H^T D.
 // Order: D_0 is the scaling coefficient, then wavelets from coarse to fine: 2^l + k is the k-th of level l, positive on
-// the first half of its support and negative on the second. Made one level after the other: the coarser wavelets twice
-// as wide, then the finest ones. Thread: setup.
+// the first half of its support and negative on the second. Built level by level: the coarser wavelets stretched to
+// double width, then the finest ones. Thread: setup.
 inline Eigen::MatrixXd haar_matrix(int bins) {
   constexpr double kHalf = 1.0 / std::numbers::sqrt2;
   Eigen::MatrixXd h = Eigen::MatrixXd::Identity(1, 1);

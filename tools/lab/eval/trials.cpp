@@ -177,7 +177,7 @@ std::vector<double> times_of(const PixelTrial& trial) {
 
 double window_s(const PixelTrial& trial) { return (trial.frames - 1) * trial.period_s; }
 
-// The window's problem with its mean taken out, as the authors' programme does.
+// The window's problem without its mean, as in the authors' programme.
 struct Problem {
   double mean = 0.0;
   Eigen::MatrixXd v;
@@ -278,7 +278,7 @@ std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vect
   const Problem p = problem_of(trial, samples);
   const Eigen::MatrixXd inverse = paper::haar_matrix(1 << trial.levels).transpose();
   const Eigen::MatrixXd z = p.v * inverse;
-  const double lambda = trial.lambda / (2.0 * trial.kappa);  // of 1/2 ||.||^2 + lambda ||.||_1
+  const double lambda = trial.lambda / (2.0 * trial.kappa);  // for 1/2 ||.||^2 + lambda ||.||_1
   Eigen::VectorXd d = Eigen::VectorXd::Zero(z.cols());
   Eigen::VectorXd left = p.y;
   const Eigen::VectorXd norm = z.colwise().squaredNorm().transpose();

@@ -1,5 +1,5 @@
 // Trials of `bolo-lab eval pulses` and `eval pixel`: a simulated chopper before a simulated camera, in memory; and one
-// pixel whose input jumps four times within a window, estimated by least squares and by the paper's quadratic programme
+// pixel whose input steps four times within a window, estimated by least squares and by the paper's quadratic programme
 // (the paper's Fig. 4).
 #pragma once
 
@@ -10,16 +10,16 @@
 
 namespace bolo::tools {
 
-// The camera and the bench of one trial. The fit gets frames and their times, nothing else.
+// Camera and bench of one trial. The fit gets only frames and their times.
 struct PulseTrial {
   std::string name = "nominal";
   double tau_s = 0.011;
   double noise_k = 0.03;
-  double sweep_s = 0.0;     // the blade's way over the field
-  double softness_s = 0.0;  // its edge
+  double sweep_s = 0.0;     // time of the blade's edge across the field
+  double softness_s = 0.0;  // of the blade's edge
   double tau_spread = 0.0;  // rms, as a fraction
   double level_error_k = 0.0;
-  bool part_of_field = false;  // pulses reach a part of the pixels only
+  bool part_of_field = false;  // pulses reach only a part of the pixels
   double cold_k = 295.0;
   std::vector<double> levels_k{305.0, 320.0};
   std::vector<double> pulses_ms{12.0, 30.0, 60.0, 120.0, 300.0};
@@ -28,13 +28,13 @@ struct PulseTrial {
   int height = 48;
   std::size_t frames = 400;
   double rate_hz = 200.0;
-  std::uint64_t seed = 1;  // of noise, pattern, and when the chopper starts
+  std::uint64_t seed = 1;  // of noise, pattern and the chopper's start
 };
 
 // Simulates the trial. Thread: setup.
 Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial);
 
-// The trials that `bolo-lab eval pulses` goes through. Thread: any.
+// The trials of `bolo-lab eval pulses`. Thread: any.
 std::vector<PulseTrial> pulse_trials();
 
 // Scores seeds 1 .. `seeds` of one trial; fewer when `stop` is set. Errors are relative; sums are means. Thread: setup.
@@ -54,13 +54,13 @@ struct PixelTrial {
   std::vector<double> level_k{315.0, 300.0, 308.0, 300.0};  // after each switch
 };
 
-// The samples y_0 .. y_N; before the first switch the pixel is in steady state. Exact. Thread: any.
+// The samples y_0 .. y_N, exact; before the first switch the pixel is in steady state. Thread: any.
 std::vector<double> sample_pixel(const PixelTrial& trial);
 
 // The input's mean over each bin. Thread: any.
 std::vector<double> truth_of(const PixelTrial& trial);
 
-// Bins of the least-norm solution of V A = Y: ordinary least squares, which has more unknowns than samples.
+// Bins of the minimum-norm solution of V A = Y: ordinary least squares, underdetermined.
 std::vector<double> least_squares(const PixelTrial& trial, const std::vector<double>& samples);
 
 // Bins that minimise kappa ||V H^T D - Y||^2 + lambda ||D||_1 (paper eq. 11), by coordinate descent to 1e-9 K.
@@ -68,8 +68,8 @@ std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vect
 
 double rmse(const std::vector<double>& a, const std::vector<double>& b);
 
-// Scores `draws` draws of white noise: errors and, mean over the draws, how far the largest and least bins lie beyond
-// the input's range. No noise: one draw.
+// Scores `draws` draws of white noise: errors and, averaged over the draws, how far the largest and smallest bins
+// exceed the input's range. No noise: one draw.
 Json score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed);
 
 }  // namespace bolo::tools

@@ -9,9 +9,9 @@
 namespace bolo::tools::soak {
 namespace {
 
-constexpr double kEndLimit_s = 20.0;  // for a disk and processors that others use as well
+constexpr double kEndLimit_s = 20.0;  // for a shared disk and shared processors
 
-// Kinds that are a signal to a process, and another one at their end; 0: none.
+// Kinds that consist of a signal to a process at the beginning and another at the end; 0: none.
 struct Signals {
   Kind kind;
   int begin;
@@ -47,7 +47,7 @@ std::string find_wrong_plane(const std::filesystem::path& file, const Truth& tru
   return {};
 }
 
-// Ends it as the job demands; returns the expected exit code.
+// Ends the recorder as its job requires; returns the expected exit code.
 int end_recording(Process& recorder, Kind end) {
   if (end == Kind::kDiskFull) return 1;
   const int number = end == Kind::kRecorderKilled ? SIGKILL : SIGINT;
@@ -69,11 +69,11 @@ bool recovered(const std::filesystem::path& bolo, const std::filesystem::path& f
   return saved;
 }
 
-constexpr double kFullAfter_s = 0.8;             // of frames, on the disk that gets full
-constexpr std::uint64_t kLeastDisk = 2U << 20U;  // bytes: what a capture takes before its first frame, and more
+constexpr double kFullAfter_s = 0.8;             // of frames that fit on the disk
+constexpr std::uint64_t kLeastDisk = 2U << 20U;  // bytes: more than a capture takes before its first frame
 
-// Records, ends it as the disturbance demands, recovers a killed one's file, and checks every plane. `most_bytes`: of
-// the disk that gets full. Blocks.
+// Records, ends the recorder as the disturbance requires, recovers the file of a killed one, and checks every plane.
+// `most_bytes`: size of the disk that becomes full. Blocks.
 void record_and_judge(const Rig& rig, const Disturbance& d, const std::filesystem::path& file, std::uint64_t most_bytes,
                       Findings& findings) {
   const std::filesystem::path log = file.string() + ".log";
@@ -100,7 +100,7 @@ void record_and_judge(const Rig& rig, const Disturbance& d, const std::filesyste
   std::filesystem::remove(file, ignored);
 }
 
-// bolo nuc. Blocks.
+// Runs bolo nuc and judges the result. Blocks.
 void correct_and_judge(const Programs& programs, const std::string& daemon, const std::filesystem::path& log,
                        Findings& findings) {
   auto command = Process::start({{programs.bolo, "nuc", daemon}, log});
@@ -142,7 +142,7 @@ void Acts::record(const Disturbance& d) {
   run_beside([this, d, file, most] { record_and_judge(rig_, d, file, most, findings_); });
 }
 
-// As the package stress-ng takes them.
+// Loads the computer by stress-ng.
 void Acts::take(Kind kind) {
   Command command{{rig_.programs().stress, "--quiet"}, rig_.file("stress")};
   if (kind == Kind::kCpuTaken) {
@@ -156,7 +156,7 @@ void Acts::take(Kind kind) {
   helper_.emplace(std::move(*started));
 }
 
-// On a thread, since its end may take longer than the schedule allows.
+// In a thread, since the helper may take longer to end than the schedule allows.
 void Acts::give_back() {
   if (!helper_) return;
   run_beside([helper = std::make_shared<Process>(std::move(*helper_))] {
@@ -166,7 +166,7 @@ void Acts::give_back() {
   helper_.reset();
 }
 
-// The daemon reads its file again.
+// Makes the daemon reload its file.
 void Acts::write_config(bool right) {
   DaemonFile& file = rig_.daemon_file();
   if (right) file.nuc_interval_s += 1.0;

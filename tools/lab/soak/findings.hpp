@@ -8,13 +8,13 @@
 namespace bolo::tools::soak {
 
 enum class LogLine {
-  kFine,           // informs, or warns of trouble with the camera or of frames lost
-  kRefusedReload,  // an error: a file that is wrong was not taken up
-  kNoLife,         // an error: no signs of life to the service manager's watchdog
-  kWrong,          // another error, a message at an end before it ran, or no line of bolod's
+  kFine,           // information, or a warning of trouble with the camera or of lost frames
+  kRefusedReload,  // an error: a wrong file was not reloaded
+  kNoLife,         // an error: no heartbeat to the service manager's watchdog
+  kWrong,          // any other error, a message at an end before it ran, or a line that is not bolod's
 };
 
-// A line of text: time, level, message (log.format = "text"). Thread: any.
+// Classifies a log line of the form: time, level, message (log.format = "text"). Thread: any.
 LogLine classify(std::string_view line);
 
 // --- Invariants, with counts of their checks and breaches.
@@ -45,11 +45,11 @@ struct InvariantInfo {
 };
 const InvariantInfo& info_of(Invariant invariant);
 
-// One that did not hold.
+// A violated invariant.
 struct Breach {
   Invariant invariant = Invariant::kAccount;
-  double at_s = 0.0;  // since the soak's beginning
-  std::string what;   // with its figures
+  double at_s = 0.0;  // since the start of the soak
+  std::string what;   // with figures
   std::string during;
 };
 
@@ -61,16 +61,16 @@ class Findings {
     std::uint64_t broken = 0;
     std::string figure;  // last measurement, in words
   };
-  static constexpr std::size_t kKept = 20;  // breaches of one invariant that are described
+  static constexpr std::size_t kKept = 20;  // breaches described per invariant
 
-  // Sets the time of what follows, and the present disturbance.
+  // Sets the time and the current disturbance of the following checks.
   void now(double at_s, const std::string& during);
 
   void count_check(Invariant invariant, std::uint64_t times = 1);
   void broken(Invariant invariant, std::string what);
-  // Counts a check, and a breach `what` unless it holds.
+  // Counts a check, and a breach `what` unless `holds`.
   bool require(Invariant invariant, bool holds, const std::string& what);
-  // Counts a check of a step, and its error as a breach.
+  // Counts a check, and an error status as a breach.
   bool done(Invariant invariant, const Status& status);
   void figure(Invariant invariant, std::string text);
 
@@ -86,52 +86,52 @@ class Findings {
   std::vector<Breach> breaches_;
 };
 
-// --- The books of camera and daemon.
+// --- Frame accounts of camera and daemon.
 
-// Of all causes. Thread: any.
+// Sum over all causes. Thread: any.
 std::uint64_t total(const faults::Losses& lost);
 
 // A fake camera's own counts (bolo fakecam --json --tell-every).
 struct CameraAccount {
   std::int64_t time_ns = 0;
-  std::int64_t first_stream_ns = 0;  // 0: nobody has opened it yet
+  std::int64_t first_stream_ns = 0;  // 0: not opened yet
   std::int64_t last_timestamp_ns = 0;
-  std::uint64_t passed = 0;  // frames whose turn has come, sent or withheld
+  std::uint64_t passed = 0;  // frames that were due, sent or withheld
   std::uint64_t sent = 0;
   std::uint64_t streams = 0;
   std::vector<fakecam::InjectedFault> injected;
 
   std::uint64_t skipped_ids() const;  // by id_gap
 };
-// Nothing when the line is no account. Thread: any.
+// Empty if the line is no account. Thread: any.
 std::optional<CameraAccount> parse_account(const std::string& line);
 
-// Both books at one frame, with nothing under way that one of them has and the other has not yet.
+// Both accounts at one frame, with no frame in flight that only one of them has counted.
 struct Mark {
   double at_s = 0.0;
-  // The camera's.
-  int camera = 0;            // which process
-  std::uint64_t passed = 0;  // of all camera processes so far
+  // Camera.
+  int camera = 0;            // index of the camera process
+  std::uint64_t passed = 0;  // by all camera processes so far
   std::uint64_t skipped_ids = 0;
   std::uint64_t streams = 0;
-  // The daemon's.
-  int life = 0;  // which process
+  // Daemon.
+  int life = 0;  // index of the daemon process
   std::uint64_t frame_id = 0;
-  // The reader's, of all lives so far.
-  std::uint64_t published = 0;  // frames, that of the mark included
+  // Reader, over all daemon processes so far.
+  std::uint64_t published = 0;  // frames, including the mark's
   std::uint64_t lost_total = 0;
-  double silence_s = 0.0;  // in which nothing was published
+  double silence_s = 0.0;  // time in which nothing was published
 };
 
-// Sums from one mark to the next.
+// Differences between two marks.
 struct Balance {
-  std::uint64_t passed = 0;  // by the camera, numbers that it skipped included
+  std::uint64_t passed = 0;  // by the camera, including skipped ids
   std::uint64_t published = 0;
-  std::uint64_t lost = 0;        // by cause, all of them
-  std::uint64_t numbered = 0;    // ids that the daemon gave out; of one life only
-  std::int64_t unaccounted = 0;  // passed, neither published nor lost: sent to nobody
-  bool one_life = true;          // of the daemon
-  bool one_stream = true;        // of the camera, too
+  std::uint64_t lost = 0;        // sum over all causes
+  std::uint64_t numbered = 0;    // ids assigned by the daemon; within one process only
+  std::int64_t unaccounted = 0;  // passed, but neither published nor lost: nobody was listening
+  bool one_life = true;          // no restart of the daemon
+  bool one_stream = true;        // and no new stream of the camera
 };
 // Thread: any.
 Balance balance_of(const Mark& from, const Mark& to);

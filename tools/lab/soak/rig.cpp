@@ -17,11 +17,11 @@ namespace {
 constexpr double kCameraEnd_s = 5.0;
 constexpr auto kServeLimit = std::chrono::seconds(30);
 constexpr std::size_t kReaders = 2;
-constexpr std::size_t kSmallFrame = 20'000;  // pixels: below, packets are so small that a frame has several
+constexpr std::size_t kSmallFrame = 20'000;  // pixels: smaller frames get small packets, so that they have several
 constexpr int kSmallPacket = 576;            // bytes
 constexpr std::size_t kLap = 240;            // frames of the scene
 
-// As many frames as a reader needs that does not get a processor for a second.
+// Enough frames for a reader that gets no processor for a second.
 constexpr int kRingFrames = 256;
 
 constexpr int kOpen_ms = 10'000;
@@ -86,7 +86,7 @@ Rig::~Rig() {
   readers_.clear();
   daemon_.reset();
   camera_.reset();
-  shm_unlink(("/bolo." + file_.name).c_str());  // of a daemon that was killed
+  shm_unlink(("/bolo." + file_.name).c_str());  // left by a killed daemon
 }
 
 Status Rig::make_files() {
@@ -174,14 +174,14 @@ Status write_daemon_file(const DaemonFile& file) {
   text += "type = 'genicam'\nserial = ''\nir_format = '10mk'\nresend = true\naddress = '" + file.address + "'\n";
   text += plot::format("width = %d\nheight = %d\nrate_hz = %.1f\npacket_size = %d\n", file.geometry.width,
                        file.geometry.height, kRateHz, file.geometry.pixels() < kSmallFrame ? kSmallPacket : 0);
-  // Planes are compared bit for bit; what lambda = "auto" measures goes on from before each fault.
+  // Planes are compared bit for bit, but the noise measured by lambda = "auto" depends on frames before a fault.
   text += "[deblur]\nlambda = 0.001\n[log]\nlevel = 'info'\nformat = 'text'\n";
   text += plot::format("[nuc]\npolicy = 'camera'\ninterval_s = %.1f\n", file.nuc_interval_s);
   text += plot::format("[shm]\nslots = %d\n[control]\nsocket = '%s'\n", kRingFrames, (file.folder / "control").c_str());
   return write_file({config_of(file), Replace::kExisting}, text);
 }
 
-// From the end of the file: it grows for hours.
+// Reads from the end of the file, which grows for hours.
 Json last_account(const std::string& file) {
   std::ifstream in(file, std::ios::ate);
   const std::streamoff size = in.tellg();

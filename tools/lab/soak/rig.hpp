@@ -1,4 +1,4 @@
-// The processes of a soak: camera, daemon, readers; their state, and the acts of each kind of trouble.
+// The processes of a soak: camera, daemon and readers; their state, and the acts that disturb them.
 #pragma once
 
 #include <future>
@@ -12,18 +12,18 @@ namespace bolo::tools::soak {
 
 // The configuration of the soak's daemon.
 struct DaemonFile {
-  std::filesystem::path folder;  // for all files, bolod.toml and profile.toml among them; exists
+  std::filesystem::path folder;  // existing folder of all files, including bolod.toml and profile.toml
   std::string name;              // of the shared memory
   std::string address;           // of the camera
   Geometry geometry{640, 120};
-  double nuc_interval_s = 300.0;  // a live key, with nuc.policy = "camera" of no effect: to see a reload taken up
+  double nuc_interval_s = 300.0;  // live key; no effect with nuc.policy = "camera": shows that a reload was applied
 };
 inline constexpr double kRateHz = 200.0;
 
-// Writes both. Thread: any.
+// Writes bolod.toml and profile.toml. Thread: any.
 Status write_daemon_file(const DaemonFile& file);
 
-// The configuration that was written.
+// Path of the written bolod.toml.
 std::filesystem::path config_of(const DaemonFile& file);
 
 struct Programs {
@@ -32,21 +32,21 @@ struct Programs {
   std::filesystem::path bolod;
   std::filesystem::path stress;  // stress-ng
 };
-// bolo and bolod are beside this program or in PATH, stress-ng is in PATH. kBadInput: one is not there. Thread: any.
+// Finds bolo and bolod beside this program or in PATH, stress-ng in PATH. kBadInput: one is missing. Thread: any.
 Result<Programs> find_programs();
 
-// The books of all camera processes: those that ended, and the present one.
+// Account of all camera processes: those that ended, and the present one.
 class CameraBook {
  public:
-  void begin() { ++camera_; }  // another process
+  void begin() { ++camera_; }  // a new process
   void add(const CameraAccount& account);
-  void end();  // its last account was added
+  void end();  // adds its last account
 
   int camera() const noexcept { return camera_; }
   const std::optional<CameraAccount>& present() const noexcept { return present_; }
-  // The present account is the same, as far as faults go, as the one before: nothing strikes just now.
+  // True if the fault counts have not changed since the previous account: no fault is active.
   bool quiet() const noexcept { return quiet_; }
-  // The camera's part of a mark, as of the present account.
+  // The camera's part of a mark, by the present account.
   Mark mark() const;
   std::uint64_t sent() const;
 
@@ -54,26 +54,26 @@ class CameraBook {
   int camera_ = -1;
   std::optional<CameraAccount> present_;
   bool quiet_ = false;
-  Mark past_;  // sums over cameras that ended
+  Mark past_;  // sums over ended cameras
   std::uint64_t past_sent_ = 0;
 };
 
 // Thread: one at a time.
 class Rig {
  public:
-  // Gives the daemon's file a name and an address.
+  // Chooses name and address for the daemon's file.
   static Result<std::unique_ptr<Rig>> set_up(const Programs& programs, const DaemonFile& file);
   ~Rig();
   Rig(const Rig&) = delete;
   Rig& operator=(const Rig&) = delete;
 
-  // A camera with this script, at the rig's address.
+  // Starts a camera with this round's script, at the rig's address.
   Status start_camera(const Round& round);
-  // Waits until it serves; false when it does not: camera_error().
+  // Waits until it serves; false if it does not: see camera_error().
   bool wait_for_camera();
   std::string camera_error() const { return contents(camera_->log().string() + ".err"); }
   std::string daemon_error() const { return contents(daemon_log()); }
-  // Ends it and closes its book.
+  // Ends the camera and closes its account.
   Status end_camera();
   Status start_daemon();
   Status start_readers();
@@ -108,26 +108,25 @@ class Rig {
   int started_readers_ = 0;
 };
 
-// --- A reader process: reads every frame as any program does, with libbolo-client.
+// --- A reader process: reads every frame through libbolo-client, like any program.
 
-// Until `stop`; prints a line of JSON twice a second and at the end: frames, missed, restarts, and disorder, frames out
-// of the order of their numbers and times. Thread: setup.
+// Reads until `stop`; prints a line of JSON twice a second and at the end: frames, missed, restarts, and disorder
+// (frames whose numbers or times are out of order). Thread: setup.
 Status read_along(const std::string& name, const std::atomic<bool>& stop);
 
-// The last whole line of such; zeros of none. Thread: any.
+// The last complete line of these reports; zeros if there is none. Thread: any.
 Json last_account(const std::string& file);
 
-// --- What a soak does beside its own thread.
+// --- Disturbances that run beside the soak's own thread.
 
-// Acts of each kind of trouble on the processes; the camera's own faults, by its script, need none. Thread: one at a
-// time.
+// Disturbs the processes, by kind; the camera's own faults come from its script. Thread: one at a time.
 class Acts {
  public:
   Acts(Rig& rig, Findings& findings) : rig_(rig), findings_(findings) {}
 
   void begin(const Disturbance& disturbance);
   void end(const Disturbance& disturbance);
-  // Waits for what still runs.
+  // Waits for running jobs.
   void finish() { jobs_.clear(); }
 
  private:
@@ -136,12 +135,12 @@ class Acts {
   void give_back();
   void write_config(bool right);
 
-  // Does what takes its time and is judged at its end: recordings and commands.
+  // Starts a job that takes time and is judged at its end: a recording or a command.
   void run_beside(std::function<void()> job) { jobs_.push_back(std::async(std::launch::async, std::move(job))); }
 
   Rig& rig_;
   Findings& findings_;
-  std::vector<std::future<void>> jobs_;  // each is waited for where it goes
+  std::vector<std::future<void>> jobs_;  // destructors wait
   std::optional<Process> helper_;        // stress-ng
   int count_ = 0;
 };

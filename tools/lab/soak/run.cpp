@@ -8,16 +8,16 @@ namespace bolo::tools::soak {
 namespace {
 
 constexpr auto kTick = std::chrono::milliseconds(20);
-constexpr double kFirstFrame_s = 40.0;     // a camera's first stream comes within this
-constexpr double kRestart_s = 0.3;         // from the end of a daemon to the next one's start, as a service manager's
-constexpr double kStillness_s = 5.0;       // from what makes a daemon stand still to its telling so, at most
-constexpr double kLastMark_s = 5.0;        // to wait for it
-constexpr double kReport_s = 5.0;          // from one line of progress to the next
-constexpr double kBeforeAndAfter_s = 1.5;  // the camera's lead or lag against its schedule, at most
+constexpr double kFirstFrame_s = 40.0;     // limit for a camera's first stream
+constexpr double kRestart_s = 0.3;         // between the end of a daemon and the next start, like a service manager
+constexpr double kStillness_s = 5.0;       // limit for a hung daemon to report it
+constexpr double kLastMark_s = 5.0;        // limit for the last mark
+constexpr double kReport_s = 5.0;          // between lines of progress
+constexpr double kBeforeAndAfter_s = 1.5;  // largest lead or lag of the camera against its schedule
 constexpr double kCountsPerKelvin = 100.0;
 constexpr double kCalm_s = 0.3;       // after a recovery, before a time counts as quiet
-constexpr double kPatience_s = 30.0;  // with what does not recover on a machine that others use
-constexpr int kMostStarts = 50;       // of a daemon that ends by itself
+constexpr double kPatience_s = 30.0;  // for a slow recovery on a machine that others use
+constexpr int kMostStarts = 50;       // of a daemon that keeps ending by itself
 
 class Run {
  public:
@@ -110,7 +110,7 @@ class Run {
     return findings_.require(Invariant::kProcesses, serves, "the fake camera does not start: " + rig_->camera_error());
   }
 
-  // Faults that drop the connection strike when the camera is set up, before its first stream.
+  // Faults that drop the connection strike during set-up of the camera, before its first stream.
   bool wait_for_stream() {
     for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
       if (result_.struck[i].disturbance.kind == Kind::kWindowingDrop) begin(result_.struck[i]);
@@ -188,7 +188,7 @@ class Run {
     return false;
   }
 
-  // The camera's lag behind its schedule by its last report: on a machine at its limit its frames come late.
+  // The camera's lag behind its schedule by its last report: its frames are late if the machine is overloaded.
   double camera_lag_s() const {
     const auto& account = rig_->book().present();
     if (!account || account->first_stream_ns == 0) return 0.0;
@@ -196,8 +196,8 @@ class Run {
     return std::max(0.0, now_s() - at_s(account->first_stream_ns) - played_s);
   }
 
-  // The offset that frames may show now: a shutter's stays until its camera is replaced, whose last frames may still be
-  // on their way. In counts.
+  // Offset in counts that frames may have now: a shutter's offset stays until its camera is replaced, and the last
+  // frames of the old camera may still be in flight.
   int allowed() const {
     const bool shut = std::ranges::any_of(result_.struck, [this](const Struck& s) {
       return s.disturbance.kind == Kind::kShutter && s.begin_s >= 0.0 &&
@@ -232,13 +232,13 @@ class Run {
     for (Struck& struck : result_.struck) {
       if (!struck.over || struck.recovery_s) continue;
       const KindInfo& info = info_of(struck.disturbance.kind);
-      // Longer than what is under way to the daemon, so that a disturbance has shown what it does.
+      // Longer than frames are in flight, so that the effects of the disturbance have been seen.
       const bool seen = run.frames >= window && at_s(run.last_ns) > struck.end_s + kCalm_s;
       const bool given_up = now_s() > struck.end_s + std::max(kPatience_s, 4.0 * info.recovers_within_s);
       if (!seen && !given_up) continue;
       struck.recovery_s = seen ? std::max(0.0, at_s(run.since_ns) - struck.end_s) : now_s() - struck.end_s;
       calm_since_s_ = now_s();
-      // A machine at its limit recovers when it can; but it does.
+      // An overloaded machine may recover late, but it must recover.
       if (seen && others_since(sampler_->timeline(), struck.end_s) > kMostOthers) continue;
       const std::string text = plot::format("%s: right again %.2f s after its end, limit %.1f s",
                                             std::string(info.name).c_str(), *struck.recovery_s, info.recovers_within_s);
@@ -272,7 +272,7 @@ class Run {
         case LogLine::kRefusedReload:
           ++refused_reloads_;
           break;
-        case LogLine::kNoLife:  // a daemon that stood still, or got no processor, finds so itself
+        case LogLine::kNoLife:  // a daemon that hung or got no processor reports so itself
           if (!struck_now(Kind::kDaemonStopped, kStillness_s) && !struck_now(Kind::kCpuTaken, kStillness_s) &&
               others_since(sampler_->timeline(), now_s() - kStillness_s) <= kMostOthers) {
             findings_.broken(Invariant::kLog, line);
@@ -284,7 +284,7 @@ class Run {
     }
   }
 
-  // Readers go on while frames flow.
+  // Readers make progress while frames flow.
   void check_readers() {
     for (Process& reader : rig_->readers()) {
       const Json account = last_account(reader.log().string() + ".out");
@@ -313,7 +313,7 @@ class Run {
                            findings_.all_hold() ? "all holds" : "BROKEN", what_happens().c_str()));
   }
 
-  // The last mark, so that nothing is left out.
+  // Waits for the last mark, so that the balance is complete.
   void close_books() {
     const double after_s = now_s();
     while (now_s() < after_s + kLastMark_s && books_->last_mark_s() < after_s) {
@@ -339,18 +339,18 @@ class Run {
   std::unique_ptr<Acts> acts_;
   std::unique_ptr<LineTail> log_;
   std::int64_t start_ns_ = monotonic_ns();
-  double round_origin_s_ = 0.0;  // the first frame of its camera
-  std::size_t round_first_ = 0;  // of the struck ones, in this round
+  double round_origin_s_ = 0.0;  // time of its camera's first frame
+  std::size_t round_first_ = 0;  // first disturbance of this round
   std::unique_ptr<Books> books_;
   std::unique_ptr<Sampler> sampler_;
-  std::optional<double> daemon_start_s_;  // when one that ended is to be started again
+  std::optional<double> daemon_start_s_;  // next start of an ended daemon
   int starts_ = 0;
   int refused_reloads_ = 0;
   int taken_reloads_ = 0;
   double next_sample_s_ = kSample_s;
   double next_report_s_ = kReport_s;
   double calm_since_s_ = 0.0;
-  std::map<pid_t, std::uint64_t> read_;  // frames of each reader, at the last check
+  std::map<pid_t, std::uint64_t> read_;  // frames of each reader at the last check
 };
 
 }  // namespace

@@ -8,10 +8,10 @@
 namespace bolo::tools::soak {
 namespace {
 
-// Times to recover are limits, for a machine that others use as well. The slow ones: a silent camera is asked after 0.2
-// s and reopened, with its start-up; a killed daemon is restarted after 0.3 s, and promised to be back 2 s after the
+// Recovery times are limits for a machine in shared use. The slow ones: a silent camera is polled after 0.2 s and
+// reopened, including its start-up; a killed daemon is restarted after 0.3 s, and promised to be back 2 s after the
 // kill (PROMISES.md).
-// AT, FOR: of the disturbance; LONGER: requests for lost packets come after them.
+// AT, FOR: of the disturbance; LONGER: includes later requests for lost packets.
 constexpr std::array<KindInfo, 27> kKinds{{
     {Kind::kLoss, "loss", 0.3, 0.8, 3.0, 2.2, "at=AT,for=FOR,rate=RATE,seed=SEED"},
     {Kind::kReorder, "reorder", 0.3, 0.8, 3.0, 2.2, "at=AT,for=FOR,rate=RATE,seed=SEED"},
@@ -43,27 +43,27 @@ constexpr std::array<KindInfo, 27> kKinds{{
     {Kind::kCorrection, "correction", 0.6, 0.6, 3.0, 2.4},
 }};
 
-constexpr double kFirstQuiet_s = 2.5;  // before the first disturbance of a round: the camera has just begun
+constexpr double kFirstQuiet_s = 2.5;  // before the first disturbance of a round: the camera has just started
 constexpr double kChange_s = 4.5;      // from one round's camera to the next one's first frame
 constexpr double kUsualRound_s = 150.0;
 constexpr std::size_t kRoundsPerKill = 3;
-constexpr double kLongStall_s = 2.4;  // longer than bolod waits before it opens a stalled camera again (2 s)
+constexpr double kLongStall_s = 2.4;  // longer than bolod waits before it reopens a stalled camera (2 s)
 
 // Kinds that begin a round, outside the order.
 bool opens_round(Kind kind) { return kind == Kind::kWindowingDrop || kind == Kind::kCameraReplaced; }
 
-// By how much the camera's clock jumps, s: never whole frames, else two of them carry the same time, by which the books
+// Jump of the camera's clock, s: never a whole number of frames, as two frames must not share a time, by which accounts
 // are compared.
 double jump(Dice& dice) { return std::floor(dice.between(0.2, 2.0) * 100.0) / 100.0 + 0.0013; }
 
-// The camera's script for one of its kinds.
+// The camera's script for one of its own kinds of fault.
 std::string faults_of(const Disturbance& d, Dice& dice) {
   std::string text = std::string(info_of(d.kind).name) + ":" + std::string(info_of(d.kind).script);
   const auto put = [&text](std::string_view word, auto value) {
     for (auto at = text.find(word); at != std::string::npos; at = text.find(word))
       text.replace(at, word.size(), value());
   };
-  // First, for there is an AT in it.
+  // First, because RATE contains AT.
   put("RATE", [&] { return plot::format("%.3f", dice.between(0.01, 0.05)); });
   put("AT", [&] { return plot::format("%.3f", d.at_s); });
   put("FOR", [&] { return plot::format("%.3f", d.for_s); });
@@ -106,7 +106,7 @@ std::vector<Kind> shuffled(const std::set<Kind>& kinds, std::size_t round, Dice&
   return order;
 }
 
-// All kinds that fit, spread over the time that they leave.
+// All kinds that fit, spread over the available time.
 Round draw_round(const ScheduleRequest& request, std::size_t round, double round_s, std::vector<Kind>& no_room) {
   Dice dice(splitmix::key(request.seed, round));
   Round out;

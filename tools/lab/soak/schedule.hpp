@@ -12,8 +12,8 @@
 namespace bolo::tools::soak {
 
 enum class Kind {
-  // The fake camera's own faults, by their names there (bolo fakecam --list-faults); but those of a camera that is set
-  // up wrong, byte_order and metadata_rows, which come and go with no camera.
+  // The fake camera's own faults, under their names there (bolo fakecam --list-faults), except those of a misconfigured
+  // camera, byte_order and metadata_rows, which are permanent.
   kLoss,
   kReorder,
   kDuplicate,
@@ -27,7 +27,7 @@ enum class Kind {
   kReboot,
   kShutter,
   kWindowingDrop,
-  // Processes.
+  // Process faults.
   kCameraStopped,
   kCameraReplaced,
   kDaemonStopped,
@@ -37,10 +37,10 @@ enum class Kind {
   kRecording,
   kRecorderKilled,
   kDiskFull,
-  // The computer.
+  // Loads on the computer.
   kCpuTaken,
   kMemoryTaken,
-  // The daemon's commands.
+  // Commands to the daemon.
   kReload,
   kBadReload,
   kCorrection,
@@ -49,33 +49,33 @@ enum class Kind {
 struct KindInfo {
   Kind kind = Kind::kLoss;
   std::string_view name;
-  double shortest_s = 0.0;  // how long it lasts
+  double shortest_s = 0.0;  // shortest duration
   double longest_s = 0.0;
-  double recovers_within_s = 0.0;  // after its end: until frames flow that are right, without a gap
-  double room_s = 0.0;             // from its start to the next one's at least: lasting, recovery, a quiet time
-  std::string_view script{};       // a fault of the fake camera's, as parse_fault() reads what follows its name
+  double recovers_within_s = 0.0;  // limit from its end until right frames flow without a gap
+  double room_s = 0.0;             // least time from its start to the next one's: duration, recovery, a quiet time
+  std::string_view script{};       // a fake camera's fault, in the syntax of parse_fault() after its name
 };
 
-// All of them, in the order of Kind. Thread: any.
+// All kinds, in the order of Kind. Thread: any.
 std::span<const KindInfo> kinds();
 const KindInfo& info_of(Kind kind);
 std::optional<Kind> kind_named(std::string_view name);
 
-// --- The schedule of disturbances. Everything follows from the seed.
+// --- The schedule of disturbances, determined by the seed.
 
 struct Disturbance {
   Kind kind = Kind::kLoss;
-  double at_s = 0.0;   // from the round's beginning: the first frame of its camera
-  double for_s = 0.0;  // 0: over at once
+  double at_s = 0.0;   // from the start of the round: its camera's first frame
+  double for_s = 0.0;  // 0: momentary
   std::uint64_t seed = 0;
-  std::string faults;  // of the camera's: as bolo fakecam --fault reads them, with spaces between
+  std::string faults;  // of the camera: in the syntax of bolo fakecam --fault, separated by spaces
 };
 
-// One camera process, and what happens in its time. A round begins with a camera of its own.
+// One camera process and the disturbances in its time. Each round starts a new camera.
 struct Round {
   std::vector<Disturbance> disturbances;  // in time
 
-  // The faults of all, for its camera.
+  // All fault arguments for its camera.
   std::vector<std::string> faults() const;
 };
 
@@ -83,18 +83,18 @@ struct Schedule {
   std::uint64_t seed = 0;
   double round_s = 0.0;
   std::vector<Round> rounds;
-  std::vector<Kind> no_room;  // kinds that were asked for and found no place
+  std::vector<Kind> no_room;  // requested kinds that did not fit
 };
 
 struct ScheduleRequest {
   std::uint64_t seed = 1;
   double seconds = 120.0;
-  std::set<Kind> kinds;  // that may be drawn
+  std::set<Kind> kinds;  // kinds to draw from
 };
 
-// Each kind once a round, in an order of its own each time, with a quiet time after each; daemon_killed in every third
-// round only, so that daemons live long enough to grow. A run too short for all has those that find room.
-// Thread: any.
+// Each kind once a round, in a new order each time, with a quiet time after each; daemon_killed only in every third
+// round, so that daemons live long enough to show growth. If the run is too short, only the kinds that fit. Thread:
+// any.
 Schedule draw_schedule(const ScheduleRequest& request);
 
 }  // namespace bolo::tools::soak

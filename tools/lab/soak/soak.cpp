@@ -1,4 +1,4 @@
-// `bolo-lab soak`: everything that goes wrong on a vehicle, for as long as one likes; its findings as text and as JSON.
+// `bolo-lab soak`: all kinds of faults of a vehicle's system, for any duration; findings as text and as JSON.
 #include <algorithm>
 #include <cstdio>
 
@@ -68,7 +68,7 @@ Json report_json(const SoakRequest& request, const std::string& command, const S
           {"disturbances", list(struck)}};
 }
 
-// The schedule, a line for each disturbance.
+// The schedule, one line per disturbance.
 std::string schedule_text(const Schedule& schedule) {
   std::string out = format("seed %llu: %zu round(s) of %.1f s\n", static_cast<unsigned long long>(schedule.seed),
                            schedule.rounds.size(), schedule.round_s);
@@ -154,7 +154,7 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
 
 constexpr std::array kReportFiles{"report.json", "report.txt", "bolod.log"};
 
-// Makes the folder for the report, and sees that nothing stands there in the way.
+// Creates the folder for the report and checks that nothing would be overwritten.
 Status prepare_report(const Request& request) {
   if (request.report.empty()) return {};
   RETURN_IF_ERROR(make_folder(request.report));
@@ -167,7 +167,7 @@ Status write_report(const Request& request, const Json& json, const std::string&
   if (auto copy = FileBeside::create({request.report / kReportFiles[2], request.replace})) {
     std::error_code error;
     fs::copy_file(request.soak.rig.folder / "bolod.err", copy->path(), fs::copy_options::overwrite_existing, error);
-    if (!error) (void)copy->publish();  // a log is no reason to do without the report
+    if (!error) (void)copy->publish();  // a failed log does not prevent the report
   }
   RETURN_IF_ERROR(write_file({request.report / kReportFiles[0], request.replace}, json.dump(1) + "\n"));
   return write_file({request.report / kReportFiles[1], request.replace},

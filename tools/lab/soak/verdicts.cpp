@@ -21,7 +21,7 @@ int entries_of(const std::filesystem::path& folder) {
   return n;
 }
 
-// Fields 14 and 15 of /proc/PID/stat; the second one, the name, may have blanks.
+// Fields 14 and 15 of /proc/PID/stat; field 2, the name, may contain blanks.
 double cpu_seconds(const std::filesystem::path& file) {
   std::ifstream in(file);
   std::string line;
@@ -38,7 +38,7 @@ double cpu_seconds(const std::filesystem::path& file) {
 }
 
 constexpr std::size_t kFewest = 10;
-constexpr std::size_t kMostForSlope = 200;  // readings; their pairs are 20,000
+constexpr std::size_t kMostForSlope = 200;  // 200 readings give 20,000 pairs
 constexpr double kSecondsPerHour = 3600.0;
 
 double median(const std::vector<Reading>& readings, std::size_t from, std::size_t to) {
@@ -58,8 +58,8 @@ double theil_sen(const std::vector<Reading>& readings) {
   return quantile(slopes, 0.5);
 }
 
-constexpr double kSettle_s = 60.0;  // of a daemon, before its memory is judged
-// Opened once and kept by libraries: the search for a camera everywhere starts libusb, with four files and a thread.
+constexpr double kSettle_s = 60.0;  // age of a daemon before its memory is judged
+// Libraries open some once and keep them: a search for cameras starts libusb, with four files and a thread.
 constexpr double kMostDescriptors = 6.0;
 constexpr double kMostThreads = 2.0;
 
@@ -163,7 +163,7 @@ void Sampler::take_flow(Second& second) {
   counted_ = counters;
 }
 
-// CPU time of other processes: the total less that of the soak's own.
+// CPU time of other processes: the total minus the soak's own.
 void Sampler::take_usage(Second& second) {
   const auto measure = [this](Process& process) {
     const std::optional<Usage> usage = process.ended() ? std::nullopt : usage_of(process.pid());
@@ -242,7 +242,7 @@ void judge_growth(SoakResult& result, Findings& findings) {
   for (const auto& numbered : lives) {
     const Life& life = numbered.second;
     const double lasted_s = life.back()->at_s - life.front()->at_s;
-    const double settle_s = std::min(kSettle_s, lasted_s / 3.0);  // open files and threads come at once
+    const double settle_s = std::min(kSettle_s, lasted_s / 3.0);  // open files and threads settle at once
     Json& json = result.lives.emplace_back(
         Json{{"life", numbered.first}, {"from_s", life.front()->at_s}, {"to_s", life.back()->at_s}});
     const auto judge = [&](Invariant invariant, const char* key, const Growth& growth, double span_s, double limit,

@@ -1,5 +1,5 @@
-// A soak, camera, daemon and readers as processes of their own, disturbed as scheduled and watched all the time; and
-// its results.
+// A soak: camera, daemon and readers as separate processes, disturbed as scheduled and monitored all the time; and its
+// results.
 #pragma once
 
 #include <limits>
@@ -13,16 +13,16 @@ namespace bolo::tools::soak {
 
 struct Usage {
   double rss_mib = 0.0;
-  double private_mib = 0.0;  // of what several processes may map (PSS), what is nobody else's (anonymous)
+  double private_mib = 0.0;  // for processes with shared mappings: proportional (PSS), anonymous memory only
   int descriptors = 0;
   int threads = 0;
   double cpu_s = 0.0;  // since its start
 };
 
-// Nothing of a process that is gone. Thread: any.
+// Empty if the process is gone. Thread: any.
 std::optional<Usage> usage_of(pid_t pid);
 
-// CPU time of all processors since the computer's start, but for niced programs, which give way; s. Thread: any.
+// CPU time of all processors since boot, without niced programs, which give way; s. Thread: any.
 double busy_s();
 
 // --- Growth of memory, open files and threads.
@@ -35,43 +35,42 @@ struct Reading {
 struct Growth {
   double first = 0.0;           // median of the first fifth
   double last = 0.0;            // median of the last fifth
-  double slope_per_hour = 0.0;  // median of the slopes of all pairs (Theil and Sen): one odd reading does not move it
+  double slope_per_hour = 0.0;  // median of the slopes of all pairs (Theil and Sen): robust against outliers
   bool judged = false;          // there were enough readings
 
   double by() const { return last - first; }
 };
 
-// Of the readings from `settle_s` after the first one on; judged when they span as much again and are ten.
-// Thread: any.
+// From readings taken `settle_s` or more after the first; judged if these span at least as long again and are at least
+// ten. Thread: any.
 Growth growth_of(const std::vector<Reading>& readings, double settle_s);
 
-// True if it grew by `limit` or more, by both measures: the medians, and the slope over the time that they span.
-// Thread: any.
+// True if it grew by at least `limit` by both measures: the medians, and the slope over their time span. Thread: any.
 bool grows(const Growth& growth, double span_s, double limit);
 
-inline constexpr double kSample_s = 1.0;  // from one sample of the processes to the next
+inline constexpr double kSample_s = 1.0;  // between samples of the processes
 
-// A disturbance as it came to pass. Times: s since the soak's beginning.
+// A disturbance as it happened. Times: s since the start of the soak.
 struct Struck {
   Disturbance disturbance;
   std::size_t round = 0;
   double begin_s = 0.0;
   double end_s = 0.0;
   bool over = false;                 // it has ended
-  std::optional<double> recovery_s;  // after its end; nothing: not before the end
+  std::optional<double> recovery_s;  // after its end; empty: not before the end
 };
 
-// One second of it.
+// One second of a soak.
 struct Second {
-  double at_s = 0.0;  // its end
+  double at_s = 0.0;  // end of the second
   bool quiet = false;
   std::uint64_t frames = 0;
-  std::uint64_t undone = 0;  // published as they came, for too many were waiting
+  std::uint64_t undone = 0;  // published raw, because too many were waiting
   double p99_ms = 0.0;
-  faults::Losses lost{};  // in it
-  int life = 0;           // of the daemon
+  faults::Losses lost{};  // in this second
+  int life = 0;           // index of the daemon process
   std::optional<Usage> daemon;
-  double others = 0.0;  // share of the processors' time that programs beside the soak's took
+  double others = 0.0;  // share of the processors' time used by programs outside the soak
 };
 
 // Latencies: {frames, p50, p99, max}, ms.
@@ -80,12 +79,12 @@ struct SoakResult {
   bool interrupted = false;
   std::vector<Struck> struck;
   std::vector<Second> timeline;
-  Json quiet;  // latencies of quiet times
+  Json quiet;  // latencies in quiet times
   double others_in_quiet = 0.0;
-  Json lives = Json::array();  // what grew in each life of the daemon
-  // From the first mark to the last: frames that the camera passed (numbers that it skipped included) and sent, those
-  // published and lost by cause, those sent while nobody listened, how often both books were compared; by grade; and
-  // those unread, published but overwritten before the soak read them.
+  Json lives = Json::array();  // growth in each life of the daemon
+  // From the first mark to the last: frames passed by the camera (including skipped ids) and sent, published, lost by
+  // cause, sent while nobody listened, number of comparisons of the accounts; frames by grade; and unread ones,
+  // overwritten before the soak read them.
   Json frames;
   std::string solver;
 };
@@ -95,8 +94,7 @@ struct SoakRequest {
   Schedule schedule;
 };
 
-// `progress` gets a line every few seconds. The findings outlive the call. An error: it could not be set up.
-// Thread: setup.
+// `progress` gets a line every few seconds. The findings must outlive the call. An error: set-up failed. Thread: setup.
 Result<SoakResult> run_soak(const SoakRequest& request, const Programs& programs, const std::atomic<bool>& stop,
                             const std::function<void(const std::string&)>& progress, Findings& findings);
 
@@ -105,14 +103,14 @@ Result<SoakResult> run_soak(const SoakRequest& request, const Programs& programs
 // Thread: one at a time.
 class Sampler {
  public:
-  // All outlive this.
+  // The arguments must outlive the sampler.
   Sampler(Rig& rig, Watcher& watcher, Findings& findings) : rig_(rig), watcher_(watcher), findings_(findings) {}
 
   void sample(double now_s, bool quiet);
 
   const std::vector<Second>& timeline() const noexcept { return timeline_; }
-  const std::vector<double>& quiet_ms() const noexcept { return quiet_ms_; }  // latencies of quiet times
-  // Hands over the timeline and the counts.
+  const std::vector<double>& quiet_ms() const noexcept { return quiet_ms_; }  // in quiet times
+  // Moves the timeline and the counts to the result.
   void finish(SoakResult& result);
 
  private:
@@ -131,38 +129,37 @@ class Sampler {
   std::map<pid_t, double> cpu_of_;
 };
 
-// --- Verdicts on the seconds of a soak taken together.
+// --- Verdicts on all seconds of a soak together.
 
-// Share of the processors' time: if other programs take more, times are theirs, and are reported but not judged.
+// Share of the processors' time: if other programs take more, latencies are reported but not judged.
 inline constexpr double kMostOthers = 0.15;
 
 // Thread: any.
 Json figures_of(const std::vector<double>& latency_ms);
 
-// The most that other programs took in any full second since then. Thread: any.
+// Largest share taken by other programs in any full second since then. Thread: any.
 double others_since(const std::vector<Second>& timeline, double from_s);
 
-// Frames lost for want of time in the last second but one, though none was published as it came, in it or beside it:
-// before that there is no time to react. 0: all is well. Thread: any.
+// Frames lost to overload in the last second but one, although none was published raw in it or in its neighbours:
+// before that there is no time to react. 0: no fault. Thread: any.
 std::uint64_t lost_too_early(const std::vector<Second>& timeline);
 
 // Fill in the result's figures and judge them. Thread: any.
 void judge_latency(const std::vector<double>& quiet_ms, SoakResult& result, Findings& findings);
 void judge_growth(SoakResult& result, Findings& findings);
 
-// --- The soak's own bookkeeping: finds moments at which camera's and daemon's books can be compared, and compares
-// them.
+// --- The soak's bookkeeping: finds moments at which camera's and daemon's accounts can be compared, and compares them.
 
 // Thread: one at a time.
 class Books {
  public:
   Books(double period_s, Findings& findings) : period_s_(period_s), findings_(findings) {}
 
-  // Takes the camera's report, and makes a mark of it as soon as its frame has settled.
+  // Takes the camera's report and makes a mark of it as soon as its frame has settled.
   void update(const CameraBook& camera, const Watcher& watcher, double now_s);
 
   double last_mark_s() const { return last_ ? last_->at_s : -std::numeric_limits<double>::infinity(); }
-  // The sums from the first mark to the last.
+  // Sums from the first mark to the last.
   void close(const faults::Losses& lost, SoakResult& result) const;
 
  private:

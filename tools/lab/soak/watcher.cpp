@@ -15,7 +15,7 @@ namespace {
 constexpr std::uint64_t kFirstId = 100;
 constexpr const char* kSerial = "SOAK";
 
-// CRC-32 of all pixels, less the first one: an offset of all does not matter.
+// CRC-32 of all pixels minus the first one: independent of a common offset.
 std::uint32_t checksum(const std::uint16_t* plane, std::size_t pixels, std::vector<std::uint16_t>& differences) {
   differences.resize(pixels);
   for (std::size_t i = 0; i < pixels; ++i) differences[i] = static_cast<std::uint16_t>(plane[i] - plane[0]);
@@ -36,7 +36,7 @@ Status write(const Recording& scene, const std::filesystem::path& file) {
   return writer.close();
 }
 
-// Two laps, of which the second is as every later one: its first windows reach over the seam.
+// Solves two loops and keeps the second, which equals every later one: its first windows span the seam.
 Result<Truth::Planes> deblurred_loop(const Recording& scene, const pipeline::PipelineOptions& pipeline) {
   Recording twice = scene;
   twice.planes.insert(twice.planes.end(), scene.planes.begin(), scene.planes.end());
@@ -56,9 +56,9 @@ std::string of(const Shown& frame) {
 constexpr int kOpenLimit_ms = 30'000;
 constexpr int kPoll_ms = 20;
 constexpr std::size_t kKept = 1200;              // frames
-constexpr std::size_t kBefore = 20;              // frames; more than the daemon's ledger holds open for late ones
+constexpr std::size_t kBefore = 20;              // frames; more than the daemon's loss tracker keeps open for late ones
 constexpr std::int64_t kAfterNs = 400'000'000;   // more than its queue holds
-constexpr std::int64_t kNearNs = 1'500'000'000;  // streams begin with the same camera times again
+constexpr std::int64_t kNearNs = 1'500'000'000;  // streams restart at the same camera times
 
 }  // namespace
 
@@ -164,8 +164,8 @@ void FrameJudge::check_order(const Shown& frame) {
   }
 }
 
-// Lost frames must be flagged, except where the received frames show no loss: other pixels, and a counter that jumps
-// while the scene and the clock go on.
+// Lost frames must be flagged, except where the received frames do not reveal the loss: after an offset change, and
+// when the counter jumps while scene and clock go on.
 void FrameJudge::follow(const Shown& frame, const Recognised& seen) noexcept {
   const bool alike = before_ && before_->offset == seen.offset;
   const bool next = before_ && (before_->index + 1) % truth_.frames() == seen.index;
@@ -259,7 +259,7 @@ void Watcher::note_good(Grade grade, std::int64_t publish_ns) {
   good_.last_ns = publish_ns;
 }
 
-// The old daemon's counters stay readable in the object that it left.
+// The old daemon's counters stay readable in the object that it left behind.
 void Watcher::begin_life() {
   const std::lock_guard lock(mutex_);
   count(*present_);
