@@ -1,7 +1,7 @@
 // Captures after a kill or a power cut. The functions below replace the C library's: they log the writer's disk
 // operations and slow the disk down, so that the writer goes on during syncs. The log is then cut off at any place:
-// - a power cut keeps the writes that came before the start of a finished sync, any subset of the sectors of each
-//   other write, and boots another kernel;
+// - a power cut keeps all writes made before a finished sync began, and any subset of the sectors of each other write;
+//   then another kernel runs;
 // - a kill keeps all writes, the last one perhaps in part.
 // Either must open with exactly the frames of a commit, and not of too old a one.
 #include <dlfcn.h>
