@@ -3,20 +3,20 @@
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 
-# say WHAT: what begins now, and how long the script has run.
+# say WHAT: prints what begins now, and the time since the start.
 say() { printf '\n== %s (at %d:%02d min)\n' "$*" $((SECONDS / 60)) $((SECONDS % 60)); }
 die() {
   printf '%s: %s\n' "$(basename "$0")" "$*" >&2
   exit 1
 }
 
-# usage: prints the comment at the head of the script, and ends it.
+# usage: prints the script's head comment and exits.
 usage() {
   sed -n '2,/^[^#]/s/^# \{0,1\}//p' "$0" >&2
   exit 2
 }
 
-# as_root COMMAND...: runs it as root, with sudo where the caller is not.
+# as_root COMMAND...: runs it as root, through sudo if necessary.
 as_root() {
   if [ "$(id -u)" -eq 0 ]; then
     "$@"
@@ -27,7 +27,7 @@ as_root() {
   fi
 }
 
-# quietly WHAT COMMAND...: runs it; what it printed is shown only where it fails.
+# quietly WHAT COMMAND...: runs it; shows its output only if it fails.
 quietly() {
   local what=$1 log
   shift
@@ -39,10 +39,10 @@ quietly() {
   rm -f "$log"
 }
 
-# cache_folder: where what takes long to make is kept.
+# cache_folder: folder for results that take long to make.
 cache_folder() { echo "${BOLO_CACHE:-${XDG_CACHE_HOME:-${HOME:-/var/tmp}/.cache}/bolo}"; }
 
-# packages_of GROUP...: the Debian packages of those groups of tools/packages.txt.
+# packages_of GROUP...: Debian packages of these groups in tools/packages.txt.
 packages_of() {
   local group package
   while read -r group package _; do
@@ -50,7 +50,7 @@ packages_of() {
   done < <(sed 's/#.*//' "$root/tools/packages.txt")
 }
 
-# install_packages GROUP...: those of them that are missing.
+# install_packages GROUP...: installs the missing ones of these.
 install_packages() {
   local wanted=() missing=() package
   mapfile -t wanted < <(packages_of "$@")
@@ -68,8 +68,8 @@ install_packages() {
     as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}"
 }
 
-# build PRESET [TARGET...]. Where ccache is installed, objects of the same code are taken from earlier builds, wherever
-# the project lay then.
+# build PRESET [TARGET...]. With ccache, objects of the same code are reused from earlier builds, wherever the project
+# was located.
 build() {
   local preset=$1 cache=() alone sysroot
   shift
@@ -82,7 +82,7 @@ build() {
     cache+=("-DCMAKE_SYSROOT=$sysroot")
   fi
   mkdir -p "$root/build"
-  alone=(flock --close "$root/build/$preset.lock") # two builds in one folder would spoil each other's files
+  alone=(flock --close "$root/build/$preset.lock") # two builds in one folder would corrupt each other
   quietly "configuring the preset '$preset'" \
     "${alone[@]}" cmake -S "$root" --preset "$preset" -DBOLO_UNITY=ON "${cache[@]}"
   "${alone[@]}" ninja -C "$root/build/$preset" -j "$(nproc)" "$@" || die "building the preset '$preset' failed"

@@ -19,19 +19,19 @@ import tempfile
 import xml.etree.ElementTree
 
 ALLOWED = "BOLO_TEST_DATA"
-MOST_BYTES = str(1 << 20)  # of a test's output, of which ctest would keep one KiB
+MOST_BYTES = str(1 << 20)  # of a test's output; ctest's default is 1 KiB
 MOST_AGAIN = 3000  # characters of a failed test's output
-MOST_REPEATED = 3  # tests that pass only when they run again
+MOST_REPEATED = 3  # tests that pass only when repeated
 FAILED = re.compile(r"Test +#\d+: (\S+) \.*\*\*\*(?!Skipped)")
 SUMMARY = re.compile(r"^\d+% tests passed")
-# A line of gtest "file:line: Skipped" stands before the reason; Python prints "test_x (...) ... skipped 'reason'".
+# In gtest's output "file:line: Skipped" precedes the reason; Python prints "test_x (...) ... skipped 'reason'".
 GTEST = re.compile(r"^.*: Skipped\n(.*)\n(?:.*\n)*?(?:\[  SKIPPED \] (\S+)|\Z)", re.MULTILINE)
 UNITTEST = re.compile(r"^(\w+) \(.*\.\.\. skipped (['\"])(.*)\2$", re.MULTILINE)
 PROGRAM = re.compile(r"^skipped:? *(.*)$", re.MULTILINE | re.IGNORECASE)
 
 
 def reason_of(output: str, told: str) -> str:
-    """Of a test that was skipped as a whole."""
+    """Reason of a test that was skipped as a whole."""
     found = GTEST.search(output) or PROGRAM.search(output)
     return (found.group(1).strip() if found else "") or told or "no reason is told"
 
@@ -51,14 +51,14 @@ def skips_of(cases: list[xml.etree.ElementTree.Element]) -> list[tuple[str, str]
 
 
 def failures_of(cases: list[xml.etree.ElementTree.Element]) -> list[tuple[str, str]]:
-    """Names and the ends of their output."""
+    """Names of failed tests and the ends of their output."""
     return [(case.get("name", "?"), (case.findtext("system-out") or "").strip()[-MOST_AGAIN:])
             for case in cases if case.get("status") == "fail"]
 
 
 def run_ctest(build: str, options: list[str]) -> tuple[int, str, list[tuple[str, str]], list[tuple[str, str]], list[str]]:
-    """Shows ctest's output but for its summary, which comes last.
-    Returns exit code, summary, skips, failures and the names of those that passed in their second run."""
+    """Shows ctest's output except for its summary, which comes last.
+    Returns exit code, summary, skips, failures and the names of tests that passed when repeated."""
     with tempfile.TemporaryDirectory(prefix="bolo-skips-") as folder:
         junit = pathlib.Path(folder) / "junit.xml"
         command = ["ctest", "--test-dir", build, "--output-junit", str(junit), "--repeat", "until-pass:2", *options]

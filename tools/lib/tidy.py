@@ -1,11 +1,11 @@
 #!/usr/bin/python3
-"""Runs clang-tidy on C++ files, several at a time, and passes over those whose preprocessed text was found clean before.
+"""Runs clang-tidy on C++ files in parallel, skipping those whose preprocessed text was found clean before.
 
 usage: tidy.py BUILD_FOLDER FILE...
-Some twenty files at a time are looked at as one text, for most of the time goes into what they include; where anything is
-found in it, or their names meet, its halves are. What was found clean is remembered under $BOLO_CACHE (default:
-~/.cache/bolo) by a hash of the preprocessed text with its comments, the checks and the version of clang-tidy. What is
-found is printed, and then the exit code is 1.
+About twenty files at a time are checked as one text, because their common headers take most of the time; if anything is
+found, or their names collide, the halves are checked. Clean results are cached under $BOLO_CACHE (default:
+~/.cache/bolo) by a hash of the preprocessed text with comments, the checks and the version of clang-tidy. Findings are
+printed, and make the exit code 1.
 """
 import concurrent.futures
 import hashlib
@@ -18,11 +18,11 @@ import subprocess
 import sys
 import tempfile
 
-# The static analyzer follows so many states of a function and no more: three quarters of the time went beyond them.
+# The static analyzer stops at this many states of a function: three quarters of the time went beyond them.
 ANALYZER = [f"--extra-arg={word}" for word in ("-Xclang", "-analyzer-config", "-Xclang", "max-nodes=20000")]
 NOISE = re.compile(r"warnings? generated|Suppressed|Use -header-filter")
-TOGETHER = 24  # files at most: what a change of one of them makes look at again
-ALONE = re.compile(r"foreach_target\.h|elements\.hpp|int main\(")  # includes itself, for each set of instructions; GStreamer's names
+TOGETHER = 24  # files at most: a change of one makes all of them be checked again
+ALONE = re.compile(r"foreach_target\.h|elements\.hpp|int main\(")  # self-includes; GStreamer's names
 WITH_VALUE = ("-o", "-MT", "-MF", "-isystem", "-include")
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -35,7 +35,7 @@ def cache_folder():
 
 
 def options_of(entry):
-    """The options of an entry of compile_commands.json without those that name files or are GCC's, each with its value."""
+    """Options of an entry of compile_commands.json, each with its value, without those that name files or are GCC's."""
     words = shlex.split(entry["command"])
     compiler = next(i for i, word in enumerate(words) if os.path.basename(word) != "ccache")
     options = []
@@ -55,7 +55,7 @@ class Examination:
         self.cache = cache_folder()
 
     def findings(self, files):
-        """clang-tidy's output for them; nothing where they are clean."""
+        """clang-tidy's output for the files; empty if they are clean."""
         options = dict.fromkeys(option for file in files for option in options_of(self.entries[file]))
         words = ["clang++", *(word for option in options for word in option)]
         file = files[0]
@@ -93,7 +93,7 @@ def main():
     together = [file for file in files if file not in alone]
     size = max(1, -(-len(together) // -(-len(together) // TOGETHER))) if together else 1
     groups = [together[at : at + size] for at in range(0, len(together), size)] + [[file] for file in alone]
-    with tempfile.TemporaryDirectory(dir=build) as folder:  # below the project, whose .clang-tidy holds there, too
+    with tempfile.TemporaryDirectory(dir=build) as folder:  # below the project, whose .clang-tidy applies
         examination = Examination(entries, folder)
         with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
             found = "".join(pool.map(examination.findings, groups))
