@@ -1,4 +1,3 @@
-// Expectations on texts and errors.
 #pragma once
 
 #include "src/core/result.hpp"
@@ -6,26 +5,22 @@
 
 namespace bolo {
 
-// Expects all parts in the text.
 inline void expect_parts(const std::string& text, std::initializer_list<std::string> parts) {
   for (const std::string& part : parts) {
     EXPECT_NE(text.find(part), std::string::npos) << part << "\nis not in: " << text;
   }
 }
 
-// Expects none of the parts in the text.
 inline void expect_none(const std::string& text, std::initializer_list<std::string> parts) {
   for (const std::string& part : parts) EXPECT_EQ(text.find(part), std::string::npos) << part << "\nis in: " << text;
 }
 
-// Number of times the part occurs in the text.
 inline std::size_t count_of(const std::string& text, const std::string& part) {
   std::size_t found = 0;
   for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + part.size())) ++found;
   return found;
 }
 
-// Expects an error whose message contains all parts.
 template <typename T>
 void expect_error(const Result<T>& answer, std::initializer_list<std::string> parts) {
   ASSERT_FALSE(answer);

@@ -32,7 +32,6 @@ class Scratch {
   std::filesystem::path folder_;
 };
 
-// A test with a temporary folder.
 class ScratchTest : public ::testing::Test {
  protected:
   const Scratch scratch_;

@@ -155,7 +155,6 @@ TEST_F(CaptureWriterName, EqualInputGivesEqualFilesAndNothingElse) {
   EXPECT_FALSE(std::filesystem::exists(scratch_ / "a.h5.part"));
 }
 
-// Interoperability: h5dump reads the same values.
 TEST(CaptureWriterForeign, Hdf5ToolsReadTheFrames) {
   if (std::system("h5dump --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "h5dump is not installed";
   const Scratch scratch;

@@ -36,7 +36,6 @@ inline void set_number(hid_t file, const char* owner, const char* name, double v
   set_attribute(file, owner, name, type, H5T_NATIVE_DOUBLE, &value);
 }
 
-// A string of fixed length.
 inline void set_string(hid_t file, const char* owner, const char* name, const std::string& value,
                        H5T_str_t padding = H5T_STR_NULLTERM) {
   const hid_t type = H5Tcopy(H5T_C_S1);

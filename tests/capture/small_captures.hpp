@@ -39,14 +39,12 @@ inline Status append(CaptureWriter& writer, std::size_t i, bool truth = false) {
   return writer.append(0.005 * static_cast<double>(i), i, plane.data(), truth ? truth_plane.data() : nullptr);
 }
 
-// Writes and closes a capture.
 inline void write_small(const std::filesystem::path& file, std::size_t frames, const WriterOptions& how = {}) {
   auto writer = must(CaptureWriter::create(file, small_info(), how));
   for (std::size_t i = 0; i < frames; ++i) ASSERT_TRUE(append(*writer, i, how.truth));
   ASSERT_TRUE(writer->close());
 }
 
-// Expects frames 0 to n-1, complete.
 inline void expect_frames(const CaptureReader& reader, std::size_t frames) {
   ASSERT_EQ(reader.info().frames, frames);
   for (std::size_t i = 0; i < frames; ++i) {

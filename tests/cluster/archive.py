@@ -47,8 +47,6 @@ class Archive:
 
 
 class Work:
-    """One run over the archive."""
-
     def __init__(self, archive, name):
         self.archive = archive
         self.out = archive.folder / name / "sharp"

@@ -82,8 +82,6 @@ TEST_F(InputFileTest, RowsAfterAByteOrderMarkAreRows) {
   EXPECT_EQ(sum, 10.0);
 }
 
-// --- Outputs.
-
 std::string content_of(const fs::path& file) { return read_input(file).value_or(""); }
 
 std::ptrdiff_t files_in(const fs::path& folder) {
@@ -181,7 +179,6 @@ TEST_F(OutputFileTest, LinksToAnythingButFilesStay) {
   EXPECT_EQ(content_of(there_), "there");
 }
 
-// Another program takes the name while the file is written: both files are kept.
 TEST_F(OutputFileTest, ANameThatIsTakenMeanwhileStays) {
   auto file = FileBeside::create(free_);
   ASSERT_TRUE(file);

@@ -32,7 +32,6 @@ ClockState state() noexcept {
 class UtcClockTest : public testing::Test {
  protected:
   void SetUp() override { host = {}; }
-  // Advances to the next frame, 5 ms later.
   bool frame() {
     host.monotonic_ns += 5 * kMs;
     return clock_.update(host.monotonic_ns);

@@ -36,7 +36,6 @@ struct Passed {
   Frames planes;
 };
 
-// Runs the frames with these ids through the chain.
 Passed pass(Chain& chain, const Frames& frames, const std::vector<std::uint64_t>& ids) {
   Passed passed{ids, {}};
   const std::size_t pixels = chain.format().geometry.pixels();

@@ -1,4 +1,3 @@
-// Per-pixel corrections: gain and offset, individual time constants, dead pixels.
 #include "src/corrections/pixel_correction.hpp"
 #include "tests/deblur/inputs.hpp"
 #include "tests/deblur/solve.hpp"

@@ -33,7 +33,6 @@ class Methods : public ::testing::TestWithParam<Way> {
     pattern_ = pattern_of({pointers_, 16});
   }
 
-  // Solves all pixels with `lambda_half`.
   std::vector<float> run(double lambda_half, const Published& published, const float* lambda = nullptr) const {
     const auto method = GetParam().make(task_of(GetParam().levels, lambda_half));
     method->prepare(pattern_);

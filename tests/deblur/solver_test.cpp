@@ -189,8 +189,6 @@ double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pat
   return mean + estimate(bins, x);
 }
 
-// --- The kernels.
-
 // Float planes of one window in kelvin, at odd addresses with no readable memory guaranteed behind them.
 class Planes {
  public:
@@ -222,7 +220,6 @@ Settings settings_for(int window, double lambda_half, int lookahead = 0, Method 
   return s;
 }
 
-// Solves all pixels at `target`.
 std::vector<float> solved(const Settings& settings, const Planes& planes, int target = 16) {
   const auto solver = testing::make(settings, testing::kelvin(planes.geometry(), settings.period_s));
   return testing::whole_frame(*solver, planes.view(target), planes.geometry());

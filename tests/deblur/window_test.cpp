@@ -5,7 +5,6 @@ namespace bolo::deblur::window_test {
 
 constexpr std::int64_t kPeriodNs = 5'000'000;
 
-// Window output for one frame.
 struct Shown {
   std::uint64_t id = 0;
   bool full = false;
@@ -24,7 +23,6 @@ class Player {
   void frames(std::initializer_list<std::uint64_t> ids) {
     for (const std::uint64_t id : ids) frame(id);
   }
-  // Adds frames [begin, end).
   void run(std::uint64_t begin, std::uint64_t end) {
     for (std::uint64_t id = begin; id < end; ++id) frame(id);
   }
@@ -49,7 +47,6 @@ class Player {
   }
   void set_period(double periods) { window_.set_period(periods * static_cast<double>(kPeriodNs) * 1e-9); }
 
-  // Checks the window and flags of the newest output.
   void expect_last(const std::vector<std::int64_t>& window, std::uint32_t flags) const {
     EXPECT_EQ(shown_.back().window, window);
     EXPECT_EQ(shown_.back().flags, flags);
@@ -283,7 +280,6 @@ TEST(Window, ARestartShowsTheFramesThatWaitedFirst) {
   EXPECT_EQ(player.held().size(), 1U);
 }
 
-// With any losses, each frame is shown once and in order, and all buffers are returned.
 TEST(Window, ShowsEveryFrameOnceWhateverIsLost) {
   for (int lookahead = 0; lookahead <= 3; ++lookahead) {
     Player player(5, lookahead);

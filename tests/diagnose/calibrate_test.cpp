@@ -65,7 +65,6 @@ FrameSeries series_of(const Made& made) {
 PulseFit fitted(const FrameSeries& series) { return fit_pulses(series, quiet).value(); }
 PulseFit fitted(const Made& made) { return fitted(series_of(made)); }
 
-// True if the interval covers the true value.
 bool holds(const Estimate& estimate, double truth) { return estimate.low < truth && truth < estimate.high; }
 
 TEST(Intervals, CurvesMeetWhereTheInputSwitched) {

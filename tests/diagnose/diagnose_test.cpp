@@ -158,7 +158,6 @@ TEST_P(OneEffect, IsNamedFirstWithItsSize) {
   EXPECT_NEAR(e.value / c.truth, 1.0, c.tolerance);
   EXPECT_LE(e.low, e.value);
   EXPECT_GE(e.high, e.value);
-  // The interval is neither empty nor too wide.
   EXPECT_GT(e.high - e.low, 0.0);
   EXPECT_LT(e.high - e.low, 0.6 * std::abs(c.truth));
   EXPECT_LT(report.gap.after, 1.1) << told(report);
@@ -294,7 +293,6 @@ TEST_F(Diagnosis, OfAShutterAloneSaysWhatItCannotTell) {
 
 class Learning : public testing::BlindBench {
  protected:
-  // Learns from the first captures of a bench session with these effects.
   Learned learn(const std::vector<std::string>& effects, Geometry geometry, std::size_t captures) {
     const auto files = bench({.seed = 9, .geometry = geometry}, effects, Kind::kEffectFree, 0, captures);
     return testing::diagnosed(files, {.maps = true}).learned;

@@ -1,4 +1,3 @@
-// Detection of synthetic events.
 #include "src/diagnose/stages.hpp"
 
 #include <Eigen/Dense>

@@ -1,4 +1,3 @@
-// Unexplained remainders: trends in pixel maps, and the stage indicated by misfits.
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"

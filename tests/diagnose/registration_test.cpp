@@ -1,4 +1,3 @@
-// Registration of stimuli and frame times on simulated recordings with known truth.
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"

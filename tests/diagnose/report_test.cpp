@@ -136,8 +136,6 @@ Report invented_clean() {
   return report;
 }
 
-// --- Output of these reports.
-
 TEST(ReportJson, HasEveryKeyOfTheTable) {
   const json out = json::parse(report_json(invented_row_delay()));
   EXPECT_EQ(out.at("bolo_report"), 1);
@@ -273,7 +271,6 @@ TEST(ReportWords, FiguresOfCapturesInCountsAreNotCalledKelvin) {
   expect_parts(text, {" counts"});
 }
 
-// Every opened element is closed.
 void expect_balanced(const std::string& page) {
   for (const std::string name : {"div", "figure", "svg", "details", "table", "section", "ul", "ol", "p", "h1", "h2",
                                  "h3", "h4", "span", "b", "main", "body", "html"}) {

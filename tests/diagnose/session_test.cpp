@@ -29,7 +29,6 @@ class SessionFiles : public ::testing::Test {
     expect_none(line, {"\n"});
     expect_parts(line, {bad.filename().string()});
     for (const std::string& word : why) expect_parts(line, {word});
-    // Alone it is no session.
     const auto alone = read_session({bad}, go_on);
     if (!alone) {
       EXPECT_EQ(alone.error().kind, ErrorKind::kBadInput);

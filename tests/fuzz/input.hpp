@@ -33,7 +33,6 @@ class Input {
     rest_ = rest_.subspan(count);
     return value;
   }
-  // 0 to `most`.
   std::size_t take_up_to(std::size_t most) { return take<std::uint16_t>() % (most + 1); }
 
   std::span<const std::uint8_t> take_bytes(std::size_t count) {

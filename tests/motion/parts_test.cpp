@@ -1,4 +1,3 @@
-// Parts of the motion estimate on scenes with known motion.
 #include "src/core/statistics.hpp"
 #include "src/motion/block_field.hpp"
 #include "src/motion/global_motion.hpp"

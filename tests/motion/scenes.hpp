@@ -40,7 +40,6 @@ class Texture {
 // Scene value at a pixel and a time (in frames).
 using Scene = std::function<double(double x, double y, double t)>;
 
-// A texture that moves by (vx, vy) px a frame.
 inline Scene pan(double vx, double vy, std::uint32_t seed = 3) {
   return [texture = Texture(seed), vx, vy](double x, double y, double t) { return texture(x - vx * t, y - vy * t); };
 }

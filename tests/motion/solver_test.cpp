@@ -1,4 +1,3 @@
-// The solver `motion` on whole streams.
 #include <malloc.h>
 
 #include "tests/motion/stream.hpp"

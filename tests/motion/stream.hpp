@@ -1,4 +1,3 @@
-// Streams in memory and their solved frames.
 #pragma once
 
 #include "tests/deblur/solve.hpp"
@@ -39,7 +38,6 @@ inline Picture solved(Solver& solver, const WindowView& window) {
   return p;
 }
 
-// A stream in memory, solved by any solver.
 class Stream {
  public:
   // tau: pixel time constant in periods.

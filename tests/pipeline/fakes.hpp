@@ -17,7 +17,6 @@ struct ScriptedFrame {
   bool restart = false;
 };
 
-// Frames first to first + count - 1.
 inline std::vector<ScriptedFrame> run_of(std::uint64_t first, std::uint64_t count) {
   std::vector<ScriptedFrame> frames;
   for (std::uint64_t id = first; id < first + count; ++id) frames.push_back({id});
@@ -107,7 +106,6 @@ class ScriptedSource final : public FrameSource {
   std::thread thread_;
 };
 
-// Keeps copies of all frames.
 class MemorySink final : public FrameSink {
  public:
   struct Frame {

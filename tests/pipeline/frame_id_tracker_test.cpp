@@ -94,7 +94,6 @@ const Stream kStreams[]{
 INSTANTIATE_TEST_SUITE_P(Streams, FrameIds, testing::ValuesIn(kStreams),
                          [](const auto& row) { return std::string(row.param.name); });
 
-// A tracker with a clock that follows the frames.
 class FrameIdTrackerTest : public testing::Test {
  protected:
   FrameIdTracker::Verdict complete(std::uint64_t raw) { return ids_.complete(raw, now_ns_ += kPeriodNs); }

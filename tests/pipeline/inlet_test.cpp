@@ -120,8 +120,6 @@ TEST(FrameInlet, FinishEndsAWaitAndLosesNoFrame) {
   EXPECT_EQ(inlet.next(3'600'000'000'000).slot, nullptr) << "nor does it wait any more";
 }
 
-// --- HostClock.
-
 constexpr double kPeriodS = 0.005;
 constexpr std::int64_t kPeriodNs = 5'000'000;
 constexpr std::int64_t kOffsetNs = 123'456'789'000;
@@ -233,8 +231,6 @@ TEST(PeriodChange, OfAClockThatErrsAllTheTimeAreFew) {
   EXPECT_GT(change.update(3.0 * kPeriodS, kPeriodS, now_ns), 0.0);
   EXPECT_GT(change.update(kPeriodS, kPeriodS, now_ns + kMinuteNs / 60), 0.0) << "soon again";
 }
-
-// --- InputCheck.
 
 using namespace test;
 

@@ -189,8 +189,6 @@ TEST(PipelineCorrections, RepeatedFramesCountAsLost) {
   EXPECT_NE(gap->meta.flags & kFlagGap, 0U);
 }
 
-// --- Conversion.
-
 template <typename To, typename From>
 std::vector<To> converted(const std::vector<From>& row, LinearScale scale) {
   const auto type_of = [](auto value) {

@@ -204,8 +204,6 @@ TEST(FramePool, SlotsGoRoundBetweenTwoThreads) {
   }
 }
 
-// --- Counters.
-
 TEST(Counters, FitIntoSharedMemoryAndAllLossesHaveNames) {
   EXPECT_EQ(LatencyHistogram::kBuckets, BOLO_SHM_LATENCY_BUCKETS);
   EXPECT_LE(kLossCauses, BOLO_SHM_LOSS_CAUSES);

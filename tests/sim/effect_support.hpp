@@ -13,7 +13,6 @@ inline CameraSettings with(CameraSettings camera, std::initializer_list<std::str
   return camera;
 }
 
-// Frames of an ideal camera with effects.
 inline Frames run(Geometry geometry, std::initializer_list<std::string_view> effects,
                   std::unique_ptr<const Field> field, std::size_t frames) {
   return run(with(ideal_camera(geometry), effects), std::move(field), frames);
@@ -70,7 +69,6 @@ inline double correlation(const std::vector<double>& a, const std::vector<double
   return sum / (static_cast<double>(a.size()) * sa.rms * sb.rms);
 }
 
-// Mean over the frames of each pixel.
 inline std::vector<double> time_mean(const Frames& frames) {
   std::vector<double> mean(frames.shown.front().size());
   for (const auto& frame : frames.shown) {
@@ -80,7 +78,6 @@ inline std::vector<double> time_mean(const Frames& frames) {
   return mean;
 }
 
-// Mean over the pixels of each frame.
 inline std::vector<double> frame_means(const Frames& frames) {
   std::vector<double> means;
   for (const auto& frame : frames.shown) {

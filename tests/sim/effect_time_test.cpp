@@ -222,7 +222,6 @@ TEST(Jitter, FramesAreTakenEarlierAndLater) {
   }
 }
 
-// Periods between successive frames.
 std::vector<long> strides(const Frames& frames, std::size_t width) {
   std::vector<long> result;
   for (std::size_t k = 1; k < frames.shown.size(); ++k) {

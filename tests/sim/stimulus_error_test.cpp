@@ -1,4 +1,3 @@
-// A bench that deviates from its nominal stimulus.
 #include "src/sim/stimulus_error.hpp"
 #include "tests/sim/effect_support.hpp"
 

@@ -1,4 +1,3 @@
-// Shared by the simulator's tests.
 #pragma once
 
 #include "src/sim/simulator.hpp"

@@ -60,7 +60,6 @@ class Browser:
         self.call("POST", "/url", {"url": url})
 
     def run(self, script, *arguments):
-        """Value of `script`, a function body."""
         return self.call("POST", "/execute/sync", {"script": script, "args": list(arguments)})
 
     def devtools(self, command, **parameters):

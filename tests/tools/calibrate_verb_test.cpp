@@ -1,4 +1,3 @@
-// `bolo calibrate` from the command line.
 #include <nlohmann/json.hpp>
 #include <regex>
 #include "src/capture/pixel_maps_io.hpp"

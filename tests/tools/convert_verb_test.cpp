@@ -238,8 +238,6 @@ TEST_F(ConvertVerb, WrongUsageIsOneLine) {
   refused(words("@a.png -o @a.mcap --rate 1e-7"), "--rate must be");  // too long for any reader
 }
 
-// --- radiometric stills ---
-
 // Writes a number of `bytes` bytes, little-endian or `big`.
 void put(std::string& out, std::size_t at, std::size_t bytes, std::uint32_t v, bool big = false) {
   for (std::size_t i = 0; i < bytes; ++i) out[at + i] = static_cast<char>(v >> (8 * (big ? bytes - 1 - i : i)));

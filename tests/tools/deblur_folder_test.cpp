@@ -24,8 +24,6 @@ using nlohmann::json;
 using namespace test;
 using Variables = std::map<std::string, std::string>;
 
-// --- shares of several processes ---
-
 auto lookup(const Variables& variables) {
   return [&variables](const char* name) -> const char* {
     const auto variable = variables.find(name);
@@ -90,8 +88,6 @@ TEST(ShareOfVariables, ThreadsAreSharedByTheRanksOfAHost) {
   EXPECT_EQ(threads({{"MPI_LOCALNRANKS", "64"}}), 1);
   EXPECT_EQ(threads({{"SLURM_CPUS_PER_TASK", "4"}, {"OMPI_COMM_WORLD_LOCAL_SIZE", "3"}}), 4);
 }
-
-// --- the verb ---
 
 class DeblurFolder : public ProgramTest {
  protected:
@@ -337,8 +333,6 @@ TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
     fs::remove_all(file("sharp"));
   }
 }
-
-// --- changes during a run ---
 
 TEST(CaptureRun, RefusesACaptureThatAnotherProgramReplacedMeanwhile) {
   const Scratch scratch;

@@ -90,7 +90,6 @@ class DeblurVerb : public ProgramTest {
     EXPECT_FALSE(fs::exists(file(name + ".part")));
     return *must(capture::CaptureReader::open(file(name)));
   }
-  // The last run's report, and one of its errors.
   nlohmann::json report() const { return nlohmann::json::parse(report_); }
   double rmse(const char* which) const { return report()["rmse"][which].get<double>(); }
 

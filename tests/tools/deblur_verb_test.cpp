@@ -1,4 +1,3 @@
-// The program `bolo deblur`: files, messages and exit codes.
 #include "tests/tools/deblur_verb.hpp"
 #include "src/capture/pixel_maps_io.hpp"
 

@@ -61,8 +61,6 @@ def blocks(page):
 
 
 class Reader:
-    """Follows one page in a private folder."""
-
     def __init__(self, folder, environ):
         self.folder, self.environ, self.running, self.ran = folder, environ, [], []
 

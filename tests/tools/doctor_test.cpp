@@ -1,4 +1,3 @@
-// Host facts read by bolo doctor, and its verdicts.
 #include <fcntl.h>
 #include <sys/prctl.h>
 #include <sys/stat.h>

@@ -1,4 +1,3 @@
-// The program bolo doctor on the machine it runs on.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

@@ -61,8 +61,6 @@ def simulate(file, *more):
 
 
 class Pipeline:
-    """A pipeline that ends in an appsink named "sink"."""
-
     def __init__(self, text):
         self.pipeline = Gst.parse_launch(text + " ! appsink name=sink sync=false max-buffers=400")
         self.sink = self.pipeline.get_by_name("sink")
@@ -231,8 +229,6 @@ class Filter(unittest.TestCase):
 
 
 class Source(unittest.TestCase):
-    """A second process replays a capture in a loop."""
-
     def setUp(self):
         self.folder = self.enterContext(tempfile.TemporaryDirectory())
         self.capture = os.path.join(self.folder, "in.h5")
@@ -256,7 +252,6 @@ class Source(unittest.TestCase):
         self.daemon = None
 
     def seen_in_shared_memory(self, plane, seconds):
-        """{frame id: plane} by another reader, at the same time."""
         seen = {}
 
         def read():

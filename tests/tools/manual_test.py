@@ -41,7 +41,6 @@ def page_of(command):
 
 
 def complete(*words):
-    """Bash's completions of the last word."""
     script = 'source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _bolo; printf "%s\\n" "${COMPREPLY[@]}"'
     run = ["bash", "--norc", "-uc", script, "bash", str(COMPLETION), *words]
     done = subprocess.run(run, capture_output=True, text=True, env={**os.environ, "PATH": PATH})

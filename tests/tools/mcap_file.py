@@ -26,8 +26,6 @@ def pack(data):
 
 
 class Fields:
-    """Successive fields of a record."""
-
     def __init__(self, data):
         self.data, self.at = data, 0
 
@@ -173,7 +171,6 @@ class File:
             raise AssertionError(code)
 
     def walk(self, end):
-        """Records before the summary, in order."""
         seen = []
         for code, fields, at in records(self.data, 8, end):
             seen.append(code)

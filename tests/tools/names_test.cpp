@@ -10,7 +10,6 @@ class Names : public ProgramTest {
  protected:
   Names() : ProgramTest({BOLO_PROGRAM}) {}
 
-  // Writes a capture of two frames with this note.
   std::string capture(const std::string& note) const {
     SmallCapture capture(file("in.h5"), small_info({2, 1}));
     EXPECT_TRUE(capture->write_attribute("note", note));

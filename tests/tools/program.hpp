@@ -65,7 +65,6 @@ class Program {
     return waitpid(pid_, &status, WUNTRACED) == pid_ && WIFSTOPPED(status);
   }
 
-  // Exit code, or 128 + signal number.
   int wait() {
     int status = 0;
     if (running_ && waitpid(pid_, &status, 0) == pid_) {
@@ -77,7 +76,6 @@ class Program {
   std::string out() const { return contents(log_ + ".out"); }
   std::string err() const { return contents(log_ + ".err"); }
 
-  // Waits for the exit code and output.
   Outcome outcome() {
     const int code = wait();
     return {code, out(), err()};
@@ -101,7 +99,6 @@ inline bool logged(const Program& program, const std::string& words) {
   return eventually([&] { return program.err().find(words) != std::string::npos; });
 }
 
-// Ends the program by SIGTERM and expects exit code 0.
 inline void expect_good_end(Program& program) {
   program.signal(SIGTERM);
   EXPECT_EQ(program.wait(), 0) << program.err();

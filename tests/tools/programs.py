@@ -41,7 +41,6 @@ def wait_for(find, what, hang_guard_s=120.0):
 
 
 def run(*command, **how):
-    """Output of a command that must succeed."""
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300, **how)
     assert done.returncode == 0, f"{command} ended with {done.returncode}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
     return done.stdout

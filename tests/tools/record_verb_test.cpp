@@ -18,7 +18,6 @@ bool exists(const std::string& file) { return fs::exists(file); }
 
 capture::CaptureReader opened(const std::string& file) { return *must(capture::CaptureReader::open(file)); }
 
-// Every frame equals the published one.
 void expect_published(const capture::CaptureReader& reader, std::size_t plane_index = 0) {
   std::vector<std::uint16_t> plane(reader.info().format.geometry.pixels());
   for (std::size_t i = 0; i < reader.info().frames; ++i) {
@@ -29,7 +28,6 @@ void expect_published(const capture::CaptureReader& reader, std::size_t plane_in
   }
 }
 
-// Expects a capture of this many frames, equal to the published ones.
 void expect_recorded(const std::string& file, std::size_t frames, std::size_t plane_index = 0) {
   const capture::CaptureReader reader = opened(file);
   EXPECT_EQ(reader.info().frames, frames) << file;

@@ -33,7 +33,6 @@ PORTS = [7400 + 250 * DOMAIN + offset for offset in (0, 1, 10, 11, 12, 13)]  # D
 
 
 def running(parent):
-    """Child process ids that run bolo-ros2."""
     found = subprocess.run(["pgrep", "-P", str(parent), "bolo-ros2"], capture_output=True, text=True, check=False)
     return [int(line) for line in found.stdout.split()]
 

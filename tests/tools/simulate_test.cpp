@@ -1,4 +1,3 @@
-// The program bolo simulate.
 #include <sys/resource.h>
 
 #include <nlohmann/json.hpp>
@@ -16,7 +15,6 @@ class SimulateVerb : public tools::test::ProgramTest {
  protected:
   SimulateVerb() : ProgramTest({BOLO_PROGRAM, "simulate"}) {}
 
-  // Simulates a small capture and opens it.
   Result<capture::CaptureReader> simulated(const std::string& line, const std::string& name = "a.h5") const {
     done(words("-o @" + name + " --overwrite --width 32 --height 12 " + line));
     return capture::CaptureReader::open(file(name));

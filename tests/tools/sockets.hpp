@@ -23,7 +23,6 @@ inline UniqueFd bound_at(const std::string& path, int type, int flags = 0) {
   return fd;
 }
 
-// Pending datagrams, each followed by a newline.
 inline std::string datagrams(const UniqueFd& fd) {
   std::array<char, 65536> buffer;
   std::string text;
@@ -41,7 +40,6 @@ inline UniqueFd patient_socket(int family, int patience_s = 30) {
   return fd;
 }
 
-// True if connected.
 inline bool connect_to(const UniqueFd& fd, const std::string& path) {
   sockaddr_un place{AF_UNIX, {}};
   path.copy(place.sun_path, sizeof place.sun_path - 1);

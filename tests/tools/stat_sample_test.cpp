@@ -243,7 +243,6 @@ TEST(StatHistory, ShowsLatencyLossesAndTheirScale) {
 
 constexpr std::string_view kAnswer = "{\"ok\": true}\n";
 
-// Answers one request in place of a daemon.
 void answer_one(const UniqueFd& listener) {
   const UniqueFd client(accept(listener.get(), nullptr, nullptr));
   std::array<char, 64> request{};

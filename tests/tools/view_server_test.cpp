@@ -57,7 +57,6 @@ class ViewServer : public testing::Test {
     if (thread_.joinable()) thread_.join();
   }
 
-  // Session cookie of this view.
   std::string cookie(const std::string& token = kToken) const {
     return "Cookie: bolo_view_" + std::to_string(server_->port()) + "=" + token + "\r\n";
   }

@@ -21,7 +21,6 @@ std::uint16_t value_at(const std::string& frame, std::size_t plane, std::size_t 
 
 class ViewStream : public testing::Test {
  protected:
-  // Starts a writer that has published `frames` frames.
   void start_writer(int frames, bool motion = false) {
     writer_ = std::make_unique<shm::Writer>(name_);
     writer_->format.motion = motion;

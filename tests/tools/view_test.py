@@ -32,8 +32,6 @@ HEAD = struct.Struct("<4sHHIIddQQQqdIIIIq")  # FrameHead of tools/view/live_stre
 
 
 class View(Programs):
-    """Fake camera, daemon and view."""
-
     def __init__(self, bolo, bolod, folder, name):
         super().__init__(bolo, bolod, folder, name, (WIDTH, HEIGHT), f"rate_hz = {RATE}\n")
 

@@ -68,7 +68,6 @@ inline float sample(std::span<const float> plane, Geometry g, double x, double y
   return static_cast<float>(sum);
 }
 
-// Accumulates squared differences.
 struct SquareSum {
   double sum = 0.0;
   std::size_t count = 0;

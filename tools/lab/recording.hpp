@@ -21,7 +21,6 @@ struct Recording {
   std::vector<std::vector<float>> truth;  // K
 };
 
-// A passing street.
 struct StreetPass {
   std::uint64_t street = 5;  // seed of the street
   double speed_px_s = 60.0;

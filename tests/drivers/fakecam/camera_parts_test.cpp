@@ -1,4 +1,3 @@
-// Unit tests of the fake camera: commands and features; counts, ids and times of sent frames.
 #include "drivers/fakecam/camera_features.hpp"
 #include "drivers/fakecam/frames.hpp"
 #include "drivers/fakecam/network.hpp"
@@ -196,8 +195,6 @@ TEST_F(FeaturesTest, ImageIsLockedWhileItStreams) {
   }
   EXPECT_EQ(write(reg::kObjectEmissivity, 0.5F), gvcp::Status::kSuccess);
 }
-
-// --- Frames.
 
 constexpr LinearScale kKelvin{Unit::kKelvin, 1.0, 0.0};
 

@@ -1,4 +1,3 @@
-// Effects of faults on packets, on frames and on the camera.
 #include "drivers/fakecam/faults.hpp"
 #include "drivers/fakecam/fault_script.hpp"
 #include "drivers/fakecam/frames.hpp"
@@ -93,8 +92,6 @@ TEST(PacketFaults, GarbageIsAddedAndTakesNothingAway) {
   EXPECT_GT(short_ones, 2U);
   EXPECT_EQ(line.tally().packets, kPackets);
 }
-
-// Frame faults.
 
 constexpr Geometry kGeometry{16, 6};
 

@@ -95,7 +95,6 @@ class RawClient {
   std::uint16_t id_ = 0;
 };
 
-// One block as received.
 struct Block {
   Packet leader;
   Packet trailer;

@@ -1,4 +1,3 @@
-// The fake camera's stream over real sockets.
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
 #include "tests/no_threads.hpp"
@@ -162,7 +161,6 @@ TEST_F(FakeCameraStream, PacketsThatTheSocketRefusesAreCounted) {
   EXPECT_EQ(camera->stats().packets_sent, 0U);
 }
 
-// A provider whose disk fails.
 class BrokenFrames final : public FrameProvider {
  public:
   const StreamFormat& format() const noexcept override { return content_.format; }

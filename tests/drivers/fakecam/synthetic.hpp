@@ -1,4 +1,3 @@
-// Frames and addresses for the fake camera's tests.
 #pragma once
 
 #include <unistd.h>

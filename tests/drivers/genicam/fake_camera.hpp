@@ -47,7 +47,6 @@ inline std::string enter_private_network() {
   return kWhyNot;
 }
 
-// Pixel (x, y) of frame n, counted from 0.
 constexpr std::uint16_t pixel(std::uint64_t n, int x, int y) {
   return static_cast<std::uint16_t>(n * 977 + static_cast<unsigned>(x) * 31 + static_cast<unsigned>(y) * 2111);
 }
@@ -194,7 +193,6 @@ class Collector {
 
   pipeline::FrameInlet& inlet() { return inlet_; }
   std::uint64_t count() const { return count_.load(); }
-  // Waits until `frames` frames were received; false on timeout.
   bool wait_for(std::uint64_t frames) const {
     return eventually([&] { return count() >= frames; });
   }
@@ -229,7 +227,6 @@ class Collector {
   std::thread thread_;
 };
 
-// A test with cameras on the private network.
 class CameraTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -262,7 +259,6 @@ class CameraTest : public testing::Test {
     ASSERT_TRUE(collector_->wait_for(frames));
   }
   std::uint64_t lost(LossCause cause) const { return collector_->inlet().losses().value(cause); }
-  // Waits for this many further frames.
   bool wait_for_more(std::uint64_t frames) const { return collector_->wait_for(collector_->count() + frames); }
   bool warned(const std::string& part) const {
     return std::ranges::any_of(source_->warnings(),
@@ -275,7 +271,6 @@ class CameraTest : public testing::Test {
   std::unique_ptr<GenicamSource> source_;
 };
 
-// Expects open() to fail with a message that contains all `parts`.
 inline void expect_not_opened(const CameraOptions& options, std::initializer_list<std::string> parts) {
   expect_refused(GenicamSource(options).open(), parts);
 }

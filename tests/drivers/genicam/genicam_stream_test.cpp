@@ -236,8 +236,6 @@ TEST_F(GenicamFlirTest, DoesNotTakeAnotherCameraForTheLostOne) {
   EXPECT_EQ(read_float(kEmissivityAt), 0.75F);
 }
 
-// --- Losses.
-
 using pipeline::LostCause;
 
 class GenicamLossTest : public CameraTest {

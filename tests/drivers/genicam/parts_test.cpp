@@ -1,4 +1,3 @@
-// Unit tests of the driver's parts.
 #include "drivers/genicam/camera_frame.hpp"
 #include "drivers/genicam/frame_receiver.hpp"
 #include "drivers/genicam/genicam_source.hpp"
@@ -46,8 +45,6 @@ TEST(CopyRowsTest, LeavesOutPaddingAndRowsAfterTheImage) {
   }
   EXPECT_TRUE(std::all_of(to.begin() + kWidth * 2, to.end(), [](std::uint16_t v) { return v == 0xAAAA; }));
 }
-
-// --- FrameReceiver.
 
 TEST(FrameReceiverTest, KeepsAnyTimeStampToWhatDifferencesCanBeTakenOf) {
   pipeline::FrameInlet inlet({.geometry = {2, 1}}, 0, 8);

@@ -12,7 +12,6 @@ std::vector<std::uint64_t> fifty_ids() {
   return ids;
 }
 
-// Value of pixel i of the frame with this id.
 std::uint16_t value(std::uint64_t id, std::size_t i) { return static_cast<std::uint16_t>(100 * id + i); }
 
 class ReplaySourceTest : public ScratchTest {
@@ -45,7 +44,6 @@ struct Taken {
   std::vector<std::uint16_t> plane;
 };
 
-// Plays the source to its end and copies the frames.
 std::vector<Taken> take_all(ReplaySource& source, pipeline::FrameInlet& inlet) {
   std::vector<Taken> taken;
   EXPECT_TRUE(source.start(inlet));

@@ -47,8 +47,6 @@ def address(array):
 
 
 class WithDaemon(unittest.TestCase):
-    """A daemon that replays a small capture in a loop."""
-
     @classmethod
     def setUpClass(cls):
         cls.folder = cls.enterClassContext(tempfile.TemporaryDirectory())

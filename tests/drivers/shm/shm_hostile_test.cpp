@@ -175,7 +175,7 @@ TEST(ShmHostile, APipeOfTheNameKeepsNobodyWaiting) {
   ::unlink(place.c_str());
 }
 
-// Corrupted headers are refused or read within their object; sanitizers and the page after the mapping catch the rest.
+// Corrupted headers are refused or read within their object; sanitizers and the page after the mapping watch.
 TEST(ShmHostile, RandomDamageNeverReadsOutside) {
   const ForeignObject object(unique_name("random"));
   std::mt19937_64 random(7);  // NOLINT: the same damage each time

@@ -19,7 +19,6 @@ inline std::uint16_t pattern(std::uint64_t frame, std::size_t plane, std::size_t
   return static_cast<std::uint16_t>(frame * 7919 + plane * 12345 + pixel);
 }
 
-// Fills a plane with a frame's pattern.
 inline void fill(std::vector<std::uint16_t>& plane, std::uint64_t frame, std::size_t which) {
   for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = pattern(frame, which, i);
 }

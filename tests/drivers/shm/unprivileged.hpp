@@ -1,4 +1,3 @@
-// Runs code as another user.
 #pragma once
 
 #include <grp.h>

@@ -1,4 +1,3 @@
-// Devices: listing, reports, hot-plug events.
 #include "drivers/usb/devices.hpp"
 #include "tests/drivers/usb/mock_camera.hpp"
 #include "tests/refusal.hpp"

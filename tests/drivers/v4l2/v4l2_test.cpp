@@ -141,8 +141,6 @@ TEST(Grey, EndsAreBlackAndWhiteAndWhatLiesBeyondIsToo) {
   EXPECT_EQ(grey(65535, range), 255);
 }
 
-// --- The sink.
-
 using namespace std::chrono_literals;
 
 constexpr Geometry kGeometry{64, 24};

@@ -25,7 +25,6 @@ class V4l2SourceTest : public testing::Test {
     source_ = std::make_unique<V4l2Source>(options_, video_);
     return source_->open();
   }
-  // Opens and starts; the device then streams.
   void start() {
     const auto info = must(open());
     inlet_ = std::make_unique<pipeline::FrameInlet>(info->format, 4, 64);

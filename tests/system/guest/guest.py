@@ -44,7 +44,6 @@ def wait_until(what: str, condition: Callable[[], object], limit_s: float = 30.0
 
 
 def show(unit: str, *properties: str) -> dict[str, str]:
-    """Properties of a unit, from systemctl show."""
     command = ["systemctl", "show", unit, "-p", ",".join(properties)]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     return dict(line.split("=", 1) for line in text.splitlines())

@@ -39,8 +39,6 @@ def descriptors(serial: str) -> dict[int, bytes]:
 
 
 class Camera:
-    """Answers the host's requests (URBs)."""
-
     def __init__(self, connection: socket.socket, serial: str) -> None:
         self._connection = connection
         self._descriptors = descriptors(serial)

@@ -16,7 +16,6 @@ constexpr std::uint64_t kFirstArmed = 100;
 constexpr std::uint64_t kLastArmed = 500;
 constexpr std::uint64_t kLast = 520;
 
-// Accepts every image.
 class TakingPort final : public v4l2::VideoPort {
  public:
   Status open(const v4l2::VideoFormat& /*format*/) override { return {}; }

@@ -97,7 +97,6 @@ class BolodRun : public tools::test::ProgramTest {
     if (!attached) throw std::runtime_error(reader.error().message + '\n' + daemon.err());
     return reader;
   }
-  // Output of `bolo stat --json`.
   nlohmann::json stat() const {
     return nlohmann::json::parse(printed({"stat", name_, "--once", "--json", "--interval", "0.3"}));
   }

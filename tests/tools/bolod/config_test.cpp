@@ -32,7 +32,6 @@ class Config : public ScratchTest {
     EXPECT_TRUE(config.error().message.starts_with(folder_.string())) << config.error().message;
     return config.error().message.substr(folder_.string().size() + 1);
   }
-  // Reads a valid configuration.
   DaemonConfig good(const std::string& text) const { return *must(read(text)); }
 
   const std::filesystem::path folder_ = scratch_.path();
@@ -295,7 +294,6 @@ TEST_F(Reload, EveryLiveKeyExists) {
 
 // --- State and metrics of sinks, independent of their kind.
 
-// Fails every write.
 class BrokenPort final : public v4l2::VideoPort {
  public:
   explicit BrokenPort(std::string path) : path_(std::move(path)) {}

@@ -97,8 +97,6 @@ TEST(Health, LeavesTheFlowOfAWatchedCameraToIt) {
   EXPECT_EQ(clock.after(100), Texts{"!frames lost since the last notice: 1 missing"});
 }
 
-// --- the watchdog
-
 constexpr std::int64_t kSecond = 1000 * kMs;
 constexpr std::int64_t kPoll = 100 * kMs;
 constexpr double kPeriodS = 0.005;

@@ -132,11 +132,8 @@ TEST(TextLog, APipeThatNobodyReadsKeepsNoProgramFromItsEnd) {
   EXPECT_EQ(ended, 0);
 }
 
-// --- the journal
-
 using Fields = std::vector<std::string>;
 
-// A logger with a list as journal.
 class JournalSinkTest : public testing::Test {
  protected:
   JournalSinkTest()

@@ -1,4 +1,3 @@
-// A real daemon's metrics, scraped over HTTP.
 #include "src/core/clock.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 #include "tests/tools/sockets.hpp"
@@ -7,7 +6,6 @@ namespace bolo::daemon::metrics_test {
 
 constexpr std::uint16_t kPort = 9464;
 
-// Empty if nothing listens.
 UniqueFd connected(const std::string& address) {
   // Below the time after which servers with few places drop an idle client.
   UniqueFd fd = tools::test::patient_socket(AF_INET, 20);

@@ -22,13 +22,11 @@ class NotifySocket {
   NotifySocket(const NotifySocket&) = delete;
   NotifySocket& operator=(const NotifySocket&) = delete;
 
-  // All lines so far.
   const std::vector<std::string>& lines() {
     std::istringstream messages(tools::test::datagrams(fd_));
     for (std::string line; std::getline(messages, line);) lines_.push_back(line);
     return lines_;
   }
-  // Number of lines with this prefix.
   std::size_t count(const std::string& words) {
     return static_cast<std::size_t>(
         std::ranges::count_if(lines(), [&](const std::string& line) { return line.starts_with(words); }));

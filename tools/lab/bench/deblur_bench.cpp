@@ -104,7 +104,6 @@ struct Variant {
   bool profile = false;  // with maps of gain, offset, time constant and dead pixels, and a row delay
 };
 
-// Measures one variant.
 class Runner {
  public:
   // `corrected`: shared by all variants with a profile, as one window is by those without.

@@ -67,7 +67,6 @@ int read_all(const std::string& name, Manner manner, ReaderState& state) {
   return 0;
 }
 
-// Reader processes, killed and reaped in the destructor.
 class Readers {
  public:
   Readers(const std::string& name, int count) : count_(static_cast<std::size_t>(count)) {
@@ -106,7 +105,6 @@ class Readers {
     }
   }
 
-  // Average number of frames read by undisturbed readers.
   double frames_read() const {
     double sum = 0.0;
     double readers = 0.0;

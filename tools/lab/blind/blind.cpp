@@ -228,7 +228,6 @@ std::vector<std::string> environment() {
   return out;
 }
 
-// The last non-empty line.
 std::string last_line(const std::filesystem::path& log) {
   std::ifstream in(log);
   std::string last;

@@ -67,8 +67,6 @@ struct Finding {
 Result<Finding> read_finding(const std::filesystem::path& file);
 Result<Finding> parse_finding(const std::string& text);
 
-// --- The score.
-
 struct Trial {
   Session session;
   std::optional<Finding> finding;  // none: the diagnosis failed

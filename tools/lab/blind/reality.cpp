@@ -61,7 +61,6 @@ struct Array {
     past.assign(kPast, input);
   }
 
-  // Steps until the state at `t_s` is known.
   void reach(double t_s) {
     while (begin_s + static_cast<double>(steps) * kSubstepS < t_s) step();
   }

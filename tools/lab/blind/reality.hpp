@@ -1,4 +1,3 @@
-// Common parts of the second reality.
 #pragma once
 
 #include <numbers>

@@ -1,4 +1,3 @@
-// Draws of the second reality's hidden effects and bench.
 #include "tools/lab/blind/reality.hpp"
 
 namespace bolo::tools::blind::second {

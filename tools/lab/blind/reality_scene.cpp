@@ -36,7 +36,6 @@ Plane corner_loss(const Hidden& hidden, Geometry g) {
   return loss;
 }
 
-// Irradiance of each pixel.
 struct Bench {
   const CapturePlan& plan;
   const Hidden& hidden;

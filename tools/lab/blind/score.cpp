@@ -48,7 +48,6 @@ std::string said_text(const Trial& trial) {
   return text.empty() ? trial.finding->verdict : trial.finding->verdict + ": " + text;
 }
 
-// Counts of each kind, in the order of the JSON.
 constexpr std::array<std::pair<const char*, bool Judgement::*>, 9> kCounts{{{"passed", &Judgement::passed},
                                                                             {"broken", &Judgement::broken},
                                                                             {"right_first", &Judgement::right_first},

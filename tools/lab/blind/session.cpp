@@ -162,7 +162,6 @@ std::vector<Choice> choices(Kind kind) {
   return out;
 }
 
-// Seed by the session's kind and index.
 std::uint64_t session_seed(const DrawOptions& options, Kind kind, std::size_t index) {
   using splitmix::key;
   return key(key(key(options.seed, 0) + static_cast<std::uint64_t>(kind), 0) + index, 0);

@@ -218,8 +218,6 @@ std::vector<Truth> truth_in_view(const std::vector<Truth>& labels, int classes, 
   return seen;
 }
 
-// --- Average precision.
-
 Evaluator::Evaluator(std::span<const ImageBoxes> images, int labels) : classes_(static_cast<std::size_t>(labels)) {
   for (int label = 0; label < labels; ++label) {
     for (std::size_t i = 0; i < images.size(); ++i) match(images[i], i, label);

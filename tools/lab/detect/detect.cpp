@@ -30,7 +30,6 @@ AP in percent; delta_ap against "blurred"; recovered: the share of what blurring
 
 using Paths = std::vector<std::filesystem::path>;
 
-// Sorted files of a folder with one of the extensions.
 Result<Paths> files_in(const std::filesystem::path& folder, const std::vector<std::string>& extensions) {
   std::error_code error;
   Paths files;

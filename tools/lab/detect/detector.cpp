@@ -46,7 +46,6 @@ double expected_bin(std::span<const float> logits) {
   return weighted / sum;
 }
 
-// Scores and distances of one stride.
 struct GflPair {
   Rows scores;
   Rows distances;
@@ -121,8 +120,6 @@ Levels resized(const Levels& levels, Geometry picture, Geometry input) {
   }
   return out;
 }
-
-// --- Descriptions.
 
 constexpr std::array<std::pair<std::string_view, NetworkFormat>, 2> kFormats{
     {{"darknet", NetworkFormat::kDarknet}, {"onnx", NetworkFormat::kOnnx}}};

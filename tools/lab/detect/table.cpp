@@ -126,7 +126,6 @@ struct Group {
   std::vector<std::size_t> stills;  // those that can be drawn
 };
 
-// Adds a figure and its interval over the draws.
 void add(Json& to, const std::string& key, double value, std::vector<double> draws) {
   const Interval interval = interval_95(std::move(draws));
   to[key] = value;

@@ -58,9 +58,6 @@ const std::vector<Column>& columns();
 // the solvers. Thread: any, several at once.
 Result<std::vector<Levels>> shown_columns(const fidelity::Sequence& sequence);
 
-// --- Detections.
-
-// Options of `bolo-lab eval detect`.
 struct Options {
   std::vector<std::filesystem::path> scenes;
   std::vector<std::filesystem::path> trajectories;
@@ -75,7 +72,6 @@ struct Options {
   int threads = 2;
 };
 
-// Detections in one view.
 struct Observation {
   View view;
   double speed_px_s = 0.0;                                 // of the picture over the pixels, at the judged instant

@@ -15,7 +15,6 @@ using fidelity::Plane;
 using fidelity::Planes;
 using fidelity::Sequence;
 
-// A column produced by a solver.
 struct Solved {
   Column column;
   deblur::Method method = deblur::Method::kAdmm;

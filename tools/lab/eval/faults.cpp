@@ -16,9 +16,7 @@ constexpr int kTries = 3;
 
 constexpr std::uint64_t kMostLostOfFour = 1;  // of four affected frames, with working resends on a busy machine
 
-// Faults from 0.3 to 0.5 s.
 constexpr Disturbance kWhile{.from_s = 0.3, .to_s = 0.5};
-// Momentary faults at 0.3 s.
 constexpr Disturbance kOnce{.from_s = 0.3, .to_s = 0.3};
 
 Result<fakecam::FaultScript> script_of(const std::string& texts) {

@@ -65,7 +65,6 @@ Result<std::vector<Motion>> motions_of(const cxxopts::ParseResult& given) {
   return motions;
 }
 
-// Options of `bolo-lab eval fidelity`.
 struct Options {
   std::vector<std::string> scenes;
   std::vector<Motion> motions;  // pans, then trajectories

@@ -113,8 +113,6 @@ double flat_noise(const Planes& estimate, const Planes& truth, Geometry geometry
 // All error measures as JSON. Thread: any.
 Json measure(const Planes& estimate, const Planes& truth, Geometry geometry);
 
-// --- The table.
-
 struct Column {
   const char* name;                // in JSON
   const char* words;               // in the plot and the table head

@@ -24,7 +24,6 @@ std::vector<std::vector<Tap>> motion_kernels(const CleanSequence& clean, double 
   });
 }
 
-// The QP at every lambda of the grid.
 Status add_qp(const Sequence& s, const Planes& truth, int lookahead, Json& columns) {
   Oracle oracle(truth);
   for (const double lambda : kLambdas) {

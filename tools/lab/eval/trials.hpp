@@ -40,8 +40,6 @@ std::vector<PulseTrial> pulse_trials();
 // Scores seeds 1 .. `seeds` of one trial; fewer when `stop` is set. Errors are relative; sums are means. Thread: setup.
 Result<Json> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<bool>& stop);
 
-// --- One pixel.
-
 struct PixelTrial {
   double tau_s = 0.011;
   double period_s = 0.005;

@@ -45,7 +45,6 @@ struct InvariantInfo {
 };
 const InvariantInfo& info_of(Invariant invariant);
 
-// A violated invariant.
 struct Breach {
   Invariant invariant = Invariant::kAccount;
   double at_s = 0.0;  // since the start of the soak

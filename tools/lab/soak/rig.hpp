@@ -10,7 +10,6 @@
 
 namespace bolo::tools::soak {
 
-// The configuration of the soak's daemon.
 struct DaemonFile {
   std::filesystem::path folder;  // existing folder of all files, including bolod.toml and profile.toml
   std::string name;              // of the shared memory
@@ -23,7 +22,6 @@ inline constexpr double kRateHz = 200.0;
 // Writes bolod.toml and profile.toml. Thread: any.
 Status write_daemon_file(const DaemonFile& file);
 
-// Path of the written bolod.toml.
 std::filesystem::path config_of(const DaemonFile& file);
 
 struct Programs {
@@ -67,7 +65,6 @@ class Rig {
   Rig(const Rig&) = delete;
   Rig& operator=(const Rig&) = delete;
 
-  // Starts a camera with this round's script, at the rig's address.
   Status start_camera(const Round& round);
   // Waits until it serves; false if it does not: see camera_error().
   bool wait_for_camera();
@@ -78,7 +75,6 @@ class Rig {
   Status start_daemon();
   Status start_readers();
   Status replace_reader();
-  // Reads the camera's reports so far.
   void read_camera();
 
   Process& camera() { return *camera_; }
@@ -126,7 +122,6 @@ class Acts {
 
   void begin(const Disturbance& disturbance);
   void end(const Disturbance& disturbance);
-  // Waits for running jobs.
   void finish() { jobs_.clear(); }
 
  private:

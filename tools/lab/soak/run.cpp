@@ -25,8 +25,6 @@ class Run {
       const std::function<void(const std::string&)>& progress, Findings& findings)
       : request_(request), programs_(programs), stop_(stop), progress_(progress), findings_(findings) {}
 
-  // --- before and after ---
-
   Result<SoakResult> run() {
     RETURN_IF_ERROR(set_up());
     for (std::size_t r = 0; r < request_.schedule.rounds.size() && !stop_; ++r) play(r);
@@ -85,8 +83,6 @@ class Run {
     judge_latency(sampler_->quiet_ms(), result_, findings_);
     judge_growth(result_, findings_);
   }
-
-  // --- one camera's time ---
 
   void play(std::size_t round) {
     round_first_ = result_.struck.size();
@@ -176,8 +172,6 @@ class Run {
     if (now_s() >= next_report_s_) report_progress();
   }
 
-  // --- what happens now ---
-
   bool struck_now(Kind kind, double margin_s) const {
     for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
       const Struck& s = result_.struck[i];
@@ -223,8 +217,6 @@ class Run {
         std::ranges::any_of(result_.struck, [](const Struck& s) { return s.begin_s >= 0.0 && !s.recovery_s; });
     return !open && now_s() > calm_since_s_ + kCalm_s;
   }
-
-  // --- checks, all the time ---
 
   void check_recoveries() {
     const GoodRun run = watcher_->good_run();

@@ -56,7 +56,6 @@ bool opens_round(Kind kind) { return kind == Kind::kWindowingDrop || kind == Kin
 // are compared.
 double jump(Dice& dice) { return std::floor(dice.between(0.2, 2.0) * 100.0) / 100.0 + 0.0013; }
 
-// The camera's script for one of its own kinds of fault.
 std::string faults_of(const Disturbance& d, Dice& dice) {
   std::string text = std::string(info_of(d.kind).name) + ":" + std::string(info_of(d.kind).script);
   const auto put = [&text](std::string_view word, auto value) {

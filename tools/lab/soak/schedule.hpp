@@ -75,7 +75,6 @@ struct Disturbance {
 struct Round {
   std::vector<Disturbance> disturbances;  // in time
 
-  // All fault arguments for its camera.
   std::vector<std::string> faults() const;
 };
 

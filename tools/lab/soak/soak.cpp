@@ -14,8 +14,6 @@ namespace {
 namespace fs = std::filesystem;
 using plot::format;
 
-// --- the report ---
-
 Json json_of(const Invariant invariant, const Findings::Tally& tally) {
   return {{"name", info_of(invariant).name}, {"about", info_of(invariant).about},
           {"holds", tally.broken == 0},      {"looks", tally.checks},
@@ -68,7 +66,6 @@ Json report_json(const SoakRequest& request, const std::string& command, const S
           {"disturbances", list(struck)}};
 }
 
-// The schedule, one line per disturbance.
 std::string schedule_text(const Schedule& schedule) {
   std::string out = format("seed %llu: %zu round(s) of %.1f s\n", static_cast<unsigned long long>(schedule.seed),
                            schedule.rounds.size(), schedule.round_s);
@@ -100,8 +97,6 @@ std::string describe_report(Json report) {
   return verdict + recovery + report_text(report);
 }
 
-// --- the verb ---
-
 struct Request {
   SoakRequest soak;
   fs::path report;
@@ -126,7 +121,6 @@ cxxopts::Options make_options() {
   return options;
 }
 
-// All kinds, or those that were named.
 Result<std::set<Kind>> read_kinds(const cxxopts::ParseResult& parsed) {
   std::set<Kind> named;
   for (const auto& argument : parsed.arguments()) {

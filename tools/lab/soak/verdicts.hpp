@@ -60,7 +60,6 @@ struct Struck {
   std::optional<double> recovery_s;  // after its end; empty: not before the end
 };
 
-// One second of a soak.
 struct Second {
   double at_s = 0.0;  // end of the second
   bool quiet = false;

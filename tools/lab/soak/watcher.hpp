@@ -49,8 +49,6 @@ class Truth {
 Result<Truth> make_scene(Geometry geometry, double rate_hz, std::size_t frames,
                          const pipeline::PipelineOptions& pipeline, const std::filesystem::path& capture);
 
-// --- Each published frame.
-
 struct Shown {
   std::uint64_t number = 0;  // publication order
   std::uint64_t missed = 0;  // published before it, but overwritten before this program read them
@@ -136,7 +134,6 @@ struct GoodRun {
   std::uint64_t frames = 0;
 };
 
-// The daemon's counters.
 struct Counters {
   int life = 0;
   faults::Losses lost{};  // all lives

@@ -21,7 +21,6 @@ Trial trial(Kind kind, const std::vector<std::string>& hidden, Finding finding) 
   return out;
 }
 
-// A judgement in words.
 std::string words_of(const Judgement& j) {
   std::string all;
   for (const auto& [holds, word] : {std::pair{j.passed, "passed "},
@@ -115,8 +114,6 @@ TEST(BlindFinding, ReadsWhatAReportSays) {
   EXPECT_FALSE(parse_finding("not JSON"));
 }
 
-// --- the seal
-
 std::vector<Session> two_sessions() {
   return {draw_session({}, Kind::kSingle, 0).value(), draw_session({}, Kind::kPair, 1).value()};
 }
@@ -142,8 +139,6 @@ TEST(BlindSeal, TheSameAnswersHaveAnotherDigestEachTime) {
   const auto sessions = two_sessions();
   EXPECT_NE(Seal::close(sessions)->digest(), Seal::close(sessions)->digest());
 }
-
-// --- the diagnosing process
 
 // A program in `folder` that runs one shell line.
 ChildWork work_of(const Scratch& folder, const std::string& line) {
@@ -173,8 +168,6 @@ TEST(BlindChild, IsEndedWhenItTakesTooLongOrIsNotWanted) {
   work.limit_s = 300.0;
   expect_error(run_child(work, std::atomic<bool>{true}), {"interrupted"});
 }
-
-// --- The sessions.
 
 Session drawn(Kind kind, std::size_t index, const DrawOptions& options = {}) {
   return *must(draw_session(options, kind, index));
@@ -287,8 +280,6 @@ TEST(BlindSession, WhatHappensOnceHappensInOneOrTwoCaptures) {
   const Session all_the_time = drawn(Kind::kSingle, 0, {.only = "iir"});
   for (const CapturePlan& plan : all_the_time.captures) EXPECT_EQ(plan.effects.size(), 1U);
 }
-
-// --- the captures
 
 using capture::CaptureReader;
 

@@ -19,7 +19,6 @@ OBJECT, IGNORED, CROWD = range(3)
 
 
 def overlap(boxes, truths, crowd):
-    """Matrix of detections by truths."""
     low = np.maximum(boxes[:, None, :2], truths[None, :, :2])
     high = np.minimum(boxes[:, None, :2] + boxes[:, None, 2:], truths[None, :, :2] + truths[None, :, 2:])
     common = np.prod(np.clip(high - low, 0, None), axis=2)

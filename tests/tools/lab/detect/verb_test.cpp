@@ -1,4 +1,3 @@
-// The program bolo-lab eval detect.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

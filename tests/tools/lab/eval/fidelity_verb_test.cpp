@@ -1,4 +1,3 @@
-// The program bolo-lab eval fidelity.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

@@ -1,4 +1,3 @@
-// The program bolo-lab: evaluations `pulses`, `pixel` and `loop`.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

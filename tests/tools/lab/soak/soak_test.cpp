@@ -58,8 +58,6 @@ TEST(SoakAccount, ABrokenStreamMayLoseWhatFellIntoItsSilence) {
   EXPECT_EQ(broken(static_cast<std::uint64_t>(-50)), 1U) << "more than the camera ever sent";
 }
 
-// --- Single frames.
-
 constexpr Geometry kGeometry{4, 6};
 constexpr std::size_t kFrames = 30;
 constexpr int kWindow = 5;
