@@ -1,5 +1,5 @@
-# Cross-compiles for arm64 (armv8-a: Raspberry Pi 4 and 5, Jetson) with Debian's compiler, against the folder that
-# tools/lib/sysroot makes, and runs what was built, tests and manual pages, under QEMU's emulation of the processor.
+# Cross-compiles for arm64 (armv8-a: Raspberry Pi 4 and 5, Jetson) with Debian's compiler, against the sysroot of
+# tools/lib/sysroot. Built programs (tests, manual pages) run under QEMU's user-mode emulation.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_LIBRARY_ARCHITECTURE aarch64-linux-gnu)

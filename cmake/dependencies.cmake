@@ -1,4 +1,4 @@
-# Debian 12 packages; tools/packages.txt says which and why.
+# Debian 12 packages; tools/packages.txt lists them with reasons.
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
@@ -21,8 +21,8 @@ pkg_check_modules(LIBUSB REQUIRED IMPORTED_TARGET libusb-1.0)
 pkg_check_modules(SYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 pkg_check_modules(PROMETHEUS REQUIRED IMPORTED_TARGET prometheus-cpp-core)
 pkg_check_modules(MICROHTTPD REQUIRED IMPORTED_TARGET libmicrohttpd)
-# Neural networks of `bolo-lab eval detect`; optional. Debian's package with OpenCV's own CMake files (libopencv-dev) brings
-# all of OpenCV along: what is needed is found without them.
+# Neural networks of `bolo-lab eval detect`; optional. Found without OpenCV's own CMake files, whose package
+# (libopencv-dev) depends on all of OpenCV.
 find_path(OPENCV_INCLUDE opencv2/dnn.hpp PATH_SUFFIXES opencv4)
 find_library(OPENCV_DNN opencv_dnn)
 find_library(OPENCV_CORE opencv_core)

@@ -1,5 +1,5 @@
-# Debian's own hardening flags (dpkg-buildflags). Shipped programs are linked so that its tables are read-only
-# and its place in memory is drawn at each start; BOLO_HARDENING compiles in the rest.
+# Debian's own hardening flags (dpkg-buildflags). Shipped programs are always linked with RELRO and as
+# position-independent executables; BOLO_HARDENING adds the compiler's flags.
 option(BOLO_HARDENING "Stack protector, fortified library calls" OFF)
 if(CMAKE_BUILD_TYPE STREQUAL "Release")
   include(CheckPIESupported)
@@ -9,5 +9,5 @@ endif()
 if(BOLO_HARDENING)
   add_compile_options(-fstack-protector-strong -fstack-clash-protection -Wformat -Werror=format-security)
   add_compile_definitions(_FORTIFY_SOURCE=2)
-  add_compile_options(-ffile-prefix-map=${PROJECT_SOURCE_DIR}=.)  # no program names the folder that it was built in
+  add_compile_options(-ffile-prefix-map=${PROJECT_SOURCE_DIR}=.)  # programs do not contain the path of the build folder
 endif()

@@ -1,10 +1,9 @@
-# Installation. Each component is one Debian package (cmake/packaging.cmake); the client's libraries and the
-# Python module install themselves from drivers/shm. Units, rules and settings have their places below the prefix,
-# configuration in /etc.
+# Installation. Each component becomes one Debian package (cmake/packaging.cmake); the client's libraries and the Python
+# module are installed by drivers/shm. Units, rules and settings go below the prefix, configuration to /etc.
 
 install(TARGETS bolo bolod RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT bolo)
 
-# Everything that packages are made of.
+# All targets that packages contain.
 add_custom_target(shipped DEPENDS bolo bolod bolo_client)
 foreach(optional manual gstbolo bolo-ros2)
   if(TARGET ${optional})
@@ -23,12 +22,12 @@ install(FILES ${systemd_files}/sysctl.conf DESTINATION lib/sysctl.d RENAME 00-bo
 install(FILES ${systemd_files}/bolo-v4l2loopback.conf DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/bolo COMPONENT bolo)
 install(FILES ${systemd_files}/60-bolo-usb.rules DESTINATION lib/udev/rules.d COMPONENT bolo)
 
-if(TARGET manual)  # left out under sanitizers
+if(TARGET manual)  # not built with sanitizers
   install(DIRECTORY ${BOLO_MANUAL}/ DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/man COMPONENT bolo
     FILES_MATCHING PATTERN "*.gz")
 endif()
 set(completion ${PROJECT_SOURCE_DIR}/tools/manual)
-foreach(program bolo bolod)  # bash looks for a file of the program's name
+foreach(program bolo bolod)  # bash looks up completions by the program's name
   install(FILES ${completion}/bolo.bash
     DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/bash-completion/completions RENAME ${program} COMPONENT bolo)
 endforeach()

@@ -1,4 +1,4 @@
-# The Debian packages, one a component that is installed: tools/package has CPack make them.
+# Debian packages, one for each install component; tools/package runs CPack.
 set(BOLO_DEBIAN_REVISION 1 CACHE STRING "What stands behind the version of the Debian packages")
 
 set(CPACK_GENERATOR DEB)
@@ -26,19 +26,19 @@ set(CPACK_DEBIAN_PACKAGE_PRIORITY optional)
 set(packaging ${PROJECT_SOURCE_DIR}/cmake/packaging)
 set(packaging_made ${PROJECT_BINARY_DIR}/packaging)
 
-# Files that Debian wants in /usr/share/doc of every package: the copyright, and both changelogs, packed.
+# Required by Debian in /usr/share/doc of every package: the copyright, and both changelogs, compressed.
 configure_file(${packaging}/changelog.in ${packaging_made}/changelog.Debian @ONLY)
 configure_file(${PROJECT_SOURCE_DIR}/CHANGELOG.md ${packaging_made}/changelog COPYONLY)
 execute_process(COMMAND gzip --force --keep --best --no-name changelog changelog.Debian
   WORKING_DIRECTORY ${packaging_made} COMMAND_ERROR_IS_FATAL ANY)
 
-# Which package programs need that link with the library: for dpkg-shlibdeps.
+# Package that programs linking with the library depend on, for dpkg-shlibdeps.
 configure_file(${packaging}/libbolo-client/shlibs.in ${packaging_made}/shlibs @ONLY)
 
 # bolo_package(NAME SECTION section SUMMARY line TEXT line... [ARCHITECTURE all] [DEPENDS package...]
 #              [RECOMMENDS package...] [SUGGESTS package...] [CONTROL file...])
-# The package NAME of the component NAME, where something installs into it. Libraries are found by themselves. CONTROL:
-# scripts and lists for dpkg.
+# Package NAME from the component NAME, if something is installed into it. Dependencies on libraries are found
+# automatically. CONTROL: maintainer scripts and lists for dpkg.
 get_cmake_property(installed COMPONENTS)
 macro(bolo_package name)
   if(${name} IN_LIST installed)

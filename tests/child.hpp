@@ -1,4 +1,4 @@
-// A process of its own, for what limits, kills or spoils a process.
+// Child processes for tests that limit, kill or corrupt a process.
 #pragma once
 
 #include <sys/wait.h>
@@ -8,7 +8,7 @@
 
 namespace bolo {
 
-// What a child that does `work` ends with: its answer, or the negative number of the signal that killed it.
+// Runs `work` in a child; returns its result, or the negative number of the signal that killed it.
 inline int in_child(const std::function<int()>& work) {
   const pid_t pid = fork();
   EXPECT_GE(pid, 0);

@@ -1,5 +1,5 @@
-// No thread can be started, as when all that a service may have are taken: the default stack is larger than any address
-// space, so that it is refused whatever the system promises of its memory.
+// Makes the start of any thread fail, as when a service has reached its thread limit: the default stack exceeds any
+// address space, which is refused under every overcommit setting.
 #pragma once
 
 #include <pthread.h>

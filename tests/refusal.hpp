@@ -1,4 +1,3 @@
-// Texts that must say something, and answers that say no.
 #pragma once
 
 #include "src/core/result.hpp"
@@ -6,33 +5,29 @@
 
 namespace bolo {
 
-// Expects all these parts in the text.
 inline void expect_parts(const std::string& text, std::initializer_list<std::string> parts) {
   for (const std::string& part : parts) {
     EXPECT_NE(text.find(part), std::string::npos) << part << "\nis not in: " << text;
   }
 }
 
-// Expects none of them.
 inline void expect_none(const std::string& text, std::initializer_list<std::string> parts) {
   for (const std::string& part : parts) EXPECT_EQ(text.find(part), std::string::npos) << part << "\nis in: " << text;
 }
 
-// How often the part stands in the text.
 inline std::size_t count_of(const std::string& text, const std::string& part) {
   std::size_t found = 0;
   for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + part.size())) ++found;
   return found;
 }
 
-// Expects an error whose message has all these parts.
 template <typename T>
 void expect_error(const Result<T>& answer, std::initializer_list<std::string> parts) {
   ASSERT_FALSE(answer);
   expect_parts(answer.error().message, parts);
 }
 
-// The same of what the user can put right, in one line.
+// Expects a one-line error that the user can fix (kBadInput), with all parts.
 template <typename T>
 void expect_refused(const Result<T>& answer, std::initializer_list<std::string> parts) {
   expect_error(answer, parts);

@@ -1,4 +1,4 @@
-// A folder of its own for a test, removed afterwards.
+// A temporary folder for a test, removed afterwards.
 #pragma once
 
 #include "tests/test.hpp"
@@ -22,7 +22,7 @@ class Scratch {
 
   const std::filesystem::path& path() const { return folder_; }
   std::filesystem::path operator/(const std::string& name) const { return folder_ / name; }
-  // A file of this name and content.
+  // Writes a file and returns its path.
   std::filesystem::path text(const std::string& name, const std::string& content) const {
     std::ofstream(*this / name, std::ios::binary) << content;
     return *this / name;
@@ -32,7 +32,6 @@ class Scratch {
   std::filesystem::path folder_;
 };
 
-// A test with such a folder.
 class ScratchTest : public ::testing::Test {
  protected:
   const Scratch scratch_;

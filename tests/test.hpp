@@ -1,4 +1,4 @@
-// GoogleTest and what tests take from the standard library. Parsed once for each set of flags (CMakeLists.txt).
+// GoogleTest and common standard headers, precompiled once for each set of flags (CMakeLists.txt).
 #pragma once
 
 #include <gtest/gtest.h>
@@ -47,14 +47,14 @@
 
 namespace bolo {
 
-// The answer of what has to succeed: a test in which it doesn't ends with what it says.
+// The result of a call that must succeed: otherwise the test ends with the error's message.
 template <typename Answer>
 Answer must(Answer answer, const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
   if (!answer) throw std::runtime_error(file + (":" + std::to_string(line)) + ": " + answer.error().message);
   return answer;
 }
 
-// Tries until it is true; false when it never was for a minute, which only a hang can take.
+// Polls the condition; false after a minute, which only a hang can reach.
 template <typename Condition>
 bool eventually(Condition condition) {
   for (int i = 0; i < 6000; ++i) {

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Refuses an #include against the direction of dependency, in every folder.
 
-For src, drivers and bolod the edges are the DEPENDS lists of bolo_layer() in the CMake files, so what links and what is
-included cannot drift apart; the lists themselves may hold nothing but what ALLOWED has. The other folders of tools may
-use what stands before them in TOOLS and no other.
+For src, drivers and bolod the edges are the DEPENDS lists of bolo_layer() in the CMake files, so that linking and
+including cannot diverge; the lists themselves are limited by ALLOWED. The other folders of tools may use only those
+before them in TOOLS.
 """
 
 import pathlib
@@ -15,7 +15,7 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PIPELINE = {"core", "rt", "model", "deblur", "corrections", "motion", "capture", "pipeline"}
-# The only edges that may exist, whatever the CMake files say.
+# Allowed edges, whatever the CMake files say.
 ALLOWED = {
     "core": set(),
     "rt": {"core"},
@@ -28,9 +28,9 @@ ALLOWED = {
     "report": {"core"},
     "diagnose": {"core", "model", "motion", "deblur", "corrections", "capture", "report"},
     "pipeline": {"core", "rt", "model", "deblur", "corrections", "motion"},
-    "daemon": PIPELINE,  # and daemon_drivers()
+    "daemon": PIPELINE,  # plus daemon_drivers()
 }
-# Folders of tools, each below the next. Nothing but the laboratory may use the laboratory.
+# Folders of tools, each above the previous ones. Only the laboratory may use the laboratory.
 TOOLS = ["cli", "record", "convert", "doctor", "view", "deblur", "demo", "gstreamer", "ros2", "bolod", "bolo", "manual", "lab"]
 LAB = ["", "bench", "blind", "eval", "detect", "soak"]
 SUFFIXES = {".hpp", ".cpp", ".h", ".c"}
@@ -65,7 +65,7 @@ def includes(root, folder):
 
 
 def layer_of(name):
-    """The layer or driver that a path belongs to, or None."""
+    """Layer or driver of a path, or None."""
     parts = name.split("/")
     if parts[0] in ("src", "drivers") and len(parts) > 2:
         return parts[1]
@@ -88,7 +88,7 @@ def layer_violations(root):
 
 
 def place_of(name):
-    """(tool, folder of the laboratory) that a path in tools belongs to."""
+    """(tool, folder of the laboratory) of a path in tools."""
     parts = name.split("/")
     return parts[1], parts[2] if parts[1] == "lab" and len(parts) > 3 else ""
 
@@ -99,7 +99,7 @@ def tool_violations(root):
             continue
         here, there = place_of(str(path)), place_of(include)
         if here[0] == there[0] == "lab":
-            # The laboratory's own main files stand above its folders, but for the list of verbs.
+            # The laboratory's own main files stand above its folders, except for the list of verbs.
             wrong = here[1] != there[1] and here[1] and LAB.index(there[1]) > LAB.index(here[1])
         else:
             wrong = there[0] not in TOOLS or TOOLS.index(there[0]) > TOOLS.index(here[0])
@@ -123,7 +123,7 @@ class Layers(unittest.TestCase):
         cls.scratch.cleanup()
 
     def refuses(self, file, line, message):
-        """True if a copy of the tree with this line in front of this file is refused."""
+        """True if a copy of the tree with this line added at the start of the file is refused."""
         copy = pathlib.Path(self.scratch.name)
         victim = copy / file
         before = victim.read_text()

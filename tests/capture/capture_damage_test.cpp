@@ -1,8 +1,7 @@
-// Damaged files: open and read end with values or with an error of one line.
-//
-// HDF5 1.10 itself is not safe against every damage of its structures: attribute messages with a wrong length make
-// it read beyond its buffers, about once in a thousand damaged files. Damage of the structure is therefore tried in
-// processes of their own: none may hang, and all but a few must end well. Damage of values must always end well.
+// Damaged files: opening and reading them ends with values or with an error of one line.
+// HDF5 1.10 itself is not safe against every damage of its structures: attribute messages with a wrong length make it
+// read beyond its buffers, about once in a thousand damaged files. Structural damage is therefore tried in child
+// processes: none may hang, and all but a few must end well. Damaged values must always end well.
 #include <sys/resource.h>
 
 #include <numeric>
@@ -17,7 +16,7 @@ namespace bolo::capture::capture_damage_test {
 using namespace bolo::capture::testing;
 
 constexpr int kTrials = 100;
-constexpr int kMostLibraryFaults = 4;  // of 2 * kTrials; seen: 0 to 2 in 1,500
+constexpr int kMostLibraryFaults = 4;  // of 2 * kTrials; observed: 0 to 2 in 1,500
 constexpr unsigned kHang_s = 30;
 
 void write_bytes(const std::filesystem::path& file, const std::vector<char>& bytes) {
@@ -35,7 +34,7 @@ std::vector<char> valid_bytes(const Scratch& scratch, int deflate_level) {
   return {bytes.begin(), bytes.end()};
 }
 
-// Reads all there is. A damaged file may still open: then its frames are read, or refused in one line.
+// Reads the whole file. A damaged file may still open; each frame is then read, or refused in one line.
 void read_everything(const std::filesystem::path& file) {
   const auto reader = CaptureReader::open(file);
   if (!reader) {
@@ -53,12 +52,12 @@ void read_everything(const std::filesystem::path& file) {
   }
 }
 
-class CaptureDamage : public ::testing::TestWithParam<const char*> {};  // the name: a ".part" is read more leniently
+class CaptureDamage : public ::testing::TestWithParam<const char*> {};  // file name; a ".part" is read more leniently
 
-// In a process of its own: 0 when it read the file or refused it.
+// Reads the file in a child process: 0 if it was read or refused.
 int end_of_reader(const std::filesystem::path& file) {
   return in_child([&] {
-    static_cast<void>(std::freopen("/dev/null", "w", stderr));  // a sanitizer's report is not the test's output
+    static_cast<void>(std::freopen("/dev/null", "w", stderr));  // keep sanitizer reports out of the test's output
     alarm(kHang_s);
     read_everything(file);
     return ::testing::Test::HasFailure() ? 1 : 0;
@@ -137,7 +136,7 @@ TEST_P(CaptureDamage, CutOffAnywhereNeverCrashes) {
 INSTANTIATE_TEST_SUITE_P(Names, CaptureDamage, ::testing::Values("damaged.h5", "damaged.h5.part"),
                          [](const auto& row) { return std::string(row.param).size() > 10 ? "part" : "whole"; });
 
-// Frames in one piece, as other programs write them, are none the less whole, also to those who look for damage.
+// Contiguous frames, as other programs write them, are complete, also when read by salvage().
 TEST(CaptureDamageLayout, ContiguousFramesAreWhole) {
   const Scratch scratch;
   const auto file = scratch / "a.h5";
@@ -162,7 +161,7 @@ rlim_t address_space() {
   return pages * static_cast<rlim_t>(sysconf(_SC_PAGESIZE));
 }
 
-// With a little more memory each time: HDF5 by itself ends a process that has none for its cache of a file.
+// Raises the memory limit step by step. HDF5 on its own would end the process when it cannot allocate a file's cache.
 TEST(Memory, TooLittleIsAnErrorWhereverItEnds) {
   if (address_space() > rlim_t{1} << 40) GTEST_SKIP() << "a sanitizer has taken all addresses";
   const Scratch scratch;
@@ -199,7 +198,7 @@ TEST(Memory, TooLittleIsAnErrorWhereverItEnds) {
   }
 }
 
-// What a library says of a frame that it has no memory for does not sound like it, or is lost.
+// Out of memory: HDF5's own error message is misleading or missing.
 TEST(Memory, AFrameThatFindsNoneIsNoDamage) {
   if (address_space() > rlim_t{1} << 40) GTEST_SKIP() << "a sanitizer has taken all addresses";
   const Scratch scratch;
@@ -217,7 +216,7 @@ TEST(Memory, AFrameThatFindsNoneIsNoDamage) {
     setrlimit(RLIMIT_AS, &all);
     void* volatile taken = std::malloc(std::size_t{1} << 30);
     if (taken != nullptr) return 2;  // no limit, as under an emulator
-    do {                             // all that was freed before is taken, too
+    do {                             // also uses up memory freed earlier
       taken = std::malloc(std::size_t{1} << 16);
     } while (taken != nullptr);
     const Status read = reader->read_frame(0, plane.data());

@@ -1,4 +1,4 @@
-// Written captures are read back, value for value; recordings of real cameras (BOLO_TEST_DATA) as their README states.
+// Round trip of written captures, value for value; recordings of real cameras (BOLO_TEST_DATA) match their README.
 #include "src/capture/capture.hpp"
 #include "tests/capture/small_captures.hpp"
 
@@ -7,7 +7,7 @@ namespace bolo::capture::capture_roundtrip_test {
 using testing::plane_of;
 using testing::small_info;
 
-// Opens; fails the test where it can't.
+// Fails the test if the file does not open.
 void with_reader(const std::filesystem::path& file, const std::function<void(const CaptureReader&)>& use) {
   const auto reader = must(CaptureReader::open(file));
   use(*reader);
@@ -67,17 +67,17 @@ INSTANTIATE_TEST_SUITE_P(Variants, CaptureRoundTrip,
                          ::testing::Combine(::testing::Values(PixelType::kUint16, PixelType::kFloat32),
                                             ::testing::Bool(), ::testing::Values(0, 4)));
 
-// Frames of 20x9 pixels, 3x2 blocks, with what stands beside them.
+// Frames of 20x9 pixels, 3x2 motion blocks, with all data that goes with each frame.
 const CaptureInfo kMoving = small_info(PixelType::kUint16, {20, 9});
 const std::vector<std::uint16_t> kPlane(20 * 9, 7);
 
-// UTC goes back where the host's clock was set.
+// UTC steps back at frame 4, where the host's clock was set.
 FrameTimes times_at(std::size_t i) {
   return {100.0 + 0.005 * static_cast<double>(i), 1.76e9 + (i < 4 ? 0.005 : -0.005) * static_cast<double>(i),
           i == 6 ? 0.2 : 0.1};
 }
 
-// Of every other frame the motion is not known.
+// Unknown motion in every other frame.
 BlockMotion motion_at(std::size_t frame, std::size_t block) {
   const auto value = static_cast<float>(10 * frame + block);
   return frame % 2 == 0 ? BlockMotion{value, -value, 0.5F} : BlockMotion{};
@@ -163,7 +163,7 @@ struct Recording {
   const char* name;
   std::size_t frames;
   Geometry geometry;
-  bool milliseconds;  // its /t is in ms: opens, with a warning that says so
+  bool milliseconds;  // /t is in ms: the file opens with a warning
 };
 
 class RealCaptures : public ::testing::TestWithParam<Recording> {};

@@ -1,4 +1,4 @@
-// One corruption a row: open() refuses the file in one line that names the file, the item and what is expected.
+// One corruption per row: open() refuses the file in one line that names the file, the item and what is expected.
 #include "src/capture/h5.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
@@ -16,7 +16,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 struct Corruption {
   const char* name;
   Change change;
-  std::vector<std::string> named;  // all of these stand in the message
+  std::vector<std::string> named;  // substrings of the message
 };
 
 // Three frames of 7x3, uint16, with truth.
@@ -74,7 +74,7 @@ void two_values(hid_t f) {
   set_attribute(f, "/", "frame_period_s", H5T_NATIVE_DOUBLE, H5T_NATIVE_DOUBLE, values.data(), {2});
 }
 
-// A shape of 2^40 frames with nothing behind it.
+// A shape of 2^40 frames without data.
 void forged_frames(hid_t f) {
   set_dataset(f, "/frames", H5T_NATIVE_UINT16, {hsize_t{1} << 40, 3, 7}, H5T_NATIVE_UINT16, nullptr, {1, 3, 7});
 }
@@ -82,7 +82,7 @@ void forged_times(hid_t f) {
   set_dataset(f, "/t", H5T_NATIVE_DOUBLE, {hsize_t{1} << 50}, H5T_NATIVE_DOUBLE, nullptr, {1024}, 1);
 }
 
-// Room for `rows`, and nothing in it: the disk has no block of them.
+// A dataset of `rows` rows without data: no block on disk is allocated.
 void room(hid_t f, const char* path, hid_t type, hsize_t rows) {
   if (H5Lexists(f, path, H5P_DEFAULT) > 0) drop(f, path);
   const h5::Handle space(H5Screate_simple(1, &rows, nullptr));
@@ -98,7 +98,7 @@ void events_without_end(hid_t f) {
   room(f, "/events", type.get(), hsize_t{1} << 25);
 }
 
-// /frames (3, 3, 7) with the properties that `set` gives it.
+// Recreates /frames (3, 3, 7) with the properties set by `set`.
 template <typename Set>
 h5::Handle frames_with(hid_t f, Set set) {
   drop(f, "/frames");
@@ -115,7 +115,7 @@ void frames_of_any_file(hid_t f) {
   frames_with(f, [](hid_t properties, hid_t) { return H5Pset_external(properties, "/proc/self/exe", 0, 126); });
 }
 
-// Its own values, round and round.
+// A virtual dataset that maps to itself.
 void frames_of_themselves(hid_t f) {
   frames_with(f,
               [](hid_t properties, hid_t space) { return H5Pset_virtual(properties, space, ".", "/frames", space); });
@@ -138,7 +138,7 @@ void events_at_nan(hid_t f) {
   set_events(f, 8, sizeof(Row), rows.size(), rows.data());
 }
 
-// One piece of 256 MiB, stored in 200,000 bytes.
+// One chunk of 256 MiB, compressed to 200,000 bytes.
 void one_large_piece(hid_t f) {
   const std::vector<hsize_t> shape{hsize_t{1} << 20, 8, 16};
   const std::vector<hsize_t> first(3, 0);
@@ -154,7 +154,7 @@ void events_with_long_kinds(hid_t f) {
   set_events(f, 65'537, row.size(), 1, row.data());
 }
 
-// A filter that nobody has: known to the library only while the file is written.
+// A filter that is registered only while the file is written.
 void unknown_filter(hid_t f) {
   const auto same = [](unsigned, std::size_t, const unsigned*, std::size_t bytes, std::size_t*, void**) {
     return bytes;
@@ -294,7 +294,7 @@ TEST_P(CaptureStrict, IsRefusedByName) {
   ASSERT_TRUE(CaptureReader::open(file)) << "the file must be good before it is spoilt";
   edit(file, GetParam().change);
   const auto reader = CaptureReader::open(file);
-  const auto stimulus = reader ? reader->stimulus() : tl::unexpected(reader.error());  // frames are good without it
+  const auto stimulus = reader ? reader->stimulus() : tl::unexpected(reader.error());  // not needed to read frames
   ASSERT_FALSE(stimulus);
   EXPECT_TRUE(stimulus.error().message.starts_with(file.string() + ": ")) << stimulus.error().message;
   for (const std::string& word : GetParam().named) expect_refused(stimulus, {word});
@@ -319,7 +319,7 @@ TEST_F(CaptureStrictFile, WhatIsNoCaptureIsToldApart) {
   expect_no_capture(scratch_.text("old.mat", old), "-v7.3");
 }
 
-// Nor does what reads as much as it can of a damaged file look elsewhere.
+// salvage(), too, does not read values from other files.
 TEST_F(CaptureStrictFile, ValuesOfOtherFilesAreNotReadOfADamagedOneEither) {
   const auto file = valid_file(scratch_);
   edit(file, frames_of_themselves);
@@ -332,7 +332,7 @@ TEST_F(CaptureStrictFile, TruncatedFileIsCutOff) {
   expect_no_capture(file, "cut off");
 }
 
-// As by a recorder that begins it again: its frames are not zeros.
+// A recorder that starts the file again truncates it: the missing frames must not read as zeros.
 TEST_F(CaptureStrictFile, OneThatIsCutWhileItIsReadIsAnError) {
   const auto file = valid_file(scratch_);
   const auto reader = must(CaptureReader::open(file));

@@ -1,4 +1,4 @@
-// Files as other programs write them: every width, byte order and kind of string that HDF5 converts.
+// Files as other programs write them: all widths, byte orders and string types that HDF5 converts.
 #include "src/capture/frame_store.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
@@ -12,7 +12,7 @@ using MatlabCapture = ScratchTest;
 
 using namespace bolo::capture::testing;
 
-// A file from nothing but HDF5 calls; `change` may replace items.
+// A file written with plain HDF5 calls; `change` may replace items.
 std::filesystem::path foreign_file(const Scratch& scratch, const Change& change) {
   const auto file = scratch / "foreign.h5";
   H5Fclose(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
@@ -157,7 +157,7 @@ TEST_F(StillImage, RefusesWhatIsNoStill) {
   expect_refused(read_still(file), {"column 0, row 1"});
 }
 
-// --- The authors' `.mat`, as MATLAB writes it: HDF5 after 512 bytes of its own, dimensions in reverse.
+// --- The authors' `.mat`, as MATLAB writes it: HDF5 after a 512-byte header, dimensions reversed.
 
 constexpr std::size_t kFrames = 6;
 constexpr std::size_t kWidth = 7;

@@ -1,4 +1,4 @@
-// The writer's promises: what it refuses, what a killed process and a full disk leave behind.
+// The capture writer: what it refuses, and what a killed process and a full disk leave behind.
 #include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -12,7 +12,7 @@
 namespace bolo::capture::capture_writer_test {
 
 std::function<void()> g_after_look_at_live;  // called once
-int g_looks_until_error = -1;                // of fstat; < 0: none comes
+int g_looks_until_error = -1;                // calls of fstat before it fails; < 0: never fails
 
 }  // namespace bolo::capture::capture_writer_test
 
@@ -155,7 +155,6 @@ TEST_F(CaptureWriterName, EqualInputGivesEqualFilesAndNothingElse) {
   EXPECT_FALSE(std::filesystem::exists(scratch_ / "a.h5.part"));
 }
 
-// Another program reads the same values.
 TEST(CaptureWriterForeign, Hdf5ToolsReadTheFrames) {
   if (std::system("h5dump --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "h5dump is not installed";
   const Scratch scratch;
@@ -171,7 +170,7 @@ TEST(CaptureWriterForeign, Hdf5ToolsReadTheFrames) {
   EXPECT_EQ(dumped, expected);
 }
 
-// Appends frames in a process of its own that ends by SIGKILL while the writer is open. `every`: it commits each.
+// Appends frames in a child process that is killed by SIGKILL while the writer is open. `every`: commit every frame.
 void append_and_die(const std::filesystem::path& file, std::size_t frames, const WriterOptions& options,
                     bool every = false) {
   const int end = in_child([&] {
@@ -205,8 +204,8 @@ TEST(CaptureWriterKilled, BeforeTheFirstCommitIsSaidAndBegunAgain) {
   expect_error(CaptureWriter::create(scratch / "a.h5", small_info()), {"save it with bolo recover"});
 }
 
-// Frames large enough to pass what is reserved at once. The limit on file size stands for the end of the disk: both
-// end in the same place. In a child, because the limit is the process's.
+// The frames exceed the space reserved at once. The file size limit stands in for the end of the disk: writes fail at
+// the same place. In a child, because the limit is per process.
 TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
   const Scratch scratch;
   constexpr rlim_t kDisk = rlim_t{8} << 20;
@@ -235,7 +234,7 @@ TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
   }
 }
 
-// Planes with a truth, so that two kinds of large chunks want room. Ends the process: HDF5's last steps are at exit.
+// With truth, so that two datasets of large chunks need space. Exits the process: HDF5 takes its last steps at exit.
 [[noreturn]] void write_until_the_disk_is_full(const std::filesystem::path& file, rlim_t disk, bool sudden) {
   signal(SIGXFSZ, SIG_IGN);
   const rlimit limit{disk, RLIM_INFINITY};
@@ -248,9 +247,9 @@ TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
   for (std::size_t i = 0; status && i < 30; ++i) {
     status = writer->append(kPeriod * static_cast<double>(i), i, plane.data(), truth.data());
   }
-  if (sudden) setrlimit(RLIMIT_FSIZE, &limit);  // after all that was asked for had room
+  if (sudden) setrlimit(RLIMIT_FSIZE, &limit);  // after all space was reserved
   const bool ended = sudden ? !writer->close() : !status;
-  writer = tl::unexpected<Error>(Error{});  // gives up
+  writer = tl::unexpected<Error>(Error{});  // destroys the writer without closing
   exit(ended ? 0 : 11);
 }
 
@@ -263,12 +262,12 @@ TEST(CaptureWriterDisk, GivingUpOnAFullDiskIsNoCrash) {
   }
 }
 
-// FILE.part with 20 frames, and its records.
+// Leaves FILE.part with 20 frames, its journal and its live record.
 void leave_unfinished(const std::filesystem::path& file) {
   append_and_die(file, 20, {.survives_power_cut = true}, true);
 }
 
-// The records of its commits lie beside the file, not beside a link to it.
+// The journal and live record are found beside the file, not beside a link to it.
 TEST_F(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
   ASSERT_NO_FATAL_FAILURE(leave_unfinished(scratch_ / "a.h5"));
   std::filesystem::create_directory(scratch_ / "elsewhere");
@@ -282,7 +281,7 @@ TEST_F(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
   EXPECT_TRUE(recover_in_place(scratch_ / "a.h5.part", scratch_ / "a.h5"));
 }
 
-// To finish it in place writes to the file and its journal: what they stand for beside that would be lost.
+// Recovery in place writes to the file and its journal; through a link it would overwrite somebody else's file.
 TEST_F(CaptureWriterName, ARecordingIsNotFinishedThroughOtherNames) {
   const auto part = scratch_ / "a.h5.part";
   const auto user = scratch_ / "user";
@@ -320,9 +319,9 @@ TEST_F(CaptureWriterNames, NothingThatExistsIsReplaced) {
   EXPECT_TRUE(CaptureReader::open(file));
 }
 
-// For want of descriptors: the next try would find an unfinished recording.
+// Too few descriptors to begin. A leftover .part would look like an unfinished recording to the next attempt.
 TEST_F(CaptureWriterNames, WhatCannotBeBegunLeavesNothing) {
-  const Scratch first;  // a sanitizer looks at each class once, which needs descriptors, too
+  const Scratch first;  // sanitizers check each class once, which needs descriptors, too
   ASSERT_TRUE(CaptureWriter::create(first / "a.h5", small_info(), {.survives_power_cut = true}));
   rlimit before{};
   ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
@@ -341,7 +340,7 @@ TEST_F(CaptureWriterNames, WhatCannotBeBegunLeavesNothing) {
   }
 }
 
-// Whoever may write to the folder can put a link in the place of the part or of its records.
+// Any user with write access to the folder can put a link in place of the .part, journal or live record.
 TEST_F(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
   const WriterOptions options{.survives_power_cut = true, .replace = Replace::kExisting};
   for (const std::string name : {"a.h5.part", "a.h5.part.journal", "a.h5.part.live"}) {
@@ -359,15 +358,14 @@ TEST_F(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
   }
 }
 
-// A name that somebody takes while a capture is written: both stay.
-// Who may write to the folder's parent puts a link to another's folder in its place when all has been looked at.
+// Race: with write access to the parent folder, another user replaces the folder by a link after all checks.
 TEST_F(CaptureWriterNames, WhatAFolderThatBecomesALinkStandsForStays) {
   const std::filesystem::path folder = scratch_ / "folder";
   const std::filesystem::path theirs = scratch_ / "theirs";
   std::filesystem::create_directories(folder);
   std::filesystem::create_directories(theirs);
   std::ofstream(theirs / "a.h5.part") << "theirs";
-  append_and_die(folder / "a.h5", 1, {});  // without frames: begun again without being asked
+  append_and_die(folder / "a.h5", 1, {});  // no committed frames: restarted without a question
   g_after_look_at_live = [&] {
     std::filesystem::rename(folder, scratch_ / "moved");
     std::filesystem::create_symlink(theirs, folder);
@@ -386,7 +384,7 @@ TEST_F(CaptureWriterNames, ANameThatIsTakenMeanwhileStays) {
   EXPECT_TRUE(CaptureReader::open(scratch_ / "a.h5.part"));
 }
 
-// Interference by other programs is reported at the next frame, and their files are left alone.
+// Interference by other programs is reported at the next frame; their files are left alone.
 TEST_F(CaptureWriterNames, AFileThatIsTakenFromTheWriterIsSaid) {
   using Harm = void (*)(const std::filesystem::path&);
   const Harm remove = [](const auto& part) { std::filesystem::remove(part); };
@@ -402,7 +400,7 @@ TEST_F(CaptureWriterNames, AFileThatIsTakenFromTheWriterIsSaid) {
       auto writer = CaptureWriter::create(scratch / "a.h5", small_info(), {.survives_power_cut = power});
       ASSERT_TRUE(writer && append(*writer, 0) && writer->commit());
       harm(part);
-      for (std::uint64_t i = 1; i < 4; ++i) {  // no frame makes it look whole again
+      for (std::uint64_t i = 1; i < 4; ++i) {  // later frames do not hide the error
         expect_error(append(*writer, i), {"a.h5.part: was removed, renamed or cut off by another program"});
       }
       expect_error(writer->commit(), {"a.h5.part: was removed, renamed or cut off by another program"});

@@ -1,4 +1,4 @@
-// A read that the disk fails at is an error, and nothing that "is not there".
+// A failing disk read is reported as an error, not as a missing item.
 #include <dlfcn.h>
 #include <unistd.h>
 
@@ -7,7 +7,7 @@
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/capture/small_captures.hpp"
 
-// Of the leak sanitizer; null without it.
+// From the leak sanitizer; null without it.
 extern "C" {
 __attribute__((weak)) void __lsan_disable();  // NOLINT(bugprone-reserved-identifier)
 __attribute__((weak)) void __lsan_enable();   // NOLINT(bugprone-reserved-identifier)
@@ -34,8 +34,8 @@ namespace {
 
 using namespace bolo::capture::testing;
 
-// Calls look() with an error at the first, second, ... read until there are none; returns how many gave nothing.
-// HDF5 itself loses memory at such errors.
+// Calls look() with an error at the first, second, ... read until none fails; returns how many calls gave no result.
+// HDF5 itself leaks memory at such errors.
 template <typename Look>
 int fail_each_read(Look look) {
   int refused = 0;

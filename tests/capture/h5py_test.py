@@ -51,7 +51,7 @@ def main(bolo):
         values = told["values"]["last"]
         assert abs(values["min"] - last.min()) < 1e-9 and abs(values["median"] - np.median(last)) < 1e-9, told
 
-        # What a capture has no room for is left out or cut off.
+        # Unsupported contents are left out or truncated.
         path = os.path.join(folder, "foreign.h5")
         write_capture(path, frames, t, np.arange(6), libver="latest")
         with h5py.File(path, "a", libver="latest") as f:

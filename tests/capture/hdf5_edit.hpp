@@ -1,4 +1,4 @@
-// Plain HDF5 calls that make and spoil files, independent of the code under test.
+// Plain HDF5 calls that create and corrupt files, independent of the code under test.
 #pragma once
 
 #include <hdf5.h>
@@ -19,7 +19,7 @@ inline void drop_attribute(hid_t file, const char* owner, const char* name) {
   ASSERT_GE(H5Adelete_by_name(file, owner, name, H5P_DEFAULT), 0) << name;
 }
 
-// An attribute of `type` in the file, from `value` in `memory_type`; replaces one of that name. No dims: a scalar.
+// Writes an attribute of `type` from `value` in `memory_type`, replacing one of that name. Empty dims: a scalar.
 inline void set_attribute(hid_t file, const char* owner, const char* name, hid_t type, hid_t memory_type,
                           const void* value, const std::vector<hsize_t>& dims = {}) {
   if (H5Aexists_by_name(file, owner, name, H5P_DEFAULT) > 0) drop_attribute(file, owner, name);
@@ -36,7 +36,6 @@ inline void set_number(hid_t file, const char* owner, const char* name, double v
   set_attribute(file, owner, name, type, H5T_NATIVE_DOUBLE, &value);
 }
 
-// Of fixed length, padded as `padding` says.
 inline void set_string(hid_t file, const char* owner, const char* name, const std::string& value,
                        H5T_str_t padding = H5T_STR_NULLTERM) {
   const hid_t type = H5Tcopy(H5T_C_S1);
@@ -48,7 +47,7 @@ inline void set_string(hid_t file, const char* owner, const char* name, const st
   H5Tclose(type);
 }
 
-// Of variable length and UTF-8, as h5py writes strings.
+// A UTF-8 string of variable length, as h5py writes strings.
 inline void set_variable_string(hid_t file, const char* owner, const char* name, const char* value,
                                 const std::vector<hsize_t>& dims = {}) {
   const hid_t type = H5Tcopy(H5T_C_S1);
@@ -62,7 +61,7 @@ inline void drop(hid_t file, const char* path) { ASSERT_GE(H5Ldelete(file, path,
 
 inline void add_group(hid_t file, const char* path) { H5Gclose(H5Gcreate2(file, path, 0, 0, 0)); }
 
-// A dataset of `type` in the file from values of `memory_type`; `chunk` empty: contiguous. Replaces one of that name.
+// Writes a dataset of `type` from values of `memory_type`, replacing one of that name. Empty `chunk`: contiguous.
 inline void set_dataset(hid_t file, const char* path, hid_t type, const std::vector<hsize_t>& dims, hid_t memory_type,
                         const void* values, const std::vector<hsize_t>& chunk = {}, unsigned deflate = 0) {
   if (H5Lexists(file, path, H5P_DEFAULT) > 0) drop(file, path);
@@ -84,7 +83,7 @@ inline void set_doubles(hid_t file, const char* path, const std::vector<double>&
   set_dataset(file, path, type, {values.size()}, H5T_NATIVE_DOUBLE, values.data());
 }
 
-// The type of a row of /events: seconds, and a kind of so many letters behind them, or of any length. To be closed.
+// Row type of /events: seconds, then a kind of `letters` characters or of variable length. The caller closes it.
 inline hid_t event_type(std::size_t letters, std::size_t row_bytes) {
   const hid_t text = H5Tcopy(H5T_C_S1);
   H5Tset_size(text, letters);
@@ -101,7 +100,7 @@ inline void set_events(hid_t file, std::size_t letters, std::size_t row_bytes, h
   H5Tclose(type);
 }
 
-// Changes of an open file, as edit() takes them; attributes are the root's.
+// Changes of an open file for edit(); attributes are those of the root.
 using Change = std::function<void(hid_t)>;
 inline auto without(const char* name) {
   return [name](hid_t f) { drop_attribute(f, "/", name); };
@@ -115,7 +114,7 @@ inline auto with_text(const char* name, const char* value, H5T_str_t padding = H
 inline auto without_item(const char* path) {
   return [path](hid_t f) { drop(f, path); };
 }
-// Its first values are these, the others 0.
+// `values` first, the rest 0.
 inline auto with_dataset(const char* path, hid_t type, std::vector<hsize_t> dims, std::vector<double> values = {}) {
   std::size_t size = 1;
   for (const hsize_t one : dims) size *= one;

@@ -1,4 +1,4 @@
-// Files of per-pixel parameters: what is written is read, and what is wrong is refused by name and place.
+// Per-pixel parameter files: round trip, and errors that name the item and the place.
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"

@@ -1,10 +1,8 @@
-// Captures after a kill or a power cut. All disk operations of the writer are logged: the functions below replace the C
-// library's, and make the disk slow, so that the writer goes on during syncs. The log can then end anywhere:
-//
-// - a power cut leaves the writes that a finished sync found when it began, of each other write any subset of its
-//   sectors, and another kernel;
-// - a kill leaves all writes, the last one perhaps in part.
-//
+// Captures after a kill or a power cut. The functions below replace the C library's: they log the writer's disk
+// operations and slow the disk down, so that the writer goes on during syncs. The log is then cut off at any place:
+// - a power cut keeps all writes made before a finished sync began, and any subset of the sectors of each other write;
+//   then another kernel runs;
+// - a kill keeps all writes, the last one perhaps in part.
 // Either must open with exactly the frames of a commit, and not of too old a one.
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -24,7 +22,7 @@ constexpr auto kSync = std::chrono::milliseconds(3);
 struct Operation {
   enum Kind { kWrite, kResize, kSyncBegins, kSyncEnds, kCommitted } kind;
   std::string file;
-  std::uint64_t offset = 0;  // of a write; new size of a resize; frames of a commit
+  std::uint64_t offset = 0;  // of a write; for a resize: the new size; for a commit: frames
   std::vector<char> data{};
 };
 using Log = std::vector<Operation>;
@@ -112,7 +110,7 @@ std::vector<std::uint16_t> plane_at(std::size_t frame) {
 
 constexpr std::size_t kFramesPerCommit = 13;
 
-// The content of all files, and the log of how it came about.
+// Contents of all files after replaying logged operations.
 struct Disk {
   std::map<std::string, std::vector<char>> files;
 
@@ -126,7 +124,7 @@ struct Disk {
 
   void apply(const Operation& operation) { apply_first(operation, operation.data.size()); }
 
-  // The first bytes of a write; all of anything else.
+  // Only the first `bytes` of a write; any other operation as a whole.
   void apply_first(const Operation& operation, std::size_t bytes) {
     if (operation.kind == Operation::kWrite) {
       write(operation.file, operation.offset, operation.data.data(), bytes);
@@ -135,7 +133,7 @@ struct Disk {
     }
   }
 
-  // Each sector of a write by itself, with the probability `share`.
+  // Keeps each sector of a write independently with probability `share`.
   template <typename Random>
   void apply_some(const Operation& operation, double share, Random& random) {
     std::bernoulli_distribution reached(share);
@@ -148,7 +146,7 @@ struct Disk {
     }
   }
 
-  // After a cut of power another kernel runs: what the live record says of its own no longer holds.
+  // Another kernel runs after a power cut: the live record of the old one is void.
   void start_another_kernel() {
     for (auto& [name, content] : files) {
       if (!name.ends_with(".live")) continue;
@@ -160,7 +158,7 @@ struct Disk {
   }
 };
 
-// Appends frames, events and attributes, and logs what of it was committed.
+// Records frames, events and attributes; the log marks each commit.
 Log record(const std::filesystem::path& file, std::size_t frames, int deflate_level) {
   g_logger.begin();
   {
@@ -182,18 +180,18 @@ Log record(const std::filesystem::path& file, std::size_t frames, int deflate_le
       if (i % kFramesPerCommit == kFramesPerCommit - 1) {
         EXPECT_TRUE(writer->commit());
         g_logger.add({Operation::kCommitted, "", i + 1});
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));  // some commits while one sync lasts
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));  // several commits during one sync
       }
     }
   }
   return g_logger.end();
 }
 
-// The disk after a power cut behind the log's first `cut` operations.
+// The disk after a power cut that follows the first `cut` operations.
 template <typename Random>
 Disk after_cut(const Log& log, std::size_t cut, Random& random, Disk disk = {}) {
-  std::map<std::string, std::size_t> began;   // by file: the newest sync, by its place in the log
-  std::map<std::string, std::size_t> synced;  // how much of the log
+  std::map<std::string, std::size_t> began;   // log index of each file's newest sync
+  std::map<std::string, std::size_t> synced;  // length of the log that is durable
   for (std::size_t i = 0; i < cut; ++i) {
     if (log[i].kind == Operation::kSyncBegins) began[log[i].file] = i;
     if (log[i].kind == Operation::kSyncEnds) synced[log[i].file] = began[log[i].file];
@@ -211,7 +209,7 @@ Disk after_cut(const Log& log, std::size_t cut, Random& random, Disk disk = {}) 
   return disk;
 }
 
-// The disk after a kill within operation `cut`.
+// The disk after a kill during operation `cut`.
 template <typename Random>
 Disk after_kill(const Log& log, std::size_t cut, Random& random) {
   Disk disk;
@@ -230,8 +228,8 @@ std::size_t committed_before(const Log& log, std::size_t cut) {
   return frames;
 }
 
-// The least number of frames after a power cut. The data that the journal's newest sync made durable was begun after
-// the sync before had ended, and holds all that was committed by then.
+// Least number of frames after a power cut. The journal's newest durable sync refers to data whose sync began after the
+// previous journal sync had ended, so it covers all frames committed by then.
 std::size_t durable_before(const Log& log, std::size_t cut) {
   std::size_t before = 0;
   std::size_t newest = 0;
@@ -293,7 +291,7 @@ TEST_P(Ending, ByACutOfPowerLeavesADurableCommit) {
   for (int trial = 0; trial < 300 && !HasFatalFailure(); ++trial) {
     const std::size_t cut = any_place();
     const std::size_t durable = durable_before(log_, cut);
-    if (durable == 0) continue;  // nothing was promised yet
+    if (durable == 0) continue;  // nothing durable yet
     ++opened;
     store(after_cut(log_, cut, random_), part_);
     expect_commit(part_, durable, place_of("cut", trial, cut));
@@ -301,7 +299,7 @@ TEST_P(Ending, ByACutOfPowerLeavesADurableCommit) {
   EXPECT_GT(opened, 100);
 }
 
-// Half of the kills come while the live record is written.
+// Half of the kills hit a write of the live record.
 TEST_P(Ending, ByAKillLeavesTheLastCommit) {
   std::vector<std::size_t> live;
   for (std::size_t i = 0; i < log_.size(); ++i) {
@@ -321,7 +319,7 @@ TEST_P(Ending, ByAKillLeavesTheLastCommit) {
   EXPECT_GT(opened, 100);
 }
 
-// After a kill the file is finished where it lies, and that is cut in turn.
+// Recovery in place after a kill, itself interrupted by a power cut.
 TEST_P(Ending, ByACutWhileItIsFinishedLeavesADurableCommit) {
   int cuts = 0;
   for (int trial = 0; trial < 30 && !HasFatalFailure(); ++trial) {
@@ -349,7 +347,7 @@ TEST_P(Ending, ByACutWhileItIsFinishedLeavesADurableCommit) {
 
 INSTANTIATE_TEST_SUITE_P(Compression, Ending, ::testing::Values(0, 1), ::testing::PrintToStringParamName());
 
-// In a process of its own, which ends without cleaning up: HDF5 forgets to free what it read of a torn file.
+// In a child process that exits without clean-up: HDF5 leaks memory after a torn file.
 bool opens_with(const std::filesystem::path& file, std::size_t least) {
   return in_child([&] {
            const auto reader = CaptureReader::open(file);
@@ -357,7 +355,7 @@ bool opens_with(const std::filesystem::path& file, std::size_t least) {
          }) == 0;
 }
 
-// The check itself: without syncs there are cuts that leave nothing usable.
+// Checks the check: without syncs some cuts leave nothing usable.
 TEST(EndingCheck, FindsAWriterThatDoesNotSync) {
   const Scratch scratch;
   Log log = record(scratch / "a.h5", kFrames, 0);

@@ -1,4 +1,4 @@
-// Small captures, and a folder to put them in.
+// Small captures in a scratch folder.
 #pragma once
 
 #include "src/capture/capture.hpp"
@@ -12,7 +12,7 @@ inline CaptureInfo small_info(PixelType type = PixelType::kUint16, Geometry geom
           .camera_serial = "55001234"};
 }
 
-// A value that tells frame and pixel apart and fits every type exactly.
+// A value that is unique to frame and pixel and exact in every type.
 inline std::uint16_t value_at(std::size_t frame, std::size_t pixel) {
   return static_cast<std::uint16_t>(1000 + 100 * frame + pixel);
 }
@@ -24,7 +24,7 @@ std::vector<T> plane_of(std::size_t frame, std::size_t pixels) {
   return plane;
 }
 
-// Of the first frames of 7x3, one after the other.
+// The first `frames` frames of 7x3, one after the other.
 inline std::vector<std::uint16_t> all_planes(std::size_t frames) {
   std::vector<std::uint16_t> values;
   for (std::size_t i = 0; i < frames; ++i)
@@ -32,21 +32,19 @@ inline std::vector<std::uint16_t> all_planes(std::size_t frames) {
   return values;
 }
 
-// Frame i, at its time; with a truth where the writer wants one.
+// Appends frame i at its nominal time, with truth if wanted.
 inline Status append(CaptureWriter& writer, std::size_t i, bool truth = false) {
   const auto plane = plane_of<std::uint16_t>(i, 21);
   const auto truth_plane = plane_of<float>(i, 21);
   return writer.append(0.005 * static_cast<double>(i), i, plane.data(), truth ? truth_plane.data() : nullptr);
 }
 
-// A capture of these frames, closed.
 inline void write_small(const std::filesystem::path& file, std::size_t frames, const WriterOptions& how = {}) {
   auto writer = must(CaptureWriter::create(file, small_info(), how));
   for (std::size_t i = 0; i < frames; ++i) ASSERT_TRUE(append(*writer, i, how.truth));
   ASSERT_TRUE(writer->close());
 }
 
-// Frames 0..n-1 are there, whole.
 inline void expect_frames(const CaptureReader& reader, std::size_t frames) {
   ASSERT_EQ(reader.info().frames, frames);
   for (std::size_t i = 0; i < frames; ++i) {

@@ -1,4 +1,4 @@
-"""A small archive of captures, what one process makes of it, and how far others are with it."""
+"""A small archive of captures, the reference outputs of one process, and the progress of others."""
 
 import filecmp
 import os
@@ -11,12 +11,12 @@ sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "tools"))
 from programs import run, wait_for  # noqa: E402
 
 TOTAL, FRAMES = 8, 60
-# Slow enough that a run can be met in its middle.
+# Slow enough to interrupt a run.
 SOLVER = ["--solver", "exact"]
 
 
 def set_up(*command):
-    """Runs what makes a cluster, or skips where it says that it can't."""
+    """Runs the cluster's script; skips the test if it cannot run here."""
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=60)
     if done.returncode == 77:
         print(f"skipped: {done.stderr.strip()}")
@@ -27,7 +27,7 @@ def set_up(*command):
 
 
 class Archive:
-    """captures/*.h5 and, in expected/, the outputs of one process for each."""
+    """captures/*.h5, and in expected/ the outputs of a single process."""
 
     def __init__(self, bolo):
         self.temporary = tempfile.TemporaryDirectory(prefix="bolo-cluster-")
@@ -47,19 +47,17 @@ class Archive:
 
 
 class Work:
-    """One way of doing the archive."""
-
     def __init__(self, archive, name):
         self.archive = archive
         self.out = archive.folder / name / "sharp"
         self.out.mkdir(parents=True)
 
     def done(self):
-        """The finished outputs: file and what changes when it is written again."""
+        """Finished outputs: file, and a value that changes when it is rewritten."""
         return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in self.out.glob("*.h5")}
 
     def wait_for_the_middle(self, ended=lambda: False):
-        """Some captures are finished, some are not. `ended` says whether those that do them have ended."""
+        """Waits until some captures are finished, but not all. `ended` tells whether the run has ended."""
         wait_for(lambda: self.done() or ended(), f"a finished capture in {self.out}")
         done = len(self.done())
         assert done >= 1, "it ended without any capture"
@@ -67,7 +65,7 @@ class Work:
         return done
 
     def differences(self):
-        """Files that differ from one process's, that are extra or missing."""
+        """Files that differ from a single process's, are extra or missing."""
         names = sorted(p.name for p in self.archive.expected.glob("*.h5"))
         there = sorted(p.name for p in self.out.iterdir())
         if names != there:
@@ -75,7 +73,7 @@ class Work:
         return [n for n in names if not filecmp.cmp(self.archive.expected / n, self.out / n, shallow=False)]
 
     def processes(self, variable):
-        """Processes that work at it, by the value of a variable of their environment."""
+        """Processes working on the run, by the value of one of their environment variables."""
         found = {}
         for process in pathlib.Path("/proc").glob("[0-9]*"):
             try:
@@ -83,7 +81,7 @@ class Work:
                 variables = dict(v.split(b"=", 1) for v in (process / "environ").read_bytes().split(b"\0") if b"=" in v)
             except OSError:
                 continue  # ended, or another user's
-            # The program itself, not the launcher that has it among its arguments.
+            # Only the program itself, not a launcher with it among the arguments.
             program = os.path.basename(self.archive.bolo).encode()
             if program in [os.path.basename(w) for w in words[:2]] and str(self.out).encode() in words:
                 found[variables.get(variable.encode(), b"").decode()] = int(process.name)

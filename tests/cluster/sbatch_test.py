@@ -1,6 +1,6 @@
 """bolo's command lines in tools/slurm/bolo-deblur.sbatch, without Slurm: sbatch_test.py SCRIPT.
 
-A program that prints its arguments stands for bolo.
+A program that prints its arguments replaces bolo.
 """
 
 import os

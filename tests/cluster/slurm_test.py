@@ -1,6 +1,6 @@
-"""The script for Slurm on a real Slurm of one node, whose tasks are killed: slurm_test.py BOLO SLURM SCRIPT.
+"""The Slurm script on a real one-node Slurm whose tasks are killed: slurm_test.py BOLO SLURM SCRIPT.
 
-Whatever is killed, the last job makes, byte for byte, what one process makes. Exit code 77: Slurm is not installed.
+Whatever is killed, the last job's outputs equal a single process's byte by byte. Exit code 77: Slurm is not installed.
 """
 
 import os
@@ -72,7 +72,7 @@ class Slurm(unittest.TestCase):
         wait_for(lambda: self.jobs() == [f"{job}_0 PENDING"], "the job back in the queue")
         before = self.work.done()
         self.assertLess(len(before), TOTAL)
-        # Slurm would wait for two minutes. A start in the second of the first one's end it would take for that one.
+        # Slurm would wait two minutes, and would take a restart within the same second for the first start.
         self.slurm("scontrol", "update", f"JobId={job}", "StartTime=now+2")
         wait_for(lambda: "start 1.1" in self.log(), "the task's second start")
         self.expect_done()

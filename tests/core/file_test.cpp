@@ -1,5 +1,4 @@
-// Files that are read, and the one rule of what is written: on real files, inputs, links, pipes, a disk that takes
-// nothing.
+// Input files, and the one rule for output files, on real files, devices, links, pipes and a full disk.
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -14,7 +13,7 @@
 
 namespace bolo::file_test {
 
-// --- Anything but a regular file is refused at once, by any name.
+// --- Anything but a regular file is refused at once, under any name.
 
 namespace fs = std::filesystem;
 
@@ -70,7 +69,7 @@ TEST_F(InputFileTest, ReadsNoMoreThanMayBe) {
   expect_error(read_input(scratch_ / "file", 2047), {"larger than the 1 KiB"});
 }
 
-// It was part of the first number, whose row was refused, or taken for a header.
+// A byte order mark is not part of the first number.
 TEST_F(InputFileTest, RowsAfterAByteOrderMarkAreRows) {
   const auto file = scratch_.text("rows.csv", "\357\273\2771,2\r\n3,4\r\n");
   double sum = 0.0;
@@ -82,8 +81,6 @@ TEST_F(InputFileTest, RowsAfterAByteOrderMarkAreRows) {
   }));
   EXPECT_EQ(sum, 10.0);
 }
-
-// --- Outputs.
 
 std::string content_of(const fs::path& file) { return read_input(file).value_or(""); }
 
@@ -129,7 +126,7 @@ TEST_F(OutputFileTest, AFolderThatTakesNoFileIsRefused) {
     const fs::path folder = scratch_ / "new";
     {
       const auto made = must(OutputFolder::make(folder / "sub"));
-      const auto again = must(OutputFolder::make(folder));  // which was there
+      const auto again = must(OutputFolder::make(folder));  // already exists
       if (writes) must(write_file(folder / "sub" / "new.h5", "new"));
     }
     EXPECT_EQ(fs::exists(folder), writes);
@@ -157,7 +154,7 @@ TEST_F(OutputFileTest, OutputsAreFilesAndDifferent) {
   EXPECT_TRUE(check_outputs({free_, {}}, {{}, input_}, Replace::kNothing)) << "empty names are none";
 }
 
-// Before any work, not after it, when what is written beside finds no name.
+// Names too long for the temporary file beside them are refused before any work, not after it.
 TEST_F(OutputFileTest, NamesAreShortEnoughForWhatIsWrittenBeside) {
   EXPECT_TRUE(write_file(scratch_ / std::string(239, 'n'), "new"));
   for (const std::size_t letters : {240U, 255U, 300U, 5000U}) {
@@ -165,7 +162,7 @@ TEST_F(OutputFileTest, NamesAreShortEnoughForWhatIsWrittenBeside) {
   }
 }
 
-// A link to a file gives way to the output; one to anything else is nobody's to lose, least of all /dev/stdout.
+// An output replaces a link to a file, but no link to anything else, least of all /dev/stdout.
 TEST_F(OutputFileTest, LinksToAnythingButFilesStay) {
   ASSERT_EQ(mkfifo((scratch_ / "pipe").c_str(), 0600), 0);
   for (const fs::path& target : {scratch_.path(), scratch_ / "pipe", fs::path("/dev/null"), fs::path("/proc/self/fd/1"),
@@ -182,7 +179,6 @@ TEST_F(OutputFileTest, LinksToAnythingButFilesStay) {
   EXPECT_EQ(content_of(there_), "there");
 }
 
-// Another program takes the name while the file is written: neither is lost.
 TEST_F(OutputFileTest, ANameThatIsTakenMeanwhileStays) {
   auto file = FileBeside::create(free_);
   ASSERT_TRUE(file);
@@ -195,7 +191,7 @@ TEST_F(OutputFileTest, ANameThatIsTakenMeanwhileStays) {
   EXPECT_NE(status.error().message.find(file->path().string()), std::string::npos) << status.error().message;
 }
 
-// Who may write to the folder's parent puts a link to another's folder in its place while the file is written.
+// Race: with write access to the parent folder, another user replaces the folder by a link while the file is written.
 TEST_F(OutputFileTest, WhatAFolderThatBecomesALinkStandsForStays) {
   const fs::path folder = scratch_ / "folder";
   const fs::path theirs = scratch_ / "theirs";
@@ -234,7 +230,7 @@ TEST_F(OutputFileTest, WithoutPublishNothingStays) {
   EXPECT_EQ(content_of(there_), "there");
 }
 
-// The limit on the size of files stands for a full disk.
+// The file size limit stands in for a full disk.
 TEST_F(OutputFileTest, AFullDiskCostsNothing) {
   const int end = in_child([&] {
     signal(SIGXFSZ, SIG_IGN);

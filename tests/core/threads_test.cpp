@@ -1,4 +1,4 @@
-// Work that is shared out, also where the system gives no thread, and what is said of that.
+// Work shared out among threads, also when the system gives no thread, and the message about it.
 #include "src/core/threads.hpp"
 #include "tests/no_threads.hpp"
 

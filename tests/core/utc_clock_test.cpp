@@ -7,14 +7,14 @@ constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kSecond = 1'000 * kMs;
 constexpr std::int64_t kEpoch = 1'763'926'262 * kSecond;
 
-// A host's clocks. Each read takes a while.
+// Fake host clocks. Each read takes `read_ns`.
 struct Host {
   std::int64_t monotonic_ns = 5 * kSecond;
   std::int64_t offset_ns = kEpoch;
   std::int64_t read_ns = 30;
-  std::int64_t stall_ns = 0;  // before the next read of UTC, once
+  std::int64_t stall_ns = 0;  // once, before the next read of UTC
   ClockState state{true, 2 * kMs};
-  int state_reads = 0;  // at the state
+  int state_reads = 0;  // reads of `state`
 };
 Host host;
 
@@ -32,7 +32,6 @@ ClockState state() noexcept {
 class UtcClockTest : public testing::Test {
  protected:
   void SetUp() override { host = {}; }
-  // The next frame, 5 ms later.
   bool frame() {
     host.monotonic_ns += 5 * kMs;
     return clock_.update(host.monotonic_ns);
@@ -45,7 +44,7 @@ TEST_F(UtcClockTest, UtcIsMonotonicTimeAndAnOffsetThatStays) {
   const std::int64_t offset = clock_.at(0);
   EXPECT_NEAR(static_cast<double>(offset - kEpoch), 0.0, 100.0);
   for (int i = 0; i < 2000; ++i) {
-    if (i % 50 == 0) host.stall_ns = 4 * kMs;  // the thread loses its processor between the two clocks
+    if (i % 50 == 0) host.stall_ns = 4 * kMs;  // preempted between reading the two clocks
     ASSERT_FALSE(frame()) << i;
     ASSERT_EQ(clock_.at(0), offset) << i;
   }

@@ -1,4 +1,4 @@
-// Each correction against the effect, written here a second time in double precision.
+// Each correction against an independent double-precision model of its effect.
 #include "src/corrections/chain.hpp"
 #include "src/model/bolometer.hpp"
 #include "tests/motion/scenes.hpp"
@@ -9,7 +9,7 @@ namespace bolo::corrections::chain_test {
 constexpr Geometry kSmall{24, 16};
 constexpr double kTau = 0.011;
 constexpr double kPeriod = 0.005;
-constexpr double kRounding = 0.02;  // of floats of 30,000 counts, K / 100: 0.2 mK
+constexpr double kRounding = 0.02;  // float rounding at 30,000 counts of K / 100: 0.2 mK
 
 using Frames = std::vector<std::vector<double>>;
 
@@ -20,7 +20,7 @@ std::unique_ptr<Chain> make(const model::Undo& undo, const StreamFormat& format 
   return *must(Chain::create({undo, {}, {}, 0.03}, format, 4));
 }
 
-// Counts of a scene: every pixel walks about by itself.
+// Counts of a scene: an independent random walk in each pixel.
 Frames walks(std::size_t frames, double step, Geometry geometry = kSmall) {
   std::mt19937 random(7);
   std::normal_distribution<double> normal;
@@ -36,7 +36,6 @@ struct Passed {
   Frames planes;
 };
 
-// The frames of `ids` through the chain.
 Passed pass(Chain& chain, const Frames& frames, const std::vector<std::uint64_t>& ids) {
   Passed passed{ids, {}};
   const std::size_t pixels = chain.format().geometry.pixels();
@@ -74,7 +73,7 @@ double worst(const Passed& passed, const Frames& wanted, std::size_t from = 0) {
   return most;
 }
 
-// Each frame mixed with the one before, as it was or as it was shown.
+// Temporal filter: each frame mixed with the previous input, or, if recursive, the previous output.
 Frames filtered(const Frames& x, double weight, bool recursive) {
   Frames y = x;
   for (std::size_t k = 1; k < x.size(); ++k) {
@@ -133,7 +132,7 @@ TEST(Corrections, ASlowPoleIsTakenOut) {
   EXPECT_LT(worst(pass(*chain, shown, all_of(shown)), fast), 10.0 * kRounding);
 }
 
-// RMS of the frames' mean errors.
+// RMS of each frame's mean error.
 double common_rms(const Frames& seen, const Frames& wanted, std::size_t from) {
   double squares = 0.0;
   for (std::size_t k = from; k < seen.size(); ++k) {
@@ -148,7 +147,7 @@ double common_rms(const Frames& seen, const Frames& wanted, std::size_t from) {
 
 constexpr Geometry kPicture{96, 48};
 
-// Edges pass by, in counts; noise of 3. With `slopes` no pixel is still.
+// Moving edges in counts with noise of 3. With `slopes` no pixel is still.
 Frames moving_scene(std::size_t frames, double slopes = 0.0) {
   std::mt19937 random(3);
   std::normal_distribution<double> noise(0.0, 3.0);
@@ -221,7 +220,7 @@ TEST(Corrections, CurvesOfRadianceAndEmissivityAreInverted) {
   }
 }
 
-// A pixel in equilibrium: y (1 + n c) = x + c sum y_n, on 4 x 3 pixels of which one is dead and taken for the mean of
+// A pixel in equilibrium: y (1 + n c) = x + c sum y_n, on 4 x 3 pixels, one of them dead and replaced by the mean of
 // its neighbours.
 TEST(Corrections, HeatThatFlowsSidewaysIsGivenBack) {
   constexpr Geometry kTiny{4, 3};
@@ -268,7 +267,7 @@ TEST(Corrections, HeatThatFlowsSidewaysIsGivenBack) {
     chain.apply(0, {0, 12});
     chain.finish();
     const auto* const corrected = static_cast<const float*>(chain.plane());
-    std::vector<float> solved;  // what the solver makes of a still scene
+    std::vector<float> solved;  // solver output for a still scene
     for (std::size_t p = 0; p < 12; ++p) {
       EXPECT_NEAR(static_cast<double>(corrected[p]), 100.0 * y[p], 0.6) << p;
       solved.push_back(0.01F * corrected[p]);
@@ -299,7 +298,7 @@ TEST(Corrections, APatternThatStaysWhileTheSceneMovesIsTakenOut) {
     const double offset = normal(random);
     for (auto& frame : seen) frame[p] += offset;
   }
-  const auto left = [&](Chain& chain) {  // root mean square in the last frame
+  const auto left = [&](Chain& chain) {  // RMS error of the last frame
     const Passed passed = pass(chain, seen, all_of(seen));
     double squares = 0.0;
     for (std::size_t p = 0; p < kPicture.pixels(); ++p) {

@@ -1,4 +1,3 @@
-// Corrections of single pixels: gain and offset, time constants of their own, dead pixels.
 #include "src/corrections/pixel_correction.hpp"
 #include "tests/deblur/inputs.hpp"
 #include "tests/deblur/solve.hpp"
@@ -31,7 +30,7 @@ PixelCorrection make(const model::PixelMaps& maps, Geometry geometry, const Sett
 
 using Planes = std::vector<std::vector<float>>;
 
-// Frames one period apart; an empty one is lost.
+// Corrects frames one period apart; an empty plane is a lost frame.
 Planes correct_all(PixelCorrection& correction, Planes planes) {
   std::uint64_t periods = 0;
   for (auto& plane : planes) {
@@ -47,7 +46,7 @@ Planes correct_all(PixelCorrection& correction, Planes planes) {
   return planes;
 }
 
-// A pan over a scene with noise, as a camera of `tau_s` gives it.
+// A pan over a scene with noise, seen by a camera of time constant `tau_s`.
 Planes pan(int frames, double tau_s, Geometry geometry, std::uint32_t seed) {
   Planes planes(static_cast<std::size_t>(frames), std::vector<float>(geometry.pixels()));
   InputSource source(frames, Settings().period_s / tau_s, seed);
@@ -86,7 +85,7 @@ std::vector<double> response(const std::vector<double>& input, double decay, dou
   return y;
 }
 
-// The samples of a pixel of another tau become those that the nominal one gives for the same input.
+// Samples of a pixel with another tau become those of the nominal tau for the same input.
 TEST(PixelCorrection, EqualisesTimeConstantsOverGaps) {
   for (const double factor : {0.8, 0.95, 1.05, 1.2, 3.0}) {
     for (const bool gap : {false, true}) {
@@ -113,8 +112,8 @@ TEST(PixelCorrection, EqualisesTimeConstantsOverGaps) {
   }
 }
 
-// Its memory of frames before a window cancels in the window's first sample, but for the mean that the prior sees:
-// thousandths of a kelvin.
+// The correction's state from frames before the window cancels in the window's first sample, except for the mean that
+// the prior uses: thousandths of a kelvin.
 TEST(PixelCorrection, WindowsDoNotDependOnWhenItBegan) {
   for (const Method method : {Method::kInverse, Method::kExact}) {
     const Settings settings{.method = method, .lambda = 1e-4};
@@ -163,7 +162,7 @@ TEST(PixelCorrection, FillsDeadPixelsFromGoodNeighbours) {
   model::PixelMaps maps;
   maps.dead.assign(49, 0);
   maps.dead[0] = 1;                // a corner
-  for (const int y : {2, 3, 4}) {  // a hole whose middle has only dead neighbours
+  for (const int y : {2, 3, 4}) {  // the centre has only dead neighbours
     for (const int x : {2, 3, 4}) maps.dead[static_cast<std::size_t>(7 * y + x)] = 1;
   }
   PixelCorrection correction = make(maps, {7, 7});
@@ -183,8 +182,8 @@ TEST(PixelCorrection, FillsDeadPixelsFromGoodNeighbours) {
   }
 }
 
-// Loss from solving equalised samples with the nominal tau: the prior then weighs the input as it is, but the residuals
-// as the nominal pixel's. Against the exact optimum with the pixel's own tau, pan with 0.03 K of noise.
+// Cost of solving equalised samples with the nominal tau: the prior weighs the right input, but residuals are weighed
+// as the nominal pixel's. Reference: exact optimum with the pixel's own tau; pan, 0.03 K of noise.
 void expect_little_cost(double spread) {
   SCOPED_TRACE(spread);
   const Geometry geometry{64, 1};

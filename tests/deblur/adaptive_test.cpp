@@ -1,4 +1,4 @@
-// The estimators that look at a pixel's surroundings: lambda = auto and mmae, with and without corrections.
+// Estimators that use a pixel's neighbourhood: lambda = auto and mmae, with and without corrections.
 #include "src/deblur/auto_lambda_solver.hpp"
 #include "tests/deblur/solve.hpp"
 #include "tests/motion/scenes.hpp"
@@ -24,7 +24,7 @@ double scene(double x, double y) {
   return 300.0 + 6.0 * std::sin(0.11 * x + 0.2 * y) + (std::sin(0.05 * x - 0.11 * y) > 0.0 ? 5.0 : 0.0);
 }
 
-// Float kelvin planes of a pan at `px_per_frame`, thermal inertia tau, seen by rows `delay` frames later each.
+// Float planes in kelvin of a pan at `px_per_frame`, with thermal inertia tau; each row is read `delay` frames later.
 std::vector<std::vector<float>> movie(double px_per_frame, double noise_k, double delay = 0.0) {
   const auto moving = [=](double x, double y, double t) { return scene(x - px_per_frame * (t + delay * y), y); };
   auto frames = motion::testing::watch(moving, kFrame, Settings().tau_s / Settings().period_s, kWindow);
@@ -42,7 +42,7 @@ std::vector<float> whole_frame(Solver& solver, const WindowView& view) {
   return testing::whole_frame(solver, view, kFrame);
 }
 
-// Against the scene at the newest frame's time, rows 4 and up and down alike.
+// RMS error against the scene at the newest frame's time, in all rows alike.
 double rms_error(const std::vector<float>& out, double px_per_frame) {
   double sum = 0.0;
   for (std::size_t i = 0; i < out.size(); ++i) {
@@ -67,7 +67,7 @@ TEST_P(Adaptive, RowsThatAreReadLaterAreBroughtToTheFramesTime) {
   if (GetParam() == Estimator::kMmae) {
     EXPECT_LT(with, 0.9 * without);
   } else {
-    EXPECT_LT(with, 1.01 * without);  // at the window's end the last bin is all there is
+    EXPECT_LT(with, 1.01 * without);  // at the window's end only the last bin is left
   }
 }
 
@@ -100,7 +100,7 @@ TEST_P(Adaptive, IsBetterThanTheSamples) {
       const double blurred = rms_error(planes.back(), speed);
       const auto solver = make(settings_of(GetParam()));
       const double sharp = rms_error(whole_frame(*solver, {window, kWindow - 1}), speed);
-      const double limit = speed == 0.0 ? 0.3 : noise < 0.1 ? 0.6 : 1.02;  // still: 17 samples' mean has 0.24
+      const double limit = speed == 0.0 ? 0.3 : noise < 0.1 ? 0.6 : 1.02;  // still: the mean of 17 samples has 0.24
       EXPECT_LT(sharp, limit * blurred) << noise << " K, " << speed << " px/frame";
       EXPECT_GT(solver->noise_k(), 0.8 * noise);
     }

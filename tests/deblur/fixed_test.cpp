@@ -1,4 +1,4 @@
-// The sweeps in int16: against plain integers that overflow nowhere, at every corner of what t can be.
+// The int16 sweeps against integers that cannot overflow, at every corner of the range of t.
 #include "src/deblur/method.hpp"
 #include "tests/deblur/solve.hpp"
 
@@ -15,7 +15,7 @@ DualPlan plan_of(int window, double rate_hz, double lambda_half, int levels = 7)
   return plan;
 }
 
-// One pixel in integers, a step after the other as the kernel takes them.
+// Integer reference of the kernel for one pixel, step by step.
 class Twin {
  public:
   explicit Twin(const DualPlan& plan) : plan_(plan), t_(size(plan.bins)), jump_(size(plan.bins + 1)) {}
@@ -73,7 +73,7 @@ class Twin {
     const int pull = half > 1 ? product(row.pull, seen(left - middle)) + product(row.pull, seen(end - middle))
                               : product(row.pull, seen(left + sign * end));
     const int rest = seen(seen(pull) + product(row.keep, t_[size(i)]));
-    seen(std::abs(rest) + row.bound);  // what saturates is beyond the bound, whatever is added
+    seen(std::abs(rest) + row.bound);  // a saturated sum is clamped to the bound anyway
     const int next = std::clamp(c[size(i)] + rest, -row.bound, +row.bound);
     const int moved = seen(next - t_[size(i)]);
     t_[size(i)] = next;
@@ -88,7 +88,7 @@ class Twin {
   int largest_ = 0;
 };
 
-// Signs of c: all there are, or, of many bins, as many as a test can wait for.
+// Signs of c: all combinations, or, for many bins, 4096 random ones.
 std::vector<std::vector<int>> corners(int bins) {
   std::mt19937 random(5);
   const std::size_t count = bins <= 16 ? std::size_t{1} << bins : 4096;
@@ -102,7 +102,7 @@ std::vector<std::vector<int>> corners(int bins) {
   return result;
 }
 
-// Samples, by planes, whose c is `units` times these signs.
+// Sample planes whose c is `units` times these signs.
 std::vector<std::vector<float>> samples_of(const DualPlan& plan, const std::vector<std::vector<int>>& signs,
                                            double units) {
   const auto bins = static_cast<std::size_t>(plan.bins);
@@ -124,7 +124,7 @@ std::vector<std::vector<float>> samples_of(const DualPlan& plan, const std::vect
       y.push_back(decay * y.back() + x);
       decayed.push_back(decay * decayed.back());
     }
-    // c_0 is without the mean: there is none with this first sample.
+    // Choose the first sample for a mean of zero: c_0 is computed without the mean.
     const double first =
         -std::accumulate(y.begin(), y.end(), 0.0) / std::accumulate(decayed.begin(), decayed.end(), 0.0);
     for (std::size_t k = 0; k <= bins; ++k) planes[k][pixel] = static_cast<float>(y[k] + first * decayed[k]);
@@ -146,7 +146,7 @@ std::vector<float> solve(const DualPlan& plan, const std::vector<std::vector<flo
   return out;
 }
 
-// c beyond int16, so that every t is at its bound, and then within.
+// First c beyond int16, so that every t is at its bound; then c within the range.
 void expect_twin(int window, double rate_hz) {
   const DualPlan plan = plan_of(window, rate_hz, static_cast<double>(kLambda));
   ASSERT_GT(plan.fixed.unit, 0.0F);
@@ -170,13 +170,13 @@ void expect_twin(int window, double rate_hz) {
     }
     EXPECT_LE(twin.largest(), 32767) << window << " frames";
     const bool corner = units > 32767.0 && plan.bins == 16;
-    EXPECT_GE(twin.largest(), corner ? 32650 : 0);  // or the unit could be smaller
+    EXPECT_GE(twin.largest(), corner ? 32650 : 0);  // a smaller value would allow a smaller unit
   }
 }
 
 TEST(Fixed, IsPlainIntegersAndNothingOverflows) {
   for (const std::string_view isa : available_isas()) {
-    if (isa == "scalar") continue;  // it is in floats there
+    if (isa == "scalar") continue;  // the scalar kernel uses floats
     ASSERT_TRUE(force_isa(isa));
     for (const int window : {3, 5, 9, 17, 33, 65}) expect_twin(window, 200.0);
     for (const double rate_hz : {60.0, 100.0, 400.0}) expect_twin(9, rate_hz);

@@ -5,7 +5,7 @@
 
 namespace bolo::deblur::golden_test {
 
-// Estimate of one pixel by solver.hpp: kelvin in, kelvin out.
+// Estimate of one pixel through solver.hpp, K, from samples in K.
 double estimate(const Settings& settings, const std::vector<float>& y, const std::vector<int>& received) {
   const auto solver = testing::make(settings, testing::kelvin({1, 1}, settings.period_s));
   if (!solver) return std::nan("");
@@ -22,9 +22,9 @@ struct Error {
   double rms() const { return std::sqrt(squares / cases); }
 };
 
-// Fixed iterations are too few where nothing but lambda pulls at a direction and the way is long: windows of white
-// noise of 20 K with lost frames, and rates at which a frame needs more than one unknown. Scenes do not look like the
-// first; for the second `exact` is there.
+// Fixed iterations are too few where only lambda constrains a direction and the optimum is far away: windows of 20 K
+// white noise with lost frames, and rates at which a frame needs more than one unknown. Scenes do not look like the
+// first; `exact` is meant for the second.
 bool fixed_iterations_reach(const nlohmann::json& c) {
   const auto received = c.at("received").get<std::vector<int>>();
   const bool gap = std::find(received.begin(), received.end(), 0) != received.end();
@@ -32,7 +32,7 @@ bool fixed_iterations_reach(const nlohmann::json& c) {
   return reduces && !(gap && c.at("name") == "noise");
 }
 
-// Errors in K by lambda.
+// Errors in K, by lambda.
 std::map<double, Error> errors_of(Method method) {
   std::ifstream file(BOLO_GOLDEN_FILE);
   const nlohmann::json golden = nlohmann::json::parse(file);

@@ -1,4 +1,4 @@
-// Windows of samples for tests, tuning and benchmarks: what moving scenes, noise and defects do to a pixel.
+// Windows of samples for tests, tuning and benchmarks: one pixel under moving scenes, noise and defects.
 #pragma once
 
 #include "tests/test.hpp"
@@ -15,7 +15,7 @@ constexpr std::string_view name(Input input) {
   return kNames[static_cast<int>(input)];
 }
 
-// One pixel's samples, K, as they leave a camera with 10 mK a count and range 0 to 655.35 K.
+// One pixel's samples in K, as from a camera with 10 mK a count and a range of 0 to 655.35 K.
 class InputSource {
  public:
   InputSource(int slots, double ratio, std::uint32_t seed) : slots_(slots), ratio_(ratio), random_(seed) {}
@@ -34,7 +34,7 @@ class InputSource {
         break;
       case Input::kSpikes:
         y[pick(slots_)] += 300.0;
-        break;  // a defect, not a scene: one sample jumps
+        break;  // a defect, not a scene: an outlier in one sample
       case Input::kPan:
         y = blurred(pan(), 0.03);
         break;
@@ -53,7 +53,7 @@ class InputSource {
   std::size_t pick(int count) { return static_cast<std::size_t>(std::uniform_int_distribution(0, count - 1)(random_)); }
 
  private:
-  static constexpr int kBefore = 40;  // frames before the window, so that it begins in the middle of the scene
+  static constexpr int kBefore = 40;  // frames before the window: it begins in the middle of the scene
 
   std::vector<double> scene(double value) const {
     return std::vector<double>(static_cast<std::size_t>(slots_ + kBefore), value);
@@ -72,7 +72,7 @@ class InputSource {
     return x;
   }
 
-  // Rests and jumps, as edges of a street pass: every other frame a change of 1.5 K rms, now and then 8 K.
+  // Constant stretches and steps, like passing edges of a street: every other frame a step of 1.5 K rms, sometimes 8 K.
   std::vector<double> pan() {
     std::vector<double> x = scene(300.0);
     std::normal_distribution<double> change(0.0, 1.5);

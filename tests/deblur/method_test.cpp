@@ -1,4 +1,4 @@
-// Duties of every PixelMethod to PlaneSolver: a lambda for each pixel, and any mean of two bins.
+// Requirements of PlaneSolver on every PixelMethod: a lambda for each pixel, and any mean of two bins.
 #include "src/deblur/method.hpp"
 #include "tests/deblur/inputs.hpp"
 #include "tests/deblur/solve.hpp"
@@ -33,7 +33,6 @@ class Methods : public ::testing::TestWithParam<Way> {
     pattern_ = pattern_of({pointers_, 16});
   }
 
-  // All pixels with a solver for `lambda_half`.
   std::vector<float> run(double lambda_half, const Published& published, const float* lambda = nullptr) const {
     const auto method = GetParam().make(task_of(GetParam().levels, lambda_half));
     method->prepare(pattern_);

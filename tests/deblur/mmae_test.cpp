@@ -1,4 +1,4 @@
-// Multiple-model adaptive estimation against the same in plain double precision.
+// Multiple-model adaptive estimation against a plain double-precision reference.
 #include <Eigen/Dense>
 
 #include "src/deblur/kernels.hpp"
@@ -17,7 +17,7 @@ Settings settings_with(double noise_k, int lookahead = 0) {
   return {.method = Method::kMmae, .noise_k = noise_k, .lookahead = lookahead};
 }
 
-// A window of a scene that moves to the right, some of it faster, through the thermal inertia, with noise.
+// A window of a scene that moves to the right, parts of it faster, with thermal inertia and noise.
 class Movie {
  public:
   Movie(Geometry geometry, double noise_k, double px_per_frame = 0.7) : geometry_(geometry) {
@@ -47,7 +47,7 @@ class Movie {
   std::vector<const void*> pointers_;
 };
 
-// A pixel's share of a model's log likelihood, from its differences in time.
+// One pixel's log likelihood of a model, from its temporal differences.
 double likelihood(const ModelTables& tables, std::vector<double> d, std::size_t model) {
   const std::size_t n = d.size();
   const auto split = static_cast<std::size_t>(tables.split);
@@ -66,7 +66,7 @@ double likelihood(const ModelTables& tables, std::vector<double> d, std::size_t 
   return sum;
 }
 
-// The definition: posterior of each block, weights between blocks' centres, filter.
+// Reference by definition: posterior of each block, weights interpolated between block centres, filter.
 class Reference {
  public:
   Reference(const Movie& movie, Geometry geometry, const ModelTables& tables, double noise)
@@ -227,7 +227,7 @@ TEST(MotionModels, WeightsSumToOne) {
                 1e-6);  // still: the mean
 }
 
-// The covariances are those of a simulated process: a slow and a fast model, by drawing.
+// The covariances are those of a simulated process: Monte Carlo for a slow and a fast model.
 TEST(MotionModels, SamplesHaveTheProcessCovariance) {
   const Settings settings = settings_with(0.1);
   const MotionModels models(settings, {0.0});
@@ -241,7 +241,7 @@ TEST(MotionModels, SamplesHaveTheProcessCovariance) {
         sum += factor[static_cast<std::size_t>(a * n + k)] * factor[static_cast<std::size_t>(b * n + k)];
       return sum / 0.1;
     };
-    // By steps of 0.1 ms: x is stationary with the scene's autocovariance (pixel width left out: it is small here).
+    // In steps of 0.1 ms: x is stationary with the scene's autocovariance (pixel width neglected: it is small here).
     const double step = 1e-4;
     const int history = 1500;
     std::vector<double> kernel(static_cast<std::size_t>(history));
@@ -265,7 +265,7 @@ TEST(MotionModels, SamplesHaveTheProcessCovariance) {
   }
 }
 
-// Samples that lie alike from both ends, an even and an odd number of differences, and some that do not.
+// Sample times symmetric about the window's centre, with an even and an odd number of differences, and asymmetric.
 TEST(MotionModels, ScoresAreTheSamplesLogLikelihood) {
   const Settings settings = settings_with(0.1);
   const MotionModels models(settings, {0.0});
@@ -297,7 +297,7 @@ TEST(MotionModels, ScoresAreTheSamplesLogLikelihood) {
   }
 }
 
-// Of a capture that states a wrong period.
+// From a capture that states a wrong period.
 TEST(MotionModels, ManyFramesInATimeConstantTakeNoLonger) {
   const auto ticks_with = [](double frames) {
     Settings settings = settings_with(0.1);
@@ -334,7 +334,7 @@ TEST(NoiseMeter, IsNotFooledBySaturatedPixels) {
   EXPECT_NEAR(solver->noise_k(), 0.1, 0.008);
 }
 
-// Cut off at 300 K, in the midst of the noise: as where a camera's range ends within the picture.
+// Clipped at 300 K within the noise, as where a camera's range ends within the scene.
 TEST(NoiseMeter, IsNotFooledByValuesCutOffAtTheRangesEnd) {
   const Geometry g{320, 64};
   for (const double speed : {0.0, 0.7}) {

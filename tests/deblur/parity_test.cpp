@@ -47,8 +47,8 @@ std::vector<float> solve(const Case& c, Method method, double lambda_half,
   return testing::whole_frame(*solver, view, {c.pixels, 1});
 }
 
-// Which pixels have one optimum. Slow cameras' columns depend on each other: where those that are used, or as good as
-// used, do, several inputs are optimal, and exact and fast methods may show different ones.
+// Pixels with a unique optimum. At slow cameras' rates the columns are linearly dependent: where the active or nearly
+// active ones are, several inputs are optimal, and exact and fast methods may find different ones.
 std::vector<bool> unique_optimum(const Case& c, double lambda_half, const std::vector<std::vector<float>>& planes) {
   std::vector<bool> unique(static_cast<std::size_t>(c.pixels), true);
   const Settings s = settings_of(c, Method::kExact, lambda_half);
@@ -109,8 +109,8 @@ Error difference(const std::vector<float>& a, const std::vector<float>& b, const
 }
 
 const std::vector<Input> kAll(std::begin(kInputs), std::end(kInputs));
-// With lost frames the values in the gap are held by lambda alone: 20 K of white noise, or samples that jump between
-// the ends of the range, leave a long way to go along it, which no scene does.
+// With lost frames only lambda constrains the values in the gap: for 20 K of white noise, or samples that jump between
+// the ends of the range, the optimum is far away, unlike for any scene.
 const std::vector<Input> kScenes = {Input::kSteps, Input::kPulses, Input::kPan, Input::kConstant};
 
 void expect_parity(const Case& c, const std::vector<Input>& inputs = kAll,
@@ -125,7 +125,7 @@ void expect_parity(const Case& c, const std::vector<Input>& inputs = kAll,
     for (const double lambda : lambdas) {
       const std::vector<float> exact = solve(c, Method::kExact, lambda, planes);
       const std::vector<bool> unique = unique_optimum(c, lambda, planes);
-      // Samples that jump between the ends of the range are full of ties.
+      // Saturated samples have many ties.
       if (input != Input::kSaturated) {
         EXPECT_GE(2 * std::count(unique.begin(), unique.end(), true), c.pixels) << name(input) << ", " << c.text();
       }
@@ -162,8 +162,8 @@ TEST(Parity, OfSlowCameras) {
   for (const int levels : {5, 6, 8}) expect_parity({17, levels, 25.0, 0, {}, 40});
 }
 
-// A step less, or none after the first whole one with the least smoothing, leaves some of so many pixels 50 mK and
-// more.
+// With one step less, or none after the first whole step at the least smoothing, some of this many pixels are off by 50
+// mK and more.
 TEST(Parity, OfSlowCamerasOverManyPixels) {
   for (const double rate_hz : {30.0, 25.0, 15.0}) expect_parity({17, 7, rate_hz, 0, {}, 300});
 }
@@ -175,7 +175,7 @@ TEST(Parity, OfSlowCamerasWithLostFrames) {
   }
 }
 
-// Fixed steps, not the exact method's way to convergence, which takes half a second a frame.
+// A fixed number of steps, not the exact method's convergence, which takes half a second a frame.
 TEST(Parity, SlowCamerasKeepTheFastMethods) {
   const StreamFormat format{.geometry = {8, 1}, .frame_period_s = 0.04};
   for (const Method method : {Method::kAdmm, Method::kDual}) {
@@ -229,7 +229,7 @@ void expect_parity_without_two(int lookahead) {
   }
 }
 
-// More would be exact as well, at many times the cost.
+// More moves than lost frames would be exact as well, at many times the cost.
 TEST(Parity, LostFramesAreMovedNoMoreOftenThanTheyAreMany) {
   for (std::size_t first = 0; first < 16; ++first) {
     for (std::size_t second = first + 1; second < 17; ++second) {
@@ -246,7 +246,7 @@ TEST(Parity, OneLostFrameAddsNoSweep) {
       const DualPlan plan = plan_without({slot}, lambda);
       EXPECT_EQ(plan.sweeps + plan.near_sweeps, whole.sweeps + whole.near_sweeps) << "without " << slot;
       EXPECT_LE(plan.sweeps, whole.sweeps + (whole.near_sweeps > 0 ? 1 : 0)) << "without " << slot;
-      // Those of pairs are right before the only sweep over everything.
+      // Balances of pairs are right before the only sweep over everything.
       EXPECT_LT(slot % 2 == 0 ? plan.first_balance : 0, plan.sweeps) << "without " << slot;
     }
   }

@@ -1,4 +1,4 @@
-// Rows that are read out one after the other, published at the frame's one time.
+// Rolling read-out: rows read one after the other, published at one frame time.
 #include "src/deblur/grid.hpp"
 #include "tests/deblur/solve.hpp"
 #include "tests/refusal.hpp"
@@ -17,7 +17,7 @@ std::unique_ptr<Solver> make(const Settings& s, double row_delay_s, int row_step
   return testing::make(s, format, PixelType::kFloat32, row_delay_s);
 }
 
-// Response of a rolling read-out to an input that rises by `slope` K a second everywhere, long since: y = x(t - tau).
+// Response of a rolling read-out to an input that has long been rising by `slope` K/s everywhere: y = x(t - tau).
 class Ramp {
  public:
   Ramp(const Settings& s, double row_delay_s, double slope) : target_(s.window - 1 - s.lookahead) {
@@ -46,7 +46,7 @@ std::vector<float> solve(const Settings& s, const WindowView& view, double row_d
   return testing::whole_frame(*make(s, row_delay_s, row_step), view, kFrame);
 }
 
-// Largest difference of the rows from row 0, K.
+// Largest difference from row 0, K.
 double skew(const std::vector<float>& out) {
   double largest = 0.0;
   for (const float value : out) {
@@ -57,7 +57,7 @@ double skew(const std::vector<float>& out) {
 
 class RowDelay : public ::testing::TestWithParam<std::tuple<Method, double>> {};
 
-// delay of the last row, in periods: below and beyond a half, one, and two.
+// Delay of the last row in periods: below and above a half, one, and two.
 TEST_P(RowDelay, StraightensAMovingRamp) {
   const auto [method, periods] = GetParam();
   const Settings s = settings_for(method, 2);
@@ -81,7 +81,7 @@ INSTANTIATE_TEST_SUITE_P(Solver, RowDelay,
 
 class RowDelayOf : public ::testing::TestWithParam<Method> {};
 
-// At the window's end rows up to half a period late have only the last bin; later ones are put right.
+// At the window's end, rows up to half a period late have only the last bin; rows later than that are corrected.
 TEST_P(RowDelayOf, IsLimitedToTheLastBinWithoutLookAhead) {
   const Settings s = settings_for(GetParam(), 0);
   const double row_delay_s = 2.0 * s.period_s / (kFrame.height - 1);

@@ -1,4 +1,4 @@
-// Shared by the tests of the solvers: streams of float kelvin, and whole frames or parts of them solved.
+// Shared by the solver tests: float streams in kelvin, solved as whole frames or in parts.
 #pragma once
 
 #include "src/deblur/solver.hpp"
@@ -23,7 +23,7 @@ std::vector<T> whole_frame(Solver& solver, const WindowView& view, Geometry geom
   return out;
 }
 
-// Of a window of planes that stay where they are.
+// Pointers to the planes of a window; the planes must not move.
 template <typename T>
 std::vector<const void*> pointers_to(const std::vector<std::vector<T>>& planes) {
   std::vector<const void*> pointers;
@@ -31,7 +31,7 @@ std::vector<const void*> pointers_to(const std::vector<std::vector<T>>& planes) 
   return pointers;
 }
 
-// Parts and points of a window that is prepared have the bits of the whole frame, and nothing else is written.
+// Parts and points of a prepared window equal the whole frame bit by bit, and nothing else is written.
 template <typename T>
 void expect_parts(Solver& solver, const WindowView& view, Geometry geometry, const std::vector<T>& whole,
                   std::initializer_list<Region> parts, const std::vector<std::uint32_t>& points) {

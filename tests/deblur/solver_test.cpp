@@ -1,4 +1,4 @@
-// The vector kernels of every instruction set against the plain reference, on scenes and on what no scene shows.
+// The vector kernels of every instruction set against plain references, on scenes and on extreme samples.
 #include "src/deblur/solver.hpp"
 
 #include <Eigen/Dense>
@@ -16,12 +16,12 @@ namespace bolo::deblur::solver_test {
 
 using namespace testing;
 
-// --- The kernels' plain twins: one pixel, double precision, full matrices.
+// --- References for the kernels: one pixel, double precision, full matrices.
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// M G: rows are slots; the reference's and those of lost frames are zero.
+// M G: rows are slots; rows of the reference slot and of lost frames are zero.
 MatrixXd response(const Grid& grid, const Pattern& pattern) {
   MatrixXd g = MatrixXd::Zero(pattern.slots, grid.bins);
   const double part = grid.ratio / grid.parts;
@@ -34,7 +34,7 @@ MatrixXd response(const Grid& grid, const Pattern& pattern) {
   return g;
 }
 
-// M Y of the samples less their mean.
+// M Y of the samples minus their mean.
 VectorXd data(const Grid& grid, const Pattern& pattern, std::span<const double> y, double mean) {
   VectorXd result = VectorXd::Zero(pattern.slots);
   for (int slot = pattern.first + 1; slot < pattern.slots; ++slot) {
@@ -60,7 +60,7 @@ VectorXd without_mean(std::span<const double> y, double mean) {
   return result;
 }
 
-// The wavelets in the order of the in-place butterflies.
+// Haar wavelets in the order of the in-place butterflies.
 MatrixXd in_place_haar(int bins) {
   MatrixXd h = MatrixXd::Constant(1, bins, 1.0 / std::sqrt(bins)).replicate(bins, 1);
   for (int i = 1; i < bins; ++i) {
@@ -72,14 +72,14 @@ MatrixXd in_place_haar(int bins) {
   return h;
 }
 
-// A coefficient and the bins of the tree that it is visited with.
+// A coefficient and the bins of the tree with which it is visited.
 struct Visit {
   int coefficient = 0;
   int begin = 0;
   int end = 0;
 };
 
-// The order in which a sweep visits the coefficients: coarse to fine, in trees of two levels, every other tree first. A
+// Order in which a sweep visits the coefficients: coarse to fine, in trees of two levels, every other tree first. A
 // near sweep leaves out trees without a published bin. Fills order[0, bins).
 void visit_order(int bins, std::array<Visit, kMaxDualBins>& order) {
   std::size_t count = 0;
@@ -97,7 +97,7 @@ void visit_order(int bins, std::array<Visit, kMaxDualBins>& order) {
   }
 }
 
-// What the pixels of a window have in common.
+// Matrices shared by all pixels of a window.
 struct Matrices {
   Matrices(const Grid& grid, const Pattern& pattern, double rho)
       : in_place(in_place_haar(grid.bins)),
@@ -123,7 +123,7 @@ struct Matrices {
 };
 
 struct DualPoint {
-  VectorXd t;  // in bins: H^T t
+  VectorXd t;  // H^T t, in bins
   VectorXd x;
 };
 
@@ -156,8 +156,8 @@ double estimate(const Published& bins, const VectorXd& x) {
          static_cast<double>(bins.weight_after) * x(bins.after);
 }
 
-// The published value, in the units of y: one value for each slot; those of lost frames are not looked at. By
-// coordinate descent on the dual, where dual_applies(), without lost frames.
+// The published value, in the units of y, by coordinate descent on the dual; needs dual_applies() and no lost frames.
+// One value per slot; values of lost frames are ignored.
 double reference_dual(const Grid& grid, const DualTuning& tuning, const Pattern& pattern, const Matrices& of,
                       std::span<const double> y) {
   const double mean = mean_of(pattern, y);
@@ -165,7 +165,7 @@ double reference_dual(const Grid& grid, const DualTuning& tuning, const Pattern&
   return mean + estimate(bins, descend(grid, tuning, bins, of, without_mean(y, mean)).x);
 }
 
-// The same by the alternating direction method of multipliers, also with lost frames.
+// The same by ADMM, also with lost frames.
 double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pattern, const Matrices& of,
                       std::span<const double> y) {
   const MatrixXd& h = of.haar;
@@ -189,9 +189,7 @@ double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pat
   return mean + estimate(bins, x);
 }
 
-// --- The kernels.
-
-// Planes of one window, float kelvin, standing at odd addresses with nothing readable guaranteed behind them.
+// Float planes of one window in kelvin, at odd addresses with no readable memory guaranteed behind them.
 class Planes {
  public:
   Planes(const Settings& settings, Geometry geometry) : geometry_(geometry) {
@@ -222,7 +220,6 @@ Settings settings_for(int window, double lambda_half, int lookahead = 0, Method 
   return s;
 }
 
-// All of them, at `target`.
 std::vector<float> solved(const Settings& settings, const Planes& planes, int target = 16) {
   const auto solver = testing::make(settings, testing::kelvin(planes.geometry(), settings.period_s));
   return testing::whole_frame(*solver, planes.view(target), planes.geometry());
@@ -244,7 +241,7 @@ class Isas : public ::testing::TestWithParam<std::string_view> {
   void TearDown() override { force_isa(""); }
 };
 
-// Of one window; its first frames may be lost, more of them than the sweeps do without.
+// One window. With `gap` its first frames are lost, more than the sweeps can do without.
 void expect_reference(const Settings& s, Input input, bool gap) {
   Planes planes = fill(s, {37, 1}, input);
   for (std::size_t slot = 0; gap && slot < 3; ++slot) planes.lose(slot);
@@ -299,7 +296,7 @@ TEST_P(Isas, AnyWidthGivesTheSameBits) {
 TEST_P(Isas, NanStaysInItsPixel) {
   for (const Method method : {Method::kAdmm, Method::kDual, Method::kInverse, Method::kExact}) {
     const Settings s = settings_for(17, 0.005, 0, method);
-    const std::size_t slot = method == Method::kInverse ? 15 : 3;  // the inverse filter looks at two samples only
+    const std::size_t slot = method == Method::kInverse ? 15 : 3;  // the inverse filter uses two samples only
     Planes planes = fill(s, {40, 1}, Input::kPan);
     std::vector<float> clean = solved(s, planes);
     planes.at(slot, 11) = std::numeric_limits<float>::quiet_NaN();
@@ -313,7 +310,7 @@ TEST_P(Isas, NanStaysInItsPixel) {
 INSTANTIATE_TEST_SUITE_P(Solver, Isas, ::testing::ValuesIn(available_isas()),
                          [](const auto& each) { return std::string(each.param); });
 
-// The reference of the reference: without noise the inverse filter recovers an input that is constant over frames.
+// Checks the reference: without noise the inverse filter recovers an input that is constant over frames.
 TEST(Solver, WithoutAPriorItIsTheInverseFilter) {
   Settings s = settings_for(17, 0.0);
   Planes planes(s, {1, 1});
@@ -374,7 +371,7 @@ TEST(SolverSettings, WrongOnesAreNamed) {
   }
 }
 
-// The mean of what lies before and after a frame's time shows a moving hand twice.
+// Averaging over samples before and after a frame's time would show a moving hand twice.
 TEST(SolverSettings, FramesFarApartHaveNoLookAhead) {
   Settings settings;
   settings.lookahead = 1;

@@ -5,7 +5,6 @@ namespace bolo::deblur::window_test {
 
 constexpr std::int64_t kPeriodNs = 5'000'000;
 
-// A window's result for one frame.
 struct Shown {
   std::uint64_t id = 0;
   bool full = false;
@@ -13,19 +12,17 @@ struct Shown {
   std::vector<std::int64_t> window;  // frame ids, oldest first; -1 where a frame was lost
 };
 
-// Plays the pipeline's part, and checks on the way that memory comes back exactly once and never before its frame was
-// shown.
+// Plays the pipeline's part; checks that each buffer is returned exactly once and never before its frame was shown.
 class Player {
  public:
   explicit Player(int window = 5, int lookahead = 0) : window_(settings(window, lookahead)), planes_(4096) {}
 
-  // Frame `id` at its own time on the grid. True when the window was emptied.
+  // Adds frame `id` at its nominal time. True when the window was emptied.
   bool frame(std::uint64_t id, bool restart = false) { return frame_at(id, static_cast<double>(id), restart); }
 
   void frames(std::initializer_list<std::uint64_t> ids) {
     for (const std::uint64_t id : ids) frame(id);
   }
-  // All from begin to before end.
   void run(std::uint64_t begin, std::uint64_t end) {
     for (std::uint64_t id = begin; id < end; ++id) frame(id);
   }
@@ -50,7 +47,6 @@ class Player {
   }
   void set_period(double periods) { window_.set_period(periods * static_cast<double>(kPeriodNs) * 1e-9); }
 
-  // The newest frame shows these, with these flags.
   void expect_last(const std::vector<std::int64_t>& window, std::uint32_t flags) const {
     EXPECT_EQ(shown_.back().window, window);
     EXPECT_EQ(shown_.back().flags, flags);
@@ -144,7 +140,7 @@ TEST(Window, EmptiesOnRequest) {
 TEST(Window, TheClockIsTrustedWhenItFitsTheGrid) {
   Player player(5);
   player.run(0, 5);
-  player.frame_at(5, 6.0);  // a frame was lost without a jump in the counter
+  player.frame_at(5, 6.0);  // lost frame without a jump in the counter
   player.expect_last({2, 3, 4, -1, 5}, kFlagGap);
   player.frame_at(9, 7.0);  // the counter jumps, the clock does not
   EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, -1, 5, 9}));
@@ -155,11 +151,11 @@ TEST(Window, TheCounterIsTrustedWhenTheClockIsOffTheGrid) {
   player.run(0, 5);
   player.frame_at(5, 5.4);
   player.expect_last({1, 2, 3, 4, 5}, kFlagJitter);
-  player.frame_at(7, 6.95);  // 1.55 periods on by the clock, 2 by the counter
+  player.frame_at(7, 6.95);  // 1.55 periods later by the clock, 2 by the counter
   player.expect_last({3, 4, 5, -1, 7}, kFlagGap | kFlagJitter);
 }
 
-// A shutter, a reconnect: the counter goes on as if nothing had been, and the camera's next frame is off the old grid.
+// After a shutter or a reconnect the counter goes on without a jump, and the next frame is off the old time grid.
 TEST(Window, APauseLongerThanTheWindowEmptiesItWhateverTheCounterSays) {
   for (const double pause : {40.4, 240.4, 7.6}) {
     Player player(5);
@@ -181,14 +177,14 @@ TEST(Window, AShorterPauseIsAGapAtTheNearestPlace) {
   player.expect_last({3, 4, -1, 5, 6}, kFlagGap);
 }
 
-// Without a clock, or with one that stands still, only the counter is left.
+// Without a clock, or with one that stands still, only the counter is used.
 TEST(Window, AClockThatStandsStillIsNoWitness) {
   Player player(5);
   for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 2, 3, 4, 7}) player.frame_at(id, 0.0);
   EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, -1, -1, 7}));
 }
 
-// Stamps of a busy host: a tenth of them would show a gap, or a step back, that never was.
+// Timestamps of a busy host: one in ten would suggest a gap or a step back that never was.
 TEST(Window, AClockThatScattersInventsNoGaps) {
   Player player(5);
   std::mt19937 random(1);
@@ -196,7 +192,7 @@ TEST(Window, AClockThatScattersInventsNoGaps) {
   for (std::uint64_t id = 0; id < 400; ++id) {
     EXPECT_FALSE(player.frame_at(id, 100.0 + static_cast<double>(id) + late(random))) << id;
   }
-  const auto gap = [](const Shown& s) { return s.id >= 10 && (s.flags & kFlagGap) != 0; };  // it is known by then
+  const auto gap = [](const Shown& s) { return s.id >= 10 && (s.flags & kFlagGap) != 0; };  // scatter known by then
   EXPECT_TRUE(std::ranges::none_of(player.shown(), gap));
   player.frame_at(402, 502.0);
   EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{398, 399, -1, -1, 402}));
@@ -215,7 +211,7 @@ TEST(Window, SmallJitterIsNotFlagged) {
   for (const Shown& s : player.shown()) EXPECT_EQ(s.flags & kFlagJitter, 0U) << s.id;
 }
 
-// 198 frames a second on a grid of 200: no step is off by much, but all of them to one side.
+// 198 frames a second on a grid of 200: each step is off only a little, but always in the same direction.
 TEST(Window, AWrongPeriodIsFlaggedFromTheFirstFullWindowUntilItIsMended) {
   for (const double step : {1.0 / 0.99, 1.0 / 1.09, 1.05, 1.004, 1.0}) {
     Player player(17);
@@ -232,7 +228,7 @@ TEST(Window, AWrongPeriodIsFlaggedFromTheFirstFullWindowUntilItIsMended) {
   }
 }
 
-// bolod mends a period from 0.5 % on.
+// bolod corrects a period that is wrong by 0.5 % or more.
 TEST(Window, APeriodThatIsWrongByWhatIsJustMendedIsFlagged) {
   for (const double step : {1.0055, 1.0 / 1.0055, 1.0048}) {
     Player player(17);
@@ -284,7 +280,6 @@ TEST(Window, ARestartShowsTheFramesThatWaitedFirst) {
   EXPECT_EQ(player.held().size(), 1U);
 }
 
-// Whatever happens, each frame is shown once and in order, and all memory comes back.
 TEST(Window, ShowsEveryFrameOnceWhateverIsLost) {
   for (int lookahead = 0; lookahead <= 3; ++lookahead) {
     Player player(5, lookahead);
@@ -299,7 +294,7 @@ TEST(Window, ShowsEveryFrameOnceWhateverIsLost) {
       sent.push_back(id);
     }
     player.finish();
-    player.finish();  // and once is enough
+    player.finish();  // finish() is idempotent
     EXPECT_EQ(player.ids(), sent);
     EXPECT_TRUE(player.held().empty());
   }

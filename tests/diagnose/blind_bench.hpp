@@ -1,4 +1,4 @@
-// Sessions of the blind check as files, for tests that know the hidden effects.
+// Blind-check sessions as files, for tests that know the hidden effects.
 #pragma once
 
 #include "tests/diagnose/bench.hpp"

@@ -1,4 +1,4 @@
-// The fit of synthetic pulses, made by the closed form, and of still fields.
+// Fits of synthetic pulses in closed form, and of still fields.
 #include "src/diagnose/calibrate.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
 #include "tests/refusal.hpp"
@@ -9,14 +9,14 @@ constexpr double kTau = 0.011;
 
 bool quiet(const std::string&, double) { return true; }
 
-// The input jumps to level[i] at at_s[i], from `base` in steady state.
+// The input steps to level[i] at at_s[i], from a steady state at `base`.
 struct Pulses {
   double base = 295.0;
   std::vector<double> at_s{0.1013, 0.1871, 0.2722, 0.4188, 0.5033, 0.7059};
   std::vector<double> level{310.0, 295.0, 320.0, 295.0, 310.0, 295.0};
 };
 
-// The exact response of a pixel to them.
+// Exact response of a pixel to the pulses.
 double answer(double t_s, const Pulses& pulses = {}, double tau_s = kTau) {
   double value = pulses.base;
   double last = pulses.base;
@@ -65,19 +65,18 @@ FrameSeries series_of(const Made& made) {
 PulseFit fitted(const FrameSeries& series) { return fit_pulses(series, quiet).value(); }
 PulseFit fitted(const Made& made) { return fitted(series_of(made)); }
 
-// True if the true value lies within the interval.
 bool holds(const Estimate& estimate, double truth) { return estimate.low < truth && truth < estimate.high; }
 
 TEST(Intervals, CurvesMeetWhereTheInputSwitched) {
   const Decay before{295.0, 3.0, 0.0};
   const double at_s = 0.0317;
-  // The curve after a switch to 310 K at at_s, as from its first sample at 0.035.
+  // The decay after a switch to 310 K at at_s, starting at its first sample at 0.035 s.
   const double there = before.at(at_s, kTau);
   const Decay after{310.0, (there - 310.0) * std::exp(-(0.035 - at_s) / kTau), 0.035};
   const auto met = crossing(before, after, kTau, 0.03, 0.035);
   ASSERT_TRUE(met);
   EXPECT_NEAR(*met, at_s, 1e-12);
-  EXPECT_FALSE(crossing(before, after, kTau, 0.032, 0.035));  // outside of these times
+  EXPECT_FALSE(crossing(before, after, kTau, 0.032, 0.035));  // outside the interval
 }
 
 TEST(Intervals, AreCutAtTheSwitches) {
@@ -148,7 +147,7 @@ TEST(FitPulses, FollowsABladeThatSweeps) {
 TEST(FitPulses, OnlyTakesThePixelsThatSeeThePulses) {
   const auto part = [](std::size_t p, double t) {
     const double seen = answer(t);
-    return p % 12 < 6 ? 299.0 : p % 12 == 6 ? 590.0 - seen : seen;  // a wall, an edge of inverted response, the board
+    return p % 12 < 6 ? 299.0 : p % 12 == 6 ? 590.0 - seen : seen;  // a wall, an edge with inverted response, the board
   };
   const PulseFit fit = fitted(Made{.value = part});
   EXPECT_EQ(fit.pixels, 54U);
@@ -157,7 +156,7 @@ TEST(FitPulses, OnlyTakesThePixelsThatSeeThePulses) {
 
 TEST(FitPulses, NamesDeadPixels) {
   const auto with_dead = [](std::size_t p, double t) {
-    if (p == 40) return 301.0;                                          // silent but for noise
+    if (p == 40) return 301.0;                                          // noise only
     if (p == 65) return answer(t) + 2.0 * std::sin(1e5 * t * t + 3.0);  // noisy
     return answer(t);
   };
@@ -189,7 +188,7 @@ TEST(FitPulses, LostFramesAreTimesWithoutASample) {
   EXPECT_NEAR(fit.tau_s.value, kTau, 3e-5);
 }
 
-// The interval covers the error at a noise where single pixels are uninformative.
+// The confidence interval has its coverage at a noise where single pixels are uninformative.
 TEST(FitPulses, TheIntervalHoldsInMostOfManyDraws) {
   int inside = 0;
   constexpr int kDraws = 40;

@@ -6,7 +6,7 @@
 
 namespace bolo::diagnose::bed {
 
-// A warm box with a pattern that crosses the picture, over a background.
+// A warm, patterned box that crosses the picture in front of a background.
 class WithMover final : public sim::Field {
  public:
   WithMover(std::unique_ptr<const sim::Field> behind, Geometry view, double speed_px_s)
@@ -43,7 +43,7 @@ class WithMover final : public sim::Field {
   capture::Stimulus stimulus(double, double) const override { return capture::NoStimulus{}; }
 
  private:
-  // Covered share of a pixel about `at` by the range between two borders.
+  // Share of the pixel centred at `at` that lies between `low` and `high`.
   static double cover(double at, double low, double high) {
     return std::clamp(std::min(at + 0.5, high) - std::max(at - 0.5, low), 0.0, 1.0);
   }
@@ -60,11 +60,11 @@ struct Shot {
   double mover_px_s = 0.0;  // 0: no moving object
   std::vector<std::string> effects{};
   double period_s = testing::kPeriodS;
-  bool sky = false;         // above some roofs, instead of the street
+  bool sky = false;         // sky above some roofs instead of the street
   std::vector<int> lost{};  // lost frames, without a gap in the counter
 };
 
-// A path that starts, stops and turns, up to 750 px/s, and rests before a time.
+// A path that starts, stops and turns, up to 750 px/s; at rest until `from_s`.
 inline sim::Path restless(double from_s = -10.0) {
   std::vector<sim::PathPoint> points;
   for (double t = -0.6; t < 5.0; t += 0.001) {
@@ -93,7 +93,7 @@ inline sim::Path slow_hand() {
   return sim::Path(std::move(points));
 }
 
-// A hand at rest except for some moves of about four times `rise_s`.
+// A hand at rest except for some moves of about four times `rise_s` each.
 inline sim::Path jerks(double rise_s = 0.008) {
   std::vector<sim::PathPoint> points;
   const auto moved = [rise_s](double t, double at_s) { return 1.0 / (1.0 + std::exp((at_s - t) / rise_s)); };
@@ -104,7 +104,7 @@ inline sim::Path jerks(double rise_s = 0.008) {
   return sim::Path(std::move(points));
 }
 
-// A jerk every 0.7 s, each another way.
+// A jerk every 0.7 s, each in another direction.
 inline sim::Path many_jerks(double seconds) {
   std::vector<sim::PathPoint> points;
   for (double t = -0.6; t < seconds; t += 0.002) {
@@ -119,7 +119,7 @@ inline sim::Path many_jerks(double seconds) {
   return sim::Path(std::move(points));
 }
 
-// Colder the higher, with some clouds, above roofs with windows.
+// Colder with height, some clouds, above roofs with windows.
 inline std::unique_ptr<const sim::Scene> make_sky() {
   capture::StillImage image{640, 480, {}};
   for (int y = 0; y < image.height; ++y) {
@@ -147,7 +147,7 @@ inline sim::CameraSettings camera_of(const Shot& shot) {
   return camera;
 }
 
-// Writes the recording of a street or a sky, without a stimulus.
+// Records a street or a sky, without a stimulus.
 inline std::filesystem::path shoot(const Shot& shot, const std::filesystem::path& file) {
   const auto scene = shot.sky ? make_sky() : sim::make_street(shot.view, kSeed);
   const double end_s = shot.frames * shot.period_s + 0.1;

@@ -1,4 +1,3 @@
-// Remainders: trends in maps of pixels, and the stage indicated by misfits.
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"
@@ -10,7 +9,7 @@ using testing::kWidth;
 
 Session grid() { return testing::session_of({}); }
 
-// Pixels and columns that differ, and `trend` from the first row to the last.
+// Random differences between pixels and columns, plus `trend` from the first row to the last.
 Eigen::VectorXf pattern(unsigned seed, float trend) {
   std::mt19937 random(seed);
   std::normal_distribution<float> pixel(0.0F, 0.05F);
@@ -37,7 +36,7 @@ TEST(MapTrend, StandsOutOfThem) {
 
 TEST(MapTrend, OfAnEmptyMapIsNone) { EXPECT_EQ(row_trend_z(grid(), Eigen::VectorXf{}), 0.0); }
 
-// A chopper's whole frames miss by far more than a pixel's clip.
+// Whole frames of a chopper miss the prediction by far more than the clipping limit of a pixel.
 TEST(Remainders, AreNumbersHoweverFarThePredictionIsOff) {
   sim::CameraSettings slow = testing::noisy_camera();
   slow.tau_s *= 3.0;

@@ -1,5 +1,5 @@
-// One file in each of the two folders adds an effect. example/ has the two files that CONTRIBUTING.md shows; this
-// program's lists are made from the folders and from them, by the templates of the layers.
+// One file in each of two folders adds an effect. example/ has the two files shown in CONTRIBUTING.md; this program's
+// catalogues are generated from the real folders and these files by the layers' templates.
 #include "src/diagnose/effect.hpp"
 #include "src/diagnose/report.hpp"
 #include "tests/diagnose/bench.hpp"

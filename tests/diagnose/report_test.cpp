@@ -9,12 +9,12 @@ namespace bolo::diagnose::report_test {
 
 using nlohmann::json;
 
-// --- Reports of invented but plausible content.
+// --- Reports with invented but plausible content.
 
 constexpr int kWidth = 32;
 constexpr int kHeight = 24;
 
-// From the first row to the last, with waves over the columns.
+// A trend from the first row to the last, with waves over the columns.
 plot::Plot gap_map(double top, double bottom) {
   plot::Plot map{.title = "gap", .plane = {.width = kWidth, .height = kHeight, .unit = "noise floors"}};
   for (int y = 0; y < kHeight; ++y) {
@@ -64,7 +64,7 @@ void add_captures(Report& report, double strongest) {
   report.seconds = 3.4;
 }
 
-// Row delay as the only effect, six captures with plots.
+// Row delay as the only effect; six captures with plots.
 Report invented_row_delay() {
   Report report;
   report.gap.before = 7.9;
@@ -88,7 +88,7 @@ Report invented_row_delay() {
   return report;
 }
 
-// Three effects, one of them of the noise, an imperfect stimulus, an unexplained remainder, warnings.
+// Three effects, one of them in the noise, an imperfect stimulus, an unexplained remainder, warnings.
 Report invented_mixture() {
   Report report = invented_row_delay();
   report.verdict = "partly_explained";
@@ -127,7 +127,6 @@ Report invented_mixture() {
   return report;
 }
 
-// A session without any effect.
 Report invented_clean() {
   Report report;
   report.unexplained.p_value = 0.62;
@@ -136,8 +135,6 @@ Report invented_clean() {
   add_captures(report, 1.01);
   return report;
 }
-
-// --- Their output.
 
 TEST(ReportJson, HasEveryKeyOfTheTable) {
   const json out = json::parse(report_json(invented_row_delay()));
@@ -274,7 +271,6 @@ TEST(ReportWords, FiguresOfCapturesInCountsAreNotCalledKelvin) {
   expect_parts(text, {" counts"});
 }
 
-// Every element is closed that must be.
 void expect_balanced(const std::string& page) {
   for (const std::string name : {"div", "figure", "svg", "details", "table", "section", "ul", "ol", "p", "h1", "h2",
                                  "h3", "h4", "span", "b", "main", "body", "html"}) {
@@ -307,7 +303,7 @@ TEST(ReportHtml, SaysTheVerdictFirstAndShowsAllOfTheReport) {
   for (const CapturePlots& one : report.captures) expect_parts(page, {one.file});
   for (const NotIdentifiable& one : report.not_identifiable) expect_parts(page, {one.needs});
   expect_parts(page, {"sweep_s", "07-field.h5", "offset_jump", "Rows 12 to 23", "sigma th", "Time constant"});
-  // Two maps and a profile of each capture, one map of the time constants, gaps by effect and by capture, the noise.
+  // Two maps and a profile per capture, one map of time constants, gaps by effect and by capture, the noise.
   EXPECT_EQ(count_of(page, "<figure>"), 6U * 3U + 4U);
 }
 

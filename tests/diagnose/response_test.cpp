@@ -1,4 +1,4 @@
-// The closed-form predictions against the simulator, which steps every pixel through time.
+// Closed-form predictions against the simulator, which steps every pixel through time.
 #include "src/diagnose/model.hpp"
 #include "tests/diagnose/bench.hpp"
 #include "tests/test.hpp"
@@ -7,12 +7,12 @@ namespace bolo::diagnose::response_test {
 
 using testing::ideal_camera;
 
-// One camera, as the simulator and as the diagnosis describe it.
+// One camera, described for the simulator and for the diagnosis.
 struct Case {
   std::string name;
   std::vector<std::string> effects;
   std::function<void(State&)> apply;
-  double window_s = 0.0;  // the simulator's window ends at the frame's time, the diagnosis' is centred on it
+  double window_s = 0.0;  // the simulator's ends at the frame's time, the diagnosis' is centred on it
   double tolerance_k = 0.003;
   sim::StimulusError error{};  // of the chopper
 };
@@ -70,8 +70,8 @@ std::vector<Case> cases() {
 
 class Prediction : public ::testing::TestWithParam<Case> {
  protected:
-  // Largest difference between prediction and simulation, K, away from the frame's border: there the simulator has no
-  // neighbours, the Fourier series does.
+  // Largest difference between prediction and simulation, K, without the frame's border: there the simulator has no
+  // neighbours, unlike the Fourier series.
   double largest(const capture::Stimulus& stimulus, int frames, const sim::StimulusError& error = {}) {
     const Case& c = GetParam();
     sim::CameraSettings camera = ideal_camera();
@@ -137,10 +137,10 @@ TEST(StepResponse, SeveralStepsAddUp) {
   EXPECT_NEAR(table.at(0.03), expected, 1e-5);
 }
 
-// Bars whose edges are part Gaussian, part ramp: numerically integrated.
+// Bars whose edges are part Gaussian, part ramp, against numerical integration.
 TEST(BarTable, EdgesAreRampsAndGaussians) {
   Bars bars{.period_px = 20.0, .bar_width_px = 8.0, .edge_px2 = 0.04, .ramp_px = 0.7};
-  const auto hot = [&](double u) {  // its Gaussian by its distribution
+  const auto hot = [&](double u) {  // the Gaussian part by its distribution function
     double share = 0.0;
     for (const double from : {-20.0, 0.0, 20.0}) {
       share += 0.5 * (std::erf((u - from) / std::sqrt(0.08)) - std::erf((u - from - 8.0) / std::sqrt(0.08)));
@@ -162,7 +162,7 @@ TEST(BarTable, EdgesAreRampsAndGaussians) {
   }
 }
 
-// Planck's law over the band by Simpson's rule, ten times as fine as the table's.
+// Planck's law over the band by Simpson's rule, with ten times the resolution of the table.
 double band_radiance(double temperature_k) {
   constexpr int kParts = 640;
   constexpr double kWidth = (14e-6 - 7.5e-6) / kParts;

@@ -1,4 +1,4 @@
-// The calibration that a camera tells, and the parameters that go with it: the table of temperatures made of them.
+// A camera's calibration constants and parameters, and the temperature table made from them.
 #include "drivers/genicam/radiometry.hpp"
 #include "tests/fuzz/input.hpp"
 

@@ -1,4 +1,4 @@
-// A camera's memory with the file of its GenICam description: a line says where that is, the file follows.
+// A camera's memory with its GenICam description file: one line with the file's address, then the file.
 #include "drivers/genicam/description.hpp"
 #include "tests/fuzz/input.hpp"
 
@@ -19,11 +19,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t byte
     std::vector<unsigned char> part(count);
     const bool is_text = address >= kText && address < kText + kTextBytes;
     const std::string_view there = is_text ? text : file;
-    const std::size_t begin = address - (is_text ? kText : kFile);  // before the file: beyond its end
+    const std::size_t begin = address - (is_text ? kText : kFile);  // addresses before the file wrap to beyond its end
     if (begin < there.size()) std::ranges::copy(there.substr(begin, count), part.begin());
     return std::optional(part);
   };
-  // A description, or one line that says why not.
+  // Either a description or an error of one line.
   const bolo::Status taken = bolo::genicam::take_description(read);
   if (!taken && (taken.error().message.empty() || taken.error().message.find('\n') != std::string::npos)) std::abort();
   return 0;

@@ -1,4 +1,3 @@
-// A camera's profile.
 #include "src/model/camera_profile.hpp"
 #include "tests/fuzz/input.hpp"
 

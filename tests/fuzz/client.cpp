@@ -1,4 +1,4 @@
-// Shared memory that a hostile writer made, read by a program that uses libbolo-client: steps first, then the object.
+// Hostile shared memory read through libbolo-client: reader steps first, then the object.
 #include <vector>
 
 #include "bolo/client.h"

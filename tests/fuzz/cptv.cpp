@@ -1,4 +1,4 @@
-// A CPTV film. zlib also gives bytes that are not gzip's as they are, so the fuzzer gets past it.
+// A CPTV film. zlib passes input that is not gzip through unchanged, which lets the fuzzer reach the parser.
 #include "tests/fuzz/input.hpp"
 #include "tools/convert/footage.hpp"
 

@@ -1,4 +1,3 @@
-// The daemon's configuration.
 #include "tests/fuzz/input.hpp"
 #include "tools/bolod/config.hpp"
 

@@ -1,4 +1,4 @@
-// Datagrams to a camera's stream, of any size and at any time, between those of the camera.
+// Datagrams of any size, at any time, between those of a camera's stream.
 #include "drivers/genicam/gvsp_assembler.hpp"
 #include "tests/fuzz/input.hpp"
 

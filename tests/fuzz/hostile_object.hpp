@@ -1,4 +1,4 @@
-// A shared memory object that a hostile writer made, and goes on changing while it is read.
+// Shared memory of a hostile writer, which keeps changing it while it is read.
 #pragma once
 
 #include <fcntl.h>
@@ -19,7 +19,7 @@
 
 namespace bolo::fuzz {
 
-// Next step of a reader, or of the writer meanwhile; the target defines the fields.
+// Next step of the reader or of the concurrent writer; the fields' meaning depends on the target.
 struct Step {
   std::uint8_t what = 0;
   std::uint16_t where = 0;
@@ -38,7 +38,7 @@ class HostileObject {
  public:
   static constexpr std::size_t kMostBytes = std::size_t{1} << 16;
 
-  // Of the size and content of `bytes`; its heartbeat is fresh.
+  // Same size and content as `bytes`; the heartbeat is fresh.
   HostileObject(const std::string& name, std::span<const std::uint8_t> bytes) : path_("/bolo." + name) {
     bytes_ = std::min(bytes.size(), kMostBytes);
     const UniqueFd object(shm_open(path_.c_str(), O_RDWR | O_CREAT | O_TRUNC, 0600));
@@ -59,7 +59,7 @@ class HostileObject {
 
   void beat() { write(offsetof(bolo_shm_header, heartbeat_ns), monotonic_ns()); }
 
-  // Changes 8 bytes; nothing outside.
+  // Changes 8 bytes; ignored outside of the object.
   template <typename T>
   void write(std::size_t offset, T value) {
     static_assert(sizeof value == 8);

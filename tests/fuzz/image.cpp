@@ -1,5 +1,4 @@
-// A picture for a scene or to convert: PNG, JPEG, TIFF. The libraries' own parsing is theirs; what is made of it is
-// ours.
+// A picture (PNG, JPEG, TIFF) as scene or to convert. The target is our use of the result, not the libraries' parsing.
 #include "src/sim/field.hpp"
 #include "tests/fuzz/input.hpp"
 #include "tools/convert/picture.hpp"

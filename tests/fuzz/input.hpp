@@ -1,4 +1,4 @@
-// Decodes the bytes that a fuzz target is given.
+// Decodes the input bytes of a fuzz target.
 #pragma once
 
 #include <sys/mman.h>
@@ -15,12 +15,12 @@
 
 #include "src/core/unique_fd.hpp"
 
-// libFuzzer calls it for every input, run_corpus.cpp for the kept ones.
+// Called by libFuzzer for every input, by run_corpus.cpp for the corpus.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t bytes);
 
 namespace bolo::fuzz {
 
-// Values from the front of the bytes; zeros when they are used up.
+// Takes values from the front of the bytes; zeros once they are used up.
 class Input {
  public:
   Input(const std::uint8_t* data, std::size_t bytes) : rest_(data, bytes) {}
@@ -33,7 +33,6 @@ class Input {
     rest_ = rest_.subspan(count);
     return value;
   }
-  // 0 to `most`.
   std::size_t take_up_to(std::size_t most) { return take<std::uint16_t>() % (most + 1); }
 
   std::span<const std::uint8_t> take_bytes(std::size_t count) {
@@ -48,7 +47,7 @@ class Input {
   std::span<const std::uint8_t> rest_;
 };
 
-// The bytes as a file, in memory, for readers that want a name.
+// The bytes as a file in memory, for readers that need a path.
 class InputFile {
  public:
   explicit InputFile(std::span<const std::uint8_t> bytes) : file_(memfd_create("input", MFD_CLOEXEC)) {

@@ -1,4 +1,4 @@
-// A recording of ROS 2 (.mcap), of anybody's: what is read of it is frames that rise in time, or an error.
+// A ROS 2 recording (.mcap) from any source: reading it gives frames that rise in time, or an error.
 #include <algorithm>
 
 #include "tests/fuzz/input.hpp"

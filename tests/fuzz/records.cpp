@@ -1,4 +1,4 @@
-// The records beside a ".part": the input is written as its journal and its live record, torn or with good checksums.
+// The files beside a ".part": the input is written as its journal and live record, torn or with valid checksums.
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -14,7 +14,7 @@ using namespace bolo::capture;
 
 namespace {
 
-// Left by a recording that never came to its end, in a folder of this process.
+// An unfinished recording in a folder of this process.
 class Rig {
  public:
   Rig() {

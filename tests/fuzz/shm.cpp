@@ -1,5 +1,4 @@
-// Shared memory that a hostile writer made, read by the reader in C++ and solved at single points: steps first, then
-// the object.
+// Hostile shared memory read by the C++ reader and solved at single points: steps first, then the object.
 #include <algorithm>
 #include <array>
 
@@ -12,7 +11,6 @@ using namespace bolo::shm;
 
 namespace {
 
-// Reads all of both planes.
 unsigned sum(const BorrowedFrame& frame) {
   unsigned total = 0;
   for (std::size_t i = 0; i < frame.layout.plane_bytes / sizeof(std::uint16_t); ++i) {

@@ -1,4 +1,4 @@
-// A trajectory (CSV), and the path that a camera makes of it.
+// A trajectory (CSV), and the camera path made from it.
 #include "src/sim/path.hpp"
 #include "tests/fuzz/input.hpp"
 

@@ -1,4 +1,4 @@
-// Everything that a program does with a capture it was given: for the targets that read such files.
+// Uses everything of a capture: for targets that read such files.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@ inline void use_capture(const capture::CaptureReader& reader) {
   static_cast<void>(reader.stimulus());
   static_cast<void>(reader.points());
   const capture::CaptureInfo& info = reader.info();
-  if (info.format.geometry.pixels() > kMostPixels) return;  // as large as it says it is, and slow
+  if (info.format.geometry.pixels() > kMostPixels) return;  // valid, but too slow
   std::vector<std::byte> plane(plane_bytes(info.format.geometry, info.format.type));
   std::vector<float> truth(info.format.geometry.pixels());
   for (std::size_t i = 0; i < std::min(info.frames, kMostFrames); ++i) {

@@ -1,5 +1,5 @@
-// Bytes that a client of the live page sends, to the server itself over a socket: each input is a connection. Whatever
-// it is, the server goes on.
+// Bytes from a client of the live page, sent to the server over a socket: each input is a connection. The server must
+// survive any.
 #include <arpa/inet.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -14,7 +14,7 @@
 using namespace bolo;
 using namespace bolo::view;
 
-// Stands in for the files that the build makes of tools/view/page.
+// Replaces the files generated from tools/view/page.
 std::span<const PageFile> bolo::view::page_files() {
   static constexpr PageFile kFiles[] = {{"index.html", "page"}, {"app.js", "script"}, {"style.css", "style"}};
   return kFiles;
@@ -22,7 +22,7 @@ std::span<const PageFile> bolo::view::page_files() {
 
 namespace {
 
-// A view of a daemon that is not there.
+// A view of a daemon that does not run.
 class Rig {
  public:
   Rig() : stream_("fuzz-view-" + std::to_string(getpid()), [] {}) {
@@ -51,7 +51,7 @@ class Rig {
   std::thread thread_;
 };
 
-// Its end is a reset, so that no port waits for stragglers.
+// Closing sends a reset, so that no port stays in TIME_WAIT.
 UniqueFd connected(std::uint16_t port) {
   UniqueFd fd(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   sockaddr_in address{};
@@ -60,7 +60,7 @@ UniqueFd connected(std::uint16_t port) {
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   const linger reset{1, 0};
   setsockopt(fd.get(), SOL_SOCKET, SO_LINGER, &reset, sizeof reset);
-  const timeval patience{0, 50'000};  // answers that wait for a frame are not waited for
+  const timeval patience{0, 50'000};  // do not wait for answers that wait for a frame
   setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
   if (connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) std::abort();
   return fd;

@@ -8,7 +8,7 @@ using namespace tools::paper;
 
 constexpr double kTau = 0.011;
 
-// y of tau dy/dt + y = x by small explicit steps: nothing of Theorem 1 in it.
+// Solves tau dy/dt + y = x by small explicit steps, independent of Theorem 1.
 std::vector<double> integrate(const std::vector<double>& t, const std::vector<double>& input, double start) {
   constexpr int kSteps = 400'000;
   std::vector<double> y{start};
@@ -65,7 +65,7 @@ TEST(Haar, OrderIsScalingThenCoarseToFine) {
   EXPECT_NEAR((h - wanted).cwiseAbs().maxCoeff(), 0.0, 1e-12);
 }
 
-// The bound is where the exact reduction holds: 2.06 tanh(T / 4 tau) < 1 for 16 frames, that is T / tau < 2.1.
+// The exact reduction holds within this bound: 2.06 tanh(T / 4 tau) < 1 for 16 frames, i.e. T / tau < 2.1.
 TEST(Reduction, BoundFollowsItsClosedForm) {
   for (const double ratio : {0.1, 0.4545, 1.0, 2.0, 3.0}) {
     EXPECT_NEAR(fine_column_bound(16, ratio * kTau, kTau), 2.06 * std::tanh(ratio / 4.0), 0.02) << ratio;

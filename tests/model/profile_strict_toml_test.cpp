@@ -1,4 +1,4 @@
-// Values that a table of keys accepts and refuses, and its messages.
+// Values that a key table accepts and refuses, and its messages.
 #include "src/core/input_file.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/model/strict_toml.hpp"
@@ -46,7 +46,7 @@ struct Things {
 
 class StrictToml : public ScratchTest {
  protected:
-  // The error of reading `text`, without the file's name; "" when it is right.
+  // Error of reading `text`, without the file's name; "" if valid.
   std::string complaint(const std::string& text) {
     const std::string file = scratch_.text("a.toml", text);
     KeyTable keys = things_.keys();
@@ -82,7 +82,7 @@ TEST_F(StrictToml, EveryKindOfValueIsRead) {
   }
 }
 
-// They are read and freed one within the other, on the stack.
+// Nested tables are read and freed recursively, on the stack.
 TEST_F(StrictToml, TablesInTablesWithoutEndAreRefused) {
   std::string key = "a";
   for (int i = 0; i < 100'000; ++i) key += ".a";
@@ -165,7 +165,7 @@ TEST_F(StrictToml, FilesThatCannotBeReadAreNamed) {
   KeyTable keys = things_.keys();
   EXPECT_EQ(keys.read("/nonexistent/x.toml").error().message, "/nonexistent/x.toml: no such file");
   EXPECT_EQ(keys.read("/tmp").error().message, "/tmp: is a folder, not a file");
-  // Opens, and cannot be read.
+  // Can be opened, but not read.
   EXPECT_EQ(keys.read("/proc/self/mem").error().message, "/proc/self/mem: cannot be read: Input/output error");
   EXPECT_TRUE(complaint(std::string((1 << 20) + 1, '\n')).ends_with("is larger than the 1 MiB that it may be"));
 }

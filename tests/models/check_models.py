@@ -1,5 +1,5 @@
-"""Every order of steps of the lock-free protocols, tried by the model checker spin: no error in what is built, and an error
-in each way of breaking it, so that the models are known to see what they look for.
+"""Checks all interleavings of the lock-free protocols with the model checker spin: no error in what is built, and an
+error in each deliberately broken variant, which shows that the models detect it.
 
 usage: check_models.py [MODEL...]. Exit code 77: spin or gcc isn't there.
 """
@@ -13,7 +13,7 @@ import tempfile
 
 HERE = pathlib.Path(__file__).parent
 
-# By model: definitions under which it must hold, and those under which it must not.
+# By model: definitions under which it must hold, and those under which it must fail.
 MODELS = {
     "ring": (
         ["", "FRAMES=4", "FRAMES=4 SLOTS=2", "BORROW", "BORROW FRAMES=4 SLOTS=2", "W3=RELAXED", "R1=RELAXED", "W4=RELAXED"],
@@ -40,7 +40,7 @@ MODELS = {
 
 
 def explore(model, definitions):
-    """Errors found, and states seen."""
+    """Number of errors, and of states."""
     with tempfile.TemporaryDirectory() as folder:
         flags = ["-D" + word for word in definitions.split()]
         subprocess.run(["spin", *flags, "-a", HERE / f"{model}.pml"], cwd=folder, check=True, capture_output=True)

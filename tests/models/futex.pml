@@ -1,11 +1,11 @@
-/* A reader that waits for the next frame of the shared-memory ring by a futex (ShmReader::wait, ShmSink::publish): it never
- * sleeps on while a frame is there. A reader that is never woken is a deadlock, which the checker reports; timeouts would
- * hide it, so readers have none here but against THIEF, a hostile reader that moves sleepers to another futex
- * (FUTEX_REQUEUE), where the writer does not wake them. The kernel compares the word with what the reader saw and puts it to sleep in one step, and FUTEX_WAKE comes
- * after the caller's earlier stores.
+/* A reader waits for the next frame of the shared-memory ring by a futex (ShmReader::wait, ShmSink::publish) and must never
+ * sleep while a frame is there. A reader that is never woken is a deadlock, which the checker reports. Timeouts would hide
+ * it, so readers have none, except against THIEF, a hostile reader that requeues sleepers to another futex (FUTEX_REQUEUE),
+ * where the writer does not wake them. The kernel compares the word with the value seen by the reader and puts it to sleep
+ * in one step; FUTEX_WAKE comes after the caller's earlier stores.
  *
- * READER may wait for any frame; Waker's rest (more than four readers) is woken by a thread, later. What can be defined
- * breaks the protocol in one place. */
+ * READER may wait for any frame; a thread later wakes the rest beyond four readers. Each other definition breaks the
+ * protocol in one place. */
 #ifndef FRAMES
 #define FRAMES 3
 #endif
@@ -34,7 +34,7 @@ active proctype Writer() {
     store(writer, PUBLISHED, n + 1, ORDERED); /* W4 */
     store(writer, WAKE, n + 1, ORDERED);      /* W5 */
 #endif
-    atomic { /* FUTEX_WAKE of one; the others are left to the waker's thread */
+    atomic { /* FUTEX_WAKE of one; the waker's thread wakes the others */
       if
       :: asleep[0] -> asleep[0] = false
       :: asleep[1] -> asleep[1] = false
@@ -61,7 +61,7 @@ active proctype Rest() {
 active [READERS] proctype Reader() {
   View me;
   byte wanted = 0, wake_seen, published;
-  byte id = _pid - 2; /* behind Writer and Rest */
+  byte id = _pid - 2; /* processes 0 and 1: Writer and Rest */
   do /* any frame */
   :: wanted < FRAMES - 1 -> wanted++
   :: break
@@ -88,7 +88,7 @@ active [READERS] proctype Reader() {
     if
     :: !asleep[id] && !stolen[id]
 #ifndef SLEEPS_ON
-    :: stolen[id] -> stolen[id] = false /* its own clock wakes it */
+    :: stolen[id] -> stolen[id] = false /* its timeout */
 #endif
     fi
   od

@@ -1,14 +1,14 @@
-/* Memory of C++'s atomics: release, acquire and relaxed, and what a processor with weak order may show.
+/* C++'s memory model for atomics: release, acquire and relaxed, as a weakly ordered processor may execute them.
  *
- * A location keeps every value that was ever written to it, in order. A thread's view says, for each location, the
- * oldest value that it may still read: it reads that one or any newer, whichever chance (the checker: every) takes, and
- * never an older one again. A release leaves the writer's view with the value; an acquire that reads it takes that view
- * up. A relaxed read only remembers it: a fence takes up all that was remembered.
+ * A location keeps every value ever written to it, in order. A thread's view states the oldest value of each location that
+ * it may still read: it reads that one or any newer (the checker tries every choice), and never an older one again. A
+ * release stores the writer's view with the value; an acquire that reads the value takes over this view. A relaxed read
+ * only remembers it: a fence takes over all remembered views.
  *
- * Not in it: reads of values that nobody has written yet. Loads that acquire, and stores behind a load whose value they
- * depend on, can't do that.
+ * Not modelled: reads of values that are not written yet. Acquire loads, and stores that depend on a load's value, cannot
+ * cause them.
  *
- * The includer defines LOCATIONS and VALUES (of a location, with the zero that it begins with). One writer each. */
+ * The includer defines LOCATIONS and VALUES (per location, including the initial zero). One writer per location. */
 
 typedef Value {
   byte value;
@@ -16,7 +16,7 @@ typedef Value {
 }
 typedef Location {
   Value written[VALUES];
-  byte count /* beyond the zero */
+  byte count /* without the zero */
 }
 typedef View {
   byte at[LOCATIONS];
@@ -51,7 +51,7 @@ inline store(thread, location, number, order) {
 
 inline load(thread, location, into, order) {
   atomic {
-    do /* any value that it may still see */
+    do /* any value allowed by its view */
     :: thread.at[location] < memory[location].count -> thread.at[location]++
     :: break
     od;

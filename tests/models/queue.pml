@@ -1,8 +1,8 @@
-/* The cells of rt::SpscQueue (src/rt/spsc_queue.hpp): no cell is touched by both sides at once, although they are
- * plain values, and items come out whole and in order. P1 to P3 and C1 to C3 are the drawing's.
+/* The cells of rt::SpscQueue (src/rt/spsc_queue.hpp): both sides never access a cell at once, although cells are plain
+ * values, and items come out whole and in order. P1 to P3 and C1 to C3 refer to the header's drawing.
  *
- * READ is no memory of the queue: it stands for the consumer's look at a cell, which the producer's next write to that
- * cell must come after. What can be defined breaks the protocol in one place. */
+ * READ is not in the queue's memory: it models the consumer's read of a cell, which the producer's next write to that cell
+ * must follow. Each definition breaks the protocol in one place. */
 #ifndef ITEMS
 #define ITEMS 4
 #endif
@@ -20,7 +20,7 @@
 #define P1 ORDERED
 #endif
 #ifndef P3
-#define P3 ORDERED /* seq_cst in truth, for the sleeper's sake: sleep.pml */
+#define P3 ORDERED /* in fact seq_cst, for the sleeping consumer: sleep.pml */
 #endif
 #ifndef C1
 #define C1 ORDERED
@@ -47,7 +47,7 @@ active proctype Producer() {
     :: tail - seen_head < CAPACITY ->
 #endif
       assert(newest(producer, CELL(tail)));
-      assert(newest(producer, READ(tail))); /* else it would write while the consumer reads */
+      assert(newest(producer, READ(tail))); /* no write while the consumer reads */
       store(producer, CELL(tail), tail + 1, RELAXED); /* P2 */
       store(producer, TAIL, tail + 1, P3);
       tail++
@@ -67,7 +67,7 @@ active proctype Consumer() {
     fi;
     if
     :: head != seen_tail ->
-      assert(newest(consumer, CELL(head))); /* else it would read while the producer writes */
+      assert(newest(consumer, CELL(head))); /* no read while the producer writes */
       load(consumer, CELL(head), item, RELAXED); /* C2 */
       assert(item == head + 1);
       store(consumer, READ(head), head + 1, RELAXED);
@@ -75,7 +75,7 @@ active proctype Consumer() {
       head++;
       popped++;
 #ifdef NEVER_READS
-      assert(popped < ITEMS); /* must be reached: all come out */
+      assert(popped < ITEMS); /* must be reachable: all items come out */
 #endif
       item = 0
     :: else

@@ -1,12 +1,12 @@
-/* A slot of the shared-memory ring, as include/bolo/shm_layout.h draws it: a reader never takes another frame's words, or
- * some of each, for the frame that it asked for. W1 to W4 and R1 to R3 are the drawing's.
+/* A slot of the shared-memory ring, as drawn in include/bolo/shm_layout.h: a reader never accepts another frame's words, or
+ * a mixture, for the requested one. W1 to W4 and R1 to R3 refer to the drawing.
  *
  * BORROW: the reader reads the planes in place with plain loads, and has a barrier before R3 (shared_words.hpp). Plain
- * loads of words that are written meanwhile are taken for relaxed ones, as processors make them.
- * W3 with R1, or W4 with the look at `published` before R1: either pair alone is enough for what comes after (the model
- * holds with W3 or R1 relaxed). Both are kept, for a reader may know by other means that a frame is there.
+ * loads of words that are written concurrently are modelled as relaxed ones, as processors execute them.
+ * W3 with R1, or W4 with the load of `published` before R1: either pair alone is sufficient (the model holds with W3 or R1
+ * relaxed). Both are kept, as a reader may know by other means that a frame is there.
  *
- * What else can be defined breaks the protocol in one place; the checker must then find a torn frame. */
+ * Each other definition breaks the protocol in one place; the checker must then find a torn frame. */
 #ifndef FRAMES
 #define FRAMES 3
 #endif
@@ -92,7 +92,7 @@ active proctype Reader() {
     :: seen == 2 * n + 2 ->
       assert(first == n + 1 && second == n + 1);
 #ifdef NEVER_READS
-      assert(false) /* must be reached: frames are read at all */
+      assert(false) /* must be reachable: frames are read */
 #endif
     :: else
     fi;

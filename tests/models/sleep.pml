@@ -1,9 +1,9 @@
-/* The sleeping consumer of rt::SpscQueue (src/rt/spsc_queue.hpp): no item, and no wake(), is left behind one that
- * sleeps, and bells do not pile up. P3 to P5 and S1 to S4 are the drawing's. Time does not pass: a timeout would hide a
- * wake-up that was lost, so there is none, and a consumer that waits for ever is a deadlock, which the checker reports.
+/* The sleeping consumer of rt::SpscQueue (src/rt/spsc_queue.hpp): it never sleeps on an item or a wake(), and bells do not
+ * accumulate. P3 to P5 and S1 to S4 refer to the header's drawing. There are no timeouts, which would hide a lost wake-up:
+ * a consumer that waits for ever is a deadlock, which the checker reports.
  *
- * All orders here are seq_cst but one: pop_wait() takes its announcement back with a relaxed store on its way out, which
- * others may see late. `late` is that store under way. What can be defined breaks the protocol in one place. */
+ * All orders here are seq_cst except one: on its way out pop_wait() withdraws its announcement by a relaxed store, which
+ * others may see late. `late`: that store is in flight. Each definition breaks the protocol in one place. */
 #ifndef ITEMS
 #define ITEMS 3
 #endif
@@ -53,7 +53,7 @@ end:
   od
 }
 
-/* Behind its own earlier store to the same place. */
+/* Ordered after its own earlier store to the same variable. */
 inline announce() {
   atomic { late = false; sleeping = true }
 }

@@ -1,12 +1,12 @@
 /* A share of rt::WorkerTeam (src/rt/thread.hpp): each part is done once, with its own round's job, and the caller sees all
- * that was done. Round 1 has one part and round 2 two; the worker comes when it likes, or never.
+ * results. Round 1 has one part and round 2 two; the worker comes at any time, or never.
  *
  * DATA and RESULT are the job's own memory, plain values. A caller that waits for ever is a deadlock, which the checker
- * reports. What can be defined breaks the protocol in one place. */
+ * reports. Each definition breaks the protocol in one place. */
 #define ROUNDS 2
 #define JOB 0
 #define PARTS 1
-#define NEXT 2 /* of a round's eight numbers the first: closed; the others: the part that is taken next */
+#define NEXT 2 /* eight values per round: 0: closed; the others: the part to take next */
 #define DONE 3
 #define DATA 4
 #define RESULT(part) (5 + part)
@@ -33,7 +33,7 @@ View caller, worker;
 byte ran[4]; /* by round and part */
 byte found; /* inside atomic steps only */
 
-/* Adds 1 to the latest value in the same step. */
+/* Atomically adds 1 to the latest value. */
 inline add(thread, location, order) {
   atomic {
     thread.at[location] = memory[location].count;
@@ -64,7 +64,7 @@ inline take_share(thread, next, parts, job, part, mine) {
       assert(ran[2 * (job - 1) + part] == 1);
       add(thread, DONE, FINISHES);
       next++
-    :: load(thread, NEXT, next, READS) /* another was faster, or chance */
+    :: load(thread, NEXT, next, READS) /* another was faster, or spurious failure */
     fi
   od
 }
@@ -96,7 +96,7 @@ active proctype Worker() {
   :: times < 3 ->
     take_share(worker, next, parts, job, part, mine);
 #ifdef NEVER_HELPS
-    assert(mine < 3); /* must be reached: it may do all */
+    assert(mine < 3); /* must be reachable: the worker does all parts */
 #endif
     times++
   :: break

@@ -61,7 +61,7 @@ TEST(FixedPattern, IsLearntWhileTheSceneMovesAcrossIt) {
   }
 }
 
-// Slow motion shows it seldom, so that what is learnt at first has the noise of few looks.
+// Slow motion reveals the pattern rarely, so that the first estimates carry the noise of few observations.
 TEST(FixedPattern, LeavesLittleWhereThereIsNone) {
   for (const auto& [speed, most] : {std::pair{0.3, 1.3}, {2.3, 0.8}, {9.0, 0.5}}) {
     FixedPattern learnt = learner();
@@ -81,7 +81,7 @@ TEST(FixedPattern, StillScenesTeachNothing) {
   EXPECT_LT(error(learnt, kNone), 0.1 * kPattern) << "the picture itself would be taken for the pattern";
 }
 
-// Objects that move by themselves differ from the prediction by the picture's motion, and are no pattern.
+// Independently moving objects deviate from the prediction by global motion, and are no pattern.
 TEST(FixedPattern, MoversDoNotStayBehind) {
   const Scene scene = [back = pan(2.3, 0.7)](double x, double y, double t) {
     const double from_middle = std::hypot(x - 80.0 + 1.2 * t, y - 30.0);

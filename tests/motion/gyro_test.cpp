@@ -1,4 +1,4 @@
-// Benefit of a gyro to the solver `motion`, and cost of a wrong one.
+// Benefit of a gyro to the solver `motion`, and the cost of a wrong one.
 #include "src/core/clock.hpp"
 #include "src/motion/gyro_motion.hpp"
 #include "tests/motion/stream.hpp"
@@ -39,10 +39,10 @@ struct Errors {
   double delay_s = 0.002;
   double scale = 1.0;
   bool swapped = false;
-  double roll = 0.0;  // rad/s, of noise about the view's axis
+  double roll = 0.0;  // rad/s, noise about the optical axis
 };
 
-// Of the way that the picture takes, sampled a thousand times a second.
+// Gyro samples of the picture's path, at 1 kHz.
 TestGyro gyro_of(const Way& way, int frames, const Errors& e) {
   TestGyro gyro;
   std::mt19937 random(7);
@@ -100,7 +100,7 @@ Stream stream_of(const Way& way, double noise, int frames, std::uint32_t seed) {
 constexpr int kStop = 25;
 constexpr int kFrames = 32;
 
-// With bias, noise and a delay that the profile tells, over the six frames from the stop on.
+// With bias, noise and a delay known from the profile; errors of six frames from the stop on.
 TEST(MotionGyro, AStopIsKnownAtOnce) {
   for (const double noise : {0.03, 0.5}) {
     for (const double within : {0.25, 0.6, 1.0}) {
@@ -110,7 +110,7 @@ TEST(MotionGyro, AStopIsKnownAtOnce) {
       const Seen alone = watch_with(stream, noise, kStop + 1, nullptr);
       const Seen by_gyro = watch_with(stream, noise, kStop + 1, &gyro, 0.002);
       const Seen mmae = watch_with(stream, noise, kStop + 1, nullptr, 0.0, Method::kMmae);
-      const bool noisy = noise > 0.1;  // the frames alone know nearly as much there
+      const bool noisy = noise > 0.1;  // the frames alone are nearly as good there
       EXPECT_LT(by_gyro.rms, (noisy ? 0.95 : 0.9) * alone.rms) << noise << " K, at " << within;
       EXPECT_LT(by_gyro.rms, (noisy ? 0.55 : 0.75) * mmae.rms) << noise << " K, at " << within;
       EXPECT_GE(by_gyro.used, 5);
@@ -118,7 +118,7 @@ TEST(MotionGyro, AStopIsKnownAtOnce) {
   }
 }
 
-// Whatever is wrong with it, it costs next to nothing over a scene, and no frame much.
+// A wrong gyro costs next to nothing over a scene, and little in any frame.
 TEST(MotionGyro, AWrongOneDoesNoHarm) {
   struct Scene {
     Way way;
@@ -155,7 +155,7 @@ TEST(MotionGyro, AWrongOneDoesNoHarm) {
   }
 }
 
-// --- What rates become.
+// --- Displacements from angular rates.
 
 using motion::GyroMotion;
 using motion::GyroMotions;
@@ -172,14 +172,14 @@ TEST(GyroMotion, RatesMoveThePictureAsALensDoes) {
   GyroMotions by_gyro;
   ASSERT_TRUE(to_right.find(turning({0.2, 0.4, 0.0}), to_ns(0.1), by_gyro));
   for (const auto& d : {by_gyro.spans[0], by_gyro.spans[7], by_gyro.displacements[0], by_gyro.displacements[7]}) {
-    EXPECT_NEAR(d.p[0], -kFocal * 0.4 * kPeriod, 1e-6);       // to the right: the picture goes left
-    EXPECT_NEAR(d.p[3], kFocal * 0.2 * kPeriod / 4.0, 1e-6);  // up: it goes down, by a quarter of the rows
+    EXPECT_NEAR(d.p[0], -kFocal * 0.4 * kPeriod, 1e-6);       // turning right: the picture moves left
+    EXPECT_NEAR(d.p[3], kFocal * 0.2 * kPeriod / 4.0, 1e-6);  // upwards: it moves down, here by a quarter of the rows
   }
   ASSERT_TRUE(to_right.find(turning({0.0, 0.0, 1.0}), to_ns(0.1), by_gyro));
   const motion::Affine roll = by_gyro.spans[0];
-  EXPECT_NEAR(roll.p[2], 320.0 * 4.0 * kPeriod, 1e-6);  // clockwise: the picture turns the other way
+  EXPECT_NEAR(roll.p[2], 320.0 * 4.0 * kPeriod, 1e-6);  // clockwise: the picture turns counter-clockwise
   EXPECT_NEAR(roll.p[4], -320.0 / 4.0 * kPeriod, 1e-6);
-  EXPECT_NEAR(roll.p[3], 10.0 / 4.0 * kPeriod, 1e-6);  // the centre is left of where the axis stands
+  EXPECT_NEAR(roll.p[3], 10.0 / 4.0 * kPeriod, 1e-6);  // the centre is left of the axis
 }
 
 TEST(GyroMotion, AStopFallsIntoItsSpan) {
@@ -218,7 +218,7 @@ TEST(GyroMotion, WhatLiesBehindTheLastSampleIsNotRead) {
   const GyroMotion motion({640, 120}, 1, {kFocal, 0.0, 0.0, 0.0}, kPeriod, kInertia);
   GyroMotions by_gyro;
   auto samples = turning({0.0, 1.0, 0.0}, 110);
-  samples.erase(samples.begin() + 101, samples.begin() + 104);  // the next would be of the time asked for
+  samples.erase(samples.begin() + 101, samples.begin() + 104);  // the sample behind the span has the time asked for
   EXPECT_FALSE(motion.find(std::span<const GyroSample>(samples).first(101), to_ns(0.1026), by_gyro));
 }
 

@@ -1,4 +1,4 @@
-// Every instruction set's kernels against their definitions, on a frame that is no whole number of blocks.
+// Kernels of every instruction set against their definitions, on a frame that is no multiple of the block size.
 #include "src/motion/kernels.hpp"
 #include "tests/motion/reference.hpp"
 
@@ -122,7 +122,7 @@ TEST_P(MotionKernels, Match) {
 }
 
 TEST_P(MotionKernels, PullOfNoise) {
-  constexpr int kCount = 21;  // no whole number of vectors
+  constexpr int kCount = 21;  // no multiple of the vector length
   std::vector<Vec2> d(kCount);
   for (int i = 0; i < kCount; ++i) d[static_cast<std::size_t>(i)] = {0.37F * static_cast<float>(i - 8), 0.6F};
   std::vector<Vec2> pull(kCount);
@@ -131,7 +131,7 @@ TEST_P(MotionKernels, PullOfNoise) {
     EXPECT_NEAR(pull[i].x, 2.0 * reference::pull(d[i].x, d[i].y), 1e-5) << i;
     EXPECT_NEAR(pull[i].y, 2.0 * reference::pull(d[i].y, d[i].x), 1e-5) << i;
   }
-  d[0] = {7.0F, 1.1F};  // so far that nothing is left
+  d[0] = {7.0F, 1.1F};  // too far: no bias is left
   kernels_.pull(d.data(), 1, 2.0F, pull.data());
   EXPECT_EQ(pull[0].x, 0.0F);
 }
@@ -148,7 +148,7 @@ TEST_P(MotionKernels, CostAndEnergy) {
       double sum = 0.0;
       double first = 0.0;
       double second = 0.0;
-      for (int i = 0; i < kBlock * kBlock; ++i) {  // whole blocks: beyond the frame its border counts
+      for (int i = 0; i < kBlock * kBlock; ++i) {  // whole blocks: the frame's border is repeated
         const int x = c * kBlock + i % kBlock;
         const int y = r * kBlock + i / kBlock;
         const reference::Point d = d_.at(c, r);
@@ -337,7 +337,7 @@ TEST_P(MotionKernels, Check) {
         middle[axis] += share * at;
       }
     }
-    // What linear interpolation blurs, by the second differences at the trail's middle; not along a long trail.
+    // Undo the blur of linear interpolation by the second differences at the trail's middle; not on long trails.
     const int mx = x + static_cast<int>(std::floor(middle[0] / total + 0.5));
     const int my = y + static_cast<int>(std::floor(middle[1] / total + 0.5));
     const auto second = [&](int dx, int dy) {
@@ -384,7 +384,7 @@ TEST_P(MotionKernels, CorrectAndBlend) {
 }
 
 TEST_P(MotionKernels, Covariance) {
-  std::vector<float> share(1003);  // no whole number of vectors
+  std::vector<float> share(1003);  // no multiple of the vector length
   for (std::size_t i = 0; i < share.size(); ++i) share[i] = 2e-3F / (1.0F + 0.002F * static_cast<float>(i));
   const std::array<std::array<double, 4>, 6> lines{{{-3.0, 0.011, 0.2, 0.004},
                                                     {-380.0, 0.4, 0.0, 0.0},
@@ -434,7 +434,7 @@ TEST_P(MotionKernels, WhatTwoTrailsHaveInCommon) {
   }
 }
 
-// The instruction sets that are built in and that this processor runs.
+// Instruction sets that are built in and supported by this processor.
 std::vector<std::string_view> isas() {
   std::vector<std::string_view> found;
   for (const std::string_view isa : {"AVX3", "AVX2", "SSE4", "NEON", "scalar"}) {

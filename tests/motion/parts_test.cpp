@@ -1,4 +1,3 @@
-// The parts of the motion estimate, each on scenes whose motion is known.
 #include "src/core/statistics.hpp"
 #include "src/motion/block_field.hpp"
 #include "src/motion/global_motion.hpp"
@@ -46,7 +45,7 @@ Affine global_of(const Pair& pair, double noise) {
   return global.find(best_kernels(), Inertia(kTau), pair.a, pair.b, noise, alone);
 }
 
-// Motion of blocks: all as the global motion has it, and each for itself.
+// Block motion: from the global motion, and estimated locally.
 struct Local {
   VectorField field{blocks_over(kFrame.width), blocks_over(kFrame.height)};
   LocalMotion local{kFrame};
@@ -80,14 +79,14 @@ TEST(GlobalMotion, FindsRotationAndZoom) {
     return texture((std::cos(a) * cx + std::sin(a) * cy) / s, (-std::sin(a) * cx + std::cos(a) * cy) / s);
   };
   const Affine found = global_of(Pair(turning, 0.01), 0.01);
-  // Half a width out the scene moves by 80 px times rate: outwards by the zoom, along y by the rotation.
+  // Half a width from the centre the scene moves by 80 px times the rate: outwards by zoom, along y by rotation.
   EXPECT_NEAR(found.p[1], 80 * 0.015, 0.1);
   EXPECT_NEAR(found.p[4], 80 * 0.02, 0.1);
   EXPECT_NEAR(found.p[2], -80 * 0.02, 0.1);
 }
 
-// The noise of the frame between two innovations stands in both with opposite signs: without the correction it pulls
-// the motion towards a value that is wrong by 0.1 px.
+// The noise of the frame between two innovations enters both with opposite signs: uncorrected, it biases the motion by
+// 0.1 px.
 TEST(GlobalMotion, NoiseDoesNotPullIt) {
   double sum = 0.0;
   double uncorrected = 0.0;
@@ -122,7 +121,7 @@ TEST(LocalMotion, FindsAMoverAgainstThePan) {
   EXPECT_NEAR(found.at(9, 6).x, -3.0, 0.4);
   EXPECT_NEAR(found.at(2, 6).x, 3.0, 0.2);
   EXPECT_NEAR(found.at(9, 6).y, 0.0, 0.3);
-  // Blocks about its edge have either's velocity, no mixture: those matched elsewhere do not count.
+  // Blocks at the object's edge have one of both velocities, no mixture: pixels matched elsewhere are excluded.
   int clean = 0;
   for (int r = 2; r < 10; ++r) {
     for (int c = 4; c < 16; ++c) clean += std::abs(std::abs(found.at(c, r).x) - 3.0F) < 0.06F ? 1 : 0;
@@ -130,7 +129,7 @@ TEST(LocalMotion, FindsAMoverAgainstThePan) {
   EXPECT_GT(clean, 50) << "of 96";
 }
 
-// The global motion is a shear between them, .2 px wrong on average: what blocks deviate by tells how far they may.
+// The global motion is a shear between both depths, 0.2 px wrong on average: the blocks' scatter sets their freedom.
 TEST(LocalMotion, FollowsTwoDepths) {
   constexpr double kNoise = 0.3;
   const Texture far(3);
@@ -142,7 +141,7 @@ TEST(LocalMotion, FollowsTwoDepths) {
   double global_error = 0.0;
   int blocks = 0;
   for (int r = 0; r < found.field.down(); ++r) {
-    if (std::abs(r * kBlock + kBlock / 2 - 46) < 14) continue;  // windows that see both
+    if (std::abs(r * kBlock + kBlock / 2 - 46) < 14) continue;  // windows that cover both depths
     for (int c = 2; c < found.field.across() - 2; ++c, ++blocks) {
       const double want = r * kBlock < 46 ? 1.0 : 2.6;
       error += std::abs(found.at(c, r).x - want);
@@ -183,17 +182,16 @@ TEST(Path, ConstantVelocity) {
   }
 }
 
-// A frame later everything that was extrapolated is known.
+// One frame later everything that was extrapolated is known.
 TEST(Path, AccelerationIsFollowed) {
   const auto place = [](double t) { return 2.0 * t + 0.15 * t * t; };
-  const Path late = path_of(Inertia(kTau), history_of(place), true);  // of the frame at -1
+  const Path late = path_of(Inertia(kTau), history_of(place), true);  // of the frame before
   EXPECT_NEAR(late.trail.p[0], place(-1) - place(-2), 0.03);
   const Path live = path_of(Inertia(kTau), history_of(place), false);
   EXPECT_NEAR(live.trail.p[0], place(0) - place(-1), 0.06);
 }
 
-// A hand's turn in which each change is larger than the one before: it goes on; that it ends between two frames is a
-// stop.
+// A turn of a hand whose changes grow from frame to frame goes on; an end between two frames is a stop.
 TEST(Path, ATurnThatGoesOnIsNoStop) {
   Displacements d;
   for (std::size_t i = 0; i < d.size(); ++i) {
@@ -206,8 +204,8 @@ TEST(Path, ATurnThatGoesOnIsNoStop) {
   EXPECT_LT(path_of(Inertia(kTau), d, false, 0.01).steady, 0.1);
 }
 
-// What goes to and fro is noise, where the picture tells less of a direction than the uncertainty says; what does not
-// is a stop.
+// Alternating changes are noise, in a direction in which the picture constrains motion less than the stated
+// uncertainty; a single change is a stop.
 TEST(Path, ScatterIsNoStop) {
   std::minstd_rand random(3);
   std::normal_distribution<double> noise(0.0, 0.5);
@@ -249,7 +247,7 @@ TEST(Weights, SumToOneAndPromiseLessErrorWithLookahead) {
   }
 }
 
-// Weights of a path that is as good as straight are those of the table.
+// Weights of a nearly straight path equal those of the table.
 TEST(PathWeights, OfAStraightPathAreTheTables) {
   const Inertia inertia(kTau);
   Alone alone;
@@ -274,7 +272,7 @@ TEST(PathWeights, OfAStraightPathAreTheTables) {
           const WeightTable::Place place = table->place_of(static_cast<float>(speed), contrast, uncertainty, blurred);
           const double errors = table->near_error(place, &weights, 1.0F) / table->near_error(place);
           const bool coarse = speed > (blurred > 0.0F ? 1.0 : 3.0);
-          EXPECT_NEAR(errors, 1.0, coarse ? 0.5 : 0.08);  // steps of time show where there is hardly any noise
+          EXPECT_NEAR(errors, 1.0, coarse ? 0.5 : 0.08);  // the time steps show where there is hardly any noise
           FilterWeights along;
           table->find(best_kernels(), place, 0.0F, along, &weights, 1.0F);
           EXPECT_NEAR(std::accumulate(along.w, along.w + FilterWeights::kError, 0.0), 1.0, 2e-3);
@@ -284,8 +282,8 @@ TEST(PathWeights, OfAStraightPathAreTheTables) {
   }
 }
 
-// Points differ from their neighbours nearly as much as from those beyond, what a lens has blurred does not. Along a
-// slanted trail, in a fast motion and in noise there is no telling.
+// In a sharp scene pixels differ from their neighbours nearly as much as from those further away, in one blurred by a
+// lens they do not. On a slanted trail, in fast motion and in noise this cannot be seen.
 TEST(PathWeights, TheBlurOfASceneIsSeen) {
   const Inertia inertia(kTau);
   PathWeights weights(inertia, 0);
@@ -317,7 +315,7 @@ TEST(Weights, ErrorsGrowWithUncertainty) {
   }
 }
 
-// More frames take out noise, where there is more of that than of the scene.
+// More frames reduce noise where it exceeds the scene.
 TEST(Weights, TheFarPastIsOfUseInNoise) {
   const auto table = WeightTable::of(kTau, 0);
   const auto error = [&](const WeightTable::Place& place, float far) {
@@ -341,7 +339,7 @@ TEST(Weights, TheFarPastIsOfUseInNoise) {
   }
 }
 
-// Of a flat scene nearly all noise is taken out, of a contrast well above it nothing; on the diagonal less.
+// Of a flat scene nearly all noise is removed, of a contrast well above the noise nothing; less on the diagonal.
 TEST(Weights, SmoothAcrossWhatIsNoise) {
   const auto table = WeightTable::of(kTau, 0);
   FilterWeights along;
@@ -360,9 +358,9 @@ TEST(Weights, SmoothAcrossWhatIsNoise) {
   EXPECT_GT(left(1.0F, {0.6F, 0.8F}), left(1.0F, {1.0F, 0.0F}));
 }
 
-// A block of much contrast in fast motion and little noise, as a hand makes it: what is left of the innovation is far
-// above the noise, and yet the motion explains nearly all that has changed. The per-pixel estimate promises less error
-// than the one along the motion, as it always does there, and has more.
+// A block of high contrast in fast motion at low noise, as from a hand: the innovation's residual is far above the
+// noise, yet the motion explains nearly all of the change. The per-pixel estimate predicts a smaller error than the one
+// along the motion, as it always does in this case, but its error is larger.
 TEST(Odds, AMotionThatExplainsMostOfTheChangeIsBelieved) {
   const Evidence well{.mine = 10800,
                       .other = 1900,
@@ -376,7 +374,7 @@ TEST(Odds, AMotionThatExplainsMostOfTheChangeIsBelieved) {
   badly.left = 0.5F * well.change;
   Evidence slow = well;
   slow.speed = 0.4F;
-  Evidence beside = well;  // the blocks around it change
+  Evidence beside = well;  // the neighbouring blocks change
   beside.own = 6.0F;
   const Inertia inertia(kTau);
   for (const bool ahead : {false, true}) {

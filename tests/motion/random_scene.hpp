@@ -1,18 +1,18 @@
-// Scenes by chance: what moves, how, before what, in how much noise.
+// Random scenes: moving objects, camera motion, background and noise.
 #pragma once
 
 #include "tests/motion/scenes.hpp"
 
 namespace bolo::motion::testing {
 
-// Motion as of a vehicle, a hand or a turned head. Sudden changes are about time `event`, frames.
+// Motion as of a vehicle, a hand or a turned head. Sudden changes are near time `event`, frames.
 class RandomScene {
  public:
   RandomScene(std::uint32_t seed, double event) : random_(seed), event_(event) {
     const Scene back = moved(texture(), motion());
     scene_ = back;
     switch (static_cast<int>(unit() * 6.0)) {
-      case 0: {  // a mover
+      case 0: {  // a moving object
         const auto path = motion();
         const auto front = texture();
         const double x = 100.0 * unit();
@@ -98,7 +98,7 @@ class RandomScene {
           return contrast * std::tanh(8.0 * u) + 0.2 * fine(x, y);
         };
       case 2:
-        return [=](double x, double y) { return 0.02 * fine(x, y); };  // nearly nothing
+        return [=](double x, double y) { return 0.02 * fine(x, y); };  // nearly flat
       default:
         return fine;
     }

@@ -1,5 +1,5 @@
-// The kernels of src/motion/kernels.hpp as their definitions read: one pixel at a time, double precision, every source
-// looked up with the frame's border repeated.
+// References for src/motion/kernels.hpp by definition: one pixel at a time, double precision, every source read with
+// the frame's border repeated.
 #pragma once
 
 #include <Eigen/Dense>
@@ -21,7 +21,7 @@ inline double value(const PaddedPlane& p, int x, int y) {
   return *p.at(std::clamp(x, 0, g.width - 1), std::clamp(y, 0, g.height - 1));
 }
 
-// By more than `least` beyond both its neighbours in a row, and both in a column.
+// Beyond both neighbours in the row, and both in the column, by more than `least`.
 inline bool is_extreme(const PaddedPlane& p, int x, int y, float least) {
   const auto beyond = [middle = value(p, x, y)](double a, double b) {
     return std::max(std::min(a, b) - middle, middle - std::max(a, b));
@@ -57,7 +57,7 @@ inline double bicubic(const PaddedPlane& p, double x, double y) {
   return sum;
 }
 
-// Weights of the nearest n values for a point `at` after the first of them: kriging with unit sum, as a bordered
+// Kriging weights with unit sum of n values for a point `at` behind the first of the nearest ones, as a bordered
 // system.
 inline Eigen::VectorXd kriging(int n, double at) {
   const auto likeness = [](double apart) { return std::exp(-0.5 * apart * apart / (1.2 * 1.2)); };
@@ -71,7 +71,7 @@ inline Eigen::VectorXd kriging(int n, double at) {
   return system.fullPivLu().solve(right).head(n);
 }
 
-// Between n values along both axes, at the nearest of 64 parts of a pixel; a value on a row or column is of that alone.
+// Interpolates n values along both axes at the nearest 1/64 px; a point on a row or column uses only that one.
 inline double between_values(const PaddedPlane& p, int n, double x, double y) {
   struct Axis {
     int first;
@@ -94,7 +94,7 @@ inline double between_values(const PaddedPlane& p, int n, double x, double y) {
   return sum;
 }
 
-// `pixels` away along the axis that is more across u.
+// Value `pixels` away along the axis that is more nearly perpendicular to u.
 inline double across(const PaddedPlane& p, int x, int y, Point u, int pixels) {
   const bool down = std::abs(u.x) >= std::abs(u.y);
   return value(p, down ? x : x + pixels, down ? y + pixels : y);
@@ -104,7 +104,7 @@ inline bool inside(Geometry g, double x, double y, double margin) {
   return x >= margin && x <= g.width - 1 - margin && y >= margin && y <= g.height - 1 - margin;
 }
 
-// Calls use(x, y) for the pixels of a block that are in the frame.
+// Calls use(x, y) for each pixel of a block within the frame.
 template <typename Use>
 void for_block(Geometry g, int column, int row, const Use& use) {
   for (int y = row * kBlock; y < std::min((row + 1) * kBlock, g.height); ++y) {
@@ -127,7 +127,7 @@ inline std::array<double, 7> match(const PaddedPlane& a, const PaddedPlane& b, P
   return s;
 }
 
-// Pull of shared noise of unit weight on a match at d, along d's first component.
+// Bias that shared noise of unit weight causes in a match at d, along d's first component.
 inline double pull(double along, double across) {
   const auto moved = [](double v) { return (v - std::floor(v)) * (1.0 - v + std::floor(v)); };
   const double a = 2.0 + 1.0 / 3.0 + moved(along);
@@ -135,7 +135,7 @@ inline double pull(double along, double across) {
   return along / (std::sqrt(a * b) * a) * std::exp(-0.5 * (along * along / a + across * across / b));
 }
 
-// A block field at a pixel, interpolated between the blocks' centres; at(column, row) within the field.
+// A block field at a pixel, interpolated between block centres; at(column, row) within the field.
 template <typename At>
 double between(Geometry g, int x, int y, const At& at) {
   const double cx = std::clamp((x + 0.5) / kBlock - 0.5, 0.0, blocks_over(g.width) - 1.0);
@@ -148,7 +148,7 @@ double between(Geometry g, int x, int y, const At& at) {
          (cy - r) * ((1 - (cx - c)) * at(c, below) + (cx - c) * at(right, below));
 }
 
-// The scene's autocovariance (weights.hpp) at a squared distance in px^2, smooth over so many px.
+// The scene's autocovariance (weights.hpp) at a squared distance in px^2, smoothed over `smooth` px.
 inline double covariance(double square, double smooth) {
   const double distance = std::sqrt(square + smooth * smooth) - smooth;
   return 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));

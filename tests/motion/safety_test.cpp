@@ -1,4 +1,4 @@
-// The solver `motion` where the motion cannot be trusted: against mmae, frame by frame and tile by tile.
+// The solver `motion` where motion cannot be trusted: compared with mmae, frame by frame and tile by tile.
 #include "src/deblur/motion_solver.hpp"
 #include "tests/motion/random_scene.hpp"
 #include "tests/motion/stream.hpp"
@@ -7,11 +7,11 @@ namespace bolo::deblur::safety_test {
 
 using namespace testing;
 
-constexpr double kWorstFrame = 1.1;  // of mmae's root mean square error in the same frame
-constexpr double kWorstTile = 1.03;  // the same of a tile of 32 x 32 pixels, over the scene
+constexpr double kWorstFrame = 1.1;  // relative to mmae's RMS error in the same frame
+constexpr double kWorstTile = 1.03;  // the same for a tile of 32 x 32 pixels, over the scene
 constexpr int kTile = 32;
 constexpr int kFrames = 34;
-constexpr int kEvent = 26;  // when scenes change
+constexpr int kEvent = 26;  // frame at which scenes change
 
 struct Worst {
   double frame = 0.0;
@@ -25,7 +25,7 @@ class Run {
     settings.lookahead = lookahead;
     solver_ = solver_of(settings);
   }
-  // Squared errors of a frame, by pixel.
+  // Squared errors of a frame, per pixel.
   Picture errors(int k) {
     const Picture got = solved(*solver_, stream_.window_ending_at(k + lookahead_, lookahead_));
     Picture e = stream_.truth(k);
@@ -84,7 +84,7 @@ void expect_safe(const Scene& scene, double noise, double frame = kWorstFrame) {
   EXPECT_LT(worst.tile, kWorstTile);
 }
 
-// An object before a scene, 56 x 56 pixels that move by v a frame.
+// An object of 56 x 56 pixels, moving by v a frame, in front of a scene.
 Scene object_before(const Scene& scene, double v) {
   return [scene, v, front = Texture(8, 6.0)](double x, double y, double t) {
     const bool in = std::abs(x - 66.0 - v * (t - kEvent)) < 28.0 && std::abs(y - 45.0) < 28.0;
@@ -92,7 +92,7 @@ Scene object_before(const Scene& scene, double v) {
   };
 }
 
-// A stop in the last quarter of a fast pan's frame changes its displacement by no more than a hand does.
+// A stop in the last quarter of a frame of a fast pan changes the displacement no more than a moving hand does.
 TEST(MotionSafety, AnInstantStop) {
   constexpr double kLateInAFastPan = 1.35;
   for (const double speed : {1.5, 2.9, 6.0}) {
@@ -106,7 +106,7 @@ TEST(MotionSafety, AnInstantStop) {
   }
 }
 
-// A scene until this time, another one from then on.
+// One scene until `time`, another one from then on.
 Scene cut_at(double time) {
   return [time, before = pan(4.0, 0.5), after = pan(-2.0, 0.3, 17)](double x, double y, double t) {
     return t < time ? before(x, y, t) : after(x, y, t);
@@ -115,7 +115,7 @@ Scene cut_at(double time) {
 
 TEST(MotionSafety, ACutToAnotherScene) { expect_safe(cut_at(kEvent - 0.7), 0.03); }
 
-// No displacement before it is of frames that all are there.
+// No earlier displacement is between frames that were all received.
 TEST(MotionSafety, ACutSoonAfterLostFrames) {
   for (const int lost : {1, 2}) {
     Stream stream(cut_at(kEvent - 0.7), 0.03, kFrames);
@@ -139,7 +139,7 @@ TEST(MotionSafety, RepeatedTexture) {
 
 TEST(MotionSafety, StillsInMuchNoise) { expect_safe(pan(0.0, 0.0), 1.0); }
 
-// Motion along the edges cannot be seen; across, it can.
+// Motion along the edges is not observable; across them it is.
 TEST(MotionSafety, ParallelEdges) {
   constexpr double kWorstOfEdges = 0.7;
   for (const double noise : {0.03, 0.3}) {
@@ -150,7 +150,7 @@ TEST(MotionSafety, ParallelEdges) {
   }
 }
 
-// `lost`: frames from kEvent on.
+// `lost`: number of frames lost from kEvent on.
 void expect_safe(std::uint32_t seed, int lookahead = 0, int lost = 0) {
   const motion::testing::RandomScene random(seed, kEvent);
   Stream stream(random.scene(), random.noise(), kFrames, seed);
@@ -166,31 +166,31 @@ TEST(MotionSafety, RandomScenes) {
   for (std::uint32_t seed = 0; seed < kScenes; ++seed) expect_safe(seed);
 }
 
-// Squares whose nearest copy in the picture before is not where they came from.
+// Squares whose nearest copy in the previous picture is not their origin.
 TEST(MotionSafety, SquaresThatRepeat) {
   for (const std::uint32_t seed : {31U, 5098U, 5100U, 5233U}) expect_safe(seed);
 }
 
-// What moves fast beside a wall tells nothing of the wall.
+// A fast motion beside a wall gives no information on the wall.
 TEST(MotionSafety, AWallBesideATexture) { expect_safe(2119); }
 
-// What the frames after them are compared with was made up.
+// The next frames are compared with a predicted frame.
 TEST(MotionSafety, ScenesThatChangeWhileFramesAreLost) {
   for (const std::uint32_t seed : {11U, 18U, 59U, 74U, 202U}) expect_safe(seed, 0, 2);
 }
 
-// With the frame after: at a cut, where squares are matched now here, now there, in slow motion, beside what rests.
+// One frame of look-ahead: at a cut, where squares match now here, now there, in slow motion, beside a still part.
 TEST(MotionSafety, ScenesWithLookAhead) {
   for (const std::uint32_t seed : {54U, 90U, 105U, 34U, 132U, 136U, 130U, 134U}) expect_safe(seed, 1);
 }
 
-// What pixels still show of the scene before a cut is no part of the one after.
+// The thermal remainder of the scene before a cut does not belong to the scene after it.
 TEST(MotionSafety, RandomScenesAfterACut) {
   for (const std::uint32_t seed : {1028U, 1039U, 1100U, 1204U, 1352U}) expect_safe(seed);
   for (const std::uint32_t seed : {1100U, 1204U}) expect_safe(seed, 1);
 }
 
-// Twelve frames after a cut nothing is left of it.
+// Twelve frames after a cut no trace of it is left.
 TEST(MotionSafety, ACutIsForgotten) {
   const Settings settings = settings_of(Method::kMotion, 0.05);
   Stream disturbed(cut_at(kEvent), 0.05, kEvent + 13);
@@ -198,7 +198,7 @@ TEST(MotionSafety, ACutIsForgotten) {
   EXPECT_LT(disturbed.error(settings, kEvent + 12), 1.05 * fresh.error(settings, kEvent + 12));
 }
 
-// Motion is known from the second frame after a cut, and nothing from before it is used.
+// Motion is known from the second frame after a cut; nothing older is used.
 TEST(MotionSafety, ANewSceneIsSharpAtOnce) {
   Stream stream(cut_at(kEvent), 0.05, kFrames);
   EXPECT_LT(worst_of(stream, 0.05, kEvent + 2).frame, 0.4);

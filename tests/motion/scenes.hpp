@@ -1,4 +1,4 @@
-// Scenes that move, seen through thermal inertia: for tests.
+// Moving scenes seen through thermal inertia, for tests.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,7 +9,7 @@
 
 namespace bolo::motion::testing {
 
-// A smooth random texture without a period: some waves of each length. K.
+// A smooth, random, aperiodic texture: several waves of each length. K.
 class Texture {
  public:
   explicit Texture(std::uint32_t seed, double contrast_k = 3.0) {
@@ -25,7 +25,7 @@ class Texture {
     }
   }
   double operator()(double x, double y) const {
-    const Eigen::Array<float, kWaves, 1> angle = (x * x_ + y * y_ + phase_).cast<float>();  // of floats: four at a time
+    const Eigen::Array<float, kWaves, 1> angle = (x * x_ + y * y_ + phase_).cast<float>();  // as floats: four at a time
     return static_cast<double>((angle.sin() * amplitude_).sum());
   }
 
@@ -37,10 +37,9 @@ class Texture {
   Eigen::Array<float, kWaves, 1> amplitude_;
 };
 
-// The scene's value at a pixel and a time (in frames).
+// Scene value at a pixel and a time (in frames).
 using Scene = std::function<double(double x, double y, double t)>;
 
-// A texture that moves so many px a frame.
 inline Scene pan(double vx, double vy, std::uint32_t seed = 3) {
   return [texture = Texture(seed), vx, vy](double x, double y, double t) { return texture(x - vx * t, y - vy * t); };
 }
@@ -56,8 +55,8 @@ inline Picture picture_of(const Scene& scene, Geometry g, double t) {
   return p;
 }
 
-// Frames 0 .. count - 1 of pixels of time constant tau (periods) without noise.
-inline constexpr int kLead = 3;  // frames before the first, of which the first was at rest
+// Frames 0 to count - 1 without noise, of pixels with time constant tau (periods).
+inline constexpr int kLead = 3;  // frames before the first; the pixels start in equilibrium with the earliest
 
 inline std::vector<Picture> watch(const Scene& scene, Geometry g, double tau, int count, int steps = 8) {
   Picture y = picture_of(scene, g, -kLead);

@@ -1,4 +1,3 @@
-// The solver `motion` on whole streams.
 #include <malloc.h>
 
 #include "tests/motion/stream.hpp"
@@ -17,7 +16,7 @@ TEST(MotionSolver, HalvesTheErrorOfPerPixelEstimatesInPans) {
   }
 }
 
-// What is finer than optics pass is noise there, and the past's frames are where a steady motion says.
+// Detail finer than the optics pass is noise, and a steady motion tells where past frames lie.
 TEST(MotionSolver, SlowPansAreLittleNoisierThanFrames) {
   for (const auto& [speed, most] : {std::pair{0.2, 0.041}, std::pair{0.5, 0.056}}) {
     Stream stream(pan(speed, 0.2 * speed), 0.03, 26);
@@ -27,8 +26,8 @@ TEST(MotionSolver, SlowPansAreLittleNoisierThanFrames) {
   }
 }
 
-// A swing back and forth, and around a corner: straight trails would leave .9 and .8 of what a per-pixel estimate
-// leaves.
+// A swing back and forth, and a turn around a corner: with straight trails 0.9 and 0.8 of a per-pixel estimate's error
+// would remain.
 TEST(MotionSolver, FollowsPathsThatBend) {
   const Texture texture(5, 6.0);
   const Scene swing = [&](double x, double y, double t) { return texture(x - 14.0 * std::sin(0.13 * t), y); };
@@ -64,7 +63,7 @@ TEST(MotionSolver, StillsAndFlatPicturesAreNotWorseThanMmae) {
   }
 }
 
-// Up to eight frames before are looked at where there is more noise than scene: cut the older five off, and it shows.
+// Where noise exceeds the scene, up to eight past frames are used: a lost frame cuts off the older five.
 TEST(MotionSolver, InNoiseTheFarPastHelps) {
   Stream whole(pan(1.5, 0.3), 0.8, 40);
   Stream lossy(pan(1.5, 0.3), 0.8, 40);
@@ -80,7 +79,7 @@ TEST(MotionSolver, InNoiseTheFarPastHelps) {
   }
 }
 
-// Rows that are read out one after the other see the scene later; the estimate is at the frame's time.
+// With a rolling read-out later rows see the scene later; the estimate is for the frame's time.
 TEST(MotionSolver, RowDelayIsUndone) {
   constexpr double kDelay = 0.8 / 90;  // periods a row
   const Scene still_time = pan(3.0, 0.5);
@@ -93,12 +92,12 @@ TEST(MotionSolver, RowDelayIsUndone) {
             0.5 * rmse(stream.estimate(settings_of(Method::kMotion, 0.03), 23), picture_of(still_time, kFrame, 23)));
 }
 
-// Frames before the window do not matter, bit for bit: nothing can go bad for good.
+// Frames before the window do not matter, bit for bit: no state can be corrupted for good.
 TEST(MotionSolver, AFreshStartGivesTheSame) {
   for (const int lookahead : {0, 1}) {
     Stream stream(pan(2.2, -0.7), 0.1, 40);
     for (const int lost : {26, 30, 31}) stream.lose(lost);
-    for (std::uint16_t& v : stream.counts(24)) v = 0;  // a wild frame
+    for (std::uint16_t& v : stream.counts(24)) v = 0;  // a corrupt frame
     const Settings settings = settings_of(Method::kMotion, 0.1, lookahead);
     for (const int k : {25, 27, 28, 33, 34, 38}) {
       EXPECT_EQ(stream.estimate(settings, k), stream.estimate(settings, k, k + lookahead)) << k << " " << lookahead;
@@ -116,8 +115,8 @@ TEST(MotionSolver, LostFramesCostNoMoreThanMmae) {
   }
 }
 
-// What the frames before tell of a lost one stands in for it, on a straight way and where a hand goes another one: the
-// frames after it would be mmae's.
+// A lost frame is replaced by a prediction from the frames before it, on a straight path and on a hand's curve:
+// otherwise the next frames would fall back to mmae.
 TEST(MotionSolver, OneOrTwoLostFramesCostLittle) {
   const Scene hand = [still = Texture(11)](double x, double y, double t) {
     return still(x - 1.9 * t, y + 30.0 * std::cos(0.09 * t));
@@ -137,7 +136,7 @@ TEST(MotionSolver, OneOrTwoLostFramesCostLittle) {
           const double of_mmae = lossy.error(settings_of(Method::kMmae, 0.05), k);
           EXPECT_LT(error, 0.5 * of_mmae);
           if (turns && k == 23 && lookahead == 0) {
-            EXPECT_LT(error, (two ? 0.38 : 0.27) * of_mmae);  // whole frames are sharper than what is foretold
+            EXPECT_LT(error, (two ? 0.38 : 0.27) * of_mmae);  // whole frames are sharper than the prediction
           } else {
             EXPECT_LT(error, (two ? 2.0 : 1.5) * whole.error(settings, k));
           }
@@ -147,7 +146,7 @@ TEST(MotionSolver, OneOrTwoLostFramesCostLittle) {
   }
 }
 
-// What does not fit along a bend is mostly the bend's, not a motion that is not known.
+// The misfit along a bend mostly comes from the bend, not from an unknown motion.
 TEST(MotionSolver, AHandThatTurns) {
   Stream stream(
       [still = Texture(11, 3.0)](double x, double y, double t) {
@@ -167,7 +166,7 @@ TEST(MotionSolver, PartsAndPointsAreThoseOfTheWholeFrame) {
   expect_parts(*solver, window, kFrame, whole, {{17, 11, 40, 30}}, {5, 700, 11969});
 }
 
-// Stuck and blinking pixels that no map names: their neighbours are as without them, and they as mmae has them.
+// Stuck and blinking pixels missing from the map: neighbours are unaffected, the pixels themselves are mmae's.
 TEST(MotionSolver, DefectsAreNotSpread) {
   constexpr int kLast = 39;
   const auto near_defects = [](const Picture& p, const Picture& truth) {
@@ -206,7 +205,7 @@ TEST(MotionSolver, DefectsAreNotSpread) {
   }
 }
 
-// A pixel that is no number stays one, and spoils no other.
+// A NaN pixel stays NaN and affects no other.
 TEST(MotionSolver, NotANumberStaysAlone) {
   const Scene scene = pan(2.0, 0.0);
   const auto frames = watch(scene, kFrame, 2.2, 20);
@@ -229,7 +228,7 @@ TEST(MotionSolver, NotANumberStaysAlone) {
   }
 }
 
-// Noise that is measured stays a number: an infinite one made displacements that were none, which led out of the frame.
+// The measured noise stays finite: an infinite one gave invalid displacements that led out of the frame.
 TEST(MotionSolver, AFrameOfInfinityIsOutlived) {
   std::vector<std::vector<float>> values(60, std::vector<float>(kFrame.pixels(), 300.0F));
   std::ranges::fill(values[25], std::numeric_limits<float>::infinity());
@@ -270,7 +269,7 @@ TEST(MotionSolver, SmallFramesFallBackToMmae) {
   EXPECT_EQ(by(Method::kMotion), by(Method::kMmae));
 }
 
-// A frame every ten seconds, and a tau of 90,000 frames: the first made frames of NaN, the second ended the program.
+// One frame every ten seconds, and a tau of 90,000 frames: the first gave frames of NaN, the second crashed.
 TEST(MotionSolver, InertiaWithoutWeightsFallsBackToMmae) {
   Stream stream(pan(1.5, 0.3), 0.03, 24);
   for (Settings settings : {Settings{.tau_s = 0.011, .period_s = 10.0}, Settings{.tau_s = 0.9, .period_s = 1e-5}}) {
@@ -283,8 +282,7 @@ TEST(MotionSolver, InertiaWithoutWeightsFallsBackToMmae) {
   }
 }
 
-// Points of a capture are a row of pixels: the rims of planes that nothing looks at would take a hundred times its
-// memory.
+// Points of a capture form a row of pixels: unused plane margins would take a hundred times its memory.
 TEST(MotionSolver, ARowOfPixelsTakesLittleMemory) {
   StreamFormat format = format_of(PixelType::kUint16);
   format.geometry = {200'000, 1};
@@ -297,7 +295,7 @@ TEST(MotionSolver, ARowOfPixelsTakesLittleMemory) {
   EXPECT_LT((taken() - before) / format.geometry.pixels(), 300U) << "bytes a pixel";
 }
 
-// The solver's motion of frame k.
+// The solver's motion output for frame k.
 SceneMotion motion_of(Stream& stream, int k, double noise, int lookahead = 0) {
   const auto solver = solver_of(settings_of(Method::kMotion, noise, lookahead));
   solver->prepare(stream.window_ending_at(k + lookahead, lookahead));
@@ -305,7 +303,7 @@ SceneMotion motion_of(Stream& stream, int k, double noise, int lookahead = 0) {
   return solver->motion() != nullptr ? *solver->motion() : SceneMotion(kFrame);
 }
 
-// Blocks across 17 and down 12; those along the border see what comes in.
+// 17 x 12 blocks; those along the border see new content coming in.
 bool is_inside(const SceneMotion& motion, std::size_t block) {
   const auto column = static_cast<int>(block) % motion.size.width;
   const auto row = static_cast<int>(block) / motion.size.width;

@@ -1,4 +1,3 @@
-// Streams in memory, and what solvers make of them.
 #pragma once
 
 #include "tests/deblur/solve.hpp"
@@ -15,7 +14,7 @@ using motion::testing::Scene;
 using motion::testing::Texture;
 using motion::testing::watch;
 
-inline constexpr Geometry kFrame{133, 90};  // no whole number of blocks
+inline constexpr Geometry kFrame{133, 90};  // no multiple of the block size
 inline constexpr int kWindow = 17;
 inline constexpr double kScale = 0.01;
 
@@ -27,22 +26,21 @@ inline StreamFormat format_of(PixelType type) {
   return {kFrame, type, {Unit::kKelvin, type == PixelType::kUint16 ? kScale : 1.0, 0.0}};
 }
 
-// Of this scene's frames in counts, kelvin out.
+// A solver for frames in counts, with output in kelvin.
 inline std::unique_ptr<Solver> solver_of(const Settings& settings, double row_delay_s = 0.0) {
   return make(settings, format_of(PixelType::kUint16), PixelType::kFloat32, row_delay_s);
 }
 
-// The estimate that a scene's pictures are compared with.
+// Solved frame in the units of the scene (K above 300 K).
 inline Picture solved(Solver& solver, const WindowView& window) {
   Picture p;
   for (const float v : whole_frame(solver, window, kFrame)) p.push_back(static_cast<double>(v) - 300.0);
   return p;
 }
 
-// A stream in memory, and what a solver makes of it.
 class Stream {
  public:
-  // tau: of the pixels, in periods.
+  // tau: pixel time constant in periods.
   Stream(const Scene& scene, double noise, int count, std::uint32_t seed = 1, double tau = 2.2) : scene_(scene) {
     auto frames = watch(scene, kFrame, tau, count);
     add_noise(frames, noise, seed);
@@ -55,7 +53,7 @@ class Stream {
   int frames() const { return static_cast<int>(counts_.size()); }
   std::vector<std::uint16_t>& counts(int k) { return counts_[static_cast<std::size_t>(k)]; }
   void lose(int k) { counts(k).clear(); }
-  // Adds a fixed pattern of standard deviation `pattern`, K, and loses that share of the frames.
+  // Adds a fixed pattern of standard deviation `pattern`, K, and loses the share `lost` of the frames.
   void disturb(double lost, double pattern, std::uint32_t seed) {
     std::mt19937 random(seed);
     std::normal_distribution<double> normal(0.0, pattern / kScale);
@@ -74,7 +72,7 @@ class Stream {
     for (int i = k - kWindow + 1; i <= k; ++i) planes_.push_back(counts(i).empty() ? nullptr : counts(i).data());
     return {planes_, kWindow - 1 - lookahead, static_cast<std::uint64_t>(k) + 1};
   }
-  // Frame k as a solver that has seen the stream from `first` on makes it, K.
+  // Estimate of frame k, K, by a solver that has seen the stream from frame `first` on.
   Picture estimate(const Settings& settings, int k, int first = kWindow - 1) {
     const auto solver = solver_of(settings);
     for (int j = first; j < k + settings.lookahead; ++j) {

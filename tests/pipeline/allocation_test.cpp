@@ -1,4 +1,4 @@
-// Counts what the whole program allocates while frames flow. A program of its own, for its allocator is replaced.
+// Counts the whole program's allocations while frames flow. Separate program, as it replaces the allocator.
 #include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/count_allocations.hpp"
 #include "tests/pipeline/fakes.hpp"
@@ -10,7 +10,7 @@ using test::Script;
 constexpr std::uint64_t kFirstArmed = 40;
 constexpr std::uint64_t kLastArmed = 180;
 
-// Arms the counter between two frames; all threads are then at work.
+// Arms the counter between two frames, when all threads are running.
 class ArmingSink final : public FrameSink {
  public:
   Status open(const SinkFormat&) override { return {}; }
@@ -21,10 +21,10 @@ class ArmingSink final : public FrameSink {
   }
   void close() noexcept override { bolo::test::disarm_allocation_count(); }
 
-  int moving = 0;  // frames that told the scene's motion
+  int moving = 0;  // frames with motion
 };
 
-std::unique_ptr<int> g_kept;  // seen by the whole program: the compiler cannot leave the allocation out
+std::unique_ptr<int> g_kept;  // global: the compiler cannot optimise the allocation away
 
 class AllocatingSink final : public FrameSink {
  public:
@@ -35,14 +35,14 @@ class AllocatingSink final : public FrameSink {
   void close() noexcept override {}
 };
 
-// 200 frames with lost ones, a restart and a saturated pixel while the counter is armed.
+// 200 frames with losses, a restart and a saturated pixel while the counter is armed.
 Script eventful(std::uint64_t frames = 200) {
   Script script;
   script.info = test::small_source(64, 12);
   script.frames = test::run_of(0, frames);
   script.frames[120].restart = true;
   script.frames.erase(script.frames.begin() + 80);
-  script.frames.erase(script.frames.begin() + 84);  // two in one window: no operator is ready for that
+  script.frames.erase(script.frames.begin() + 84);  // two losses in one window: no operator is prepared for them
   script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
     test::fill_moving_bar(slot, format);
     if (slot.meta.frame_id == 90) slot.u16()[100] = 65'535;

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <new>
 
-// The sanitizers own malloc; without them glibc's is reached under its other name.
+// The sanitizers own malloc; otherwise glibc's is called by its other name.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define BOLO_COUNTS_MALLOC 0
 #elif defined(__has_feature)

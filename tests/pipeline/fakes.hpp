@@ -1,4 +1,4 @@
-// A source that plays a script and a sink that remembers, for tests of the pipeline.
+// A scripted source and a recording sink, for tests of the pipeline.
 #pragma once
 
 #include "src/core/clock.hpp"
@@ -17,7 +17,6 @@ struct ScriptedFrame {
   bool restart = false;
 };
 
-// Frames first, first + 1 ... first + count - 1.
 inline std::vector<ScriptedFrame> run_of(std::uint64_t first, std::uint64_t count) {
   std::vector<ScriptedFrame> frames;
   for (std::uint64_t id = first; id < first + count; ++id) frames.push_back({id});
@@ -58,8 +57,8 @@ struct Script {
   SourceInfo info = small_source();
   std::vector<ScriptedFrame> frames = run_of(0, 40);
   Fill fill = fill_moving_bar;
-  bool waits_for_slots = true;  // false: a camera, which loses frames
-  bool ends = true;             // false: falls silent after the last frame, as a dead camera does
+  bool waits_for_slots = true;  // false: loses frames, like a camera
+  bool ends = true;             // false: falls silent after the last frame, like a dead camera
   Status open_status{};
   Status start_status{};
 };
@@ -107,7 +106,6 @@ class ScriptedSource final : public FrameSource {
   std::thread thread_;
 };
 
-// Keeps a copy of all it was given.
 class MemorySink final : public FrameSink {
  public:
   struct Frame {
@@ -150,7 +148,7 @@ class MemorySink final : public FrameSink {
   int idled = 0;
 };
 
-// The window that ends with frame `target`, of those that a sink kept of small_source(), as the solver alone makes it.
+// Solves the window that ends with frame `target`, of frames that a sink kept of small_source(), without the pipeline.
 inline std::vector<std::byte> solved(const std::vector<MemorySink::Frame>& frames, std::size_t target,
                                      const deblur::Settings& settings, PixelType output = PixelType::kUint16) {
   const StreamFormat format = small_source().format;
@@ -173,7 +171,7 @@ inline Result<std::unique_ptr<Pipeline>> create(Script script, const std::vector
 
 inline const std::atomic<bool> kNever{false};
 
-// Runs the script to its end, or until it is stopped; fails the test when the pipeline does not come up.
+// Runs the script to its end or until stopped; fails the test if the pipeline does not start.
 inline void play(Script script, const std::vector<FrameSink*>& sinks, const PipelineOptions& options = {},
                  const std::function<void(const Pipeline&)>& afterwards = {}, const std::atomic<bool>& stop = kNever) {
   auto pipeline = must(create(std::move(script), sinks, options));

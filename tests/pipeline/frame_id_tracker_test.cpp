@@ -6,21 +6,21 @@ namespace bolo::pipeline::frame_id_tracker_test {
 constexpr double kPeriodS = 0.005;
 constexpr std::int64_t kPeriodNs = 5'000'000;
 
-// An event, a period after the one before.
+// An event, one period after the previous one.
 struct Step {
   enum { kFrame, kReset, kRefused, kBroken, kNameless, kWait, kReopened } what;
-  std::uint64_t raw = 0;  // the camera's number, or how often
-  std::uint64_t id = 0;   // that the frame gets
+  std::uint64_t raw = 0;  // the camera's id, or a number of events
+  std::uint64_t id = 0;   // id that the frame gets
   LossCause cause = LossCause::kIncomplete;
 };
 constexpr Step frame(std::uint64_t raw, std::uint64_t id) { return {Step::kFrame, raw, id}; }
 constexpr Step frame(std::uint64_t raw) { return frame(raw, raw); }
-constexpr Step reset(std::uint64_t raw, std::uint64_t id) { return {Step::kReset, raw, id}; }  // the counter began anew
+constexpr Step reset(std::uint64_t raw, std::uint64_t id) { return {Step::kReset, raw, id}; }  // the counter restarted
 constexpr Step refused(std::uint64_t raw) { return {Step::kRefused, raw}; }
 constexpr Step broken(std::uint64_t raw, LossCause cause = LossCause::kIncomplete) {
   return {Step::kBroken, raw, 0, cause};
 }
-constexpr Step nameless(std::uint64_t frames = 1) { return {Step::kNameless, frames}; }  // broken, without an id
+constexpr Step nameless(std::uint64_t frames = 1) { return {Step::kNameless, frames}; }  // damaged, without an id
 constexpr Step wait_frames(std::uint64_t frames) { return {Step::kWait, frames}; }
 constexpr Step reopened() { return {Step::kReopened}; }
 
@@ -65,14 +65,14 @@ const Stream kStreams[]{
      {{LossCause::kMissing, 3}}},
     {"LateFrame", {frame(1), frame(3), refused(2), frame(4)}, {{LossCause::kOutOfOrder, 1}}},
     {"Duplicates", {frame(1), frame(2), refused(2), refused(1), frame(3)}, {{LossCause::kOutOfOrder, 2}}},
-    {"BrokenIsNotMissingToo",  // 4 and 6 are
+    {"BrokenIsNotMissingToo",  // 4 and 6 are missing
      {frame(1), broken(2), frame(3), broken(5, LossCause::kBadFrame), broken(7, LossCause::kDriver), frame(8)},
      {{LossCause::kIncomplete, 1}, {LossCause::kBadFrame, 1}, {LossCause::kDriver, 1}, {LossCause::kMissing, 2}}},
     {"LateBrokenTwice", {frame(1), frame(3), broken(2), broken(2)}, {{LossCause::kIncomplete, 1}}},
     {"WithoutIdInTheNextGap",
      {frame(1), nameless(), frame(4), frame(5)},
      {{LossCause::kIncomplete, 1}, {LossCause::kMissing, 1}}},
-    // Foreign bytes on the stream's port look like a frame that lost its first packet.
+    // Foreign bytes on the stream's port look like a frame without its first packet.
     {"WithoutIdAndWithoutAGapWasNoFrame",
      {frame(1), nameless(), frame(2), nameless(3), frame(4), frame(5)},
      {{LossCause::kIncomplete, 1}}},
@@ -84,7 +84,7 @@ const Stream kStreams[]{
      {{LossCause::kIncomplete, 2}}},
     {"NothingButWithoutId", {nameless(5)}, {{LossCause::kIncomplete, 5}}},
     {"LongOutage", {frame(1), wait_frames(3000), frame(3001)}, {{LossCause::kMissing, 2999}}},
-    {"JumpThatNoTimeExplains", {frame(60000), reset(1, 60001), frame(2, 60002)}},  // 5536 frames on, if it were a wrap
+    {"JumpThatNoTimeExplains", {frame(60000), reset(1, 60001), frame(2, 60002)}},  // as a wrap: 5536 frames later
     {"StepFarBack", {frame(1000), frame(1001), reset(5, 1002)}},
     {"OpenGapsAreClosedAtAReset", {frame(1000), frame(1003), reset(1, 1004)}, {{LossCause::kMissing, 2}}},
     {"ResetThatABrokenFrameShowed", {frame(1000), broken(1), reset(2, 1002)}, {{LossCause::kIncomplete, 1}}},
@@ -94,7 +94,6 @@ const Stream kStreams[]{
 INSTANTIATE_TEST_SUITE_P(Streams, FrameIds, testing::ValuesIn(kStreams),
                          [](const auto& row) { return std::string(row.param.name); });
 
-// A tracker with a clock that follows the frames.
 class FrameIdTrackerTest : public testing::Test {
  protected:
   FrameIdTracker::Verdict complete(std::uint64_t raw) { return ids_.complete(raw, now_ns_ += kPeriodNs); }
@@ -115,8 +114,7 @@ TEST_F(FrameIdTrackerTest, CallsAFrameMissingOnlyAfterTheReorderWindow) {
   EXPECT_EQ(lost(LossCause::kMissing), 1U);
 }
 
-// Random losses of every kind, with neighbours exchanged and duplicates: what was done to the stream is what is
-// counted.
+// Random losses of every kind, swapped neighbours and duplicates: the counts equal what was done to the stream.
 TEST_F(FrameIdTrackerTest, AccountsForEveryFrameOfARandomStream) {
   for (unsigned seed = 1; seed <= 50; ++seed) {
     std::mt19937 random(seed);
@@ -140,7 +138,7 @@ TEST_F(FrameIdTrackerTest, AccountsForEveryFrameOfARandomStream) {
       raw = raw == 65535 ? 1 : raw + 1;
       now_ns += kPeriodNs;
       ++sent;
-      const bool certain = i == 0 || i == 4999;  // so that the span is known
+      const bool certain = i == 0 || i == 4999;  // fixes the span
       switch (certain ? 9U : random() % 10) {
         case 0:
           ++missing;

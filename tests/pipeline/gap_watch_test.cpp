@@ -1,4 +1,4 @@
-// Differences of the camera from its profile: detected on its own stream, and not where it cannot show them.
+// Deviations of the camera from its profile: detected on its own stream, and not reported where they cannot be seen.
 #include "src/pipeline/gap_watch.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tests/motion/scenes.hpp"
@@ -12,15 +12,15 @@ using namespace motion::testing;
 
 constexpr Geometry kFrame{128, 80};
 constexpr double kScale = 0.01;
-constexpr double kTau = 2.2;  // of the profile, periods
+constexpr double kTau = 2.2;  // of the profile, in periods
 constexpr double kPeriodS = 0.005;
-constexpr int kSwing = 48;  // frames of a hand's way to and fro
+constexpr int kSwing = 48;  // frames of one hand movement to and fro
 
 using Planes = std::vector<std::vector<std::uint16_t>>;
 
 constexpr StreamFormat kFormat{.geometry = kFrame, .scale = {Unit::kKelvin, kScale, 0.0}};
 
-// A texture before a hand that goes `reach` px to and fro, more across than down.
+// A texture seen from a hand that swings by `reach` px, more across than down.
 Scene hand(std::uint32_t seed, double reach) {
   return [texture = Texture(seed), reach, seed](double x, double y, double t) {
     const double angle = 2.0 * std::numbers::pi * t / kSwing + seed;
@@ -95,7 +95,7 @@ TEST(GapTrend, TellsAnAgedCameraOnceAndWhenItFitsAgain) {
   EXPECT_TRUE(grew->warning);
   EXPECT_EQ(grew->event, event::kGapGrew);
   EXPECT_NE(grew->text.find("time constant 13.2 ms instead of 11"), std::string::npos) << grew->text;
-  for (int i = 0; i < 5; ++i) EXPECT_FALSE(trend.add(figures(1.07)));  // neither here nor there
+  for (int i = 0; i < 5; ++i) EXPECT_FALSE(trend.add(figures(1.07)));  // between the thresholds
   EXPECT_FALSE(trend.add(figures(1.0)));
   EXPECT_FALSE(trend.add(figures(1.0)));
   const auto fits = trend.add(figures(1.0));
@@ -121,7 +121,7 @@ TEST(GapTrend, NoiseIsToldByStillPicturesAlone) {
   EXPECT_NE(grew->text.find("noise 0.06 instead of 0.03"), std::string::npos) << grew->text;
 }
 
-// A pipeline's notices on a stream after `bursts` bursts. `hole`: so often a frame is lost; 0: never.
+// Notices of a pipeline after `bursts` bursts. `hole`: a frame is lost every `hole` frames; 0: never.
 std::vector<Notice> notices_of(const Planes& planes, std::uint64_t bursts, std::uint64_t hole = 0) {
   test::Script script;
   script.info.format = kFormat;

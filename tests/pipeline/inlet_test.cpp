@@ -1,5 +1,5 @@
-// Frames on their way in: the inlet's slots; HostClock's offset and drift from arrivals that are late by chance, and
-// jumps; what is told of frames that do not fit the settings.
+// Frame input: the inlet's slots; HostClock's offset and drift under random delays and jumps; notices of frames that do
+// not fit the settings.
 #include "src/pipeline/inlet.hpp"
 #include "src/pipeline/host_clock.hpp"
 #include "src/pipeline/input_check.hpp"
@@ -25,7 +25,7 @@ TEST(FrameInlet, ABorrowedSlotBringsNothingOfItsLastFrame) {
   }
 }
 
-// While the window holds nothing yet, a source that waits for slots may run ahead by all of them.
+// While the window is empty, a source that waits for slots may run ahead by all of them.
 TEST(FrameInlet, EverySlotThatCanBeBorrowedCanBeCommitted) {
   FrameInlet inlet(kSmall, 8, 2);
   std::uint64_t committed = 0;
@@ -59,7 +59,7 @@ TEST(FrameInlet, AFrameWithoutRoomIsLostAndNotReceived) {
   FrameInlet inlet(kSmall, 0, 1);
   rt::FrameSlot* const slot = inlet.borrow();
   std::uint64_t committed = 0;
-  while (inlet.commit(*slot)) ++committed;  // a fault of the source: else there is always room
+  while (inlet.commit(*slot)) ++committed;  // misbehaving source: others always find room
   EXPECT_EQ(inlet.received(), committed);
   EXPECT_EQ(inlet.losses().value(LossCause::kQueueFull), 1U);
 }
@@ -78,7 +78,7 @@ TEST(FrameInlet, ARestartWaitsForTheNextCommittedFrameAndHoldsForItAlone) {
   FrameInlet inlet(kSmall, 4, 4);
   ASSERT_TRUE(inlet.commit(*inlet.borrow()));
   inlet.restart_window();
-  inlet.cancel(*inlet.borrow());  // a frame that turned out bad: no loss, and the restart is still to come
+  inlet.cancel(*inlet.borrow());  // a bad frame: no loss, and the restart is still pending
   EXPECT_EQ(inlet.losses().total(), 0U);
   EXPECT_FALSE(inlet.next(kNoWait).restart_window);
   ASSERT_TRUE(inlet.commit(*inlet.borrow()));
@@ -120,14 +120,12 @@ TEST(FrameInlet, FinishEndsAWaitAndLosesNoFrame) {
   EXPECT_EQ(inlet.next(3'600'000'000'000).slot, nullptr) << "nor does it wait any more";
 }
 
-// --- HostClock.
-
 constexpr double kPeriodS = 0.005;
 constexpr std::int64_t kPeriodNs = 5'000'000;
 constexpr std::int64_t kOffsetNs = 123'456'789'000;
 constexpr std::int64_t kShortestWayNs = 150'000;
 
-// A camera whose clock runs by `drift` slower than the host's, and frames that arrive 0 to many ms late.
+// A camera whose clock is slower than the host's by `drift`; frames arrive late by a random delay.
 struct Camera {
   double drift = 0.0;
   double mean_delay_ns = 300e3;
@@ -154,7 +152,7 @@ TEST(HostClock, FindsOffsetAndDriftUnderLateArrivals) {
     for (; camera.id < 4000; ++camera.id) {
       const HostClock::Mapped mapped = camera.send(clock);
       EXPECT_FALSE(mapped.jumped);
-      if (camera.id < 2400) continue;  // the half seconds are full then
+      if (camera.id < 2400) continue;  // the half-second buffers are full then
       worst_ns = std::max(worst_ns, std::abs(mapped.host_ns - camera.true_host_ns() - kShortestWayNs));
     }
     EXPECT_LT(worst_ns, 20'000) << "of delays of 300 us";
@@ -192,7 +190,7 @@ TEST(HostClock, LostFramesAreNoJumpAndAPauseIsNone) {
   for (; camera.id < 300; ++camera.id) camera.send(clock);
   camera.id += 200;
   EXPECT_FALSE(camera.send(clock).jumped) << "the counter and both clocks agree";
-  const std::int64_t pause_ns = 500'000'000;  // the camera sends nothing, and counts no frames
+  const std::int64_t pause_ns = 500'000'000;  // the camera sends and counts no frames
   ++camera.id;
   EXPECT_FALSE(
       clock.map(camera.id, camera.camera_ns() + pause_ns, camera.true_host_ns() + kShortestWayNs + pause_ns).jumped);
@@ -213,7 +211,7 @@ TEST(HostClock, SeesAJumpOfTheCamerasClockAndBeginsAnew) {
   }
 }
 
-// Each change of the period is a line of the log, and solvers are made for it.
+// Each change of the period is logged and rebuilds the solvers.
 TEST(PeriodChange, OfAClockThatErrsAllTheTimeAreFew) {
   constexpr std::int64_t kMeasurementNs = 100'000'000;
   constexpr std::int64_t kMinuteNs = 60'000'000'000;
@@ -233,8 +231,6 @@ TEST(PeriodChange, OfAClockThatErrsAllTheTimeAreFew) {
   EXPECT_GT(change.update(3.0 * kPeriodS, kPeriodS, now_ns), 0.0);
   EXPECT_GT(change.update(kPeriodS, kPeriodS, now_ns + kMinuteNs / 60), 0.0) << "soon again";
 }
-
-// --- InputCheck.
 
 using namespace test;
 
@@ -275,7 +271,7 @@ TEST(InputCheck, NoiseThatTheFramesDoNotShowIsToldOnce) {
     const bool small = noise_k == 0.15;
     const bool large = noise_k == 1.5;
     EXPECT_EQ(lines(deblur::Method::kMmae, noise_k, 0.011), small || large ? 1U : 0U) << noise_k;
-    // A period of 0.8 of it: what moves looks like noise.
+    // The period is 0.8 tau here: motion looks like noise.
     EXPECT_EQ(lines(deblur::Method::kMmae, noise_k, 0.006), large ? 1U : 0U) << noise_k;
   }
   for (const auto method : {deblur::Method::kMotion, deblur::Method::kAdmm}) EXPECT_EQ(lines(method, 0.15, 0.011), 1U);

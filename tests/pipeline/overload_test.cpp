@@ -1,4 +1,4 @@
-// Overload in a real pipeline: what is done to a frame is what its flag says.
+// Overload in a real pipeline: each frame's flags state how it was solved.
 #include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
 #include "tests/refusal.hpp"
@@ -11,7 +11,7 @@ constexpr int kWindow = 17;
 constexpr std::uint32_t kQualityFlags =
     flag_of(QualityLevel::kReduced) | flag_of(QualityLevel::kInverse) | flag_of(QualityLevel::kRaw);
 
-// A source whose frames come when the sink lets them: it decides how many wait behind the next one.
+// A source gated by the sink, which decides how many frames wait behind the next one.
 class Gate {
  public:
   Script script(std::uint64_t frames) {
@@ -24,7 +24,7 @@ class Gate {
     };
     return made;
   }
-  // `taken` frames have left the queue when the next one is looked at.
+  // Lets `waiting` frames queue behind the next one; `taken` frames have left the queue by then.
   void let_wait(const PipelineStats& stats, std::uint64_t waiting) {
     allowed_.store(stats.taken.value() + 1 + waiting);
     while (stats.inlet.received() < allowed_.load()) std::this_thread::yield();
@@ -35,7 +35,7 @@ class Gate {
   std::atomic<std::uint64_t> allowed_{1};
 };
 
-// Frame 17 is the last one in peace; behind the three after it 8, 16 and 32 wait.
+// Frame 17 is the last without a backlog; 8, 16 and 32 frames wait behind the next three.
 TEST(Overload, IsMetInOrderAndEachFrameTellsIt) {
   Gate gate;
   MemorySink sink;
@@ -96,7 +96,7 @@ TEST(Overload, NothingIsSparedUnlessAsked) {
   for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kQualityFlags, 0U) << frame.meta.frame_id;
 }
 
-// A second of work a frame, and more, on any processor.
+// At least a second of work a frame on any processor.
 Script slow_camera(std::uint64_t frames) {
   return {.info = test::small_source(800, 480), .frames = run_of(0, frames), .waits_for_slots = false, .ends = false};
 }
@@ -108,7 +108,7 @@ PipelineOptions exactly(bool must_keep_up, bool degrade) {
           .must_keep_up = must_keep_up};
 }
 
-// Runs a camera of 17 frames, the last of which is the first with a whole window, and stops in the midst of that one.
+// Runs a camera for 17 frames, the first whole window, and stops while the last frame is being solved.
 void stop_amidst(const PipelineOptions& options, MemorySink& sink) {
   Gate gate;
   Script script = slow_camera(kWindow);
@@ -136,7 +136,7 @@ TEST(Overload, TheEndDoesNotWaitForASlowFrame) {
   EXPECT_EQ(sink.frames.back().deblurred, sink.frames.back().raw);
 }
 
-// A file gets frames solved as configured, or none.
+// A file receives frames solved as configured, or none.
 TEST(Overload, TheEndLeavesOutWhatIsNotSolvedUnlessItMayDegrade) {
   MemorySink sink;
   stop_amidst(exactly(false, false), sink);

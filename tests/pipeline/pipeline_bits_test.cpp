@@ -1,5 +1,4 @@
-// The deblurred planes bit for bit: the solver's own, with any number of workers, and of parts as of the whole; and
-// values in other types.
+// Deblurred planes bit for bit: equal to the solver's, for any number of workers and for parts; other value types.
 #include "src/pipeline/convert.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
@@ -11,7 +10,7 @@ using namespace test;
 
 constexpr std::uint64_t kWarmUp = 16;
 
-// The pipeline adds nothing to what the solver makes of the same window.
+// The pipeline does not change the solver's result for a window.
 TEST(Pipeline, FullFramesAreTheSolversOwn) {
   MemorySink sink;
   play({}, {&sink}, {.output = PixelType::kFloat32});
@@ -21,7 +20,7 @@ TEST(Pipeline, FullFramesAreTheSolversOwn) {
   }
 }
 
-// `options` are those of one worker.
+// Compares with `options`, which are for one worker.
 void expect_the_same_bits(const Script& script, PipelineOptions options, const std::vector<int>& numbers_of_workers) {
   MemorySink expected;
   play(script, {&expected}, options);
@@ -59,7 +58,7 @@ float value_of(const std::vector<std::byte>& plane, std::size_t i) {
 
 class PipelinePixels : public testing::TestWithParam<deblur::Method> {
  protected:
-  // Maps of everything, so that pixels depend on their surroundings.
+  // All maps, so that pixels depend on their neighbours.
   static PipelineOptions options() {
     PipelineOptions options{.deblur = {.method = GetParam()}, .output = PixelType::kFloat32, .workers = 1};
     for (std::size_t i = 0; i < test::small_source().format.geometry.pixels(); ++i) {
@@ -76,7 +75,7 @@ TEST_P(PipelinePixels, ARegionAndPointsAreTheWholeFramesBits) {
   const Geometry geometry = test::small_source().format.geometry;
   const auto width = static_cast<std::size_t>(geometry.width);
   Script script;
-  script.frames.erase(script.frames.begin() + 30);  // one is lost
+  script.frames.erase(script.frames.begin() + 30);  // a lost frame
   MemorySink whole;
   play(script, {&whole}, options());
   const Region region{3, 1, 17, 5};
@@ -117,7 +116,7 @@ INSTANTIATE_TEST_SUITE_P(Methods, PipelinePixels,
                                          deblur::Method::kInverse, deblur::Method::kMmae, deblur::Method::kMotion),
                          [](const auto& each) { return std::string(deblur::name(each.param)); });
 
-// Its picture is large enough for workers to share what is done before they solve.
+// Large enough for workers to share the preparation before they solve.
 TEST(Pipeline, MotionGivesTheSameBitsWithAnyWorkers) {
   const PipelineOptions options{.deblur = {.method = deblur::Method::kMotion}, .workers = 1};
   expect_the_same_bits({.info = test::small_source(96, 72)}, options, {3});
@@ -148,7 +147,7 @@ TEST(PipelineCorrections, PublishesRawFramesAsTheyCame) {
   }
 }
 
-// A filter that is undone leaves what the solver makes of the frames before the filter, but for rounding to counts.
+// With the filter undone, the result is that of the frames before the filter, except for rounding to counts.
 TEST(PipelineCorrections, SeesThroughAFilter) {
   constexpr double kWeight = 0.75;
   test::Script script;
@@ -190,9 +189,6 @@ TEST(PipelineCorrections, RepeatedFramesCountAsLost) {
   EXPECT_NE(gap->meta.flags & kFlagGap, 0U);
 }
 
-// --- Conversion.
-
-// A row of values in another type.
 template <typename To, typename From>
 std::vector<To> converted(const std::vector<From>& row, LinearScale scale) {
   const auto type_of = [](auto value) {

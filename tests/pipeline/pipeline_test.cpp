@@ -13,7 +13,7 @@ using namespace test;
 constexpr int kWindow = 17;
 constexpr std::uint64_t kWarmUp = kWindow - 1;
 
-// Expects the flag on exactly the frames with has_it().
+// Expects the flag on exactly those frames for which has_it() is true.
 void expect_flag(const MemorySink& sink, std::uint32_t flag, const std::function<bool(std::uint64_t)>& has_it) {
   for (const MemorySink::Frame& frame : sink.frames) {
     EXPECT_EQ((frame.meta.flags & flag) != 0, has_it(frame.meta.frame_id)) << frame.meta.frame_id;
@@ -86,7 +86,7 @@ TEST(Pipeline, FlagsAreToldOfTheFrameThatHasThem) {
     script.fill = [row](rt::FrameSlot& slot, const StreamFormat& format) {
       test::fill_moving_bar(slot, format);
       if (slot.meta.frame_id == 5 || slot.meta.frame_id == 25) slot.u16()[row * format.geometry.width + 23] = 65'535;
-      if (slot.meta.frame_id == 30) slot.meta.flags |= kFlagNuc;  // by the driver
+      if (slot.meta.frame_id == 30) slot.meta.flags |= kFlagNuc;  // set by the driver
     };
     MemorySink sink;
     play(script, {&sink}, {.workers = 3});
@@ -170,7 +170,7 @@ TEST(Pipeline, SilenceIsToldToTheSinksUntilStopIsRequested) {
   EXPECT_EQ(sink.closed, 1);
 }
 
-// A camera whose frames come every 5 ms and not, as configured, every 5.5.
+// Frames arrive every 5 ms instead of the configured 5.5.
 TEST(Pipeline, ThePeriodMayTurnOutToBeAnother) {
   Script script{.frames = run_of(0, 60)};
   MemorySink right;
@@ -207,7 +207,7 @@ TEST(Pipeline, StopDrainsWhatHadCome) {
   sink.on_publish = [&](const PublishedFrame& frame, const PipelineStats&) {
     if (frame.meta.frame_id == 50) stop.store(true);
   };
-  const PipelineOptions options{.degrade = true};  // should the machine be too busy to solve them in time
+  const PipelineOptions options{.degrade = true};  // in case the machine is too busy to solve them in time
   const auto all_came = [&](const Pipeline& pipeline) {
     EXPECT_EQ(sink.frames.size(), pipeline.stats().inlet.received());
   };
@@ -309,7 +309,7 @@ TEST(Notices, OfVeryManyTheOldestGo) {
   EXPECT_EQ(taken.back().text, "299");
 }
 
-// The last measurement of frames so many ns apart, with ids as given.
+// Last period measured from frames `period_s` apart, with gaps in the ids.
 double measure(double period_s, int frames, PeriodMeter& meter, std::uint64_t lost_every = 0, int pause_at = -1) {
   double measured = 0.0;
   std::uint64_t id = 100;
@@ -342,7 +342,7 @@ TEST(PeriodMeterTest, TicksOfACoarseClockAreNoOtherPeriod) {
   EXPECT_NEAR(measured, 1.0 / 60.0, kSamePeriod / 60.0);
 }
 
-// Stamps of a busy host: 2 ms of jitter at 200 Hz were told as 180 to 222 Hz.
+// Timestamps of a busy host: 2 ms of jitter at 200 Hz used to give 180 to 222 Hz.
 TEST(PeriodMeterTest, StampsThatJitterTellTheSamePeriodOrNone) {
   std::mt19937 random(1);
   for (const double jitter_s : {0.0001, 0.0003, 0.0005, 0.001, 0.002}) {

@@ -6,10 +6,10 @@ namespace bolo::pipeline::quality_level_test {
 
 constexpr std::uint64_t kQueue = 64;
 
-// Cost of a frame at each effort, ms.
+// Cost of a frame at each level, ms.
 using Costs = std::array<double, kQualityLevels>;
 
-// A camera that never waits, a queue, and one thread that solves: time passes without a clock.
+// Simulated time: a camera that never waits, a queue, and one solver thread.
 class Machine {
  public:
   explicit Machine(double rate_hz = 200.0) : period_ns_(std::llround(1e9 / rate_hz)), control_(kQueue, 1.0 / rate_hz) {}
@@ -37,7 +37,7 @@ class Machine {
     return static_cast<double>(std::count(efforts.begin(), efforts.end(), effort)) /
            static_cast<double>(efforts.size());
   }
-  // The efforts in the order in which each first appeared.
+  // Levels in the order of their first use.
   std::vector<QualityLevel> order() const {
     std::vector<QualityLevel> seen;
     for (const QualityLevel effort : efforts) {
@@ -94,8 +94,7 @@ TEST(QualityControl, OnASlowMachineQualityDoesNotSwing) {
   EXPECT_EQ(machine.share(QualityLevel::kInverse), 0.0);
 }
 
-// A frame that takes a quarter of a second leaves fifty waiting: raw ones catch up, but what can be afforded comes
-// next.
+// A frame of a quarter of a second leaves fifty waiting: raw frames catch up, then the best affordable level follows.
 TEST(QualityControl, ATrialThatFailsBadlyDoesNotHoldTheCheaperStepsBack) {
   Machine machine;
   machine.run({250.0, 0.5, 0.1, 0.05}, 300.0);
@@ -105,7 +104,7 @@ TEST(QualityControl, ATrialThatFailsBadlyDoesNotHoldTheCheaperStepsBack) {
   EXPECT_EQ(machine.lost, 0U);
 }
 
-// A frame that costs a little too much: some reduced ones make up for many.
+// Slightly too slow: a few reduced frames make up for many full ones.
 TEST(QualityControl, AMachineThatIsNearlyFastEnoughStaysNearlyFull) {
   Machine machine;
   machine.run({5.05, 1.5, 0.1, 0.05}, 120.0);
@@ -113,7 +112,7 @@ TEST(QualityControl, AMachineThatIsNearlyFastEnoughStaysNearlyFull) {
   EXPECT_EQ(machine.lost, 0U);
 }
 
-// Other programs keep the thread from running for 60 ms, again and again.
+// Other programs preempt the thread for 60 ms, again and again.
 TEST(QualityControl, ATrialThatFailsForWantOfAProcessorSaysNothingOfTheEffort) {
   const auto share_full = [](double full_ms) {
     Machine machine;
@@ -129,7 +128,7 @@ TEST(QualityControl, ATrialThatFailsForWantOfAProcessorSaysNothingOfTheEffort) {
 
 TEST(QualityControl, WhatLastedTooLongIsNotForgottenAtOnceButInTheEnd) {
   Machine machine;
-  machine.run({9.0, 2.0, 0.1, 0.05}, 300.0);  // it waits 30 s between trials by now
+  machine.run({9.0, 2.0, 0.1, 0.05}, 300.0);  // the interval between trials has grown to 30 s
   machine.run({1.5, 0.5, 0.1, 0.05}, 31.0);
   EXPECT_EQ(machine.efforts.back(), QualityLevel::kFull);
   machine.stall(2.0 * 1e-9 * QualityControl::kTrialNs);
@@ -150,7 +149,7 @@ TEST(QualityControl, AfterAStallAllIsWellWithinHalfASecond) {
   EXPECT_EQ(machine.lost, 0U);
 }
 
-// A share of the queue would be 8 frames, a quarter of a second.
+// A fixed share of the queue would be 8 frames, a quarter of a second.
 TEST(QualityControl, FramesOfASlowCameraDoNotGetOld) {
   Machine machine(30.0);
   machine.run({34.0, 9.0, 1.0, 0.5}, 120.0);
@@ -171,7 +170,7 @@ TEST(QualityControl, AShortQueueHasItsStepsToo) {
   EXPECT_EQ(control.next(4, 0), QualityLevel::kRaw);
 }
 
-// In processor time: what the first window costs, which is all new, is not what a frame costs.
+// In processor time, for a frame of a running stream; the first window costs more, as all of it is new.
 TEST(SolverLadder, MeasuresAFrameOfAStreamThatFlows) {
   const deblur::Settings settings{.method = deblur::Method::kMotion};
   const StreamFormat format{.geometry = {320, 64}};

@@ -1,4 +1,4 @@
-// Drawings and pages as a program that reads markup sees them.
+// Drawings and pages as a parser of their markup sees them.
 #pragma once
 
 #include "tests/test.hpp"
@@ -9,11 +9,11 @@ struct Element {
   std::string name;
   std::map<std::string, std::string> attributes;
   std::string text;
-  double x = 0.0;  // of <text>: where it begins to be drawn in the whole drawing, px
+  double x = 0.0;  // left edge of a <text> in the drawing, px
   double y = 0.0;
 };
 
-// The elements in their order; none, and a failed expectation, when the markup is not well-formed.
+// Elements in document order; none and a failed expectation if the markup is not well-formed.
 std::vector<Element> elements_of(const std::string& markup);
 
 struct TextBox {
@@ -25,7 +25,7 @@ struct TextBox {
 };
 std::vector<TextBox> text_boxes(const std::vector<Element>& elements);
 
-// Words that stand on one another, as "one | other".
+// Overlapping words, as "one | other".
 std::vector<std::string> overlaps(const std::vector<TextBox>& boxes);
 
 }  // namespace bolo::plot::test

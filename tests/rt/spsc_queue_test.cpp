@@ -1,4 +1,4 @@
-// What threads share without a lock: queue, pool, counters.
+// Lock-free sharing between threads: queue, pool, counters.
 #include "src/rt/spsc_queue.hpp"
 #include "bolo/shm_layout.h"
 #include "src/core/clock.hpp"
@@ -87,13 +87,13 @@ TEST(SpscQueue, NobodyAsleepRingsNoBell) {
   EXPECT_EQ(queue.bells(), 0);
 }
 
-// An item is a number and its double: a torn or stale cell shows.
+// A number and its double: reveals torn or stale cells.
 struct Pair {
   std::uint64_t number;
   std::uint64_t twice;
 };
 
-// The consumer polls, or sleeps with a timeout that no lost wake-up would survive within the test's own limit.
+// The consumer polls, or sleeps with a timeout so long that a lost wake-up would exceed the test's own limit.
 void stress(std::size_t capacity, std::uint64_t items, bool consumer_sleeps, bool producer_pauses) {
   SpscQueue<Pair> queue(capacity);
   std::thread producer([&] {
@@ -180,7 +180,7 @@ TEST(FramePool, GivesEachSlotOnceAndAgainOnceItIsBack) {
   EXPECT_EQ(pool.take(), nullptr);
 }
 
-// Slots go round between two threads; what was written in one is read whole in the other.
+// Slots circulate between two threads; what one writes the other reads whole.
 TEST(FramePool, SlotsGoRoundBetweenTwoThreads) {
   FramePool pool(small_format(), 3);
   SpscQueue<std::uint32_t> filled(4);
@@ -203,8 +203,6 @@ TEST(FramePool, SlotsGoRoundBetweenTwoThreads) {
     pool.give_back(slot);
   }
 }
-
-// --- Counters.
 
 TEST(Counters, FitIntoSharedMemoryAndAllLossesHaveNames) {
   EXPECT_EQ(LatencyHistogram::kBuckets, BOLO_SHM_LATENCY_BUCKETS);

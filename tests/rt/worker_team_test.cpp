@@ -23,7 +23,7 @@ TEST(WorkerTeam, RunsEachPartOnce) {
   }
 }
 
-// Plain, not atomic: the team alone orders the rounds, which the thread sanitizer checks.
+// Not atomic: only the team orders the rounds, which the thread sanitizer checks.
 TEST(WorkerTeam, TwentyThousandRoundsAreOneAfterTheOther) {
   constexpr int kMostParts = 7;
   constexpr long kRounds = 20'000;
@@ -35,7 +35,7 @@ TEST(WorkerTeam, TwentyThousandRoundsAreOneAfterTheOther) {
   std::array<long, kMostParts> expected{};
   for (long round = 0; round < kRounds; ++round) {
     shared.input = round;
-    const auto parts = static_cast<std::size_t>(1 + round % kMostParts);  // fewer or more than the round before had
+    const auto parts = static_cast<std::size_t>(1 + round % kMostParts);  // fewer or more than in the round before
     team.run(
         static_cast<int>(parts),
         [](void* context, int part) {
@@ -48,7 +48,7 @@ TEST(WorkerTeam, TwentyThousandRoundsAreOneAfterTheOther) {
   }
 }
 
-// The thread that was started holds one part for as long as there are others: they are all done all the same.
+// The started thread holds one part until the others are done: they do not wait for it.
 TEST(WorkerTeam, NobodyWaitsForAWorkerThatIsHeldUp) {
   constexpr int kParts = 8;
   struct Shared {
@@ -77,7 +77,7 @@ TEST(WorkerTeam, NobodyWaitsForAWorkerThatIsHeldUp) {
   }
 }
 
-// The options would stay on the thread that runs the tests.
+// Applied options would stay on the test's own thread.
 void on_own_thread(const std::function<void()>& check) { std::thread(check).join(); }
 
 TEST(ApplyToThisThread, CutsLongNamesToWhatTheKernelShows) {
@@ -113,7 +113,7 @@ TEST(ApplyToThisThread, RefusesWhatCannotBe) {
   }
 }
 
-// Asks for a priority as a process that may have none, and ends.
+// Requests a priority without the right to one, and exits.
 [[noreturn]] void ask_without_privileges() {
   const rlimit none{0, 0};
   setrlimit(RLIMIT_RTPRIO, &none);
@@ -123,7 +123,7 @@ TEST(ApplyToThisThread, RefusesWhatCannotBe) {
   std::_Exit(status ? 0 : status.error().exit_code());
 }
 
-// In a child: the test program itself may be root, which is never refused.
+// In a child: root, as which the test may run, is never refused.
 TEST(ApplyToThisThread, ARefusedPriorityNamesTheLimitToRaise) {
   EXPECT_EXIT(ask_without_privileges(), testing::ExitedWithCode(2),
               "thread 'bolo-deblur': SCHED_FIFO priority 20 refused .*, RLIMIT_RTPRIO is 0; set LimitRTPRIO=20 in the "

@@ -1,4 +1,4 @@
-// The camera with effects as a whole: what it shares with the nominal one, seeds, threads, combinations.
+// Whole cameras with effects: agreement with the nominal camera, seeds, threads, combinations.
 #include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim::effect_camera_test {
@@ -12,7 +12,7 @@ std::unique_ptr<const Field> street_pan(Geometry view) {
   return std::move(*field);
 }
 
-// An effect of size zero shows the nominal camera, to the tolerance of the steps in time.
+// An effect of size zero equals the nominal camera within the tolerance of the time steps.
 TEST(EffectCamera, WithAnEffectOfSizeZeroIsTheNominalCamera) {
   const Geometry view{30, 12};
   const std::vector<std::function<std::unique_ptr<const Field>()>> fields{
@@ -57,7 +57,7 @@ TEST_P(Every, IsTheSameForTheSameSeedsWhateverTheThreads) {
   }
 }
 
-// Every form and every border of what is accepted gives numbers; uint16 as well.
+// Every form gives finite values at every bound of its range; in uint16 as well.
 TEST_P(Every, ShowsNumbersAllOverItsRange) {
   const EffectDescription& effect = *find_effect(GetParam());
   std::vector<EffectSpec> specs{{std::string(GetParam()), "", {}}};
@@ -94,7 +94,7 @@ TEST(EffectCamera, CombinesAllEffectsOfTheCatalogue) {
   }
 }
 
-// Row delays and the read-out's window with tau: rows of a ramp lag by tau plus half the window, less their delay.
+// Row delay, integration window and tau combined: rows of a ramp lag by tau plus half the window, minus their delay.
 TEST(EffectCamera, EffectsOfTimeAdd) {
   const CameraSettings camera =
       with(ideal_camera({8, 10}), {"tau_global:scale=1.2", "row_delay:row_delay_s=5e-5",
@@ -116,7 +116,7 @@ TEST(EffectCamera, TheTruthIsWhatThereIsToSee) {
   EXPECT_NE(other.shown, nominal.shown);
 }
 
-// Patterns belong to the camera, noise to the capture.
+// Patterns depend on the camera's seed, noise on the capture's.
 TEST(EffectCamera, ACameraKeepsItsPatternFromCaptureToCapture) {
   const auto pattern = [](const char* effect, std::uint64_t camera_seed, std::uint64_t seed) {
     CameraSettings camera = with(ideal_camera({24, 18}), {effect});
@@ -130,7 +130,7 @@ TEST(EffectCamera, ACameraKeepsItsPatternFromCaptureToCapture) {
     EXPECT_NE(pattern(effect, 5, 1), pattern(effect, 6, 1)) << effect;
   }
   CameraSettings camera = with(ideal_camera({24, 18}), {"fpn_offset"});
-  camera.readout.seed = 5;  // the default camera seed
+  camera.readout.seed = 5;  // equals the default camera seed
   EXPECT_EQ(run(camera, make_chopper({295, {-1.0}, {0.012}, {320}}), 6).shown.back(), pattern("fpn_offset", 5, 1));
 }
 

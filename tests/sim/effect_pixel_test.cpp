@@ -33,7 +33,7 @@ TEST(SlowPole, AddsASecondExponential) {
       [](double t) { return 0.95 * chopped(t, kOn, kOff) + 0.05 * chopped(t, kOn, kOff, 0.2, 0.2); }, 1e-4);
 }
 
-// A ramp lags by tau, so it shows each pixel's.
+// A ramp lags by tau, which reveals each pixel's time constant.
 std::vector<double> tau_map(std::string_view effect, std::uint64_t camera_seed = 1) {
   CameraSettings camera = with(ideal_camera({40, 30}), {effect});
   camera.camera_seed = camera_seed;
@@ -90,7 +90,7 @@ TEST(Crosstalk, BalancesOnAStaticTarget) {
   }
 }
 
-// A static edge through a blur is the integral of the blur, over the pixel as well.
+// A static edge through a blur, averaged over the pixel, is the integral of the blur.
 double blurred_edge(double d, double sigma) {
   const auto risen = [sigma](double z) {
     const double u = z / sigma;
@@ -104,7 +104,7 @@ TEST(OpticalPsf, AnEdgeHasTheProfileOfTheGaussian) {
   for (const double sigma : {0.3, 0.4, 0.7, 1.1, 2.0}) {
     const auto frames =
         run({40, 8}, {"optical_psf:sigma_px=" + std::to_string(sigma)}, make_bars({285, 310, 100, 50, 0.0, 0}), 1);
-    // A bar lies over 0 to 50: the pixel at x is d = x from its left edge; the frame goes on beyond its border.
+    // A bar covers 0 to 50: the pixel at x is d = x from its left edge; beyond the frame the bar goes on.
     for (std::size_t x = 0; x < 40; ++x) {
       const double d = static_cast<double>(x);
       EXPECT_NEAR(at(frames.shown[0], 40, x, 4), 285.0 + 25.0 * (blurred_edge(d, sigma) - blurred_edge(d - 50, sigma)),
@@ -135,7 +135,7 @@ TEST(OpticalPsf, BlursAcrossRowsAsMuchAsAlongThem) {
       }
     }
     EXPECT_NEAR(sum, 100.0, 0.1) << form;
-    // Between its pixels the still is a straight line, which is a blur of 1/6 of its own along x.
+    // The still is interpolated linearly between its pixels: a blur of variance 1/6 along x.
     EXPECT_NEAR(xx / sum, 0.81 + 1.0 / 6.0, 0.03) << form;
     EXPECT_NEAR(yy / sum, 0.81, form == std::string("disc") ? 0.1 : 0.01) << form;
   }
@@ -146,7 +146,7 @@ TEST(OpticalPsf, ADiscHasACompactEdge) {
   const auto& shown = frames.shown[0];
   EXPECT_NEAR(at(shown, 40, 3, 6), 310.0, 1e-3);
   EXPECT_NEAR(at(shown, 40, 0, 6), 297.5, 0.02);
-  // The share of a disc of radius 2, over a pixel's width, to the left of d = 1.
+  // Share of a disc of radius 2 that lies left of d = 1, averaged over a pixel's width.
   double expected = 0.0;
   for (int i = 0; i < 1000; ++i) {
     const double d = std::min(2.0, 0.5 + (i + 0.5) / 1000.0) / 2.0;
@@ -155,7 +155,7 @@ TEST(OpticalPsf, ADiscHasACompactEdge) {
   EXPECT_NEAR(at(shown, 40, 1, 6), 285.0 + 25.0 * expected, 0.05);
 }
 
-// Planck's law over the band, by itself.
+// Planck's law over the band, implemented independently.
 double band(double kelvin) {
   double sum = 0.0;
   for (int i = 0; i < 2000; ++i) {

@@ -1,4 +1,4 @@
-// Effects of the read-out and of the firmware: patterns, limits, filters, corrections.
+// Effects of read-out and firmware: patterns, limits, filters, corrections.
 #include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim::effect_readout_test {
@@ -63,7 +63,7 @@ TEST(Drift, MayBeASine) {
   CameraSettings camera = with(ideal_camera({4, 4}), {"drift:amplitude_k=0.1,time_s=0.1,spread=0,form=sine"});
   const auto means = frame_means(run(camera, make_uniform(300.0), 161));
   EXPECT_NEAR(means[0], 300.0, 1e-4);
-  EXPECT_NEAR(means[80], means[0], 1e-4);  // a period of four times time_s
+  EXPECT_NEAR(means[80], means[0], 1e-4);  // a period is four times time_s
   EXPECT_NEAR(*std::ranges::max_element(means) - *std::ranges::min_element(means), 0.2, 1e-3);
 }
 
@@ -147,7 +147,7 @@ TEST(GainDrift, MovesTheContrastOnly) {
   EXPECT_LT(stats(cold).rms, 1e-4);
 }
 
-// Noise through a recursive filter has the variance a / (2 - a), and its colour is 1 - a; from the first frame on.
+// From the first frame on, noise through a recursive filter has the variance a / (2 - a) and the correlation 1 - a.
 TEST(Iir, ColoursTheNoise) {
   constexpr double kAlpha = 0.6;
   const auto frames = run(with(noisy_camera({32, 24}), {"iir:alpha=0.6"}), make_uniform(300.0), 60);

@@ -1,4 +1,4 @@
-// Shared by the tests of the effects: runs with effects, and a scene that shows the time.
+// Shared by the tests of effects: runs with effects, and a scene that reveals the time of each sample.
 #pragma once
 
 #include "tests/sim/support.hpp"
@@ -13,7 +13,6 @@ inline CameraSettings with(CameraSettings camera, std::initializer_list<std::str
   return camera;
 }
 
-// Frames of an ideal camera with effects.
 inline Frames run(Geometry geometry, std::initializer_list<std::string_view> effects,
                   std::unique_ptr<const Field> field, std::size_t frames) {
   return run(with(ideal_camera(geometry), effects), std::move(field), frames);
@@ -26,7 +25,7 @@ inline CameraSettings noisy_camera(Geometry geometry) {
   return camera;
 }
 
-// A temperature that rises along x, moving, so that every value tells when it was taken.
+// A temperature that rises along x and moves, so that every value reveals its time.
 struct Ramp {
   static constexpr double kSpeed = 300.0;  // px/s
   static constexpr double kSlope = 0.2;    // K/px
@@ -36,7 +35,7 @@ struct Ramp {
     EXPECT_TRUE(field);
     return std::move(*field);
   }
-  // The time at which a pixel in column x saw `kelvin`, less the pixel's lag (tau, when it is linear).
+  // Time at which a pixel in column x saw `kelvin`, minus the pixel's lag (tau, if linear).
   static double time_of(double kelvin, std::size_t x) {
     return (600.0 + static_cast<double>(x) - (kelvin - 280.0) / kSlope) / kSpeed;
   }
@@ -70,7 +69,6 @@ inline double correlation(const std::vector<double>& a, const std::vector<double
   return sum / (static_cast<double>(a.size()) * sa.rms * sb.rms);
 }
 
-// The mean of each pixel over the frames.
 inline std::vector<double> time_mean(const Frames& frames) {
   std::vector<double> mean(frames.shown.front().size());
   for (const auto& frame : frames.shown) {
@@ -80,7 +78,6 @@ inline std::vector<double> time_mean(const Frames& frames) {
   return mean;
 }
 
-// The mean of each frame over the pixels.
 inline std::vector<double> frame_means(const Frames& frames) {
   std::vector<double> means;
   for (const auto& frame : frames.shown) {
@@ -94,7 +91,7 @@ inline std::vector<double> difference(std::vector<double> a, const std::vector<d
   return a;
 }
 
-// All values of frames `from` to the last but `lag`, for correlations over time.
+// Values of frames [from, to), for correlations over time.
 inline std::vector<double> all_values(const Frames& frames, std::size_t from, std::size_t to) {
   std::vector<double> values;
   for (std::size_t k = from; k < to; ++k) {
@@ -108,7 +105,7 @@ inline double lag_correlation(const Frames& frames, std::size_t lag) {
   return correlation(all_values(frames, 0, n - lag), all_values(frames, lag, n));
 }
 
-// A bolometer's response to one step from 295 to 320 K and back.
+// Response of a bolometer to one step from 295 to 320 K and back.
 inline double chopped(double t_s, double on_s, double off_s, double tau_up = kTau, double tau_down = kTau) {
   if (t_s <= on_s) return 295.0;
   const double top = 320.0 - 25.0 * std::exp(-(std::min(t_s, off_s) - on_s) / tau_up);

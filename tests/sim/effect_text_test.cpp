@@ -1,4 +1,4 @@
-// Effects as text: what is read, what is refused and how, what is drawn.
+// Effects as text: parsing, error messages, random draws.
 #include "src/sim/effect.hpp"
 #include "tests/test.hpp"
 
@@ -92,7 +92,7 @@ TEST(DrawEffect, StaysWithinTheRealisticRangesAndFollowsTheSeed) {
   EXPECT_FALSE(draw_effect("nothing", 1));
 }
 
-// Both sides of a range with a gap come up, and a wide range is drawn by its logarithm.
+// Both sides of a range with a gap are drawn, and a wide range is drawn on a logarithmic scale.
 TEST(DrawEffect, UsesTheWholeRange) {
   int slower = 0;
   int below_geometric_mean = 0;

@@ -1,4 +1,4 @@
-// Effects that are random in time; effects of when rows and frames are taken, and which of them arrive.
+// Random effects in time; effects on the times of rows and frames, and on their delivery.
 #include <complex>
 
 #include "tests/sim/effect_support.hpp"
@@ -19,7 +19,7 @@ TEST(NoiseLevel, ScalesTheNoise) {
   EXPECT_NEAR(stats(all_values(dark("noise_level:scale=1.4", 40, 0.03), 0, 40)).rms, 0.042, 4e-4);
 }
 
-// Six degrees: the fourth moment is 6; the rms stays.
+// Six degrees of freedom: the fourth moment is 6; the rms is unchanged.
 TEST(HeavyTail, HasOutliersAtTheSameRms) {
   const auto six = stats(all_values(dark("heavy_tail:degrees=6", 200, 0.03), 0, 200));
   EXPECT_NEAR(six.rms, 0.03, 4e-4);
@@ -30,13 +30,13 @@ TEST(HeavyTail, HasOutliersAtTheSameRms) {
   EXPECT_LT(std::abs(lag_correlation(dark("heavy_tail", 60, 0.03), 1)), 0.03);
 }
 
-// 3-D noise: the means of columns, rows and frames.
+// 3-D noise: means of columns, rows and frames.
 TEST(Stripes, AreNewInEveryFrame) {
   const auto frames = dark("stripes:column_k=0.02,row_k=0.01", 80);
   std::vector<double> columns;
   std::vector<double> rows;
   for (const auto& frame : frames.shown) {
-    for (std::size_t x = 0; x < 32; ++x) {  // the row's part falls out
+    for (std::size_t x = 0; x < 32; ++x) {  // cancels the row component
       columns.push_back(at(frame, 32, x, 3) - at(frame, 32, (x + 1) % 32, 3));
       EXPECT_NEAR(at(frame, 32, x, 3) - at(frame, 32, 0, 3), at(frame, 32, x, 20) - at(frame, 32, 0, 20), 1e-4);
     }
@@ -59,7 +59,7 @@ TEST(Flicker, MovesTheWholeFrame) {
   EXPECT_NEAR(correlation(now, next), 0.8, 0.06);
 }
 
-// The mean spectrum of the pixels, against that of white noise of the stated rms, at some frequencies.
+// Mean spectrum of the pixels at `hz`, relative to white noise of the stated rms.
 double relative_power(const Frames& frames, double hz) {
   const std::size_t n = frames.shown.size();
   double power = 0.0;
@@ -102,7 +102,7 @@ TEST(Rts, SomePixelsJumpBetweenTwoLevels) {
     if (other) ++jumping;
   }
   EXPECT_EQ(jumping, 15);
-  EXPECT_NEAR(jumps / (10.0 * jumping), 5.0, 1.0);  // a second, in ten
+  EXPECT_NEAR(jumps / (10.0 * jumping), 5.0, 1.0);  // jumps per second, in ten seconds
 }
 
 TEST(DeadPixels, AreStuckOrNothingButNoise) {
@@ -135,9 +135,9 @@ TEST(DeadPixels, AreStuckOrNothingButNoise) {
   }
 }
 
-// --- When, and which arrive.
+// --- Times and delivery.
 
-// When the row was read, from a ramp; less tau, and less what a frame should have been.
+// Time at which the row was read, from a ramp, minus its nominal time; corrected for tau.
 double lateness(const Frames& frames, std::size_t width, std::size_t k, std::size_t y) {
   return Ramp::time_of(at(frames.shown[k], width, 2, y), 2) + kTau - kPeriod * static_cast<double>(k);
 }
@@ -172,7 +172,7 @@ TEST(SplitReadout, MeetsInTheMiddle) {
   EXPECT_NEAR(lateness(frames, 6, 2, 9), 0.0, 1e-6);
 }
 
-// Of the answer to one pulse, over the window that ends at frame k; `share` of it comes late.
+// Mean response to one pulse over the window that ends at frame k; a `share` of it has the slow time constant.
 double mean_over(double window_s, std::size_t k, double share = 0.0) {
   constexpr int kPoints = 4000;
   double mean = 0.0;
@@ -222,7 +222,6 @@ TEST(Jitter, FramesAreTakenEarlierAndLater) {
   }
 }
 
-// Periods from each frame to the next.
 std::vector<long> strides(const Frames& frames, std::size_t width) {
   std::vector<long> result;
   for (std::size_t k = 1; k < frames.shown.size(); ++k) {
@@ -246,7 +245,7 @@ TEST(FrameLoss, LosesAndRepeatsFrames) {
   EXPECT_GT(counts("mixed", 2), 3);
 }
 
-// A repeated frame is the same to the last bit, noise and all; others never are.
+// A repeated frame is identical including its noise; no other frames ever are.
 TEST(FrameLoss, ARepeatedFrameIsIdentical) {
   CameraSettings camera = with(ideal_camera({8, 4}), {"frame_loss:per_thousand=100,form=repeated"});
   camera.readout.noise_k = 1e-4;

@@ -1,4 +1,4 @@
-// Input of the pixels, and the times of its changes.
+// Input of the pixels and the instants of its changes.
 #include "tests/sim/support.hpp"
 
 namespace bolo::sim::fields_test {
@@ -30,12 +30,12 @@ TEST(ChopperField, AJumpIsTwoNeighbouringInstants) {
   const auto field = make_chopper({295.0, {0.1, 0.3}, {0.2, 0.4}, {305.0, 320.0}});
   const double before = std::nextafter(0.2, 0.0);
   EXPECT_EQ(instants(*field, 0.15, 0.25), (std::vector<double>{before, 0.2, 0.25}));
-  EXPECT_EQ(instants(*field, 0.15, 0.2), (std::vector<double>{before, 0.2}));  // on the frame's time itself
+  EXPECT_EQ(instants(*field, 0.15, 0.2), (std::vector<double>{before, 0.2}));  // exactly on the frame's time
   EXPECT_EQ(instants(*field, 0.2, 0.25), std::vector<double>{0.25});
   EXPECT_EQ(instants(*field, 0.05, 0.35).size(), 7U);
 }
 
-// The share of each pixel that the bars cover, by counting points.
+// Share of each pixel covered by bars, by sampling points.
 double counted(const capture::BarTarget& bars, double t_s, int row, int x) {
   constexpr int kPoints = 20000;
   int hot = 0;
@@ -125,11 +125,11 @@ TEST(PanOver, RefusesAPathOverTooManyPixels) {
 TEST(CentredOrigin, PutsThePathsMiddleOnTheScenesMiddle) {
   const auto scene = make_still_scene(columns(100, 50, [](int x) { return x; }));
   const Position origin = centred_origin(*scene, steady_pan(20.0), {40, 10}, 0.0, 1.0);
-  EXPECT_EQ(origin.x_px, 40.0);  // the view's left border goes from 40 to 20
+  EXPECT_EQ(origin.x_px, 40.0);  // the view's left border moves from 40 to 20
   EXPECT_EQ(origin.y_px, 20.0);
 }
 
-// --- The street is one picture, whatever part of it is drawn.
+// --- The street is the same picture, whatever part of it is drawn.
 
 constexpr Geometry kView{320, 120};
 
@@ -166,7 +166,7 @@ TEST(Street, HasTheContrastAndEdgesOfAStreet) {
     EXPECT_GT(low, 277.0F);
     EXPECT_LT(high, 312.0F);
     EXPECT_GT(high - low, 25.0F);
-    // Rather a few hard edges in every hundred pixels than a blurred or a flat picture.
+    // A few hard edges in every hundred pixels, not a blurred or flat picture.
     int edges = 0;
     for (int y = 0; y < 120; ++y) {
       for (int x = 0; x + 1 < image.width; ++x) edges += std::abs(pixel(image, x + 1, y) - pixel(image, x, y)) > 3.0F;

@@ -1,4 +1,4 @@
-// Files: trajectories and the paths that follow them, pictures of every kind, captures that are written.
+// Files: trajectories and paths along them, pictures of every format, written captures.
 #include <png.h>
 #include <turbojpeg.h>
 
@@ -13,7 +13,7 @@ using WriteCapture = ScratchTest;
 
 TEST(SteadyPan, MovesWhatIsSeenAlongX) {
   const Path pan = steady_pan(300.0);
-  EXPECT_DOUBLE_EQ(pan.at(0.5).x_px, -150.0);  // the view moves against it
+  EXPECT_DOUBLE_EQ(pan.at(0.5).x_px, -150.0);  // the view moves in the opposite direction
   EXPECT_DOUBLE_EQ(pan.at(-0.1).x_px, 30.0);
   EXPECT_DOUBLE_EQ(pan.at(7.0).x_px, -2100.0);
   EXPECT_EQ(pan.at(3.0).y_px, 0.0);
@@ -85,13 +85,13 @@ TEST(FollowTrajectory, PassesThroughThePointsAndStartsAtZero) {
   EXPECT_NEAR(path->at(2.0).y_px, 2.0 * (-1 - 3), 1e-12);
 }
 
-// For the values 0, 1, 0 at 0, 1, 2 the natural spline is x = 1.5 t - 0.5 t^3 up to t = 1.
+// The natural spline through 0, 1, 0 at t = 0, 1, 2 is x = 1.5 t - 0.5 t^3 up to t = 1.
 TEST(FollowTrajectory, IsTheNaturalCubicSpline) {
   const std::vector<PathPoint> points{{0, 0, 0}, {1, 1, 0}, {2, 0, 0}};
   const auto path = must(follow_trajectory(points, {1.0, 0.0, -0.5, 2.0, 0.25}));
   EXPECT_NEAR(path->at(0.5).x_px, 1.5 * 0.5 - 0.5 * 0.125, 1e-12);
   EXPECT_NEAR(path->at(1.5).x_px, 1.5 * 0.5 - 0.5 * 0.125, 1e-12);
-  EXPECT_NEAR(path->at(-0.5).x_px, -0.75, 1e-12);  // straight on before the first point
+  EXPECT_NEAR(path->at(-0.5).x_px, -0.75, 1e-12);  // linear before the first point
 }
 
 TEST(FollowTrajectory, RefusesACaptureThatOutlivesIt) {
@@ -101,7 +101,7 @@ TEST(FollowTrajectory, RefusesACaptureThatOutlivesIt) {
   EXPECT_FALSE(follow_trajectory(points, {1.0, -0.1, -0.1, 0.5, 0.01}));
 }
 
-// --- Pictures of every kind that is read, and the refusal of others.
+// --- Pictures: every supported format, and refusal of others.
 
 void write_png(const std::filesystem::path& file, int width, int height, int depth, int colour,
                const std::vector<std::uint8_t>& rows) {
@@ -206,7 +206,7 @@ TEST_F(ReadImage, RefusesWhatIsDamagedOrNoPicture) {
   std::string flipped = png;
   flipped[png.size() - 20] = static_cast<char>(flipped[png.size() - 20] ^ 0x55);
   const std::vector<std::string> contents{"", "no picture", png.substr(0, 8), flipped, png.substr(0, 50),
-                                          // of other kinds
+                                          // other formats
                                           jpeg(64, 64).substr(0, 300), "\xff\xd8\xff", "\x89HDF\r\n\x1a\n garbage"};
   for (const std::string& content : contents) {
     expect_refused(read_image(scratch_.text("x", content), {}), {"x: "});
@@ -285,7 +285,7 @@ TEST_F(WriteCapture, TheStimulusIsWhatWasSimulated) {
   EXPECT_EQ(stimulus_of(make_bars(bars)).value(), capture::Stimulus(bars));
 }
 
-// The stored still and path give the stored truth, to a float's last bits.
+// The stored still and path reproduce the stored truth within float rounding.
 TEST_F(WriteCapture, SceneStimulusGivesTheTruth) {
   const auto street = make_street(kSmall, 8);
   auto field = pan_over(*street, steady_pan(300), {0, 0}, kSmall, -0.154, 0.03);

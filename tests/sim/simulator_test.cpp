@@ -1,4 +1,4 @@
-// The simulated camera against closed forms and against brute force.
+// The simulated camera against closed forms and brute force.
 #include "src/sim/simulator.hpp"
 #include "src/sim/random.hpp"
 #include "tests/sim/effect_support.hpp"
@@ -7,7 +7,7 @@ namespace bolo::sim::simulator_test {
 
 using namespace testing;
 
-// tau dT/dt + T = T_ss from steady state at from_s, in steps so short that T_ss may be taken as a straight line.
+// Integrates tau dT/dt + T = T_ss from steady state at from_s, in steps so short that T_ss is linear within each.
 double brute_force(const std::function<double(double)>& input, double from_s, double to_s) {
   const auto steps = static_cast<int>((to_s - from_s) / 1e-6);
   const double h = (to_s - from_s) / steps;
@@ -32,7 +32,7 @@ double bilinear(const capture::StillImage& image, double x, double y) {
   return (1 - v) * ((1 - u) * at(i, j) + u * at(i + 1, j)) + v * ((1 - u) * at(i, j + 1) + u * at(i + 1, j + 1));
 }
 
-// Every pixel at one of two temperatures: as many and as hard edges as there can be.
+// Random pixels of two temperatures: the most and the hardest edges possible.
 capture::StillImage hard_edges(int width, int height) {
   capture::StillImage image{width, height, {}};
   std::uint32_t state = 12345;

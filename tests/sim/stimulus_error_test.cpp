@@ -1,4 +1,3 @@
-// A bench that differs from what it says.
 #include "src/sim/stimulus_error.hpp"
 #include "tests/sim/effect_support.hpp"
 
@@ -57,7 +56,7 @@ TEST(ImperfectChopper, LevelsAreOff) {
   EXPECT_EQ(std::get<capture::Chopper>(two->stimulus(0, 1)).on_s, (std::vector<double>{0.1, 0.3}));
 }
 
-// When a column is half way up.
+// Time at which a column has risen half way.
 double rise_s(const Field& field, std::size_t column) {
   double low = 0.05;
   double high = 0.15;
@@ -85,7 +84,7 @@ TEST(ImperfectChopper, TheBladeSweepsOverTheColumns) {
   EXPECT_NEAR(row_at(*soft, 0.2005)[7], 295.0 + 25.0 * 0.25, 1e-3);
 }
 
-// By the nominal camera and by one with effects: each column's exponential begins at its own time.
+// With the nominal camera and with effects: each column's exponential begins at its own time.
 TEST(ImperfectChopper, PixelsFollowTheSweep) {
   const CameraSettings plain = ideal_camera({32, 2});
   for (const CameraSettings& camera : {plain, testing::with(plain, {"noise_level"})}) {
@@ -113,7 +112,7 @@ TEST(ImperfectBars, PhaseVelocityAndStart) {
   expect_late("phase=0.3", 0.1, 0.1 + 0.3 * 12 / 200);
   expect_late("velocity=0.05", 0.1, 0.105);
   expect_late("start_s=0.004", 0.1, 0.096);
-  // 1 + a sin(w t) integrates to t + a / w (1 - cos(w t)); half a period on.
+  // 1 + a sin(w t) integrates to t + a / w (1 - cos(w t)); here after half a period.
   expect_late("uneven=0.02,uneven_period_s=0.4", 0.2, 0.2 + 2.0 * 0.02 * 0.4 / (2.0 * std::numbers::pi));
 }
 
@@ -122,7 +121,7 @@ TEST(ImperfectBars, SoftEdges) {
   const auto row = row_at(*field, 0.0);
   EXPECT_NEAR(row[0], 297.5, 1e-3);
   EXPECT_NEAR(row[15], 309.0, 1e-3);
-  // Mean over the pixel of the normal distribution: variance 0.64 + 1/12.
+  // Normal distribution averaged over the pixel: variance 0.64 + 1/12.
   const double one = 0.5 * std::erfc(-1.0 / std::sqrt(2.0 * (0.64 + 1.0 / 12.0)));
   EXPECT_NEAR(row[1], 286.0 + 23.0 * one, 0.03);
 }

@@ -1,4 +1,3 @@
-// Shared by the simulator's tests.
 #pragma once
 
 #include "src/sim/simulator.hpp"
@@ -33,7 +32,7 @@ inline Frames run(const CameraSettings& camera, std::unique_ptr<const Field> fie
   return result;
 }
 
-// An image whose columns are column(x), the same in every row.
+// An image with the value column(x) in every row.
 template <typename Column>
 capture::StillImage columns(int width, int height, Column column) {
   capture::StillImage image{width, height, {}};

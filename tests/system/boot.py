@@ -44,7 +44,7 @@ def show(console, log) -> None:
 
 
 def run(image: pathlib.Path, payload: pathlib.Path, deadline: float) -> bool:
-    """True when the machine came up, whatever it did then."""
+    """True if the machine booted, whatever happened then."""
     booted = payload / "booted"
     booted.unlink(missing_ok=True)
     with open(payload / "console.log", "a", encoding="utf-8") as log, subprocess.Popen(

@@ -12,7 +12,7 @@ ELEMENT = "element-6066-11e4-a52e-4f735466cecf"
 
 
 def missing():
-    """Names what is not installed; empty when all is there."""
+    """Names missing programs; empty if none."""
     return ", ".join(name for name in ("chromium", "chromedriver") if shutil.which(name) is None)
 
 
@@ -60,7 +60,6 @@ class Browser:
         self.call("POST", "/url", {"url": url})
 
     def run(self, script, *arguments):
-        """The value of `script`, a function's body."""
         return self.call("POST", "/execute/sync", {"script": script, "args": list(arguments)})
 
     def devtools(self, command, **parameters):

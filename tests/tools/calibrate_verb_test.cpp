@@ -1,4 +1,3 @@
-// `bolo calibrate` as its users meet it.
 #include <nlohmann/json.hpp>
 #include <regex>
 #include "src/capture/pixel_maps_io.hpp"
@@ -48,7 +47,7 @@ TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   EXPECT_EQ(maps->offset.size(), 32U * 24U);
   EXPECT_GT(fs::file_size(file("fit.svg")), 10000U);
 
-  // The deblurring accepts the written profile.
+  // `bolo deblur` accepts the written profile.
   done(words("deblur @chopper.h5 -o @sharp.h5 --profile @mine.toml"));
 }
 

@@ -1,4 +1,4 @@
-"""bolo convert of CPTV films, written here by an encoder of our own after go-cptv's SPECv2.md.
+"""`bolo convert` of CPTV films, encoded here according to go-cptv's SPECv2.md.
 
 usage: cptv_test.py BOLO. Exit code 77: numpy or h5py isn't there.
 """

@@ -1,4 +1,4 @@
-// `bolo deblur`: parts of the frame, single pixels, their motion and their maps.
+// `bolo deblur` of regions and single pixels, with their motion and maps.
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/tools/deblur_verb.hpp"
 
@@ -59,7 +59,7 @@ void write_pan(const std::filesystem::path& file) {
     for (std::size_t i = 0; i < y.size(); ++i) {
       const double column = static_cast<double>(i % 100) - 1.5 * static_cast<double>(n);
       const double row = static_cast<double>(i / 100) - 0.5 * static_cast<double>(n);
-      double x = 300.0;  // waves of many directions and lengths, so that nothing repeats
+      double x = 300.0;  // waves of many directions and lengths: not periodic
       for (int k = 1; k <= 16; ++k) {
         x += 1.5 * std::sin(0.05 * k * (std::cos(2.4 * k) * column + std::sin(2.4 * k) * row) + 1.7 * k);
       }
@@ -84,7 +84,7 @@ TEST_F(DeblurVerb, MotionIsWrittenBesideTheFrames) {
     const std::uint64_t id = out.frame_id()[n];
     const auto blocks = motion_of(out, n);
     ASSERT_EQ(blocks.size(), 13U * 8U);
-    const bool known = id < 40 || id > 43;  // of three frames each: the lost one, and those after it
+    const bool known = id < 40 || id > 43;  // the lost frame and the next three lack motion
     for (std::size_t i = 0; i < blocks.size(); ++i) {
       if (id == 41) {
         ASSERT_EQ(blocks[i].confidence, 0.0F) << i;

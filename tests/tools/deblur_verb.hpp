@@ -1,4 +1,4 @@
-// `bolo deblur` as its user meets it, for its tests, on captures as a pixel of known inertia makes them.
+// Tests of the program `bolo deblur`, on captures of pixels with known thermal inertia.
 #pragma once
 
 #include <variant>
@@ -27,21 +27,21 @@ struct Blurred {
   capture::Stimulus stimulus = capture::NoStimulus{};
   int width = kWidth;
   int height = kHeight;
-  double period_s = kPeriod;  // that of /t and frame_period_s; the blur is always that of kPeriod
-  std::size_t reads = 1;      // of each frame, one after the other
+  double period_s = kPeriod;  // of /t and frame_period_s; the blur always has kPeriod
+  std::size_t reads = 1;      // repetitions of each frame
   struct {
     std::size_t frame;
     float value;
-  } odd{~std::size_t{0}, 0.0F};  // of a single pixel (1,1), of floats
+  } odd{~std::size_t{0}, 0.0F};  // value of pixel (1,1), for float captures
 };
 
-// A bar 12 K above 295 K that stands for 8 frames in each place, so that its edges are blurred.
+// A bar 12 K above 295 K that stays for 8 frames at each place, so that its edges are blurred.
 inline double scene_k(std::size_t frame, int x, int y) {
   const int place = static_cast<int>(frame / 8) * 5;
   return (x + 2 * y + place) % 20 < 7 ? 307.0 : 295.0;
 }
 
-// The exact answer of a pixel to a scene that is constant between frames, written as a capture.
+// Writes the exact response of pixels to a scene that is constant between frames.
 inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
   capture::CaptureInfo info = small_info({b.width, b.height});
   info.format.type = b.type;
@@ -81,16 +81,15 @@ inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
 
 class DeblurVerb : public ProgramTest {
  protected:
-  // With the usual in.h5, in whose place a test may write another.
+  // Starts with the standard in.h5, which a test may replace.
   DeblurVerb() : ProgramTest({BOLO_PROGRAM, "deblur"}) { write_blurred(file("in.h5"), {}); }
 
-  // Runs on in.h5 with `more` options, expects success, and opens the output.
+  // Deblurs in.h5 with `more` options, expects success, and opens the output.
   capture::CaptureReader deblurred(const std::string& more = "", const std::string& name = "out.h5") {
     report_ = printed(words("@in.h5 -o @" + name + " --overwrite --json " + more));
     EXPECT_FALSE(fs::exists(file(name + ".part")));
     return *must(capture::CaptureReader::open(file(name)));
   }
-  // The last run's report, and an error in it.
   nlohmann::json report() const { return nlohmann::json::parse(report_); }
   double rmse(const char* which) const { return report()["rmse"][which].get<double>(); }
 
@@ -117,7 +116,7 @@ inline void expect_same_frames(const capture::CaptureReader& one, const capture:
   for (std::size_t n = 0; n < one.info().frames; ++n) ASSERT_EQ(frame_of(one, n), frame_of(other, n)) << n;
 }
 
-// The pixels of `part` are those of `whole` at these places, truth included, bit for bit.
+// The pixels of `part` equal those of `whole` at these places bit by bit, including truth.
 inline void expect_pixels_of(const capture::CaptureReader& whole, const std::vector<capture::Point>& places,
                              const capture::CaptureReader& part) {
   ASSERT_EQ(part.info().format.geometry.pixels(), places.size());

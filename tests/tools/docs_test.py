@@ -1,8 +1,8 @@
-"""The command blocks of README and the guides, run in order as a newcomer would, without hardware.
+"""The command blocks of README and the guides, run in order as by a newcomer, without hardware.
 
-usage: docs_test.py SOURCE BUILD [PAGE...]. Each page gets a folder of its own, a fake camera where `$EDITOR` writes one into
-the configuration, and the lines for PATH and Python that tools/quickstart prints. What needs more (root, a kernel module,
-a reader's own files) is in LEFT_OUT, with what it needs. Exit code 77: ffmpeg or numpy isn't there.
+usage: docs_test.py SOURCE BUILD [PAGE...]. Each page gets a private folder, a fake camera where `$EDITOR` would
+configure one, and the PATH and Python settings printed by tools/quickstart. Blocks that need more (root, a kernel
+module, a reader's own files) are in LEFT_OUT, with their needs. Exit code 77: ffmpeg or numpy isn't there.
 """
 
 import os
@@ -26,14 +26,14 @@ LEFT_OUT = {
     "bolo recover ": "a crash", "bolod --check-config --config /etc": "the package", "# In front.toml": "a video device",
     "#                ": "a video device", "bolo view front --listen": "a network",
 }
-# Those that end by Ctrl-C, and how they are seen to run, by what they said in their folder.
+# Commands that run until Ctrl-C, and how to see from their output that they run.
 ENDLESS = {"bolo view ": lambda said, folder: "http://" in said, "bolo stat ": lambda said, folder: "heartbeat" in said,
            "bolo record ": lambda said, folder: any(folder.glob("*.part")), "bolo demo": lambda said, folder: "Ctrl-C" in said,
            "bolo replay ": lambda said, folder: os.path.exists(f"/dev/shm/bolo.{stream()}-bench")}
 
 
 def environment(folder):
-    """The caller's, and what quickstart tells users to add to it."""
+    """The caller's environment with quickstart's settings."""
     told = re.search(r"printf 'export PATH=.*\\\n.*", (SOURCE / "tools/quickstart").read_text())[0]
     lines = run("bash", "-c", f"root={SOURCE}\n{told}").replace(f"{SOURCE}/build/release", str(BUILD))
     assert lines.count("export ") == 2, lines
@@ -51,7 +51,7 @@ def stream():
 
 
 def own(text):
-    """`text` with names of streams that no other program has."""
+    """`text` with stream names that no other program has."""
     return re.sub(r"\bfront\b(?!\.toml)", stream(), text).replace("--name bench", f"--name {stream()}-bench")
 
 
@@ -61,8 +61,6 @@ def blocks(page):
 
 
 class Reader:
-    """Follows one page, in a folder of its own."""
-
     def __init__(self, folder, environ):
         self.folder, self.environ, self.running, self.ran = folder, environ, [], []
 
@@ -72,7 +70,7 @@ class Reader:
                                 start_new_session=True), output
 
     def end(self, program, output, runs, codes):
-        """Waits for its end; of one that has none, until it runs, and by Ctrl-C a little later."""
+        """Waits for the end; for an endless command, until it runs, then sends Ctrl-C."""
         deadline = time.monotonic() + PATIENCE_S
         said = lambda: (self.folder / "output").read_text(encoding="utf-8")
         if runs is not None:
@@ -106,16 +104,16 @@ class Reader:
                 prelude += command + "\n"
                 continue
             print(f"  {command}", flush=True)
-            # In less time, and where no other program listens.
+            # Shorter, and on a free port.
             briefly = command.replace("bolo demo", "bolo demo --seconds 1").replace("bolo view", "bolo view --port 0")
             self.shell(briefly, prelude)
             self.ran.append(command)
 
     def python(self, text):
-        """Until it prints, or for a while; then Ctrl-C."""
+        """Runs until it prints, or for a while; then Ctrl-C."""
         print("  python: " + text.splitlines()[0], flush=True)
         program, output = self.start([sys.executable, "-u", "-c", "import numpy as np, bolo\nprint()\n" + own(text)])
-        lines = 1 if "continue" in text else 2  # frames that it passes over print nothing
+        lines = 1 if "continue" in text else 2  # frames that it skips print nothing
         self.end(program, output, lambda said, folder: said.count("\n") >= lines, (-signal.SIGINT, 1))
         said = (self.folder / "output").read_text(encoding="utf-8")
         assert said.rstrip().endswith("KeyboardInterrupt"), said

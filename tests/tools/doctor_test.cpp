@@ -1,4 +1,3 @@
-// Facts of a host that bolo doctor reads, and its verdicts on them.
 #include <fcntl.h>
 #include <sys/prctl.h>
 #include <sys/stat.h>
@@ -12,7 +11,7 @@
 #include "tools/doctor/checks.hpp"
 
 namespace {
-int g_looks_at_files = 0;  // that processes have open, and are no terminals
+int g_looks_at_files = 0;  // calls of stat for open files that are no terminals
 }  // namespace
 
 extern "C" {
@@ -23,7 +22,7 @@ int stat(const char* path, struct stat* about) {
   return fstatat(AT_FDCWD, path, about, 0);
 }
 
-// As of a tmpfs without a limit.
+// Like a tmpfs without a limit.
 int statvfs(const char*, struct statvfs* about) {
   *about = {};
   return 0;
@@ -32,7 +31,7 @@ int statvfs(const char*, struct statvfs* about) {
 
 namespace bolo::tools::doctor::doctor_test {
 
-// A vehicle computer with nothing to say about.
+// A vehicle computer without findings.
 Facts good_host() {
   Facts facts;
   facts.receive_buffer_max = 16 << 20;
@@ -168,7 +167,7 @@ TEST(Doctor, NamesAFaultWithItsFix) {
 }
 
 TEST(Doctor, SaysWhoKeepsTheClockAndHowWell) {
-  // As chronyd 4.3 and ptp4l 3.1 print them.
+  // Output of chronyd 4.3 and ptp4l 3.1.
   const std::string tracking =
       "C0A80701,ntp.example,2,1763926262.123456789,-0.000012345,0.000001,0.000020,-4.512,0.001,0.021,0.000412,0.000310,"
       "64.2,Normal\n";
@@ -191,7 +190,7 @@ TEST(Doctor, SaysWhoKeepsTheClockAndHowWell) {
   facts.clock = ClockState{};
   const Check unsynchronised = check_of(judge(facts, live_needs()), "clock");
   EXPECT_EQ(unsynchronised.verdict, Verdict::kAdvice);
-  expect_parts(unsynchronised.fix, {"rtcsync"});  // chrony keeps it, but the kernel was not told
+  expect_parts(unsynchronised.fix, {"rtcsync"});  // chrony keeps time, but has not told the kernel
 }
 
 TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {
@@ -207,7 +206,7 @@ TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {
 
 TEST(Doctor, NamesTheProcessThatHasAVideoDevice) {
   const Scratch scratch;
-  const std::ofstream on_a_disk_that_hangs(scratch / "open.h5");  // looked at before the terminal, if at all
+  const std::ofstream on_a_disk_that_hangs(scratch / "open.h5");  // must not be inspected
   const int terminal = posix_openpt(O_RDWR | O_NOCTTY);
   ASSERT_EQ(grantpt(terminal) + unlockpt(terminal), 0);
   const std::string device = ptsname(terminal);
@@ -224,7 +223,7 @@ TEST(Doctor, NamesTheProcessThatHasAVideoDevice) {
   close(terminal);
 }
 
-// A host made of files.
+// A fake host made of files.
 class Host : public ScratchTest {
  protected:
   void write(const std::string& name, const std::string& text) const {

@@ -1,4 +1,3 @@
-// bolo doctor through its executable, on the machine that it runs on.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""The plugin for GStreamer, by GStreamer's own tools and by appsrc and appsink: bolosrc against what a daemon in another
-process publishes, bolodeblur against what `bolo deblur` makes of the same capture.
+"""The GStreamer plugin through GStreamer's own tools, appsrc and appsink: bolosrc against the frames of a daemon in
+another process, bolodeblur against `bolo deblur` on the same capture.
 
-usage: gstreamer_test.py BOLO PLUGIN_FOLDER MODULE_FOLDER LIBRARY. Exit code 77 where GStreamer's Python or h5py is missing.
+usage: gstreamer_test.py BOLO PLUGIN_FOLDER MODULE_FOLDER LIBRARY. Exit code 77: GStreamer's Python or h5py isn't there.
 """
 
 import os
@@ -61,8 +61,6 @@ def simulate(file, *more):
 
 
 class Pipeline:
-    """A pipeline that ends in an appsink named "sink"."""
-
     def __init__(self, text):
         self.pipeline = Gst.parse_launch(text + " ! appsink name=sink sync=false max-buffers=400")
         self.sink = self.pipeline.get_by_name("sink")
@@ -148,7 +146,7 @@ class Filter(unittest.TestCase):
             return dict(zip(map(int, f["frame_id"]), f["frames"][:]))
 
     def filtered(self, capture, options, flag_lost=False):
-        """{frame id: plane} and flags of what comes out, and the frames that went in."""
+        """{frame id: plane} and flags of the output, and the input frames."""
         with h5py.File(capture) as f:
             frames, times, ids = f["frames"][:], f["t"][:], f["frame_id"][:]
             scale = float(f.attrs["scale"])
@@ -199,7 +197,7 @@ class Filter(unittest.TestCase):
         self.assert_same(self.lossy, ["--lambda", "0.002"], "lambda=0.002", flag_lost=True)
 
     def laid_out(self, pipeline, width, height, stride, offset, size):
-        """Pushes a buffer of `size` bytes, 0, 1, 2 ..., that says that it is laid out so."""
+        """Pushes a buffer of `size` bytes, 0, 1, 2 ..., that claims this layout."""
         buffer = Gst.Buffer.new_wrapped(np.arange(size, dtype=np.uint32).astype(np.uint8).tobytes())
         buffer.pts = 0
         GstVideo.buffer_add_video_meta_full(buffer, GstVideo.VideoFrameFlags.NONE, GstVideo.VideoFormat.GRAY16_LE, width,
@@ -212,7 +210,7 @@ class Filter(unittest.TestCase):
             with self.subTest(layout=layout), Pipeline(filter_) as refusing:
                 self.laid_out(refusing, *layout, size=128 * 48)
                 self.assertIn("no frame of its caps", refusing.error())
-        for layout in ((64, 48, 256, 64), (90, 60, 256, 64)):  # of the larger one, its corner
+        for layout in ((64, 48, 256, 64), (90, 60, 256, 64)):  # the corner of the larger layout
             with self.subTest(layout=layout), Pipeline(filter_) as taking:
                 self.laid_out(taking, *layout, size=64 + 256 * 60)
                 rows = np.arange(64 + 256 * 60, dtype=np.uint32).astype(np.uint8)[64:].reshape(60, 256)
@@ -231,8 +229,6 @@ class Filter(unittest.TestCase):
 
 
 class Source(unittest.TestCase):
-    """A second process replays a capture for ever."""
-
     def setUp(self):
         self.folder = self.enterContext(tempfile.TemporaryDirectory())
         self.capture = os.path.join(self.folder, "in.h5")
@@ -256,7 +252,6 @@ class Source(unittest.TestCase):
         self.daemon = None
 
     def seen_in_shared_memory(self, plane, seconds):
-        """{frame id: plane} by another reader, meanwhile."""
         seen = {}
 
         def read():
@@ -273,7 +268,7 @@ class Source(unittest.TestCase):
         return seen, thread
 
     def streamed(self, pipeline, plane):
-        """All that comes of it, and {frame id: plane} of shared memory in the same time."""
+        """All output, and {frame id: plane} of shared memory at the same time."""
         seen, thread = self.seen_in_shared_memory(plane, 3.0)
         with Pipeline(pipeline) as live:
             got = list(iter(live.pull, None))
@@ -301,7 +296,7 @@ class Source(unittest.TestCase):
             numbers = [b.offset for b, _ in got]
             breaks = [b.has_flags(Gst.BufferFlags.DISCONT) for b, _ in got]
             self.assertEqual(breaks, [True] + [b != a + 1 for a, b in zip(numbers, numbers[1:])])
-            if plane == "raw":  # which is the capture's
+            if plane == "raw":  # equals the capture's
                 with h5py.File(self.capture) as f:
                     first = int(f["frame_id"][0])
                     for buffer, buffer_caps in got:
@@ -367,7 +362,7 @@ class Source(unittest.TestCase):
             self.assertIsNotNone(live.message(Gst.MessageType.EOS))
 
     def see_a_forged_frame(self, camera_ns=0, utc_ns=0, period_s=0.02, look_ahead=0):
-        """Of a copy of the ring, whose frames are still to come; ends when a sink that keeps to the clock has shown one."""
+        """Plays a copy of the ring with forged values and future frames, until a sink with sync has shown one."""
         with bolo.Camera(self.name) as camera:
             while camera.state().published < camera.info.slot_count:
                 time.sleep(0.05)
@@ -396,7 +391,7 @@ class Source(unittest.TestCase):
                 self.see_a_forged_frame(**forged)
 
     def test_a_daemon_that_takes_longer_is_told_to_the_pipeline(self):
-        """Else sinks drop its frames as too late."""
+        """Otherwise sinks drop its frames as late."""
         with Pipeline(f"bolosrc camera={self.name} restart-timeout=60000") as live:
             self.assertIsNotNone(live.pull())
             while live.message(Gst.MessageType.LATENCY, 0.1):
@@ -406,7 +401,7 @@ class Source(unittest.TestCase):
             self.assertIsNotNone(live.message(Gst.MessageType.LATENCY))
 
     def test_rtsp_clients_see_the_picture(self):
-        """By gst-rtsp-server, as JPEG: two clients, one after the other."""
+        """Two clients of gst-rtsp-server in turn, as JPEG."""
         server = GstRtspServer.RTSPServer(address="127.0.0.1", service="0")
         factory = GstRtspServer.RTSPMediaFactory(shared=True)
         factory.set_launch(f"( bolosrc camera={self.name} ! video/x-raw,format=GRAY8 ! videoconvert ! video/x-raw,format=I420 ! jpegenc quality=95 "
@@ -425,7 +420,7 @@ class Source(unittest.TestCase):
                 shown = [pulled for pulled in (client.pull(10) for _ in range(20)) if pulled]
             thread.join()
             self.assertEqual(len(shown), 20, transport)
-            picture = pixels(*shown[-1])[:24, :66].ravel().astype(float)  # JPEG's blocks pad it
+            picture = pixels(*shown[-1])[:24, :66].ravel().astype(float)  # JPEG pads to whole blocks
             likeness = max(np.corrcoef(picture, plane.ravel())[0, 1] for plane, _ in seen.values())
             self.assertGreater(likeness, 0.95)
 

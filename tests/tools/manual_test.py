@@ -1,4 +1,4 @@
-"""Manual pages and completion say what --help says: manual_test.py BOLO BOLOD MANUAL SOURCE (pages; tools/manual)."""
+"""Manual pages and completion agree with --help: manual_test.py BOLO BOLOD MANUAL SOURCE (pages; tools/manual)."""
 
 import os
 import pathlib
@@ -41,7 +41,6 @@ def page_of(command):
 
 
 def complete(*words):
-    """Bash's completions of the last of the words."""
     script = 'source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _bolo; printf "%s\\n" "${COMPREPLY[@]}"'
     run = ["bash", "--norc", "-uc", script, "bash", str(COMPLETION), *words]
     done = subprocess.run(run, capture_output=True, text=True, env={**os.environ, "PATH": PATH})

@@ -1,5 +1,5 @@
-"""A reader of MCAP with messages of ROS 2, written from https://mcap.dev/spec, the ros2msg definitions that a file itself
-carries, and the rules of CDR: it shares nothing with Bolo's."""
+"""An independent reader of MCAP with ROS 2 messages, written from https://mcap.dev/spec, the ros2msg definitions in the
+file itself, and the rules of CDR."""
 
 import ctypes
 import re
@@ -26,8 +26,6 @@ def pack(data):
 
 
 class Fields:
-    """Of a record, one after the other."""
-
     def __init__(self, data):
         self.data, self.at = data, 0
 
@@ -46,7 +44,7 @@ class Fields:
         return self.bytes().decode()
 
     def pairs(self, key, value):
-        """A map; "s" stands for texts."""
+        """A map; "s" stands for strings."""
         inside, out = Fields(self.bytes()), {}
         one = lambda code: inside.text() if code == "s" else inside.take(code)
         while inside.at < len(inside.data):
@@ -56,7 +54,7 @@ class Fields:
 
 
 def records(data, at, end):
-    """(code, fields, offset) of what lies there."""
+    """(code, fields, offset) of the records there."""
     while at < end:
         code, size = struct.unpack_from("<BQ", data, at)
         yield code, data[at + 9:at + 9 + size], at
@@ -65,7 +63,7 @@ def records(data, at, end):
 
 
 class Cdr:
-    """Messages by the definitions in a ros2msg schema."""
+    """Decodes messages by the definitions in a ros2msg schema."""
 
     SIZES = {"bool": "B", "byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "uint64": "Q", "float64": "d"}
 
@@ -119,7 +117,7 @@ class Cdr:
 
 
 class File:
-    """A whole file, by its index; everything that the specification lets a reader rely on is looked at."""
+    """A whole file, read by its index; checks everything that the specification lets a reader rely on."""
 
     def __init__(self, name):
         with open(name, "rb") as f:
@@ -173,7 +171,6 @@ class File:
             raise AssertionError(code)
 
     def walk(self, end):
-        """The records before the summary, in order."""
         seen = []
         for code, fields, at in records(self.data, 8, end):
             seen.append(code)

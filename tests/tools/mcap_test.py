@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""`bolo convert` to MCAP and back, seen by another reader (mcap_file.py).
+"""`bolo convert` to MCAP and back, verified by another reader (mcap_file.py).
 
 usage: mcap_test.py BOLO. Exit code 77 where h5py is missing.
 """
@@ -21,7 +21,7 @@ from programs import needed
 
 h5py, np = needed("h5py", "numpy")
 BOLO = os.path.abspath(sys.argv.pop(1))
-SANITIZED = b"__asan_init" in pathlib.Path(BOLO).read_bytes()  # and takes terabytes of addresses
+SANITIZED = b"__asan_init" in pathlib.Path(BOLO).read_bytes()  # reserves terabytes of address space
 
 
 class Mcap(unittest.TestCase):
@@ -192,7 +192,7 @@ class Mcap(unittest.TestCase):
         self.convert("kelvin.h5", "d.mcap")
         with open(self.path("d.mcap"), "rb") as f:
             good = f.read()
-        data_end = struct.unpack("<Q", good[-28:-20])[0]  # where the summary begins
+        data_end = struct.unpack("<Q", good[-28:-20])[0]  # start of the summary
         self.hostile(b"", "is not an MCAP file")
         self.hostile(b"\x89HDF\r\n\x1a\n" + good[8:], "is not an MCAP file")
         for cut in (9, 20, data_end // 2, data_end - 1):
@@ -201,7 +201,7 @@ class Mcap(unittest.TestCase):
         for _ in range(60):
             bad = bytearray(good)
             bad[random.randrange(8, data_end)] ^= 1 << random.randrange(8)
-            self.hostile(bytes(bad))  # a checksum at the latest
+            self.hostile(bytes(bad))  # detected by a checksum at the latest
 
     @staticmethod
     def text(t):
@@ -270,7 +270,7 @@ class Mcap(unittest.TestCase):
         self.hostile(self.recording(*(self.chunk(part) for part in names)), "has no images", memory=200 << 20)
         message = self.message(self.image(1, 1, 2, bytes(2)))
         self.hostile(self.chunked(message * 10**5), "more frames than its size can hold")
-        # Empty records: 128 MiB in 4 kB, again and again.
+        # Empty records: 128 MiB in 4 kB, repeated.
         nothing = self.chunk(bytes((128 << 20) // 9 * 9))
         with open(self.path("long.mcap"), "wb") as f:
             f.write(self.recording(*[nothing] * 2000))
@@ -305,7 +305,7 @@ class Mcap(unittest.TestCase):
             self.assertLessEqual(len(f.attrs), 1010)
 
     def test_other_programs_files_are_read(self):
-        # Rows with padding, big-endian, uncompressed, stamps out of order, no counter.
+        # Padded rows, big-endian, uncompressed, stamps out of order, no counter.
         rows = np.arange(6, dtype=np.uint16).reshape(2, 3)
         data = b"".join(row.astype(">u2").tobytes() + b"xx" for row in rows)
         chunk = b"".join(self.message(self.image(3, 2, 8, data, b"16UC1\0", 1, 1700000000, ns), ns)

@@ -1,4 +1,4 @@
-"""The installed packages fit together: package_test.py BUILD SOURCE."""
+"""Contents of the built packages are consistent: package_test.py BUILD SOURCE."""
 
 import os
 import pathlib
@@ -79,7 +79,7 @@ class Installed(unittest.TestCase):
 
 
 class Scripts(unittest.TestCase):
-    """Maintainer scripts, in a root of our own with stand-ins for programs that change the system."""
+    """Maintainer scripts in a private root, with stand-ins for programs that change the system."""
 
     def setUp(self):
         self.root = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
@@ -103,7 +103,7 @@ class Scripts(unittest.TestCase):
         return file
 
     def run_script(self, name, *arguments, before=""):
-        """The system's programs are there to read; /usr/lib/sysctl.d has our file only."""
+        """The system's programs are readable; /usr/lib/sysctl.d contains only our file."""
         shutil.copy(SOURCE / "cmake/packaging/bolo" / name, self.root / "script")
         shutil.copy(SOURCE / "systemd/sysctl.conf", self.root / "00-bolo.conf")
         into_it = f"""set -e

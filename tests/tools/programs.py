@@ -1,4 +1,4 @@
-"""Shared by tests of running programs: waiting for effects, addresses of a test's own, camera and daemon."""
+"""Shared by tests of running programs: waiting, private addresses, camera and daemon."""
 
 import atexit
 import importlib
@@ -11,7 +11,7 @@ import time
 
 
 def needed(*names):
-    """These modules. Where one is missing, the test is skipped: exit code 77."""
+    """Imports these modules; if one is missing, skips the test: exit code 77."""
     try:
         return [importlib.import_module(name) for name in names]
     except ImportError as missing:
@@ -20,7 +20,7 @@ def needed(*names):
 
 
 def own_address(number=0):
-    """A loopback address that no other test has: all 22 bits of the process id are in it. `number`: 0 to 1, of several."""
+    """A loopback address of this process alone: it contains all 22 bits of the process id. `number`: 0 or 1."""
     pid = os.getpid()
     return f"127.{64 + 65 * number + pid // 65024}.{pid // 254 % 256}.{1 + pid % 254}"
 
@@ -41,14 +41,13 @@ def wait_for(find, what, hang_guard_s=120.0):
 
 
 def run(*command, **how):
-    """What it printed; it has to succeed."""
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300, **how)
     assert done.returncode == 0, f"{command} ended with {done.returncode}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
     return done.stdout
 
 
 class Programs:
-    """A camera, a daemon and what else a test starts, in `folder`. `keys`: of the daemon, beginning in [source]."""
+    """Camera, daemon and other programs of a test, in `folder`. `keys`: the daemon's, beginning in [source]."""
 
     def __init__(self, bolo, bolod, folder, name, size=(160, 48), keys="", number=0):
         self.bolo, self.bolod, self.folder, self.name, self.size = bolo, bolod, pathlib.Path(folder), name, size
@@ -57,7 +56,7 @@ class Programs:
         self.config.write_text(f'name = "{name}"\n[control]\nsocket = "{folder}/{name}.sock"\n[source]\n'
                                f'address = "{self.address}"\nwidth = {size[0]}\nheight = {size[1]}\n{keys}')
         self.running = {}
-        atexit.register(self.end)  # whatever becomes of the test
+        atexit.register(self.end)  # however the test ends
 
     def simulate(self, *options):
         capture = self.folder / f"{self.name}.h5"
@@ -66,7 +65,7 @@ class Programs:
         return capture
 
     def start(self, what, *command, **how):
-        """Its log is kept under the name `what`."""
+        """Starts a program; its log is named `what`."""
         with open(self.folder / f"{self.name}-{what}.log", "w", encoding="utf-8") as log:
             self.running[what] = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, **how)
         return self.running[what]

@@ -1,7 +1,7 @@
-"""Recordings that are killed open, in Bolo and in h5py, and lost at most a second, however long syncs last.
+"""Recordings killed while open in Bolo and in h5py lose at most a second, however long syncs take.
 
-usage: record_kill_test.py BOLO SLOW_SYNC [KILLS]. `bolo replay` is the daemon; SLOW_SYNC is the library of slow_sync.cpp.
-Exit code 77: h5py isn't there.
+usage: record_kill_test.py BOLO SLOW_SYNC [KILLS]. `bolo replay` is the daemon; SLOW_SYNC is the library of
+slow_sync.cpp. Exit code 77: h5py isn't there.
 """
 
 import json
@@ -21,7 +21,7 @@ WIDTH, HEIGHT, RATE = (int(v) for v in os.environ.get("BOLO_KILL_FORMAT", "64,24
 
 
 def newest(name):
-    """The newest frame's id in the shared memory, and how many frames were lost before it; shm_layout.h has the bytes."""
+    """Newest frame id in shared memory, and frames lost before it; offsets from shm_layout.h."""
     with open(f"/dev/shm/bolo.{name}", "rb") as f:
         header = f.read(2048).ljust(2048, b"\0")
         slot_count, = struct.unpack_from("<I", header, 24)
@@ -34,14 +34,14 @@ def newest(name):
 
 
 def expect_last_applied(part, told):
-    """Another program sees the last commit that has reached the disk or, when the kill came in between, the one before."""
+    """h5py reads the last durable commit, or, if killed during one, the previous."""
     with h5py.File(part, "r") as f:
         seen = len(f["frames"])
     assert told["frames"] - RATE <= seen, ("h5py opens an old state", seen, told["frames"])
 
 
 def expect_whole(out, told, lost_before, capture):
-    """The recovered capture's last frame number."""
+    """Last frame id of the recovered capture."""
     with h5py.File(out, "r") as f, h5py.File(capture, "r") as played:
         planes = played["frames"][:]
         lengths = {len(f[name]) for name in ("frames", "t", "frame_id")}
@@ -64,7 +64,7 @@ def kill_one(bolo, name, folder, capture, dice, disk):
     out = os.path.join(folder, "a.h5")
     part = out + ".part"
     recorder = subprocess.Popen([bolo, "record", name, "-o", out], env=dict(os.environ, **disk))
-    # A busy machine may take long until the first commit; what is promised begins with it.
+    # A busy machine may take long until the first commit, from which the promise holds.
     wait_for(lambda: os.path.exists(part) and size_of(part + ".live") > 0, "the recording's first commit")
     time.sleep(dice.uniform(0.7, 2.0) + (dice.uniform(0, 3.0) if disk else 0))
     newest_id, lost_before = newest(name)

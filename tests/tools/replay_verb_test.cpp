@@ -1,4 +1,4 @@
-// `bolo replay` as its users meet it: another process reads the capture's frames from shared memory.
+// The program `bolo replay`: another process reads the capture's frames from shared memory.
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/tools/program.hpp"
 #include "tests/tools/small_capture.hpp"
@@ -25,12 +25,12 @@ class ReplayVerb : public ProgramTest {
     return reader;
   }
 
-  const std::string in_ = file("in.h5");  // frame i is shm_rig's raw pattern of i
+  const std::string in_ = file("in.h5");  // frame i: shm_rig's raw pattern of i
   const std::string name_ = shm::unique_name(testing::UnitTest::GetInstance()->current_test_info()->name());
 };
 
 TEST_F(ReplayVerb, EndsWhenItsTerminalIsClosed) {
-  write("replay.toml", "[pipeline]\nlock_memory = false\n");  // a file that it could read again, as bolod would
+  write("replay.toml", "[pipeline]\nlock_memory = false\n");  // a file that SIGHUP would reload, as in bolod
   Program program = start({in_, "--name", name_, "--config", file("replay.toml"), "--loop"});
   auto reader = must(attach());
   shm::ReadFrame frame;
@@ -44,7 +44,7 @@ TEST_F(ReplayVerb, EndsWhenItsTerminalIsClosed) {
 
 TEST_F(ReplayVerb, EndsWithTheCapture) { ended(0, {in_, "--name", name_, "--pace", "fast"}, {"40 frames in"}); }
 
-// As the authors' .mat is, and what `bolo deblur` writes.
+// Like the authors' .mat and the output of `bolo deblur`.
 TEST_F(ReplayVerb, Float32IsPublishedInStepsOf10mK) {
   auto info = small_info({24, 10});
   info.format.type = PixelType::kFloat32;

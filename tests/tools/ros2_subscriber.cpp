@@ -1,6 +1,6 @@
-// Reads an image topic as a node of ROS 2 would, with another vendor's DDS (Fast DDS) and types that its own generator
-// made of the same IDL: ros2_subscriber NAME PLANE SECONDS. One line a message: stamp in ns, encoding, width, height,
-// step, the frame's id, CRC-32 of the data. A line of "info ..." for each camera_info.
+// Reads an image topic like a ROS 2 node, but with another vendor's DDS (Fast DDS) and types generated from the same
+// IDL by its own generator: ros2_subscriber NAME PLANE SECONDS. Prints a line per message: stamp in ns, encoding,
+// width, height, step, frame id, CRC-32 of the data; and a line "info ..." for each camera_info.
 #include <zlib.h>
 
 #include <chrono>
@@ -74,7 +74,7 @@ void subscribe(fast::DomainParticipant* node, const std::string& name, Printer<T
 int main(int argc, char** argv) {
   if (argc != 4) return 2;
   fast::DomainParticipantQos qos = fast::PARTICIPANT_QOS_DEFAULT;
-  qos.transport().listen_socket_buffer_size = 8U << 20U;  // as ROS 2's guide to tuning DDS asks for large messages
+  qos.transport().listen_socket_buffer_size = 8U << 20U;  // recommended for large messages in ROS 2's DDS tuning guide
   const char* domain = std::getenv("ROS_DOMAIN_ID");
   auto* node = fast::DomainParticipantFactory::get_instance()->create_participant(
       domain != nullptr ? static_cast<std::uint32_t>(std::atoi(domain)) : 0U, qos);
@@ -84,5 +84,5 @@ int main(int argc, char** argv) {
   subscribe<Image_, Image_PubSubType>(node, std::string(argv[1]) + "/" + argv[2], images);
   subscribe<CameraInfo_, CameraInfo_PubSubType>(node, std::string(argv[1]) + "/camera_info", infos);
   std::this_thread::sleep_for(std::chrono::duration<double>(std::atof(argv[3])));
-  std::_Exit(0);  // the listeners' threads may be in the middle of a message
+  std::_Exit(0);  // listener threads may be processing a message
 }

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""[ros2] of bolod: what a subscriber of another vendor (Fast DDS) reads of its topics, in a process of its own, against
-the capture that the daemon replays; and that neither strangers' packets nor the end of either program harm the other.
+"""[ros2] of bolod: topics read by a subscriber of another vendor (Fast DDS) in a separate process equal the replayed
+capture; foreign packets, and the end of either program, do no harm to the other.
 
 usage: ros2_test.py BOLO BOLOD SUBSCRIBER. Exit code 77 where h5py is missing.
 """
@@ -28,12 +28,11 @@ BRIDGE = pathlib.Path(BOLOD).with_name("bolo-ros2")
 del sys.argv[1:4]
 DOMAIN = 1 + os.getpid() % 100
 FRAMES = 600
-SECONDS = 8  # the subscriber's: until it knows the topics, and while they run
+SECONDS = 8  # for the subscriber's discovery, and for receiving
 PORTS = [7400 + 250 * DOMAIN + offset for offset in (0, 1, 10, 11, 12, 13)]  # DDSI-RTPS 9.6.1
 
 
 def running(parent):
-    """The process ids of bolo-ros2 below this one."""
     found = subprocess.run(["pgrep", "-P", str(parent), "bolo-ros2"], capture_output=True, text=True, check=False)
     return [int(line) for line in found.stdout.split()]
 
@@ -46,7 +45,7 @@ class Ros2(unittest.TestCase):
         run(BOLO, "simulate", "-o", cls.capture, "--no-truth", "--frames", FRAMES)
 
     def setUp(self):
-        self.name = f"-ros2-{os.getpid()}"  # a name that is no option
+        self.name = f"-ros2-{os.getpid()}"  # starts like an option
         self.running = []
 
     def tearDown(self):
@@ -137,7 +136,7 @@ domain = {DOMAIN}
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             for i in range(6000):
                 junk = draw.randbytes(draw.randrange(1, 1400))
-                if i % 2:  # looks right at first: DATA, with or without its end
+                if i % 2:  # plausible: DATA, complete or truncated
                     junk = b"RTPS\x02\x01\x01\x10" + draw.randbytes(12) + b"\x15\x05" + junk
                 sender.sendto(junk, ("127.0.0.1", PORTS[i % len(PORTS)]))
         images, _ = self.read(subscriber)
@@ -160,13 +159,13 @@ domain = {DOMAIN}
         for end in (signal.SIGTERM, signal.SIGKILL):
             daemon = self.daemon()
             child = self.child_of(daemon)
-            time.sleep(0.3)  # a process that has just begun has not asked for it yet
+            time.sleep(0.3)  # a starting process has not requested its parent-death signal yet
             daemon.send_signal(end)
             daemon.wait(timeout=10)
             wait_for(lambda: not os.path.exists(f"/proc/{child}"), f"its end after {end}")
 
     def publish(self, times, subscriber):
-        """Frames that have these times in turn, in UTC, ns, in shared memory made here, until the subscriber ends."""
+        """Publishes frames with these UTC times (ns) in turn, in shared memory made here, until the subscriber ends."""
         slots, first, stride = 8, 4096, 512
         shared = pathlib.Path(f"/dev/shm/bolo.{self.name}")
         header = struct.pack("<QIIIIIIQQQQdddd", 0x4D48534F4C4F42, 3, 2112, 8, 8, slots, 0, first, stride, 128, 256, 0.01, 0, 0.02, 0.01)
@@ -182,14 +181,14 @@ domain = {DOMAIN}
                 time.sleep(0.02)
 
     def test_a_time_without_a_stamp_has_the_nearest_and_one_line(self):
-        """A stamp has 31 bits of seconds. A frame whose UTC is before 1970 has none; one of 2038 has the last."""
+        """A stamp has 31 bits of seconds: before 1970 it is empty, from 2038 on it is the largest."""
         now = time.time_ns()
         subscriber = self.subscribe("image_raw")
         with open(self.folder / "bridge.log", "w") as log:
             self.running.append(subprocess.Popen([BRIDGE, f"--name={self.name}", "--domain", str(DOMAIN)], stderr=log))
         self.publish((now, -1, 2**31 * 10**9, -(2**62), 2**62), subscriber)
         images, _ = self.read(subscriber)
-        booted = time.clock_gettime_ns(time.CLOCK_REALTIME) - time.monotonic_ns()  # what the frames' other times say
+        booted = time.clock_gettime_ns(time.CLOCK_REALTIME) - time.monotonic_ns()  # implied by the frames' other times
         stamps = sorted({image[0] if abs(image[0] - booted) > 10**9 else booted for image in images})
         self.assertEqual(stamps, [booted, now, 2**31 * 10**9 - 1])
         said = (self.folder / "bridge.log").read_text()

@@ -1,4 +1,4 @@
-"""Which skipped tests end a check: skips_test.py SKIPS_PY."""
+"""Which skipped tests fail a check: skips_test.py SKIPS_PY."""
 
 import pathlib
 import subprocess

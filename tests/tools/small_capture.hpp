@@ -1,4 +1,4 @@
-// Captures of a few lines: what tests of programs read.
+// Small captures as input for tests of programs.
 #pragma once
 
 #include "src/capture/capture.hpp"
@@ -6,12 +6,12 @@
 
 namespace bolo::tools::test {
 
-// 200 frames a second of this size, in hundredths of a kelvin.
+// A format of this size at 200 frames a second, in hundredths of a kelvin.
 inline capture::CaptureInfo small_info(Geometry geometry) {
   return {.format = {.geometry = geometry, .scale = {Unit::kKelvin, 0.01, 0.0}, .frame_period_s = 0.005}};
 }
 
-// A capture of uint16 that is being written; close() makes it whole.
+// Writes a uint16 capture; close() completes it.
 class SmallCapture {
  public:
   SmallCapture(const std::filesystem::path& file, const capture::CaptureInfo& info)
@@ -20,7 +20,7 @@ class SmallCapture {
     EXPECT_TRUE(writer_) << writer_.error().message;
   }
 
-  // A frame at t_s, whose pixel i is value(i).
+  // Appends a frame at t_s with value(i) in pixel i.
   template <typename Value>
   void append(double t_s, std::uint64_t id, Value value) {
     for (std::size_t i = 0; i < plane_.size(); ++i) plane_[i] = static_cast<std::uint16_t>(value(i));

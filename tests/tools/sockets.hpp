@@ -1,4 +1,4 @@
-// The other end of a server's socket, and a server's in its place.
+// Clients of a server's socket, and servers that replace a real one.
 #pragma once
 
 #include <arpa/inet.h>
@@ -10,7 +10,7 @@
 
 namespace bolo::tools::test {
 
-// A socket that listens (SOCK_STREAM) or gets datagrams (SOCK_DGRAM) under this name. `flags`: as SOCK_NONBLOCK.
+// Listens (SOCK_STREAM) or receives datagrams (SOCK_DGRAM) at this path. `flags`: such as SOCK_NONBLOCK.
 inline UniqueFd bound_at(const std::string& path, int type, int flags = 0) {
   std::filesystem::create_directories(std::filesystem::path(path).parent_path());
   UniqueFd fd(socket(AF_UNIX, type | SOCK_CLOEXEC | flags, 0));
@@ -23,7 +23,6 @@ inline UniqueFd bound_at(const std::string& path, int type, int flags = 0) {
   return fd;
 }
 
-// The pending datagrams, each followed by a newline.
 inline std::string datagrams(const UniqueFd& fd) {
   std::array<char, 65536> buffer;
   std::string text;
@@ -33,7 +32,7 @@ inline std::string datagrams(const UniqueFd& fd) {
   return text;
 }
 
-// A socket of the family that gives up waiting in time: a guard against hanging.
+// A socket whose receive calls time out, as a guard against hanging.
 inline UniqueFd patient_socket(int family, int patience_s = 30) {
   UniqueFd fd(socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const timeval patience{patience_s, 0};
@@ -41,7 +40,6 @@ inline UniqueFd patient_socket(int family, int patience_s = 30) {
   return fd;
 }
 
-// True: connected.
 inline bool connect_to(const UniqueFd& fd, const std::string& path) {
   sockaddr_un place{AF_UNIX, {}};
   path.copy(place.sun_path, sizeof place.sun_path - 1);
@@ -59,7 +57,7 @@ inline void send_text(const UniqueFd& fd, std::string_view text) {
   EXPECT_EQ(send(fd.get(), text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
 }
 
-// All until the server ends the connection; "?" where it does not in time.
+// Everything until the server closes the connection; "?" on timeout.
 inline std::string receive_all(const UniqueFd& fd) {
   std::string all;
   std::array<char, 65536> part;

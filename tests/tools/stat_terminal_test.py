@@ -1,4 +1,4 @@
-"""`bolo stat` in a real terminal (tmux): bars of latency, its size followed, a daemon that is started anew followed.
+"""`bolo stat` in a real terminal (tmux): latency bars, resizing, restart of the daemon.
 
 usage: stat_terminal_test.py BOLO. `bolo replay` is the daemon. Exit code 77: tmux isn't there.
 """
@@ -20,7 +20,7 @@ BLOCKS = "▁▂▃▄▅▆▇█"
 
 
 class Terminal:
-    """A terminal that runs a command, shows its exit code, and stays. `name`: of its server, which is its own."""
+    """A terminal that runs a command, shows its exit code and stays. `name`: of its private tmux server."""
 
     def __init__(self, folder, name, width, height, command):
         self.tmux = ["tmux", "-u", "-S", f"{folder}/{name}", "-f", "/dev/null"]
@@ -38,7 +38,7 @@ class Terminal:
 
 
 def bars(lines, row):
-    """Text behind `row`: the bars' last line."""
+    """Text behind `row`: last line of the bars."""
     return next((line[9:] for line in lines if line.startswith(f"  {row} ")), "")
 
 

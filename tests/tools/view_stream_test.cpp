@@ -1,4 +1,4 @@
-// The view's memory of a stream: the newest frame, traces of pixels, and both across writers.
+// The view's buffers: newest frame and traces of pixels, also across restarts of the writer.
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/view/live_stream.hpp"
@@ -21,7 +21,6 @@ std::uint16_t value_at(const std::string& frame, std::size_t plane, std::size_t 
 
 class ViewStream : public testing::Test {
  protected:
-  // A writer that has published so many frames.
   void start_writer(int frames, bool motion = false) {
     writer_ = std::make_unique<shm::Writer>(name_);
     writer_->format.motion = motion;
@@ -36,7 +35,7 @@ class ViewStream : public testing::Test {
     EXPECT_TRUE(eventually([&] { return (frame = stream_.newest_frame(seen)) != nullptr; }));
     return frame;
   }
-  // The trace of a pixel, once it reaches a frame.
+  // The trace of a pixel, once it reaches frame `next`.
   nlohmann::ordered_json trace_up_to(std::uint32_t x, std::uint32_t y, std::uint64_t next, const Place& seen) {
     std::optional<nlohmann::ordered_json> trace;
     EXPECT_TRUE(eventually([&] {
@@ -114,7 +113,7 @@ TEST_F(ViewStream, ATraceIsTenSecondsLongAtMost) {
   start_writer(1);
   frame_after({});
   for (std::uint64_t next = 1; next < 2400;) {
-    publish(30);  // less than the ring holds
+    publish(30);  // fewer than the ring holds
     next += 30;
     trace_up_to(0, 0, next, {1, next});
   }

@@ -1,8 +1,7 @@
-"""The live page in a browser, against a daemon on the fake camera: what people see, and where requests go.
+"""The live page in a browser, with a daemon on the fake camera: contents, and targets of requests.
 
-usage: view_test.py BOLO BOLOD [FOLDER]. Screenshots go to FOLDER, where one is given. BOLO_VIEW_FORMAT: the camera's
-width,height,rate.
-Exit code 77: chromium or chromedriver isn't there.
+usage: view_test.py BOLO BOLOD [FOLDER]. Screenshots go to FOLDER, if given. BOLO_VIEW_FORMAT: width,height,rate of the
+camera. Exit code 77: chromium or chromedriver isn't there.
 """
 
 import array
@@ -33,8 +32,6 @@ HEAD = struct.Struct("<4sHHIIddQQQqdIIIIq")  # FrameHead of tools/view/live_stre
 
 
 class View(Programs):
-    """The fake camera, the daemon and the view of it."""
-
     def __init__(self, bolo, bolod, folder, name):
         super().__init__(bolo, bolod, folder, name, (WIDTH, HEIGHT), f"rate_hz = {RATE}\n")
 
@@ -42,11 +39,11 @@ class View(Programs):
         self.capture = self.simulate(f"--rate={RATE}", f"--frames={RATE}", f"--speed={WIDTH / 2}")
         self.start_camera(self.capture, "--fault", "loss:rate=0.002,at=5")
         self.start_daemon()
-        self.entry = self.view("view", self.name)["url"]  # with the token that was made for this run
+        self.entry = self.view("view", self.name)["url"]  # with this run's token
         self.url, self.token = re.fullmatch(r"(.*/)\?token=([0-9a-f]{32})", self.entry).groups()
 
     def view(self, what, *words):
-        """The status of another view."""
+        """Status line of another view."""
         self.start(what, self.bolo, "view", *words, "--port", "0", "--json")
         return json.loads(wait_for(lambda: re.search(r'{"url".*}', self.log(what)), "the view").group())
 
@@ -77,7 +74,7 @@ def box_of(page, name):
 
 
 def picture_hash(page):
-    """Of what is shown once all that was asked for is painted."""
+    """Hash of the picture once everything requested is painted."""
     return page.run("""
         const frame = () => new Promise(requestAnimationFrame);
         return frame().then(frame).then(() => {
@@ -102,7 +99,7 @@ def check_divider(page):
     page.run("document.getElementById('divider').focus()")
     page.keys("\ue012", "\ue012")  # left
     assert 72 <= now() <= 74, now()
-    # With the frame held: all of one plane is what the view of that plane alone shows.
+    # With a held frame: in the view of all planes, one plane equals the view of that plane alone.
     page.keys(" ")
     shown = {}
     for key, mode in (("\ue012", "sharp"), ("\ue014", "raw")):
@@ -138,7 +135,7 @@ def check_trace(page, programs):
     assert abs(times[nearest] - head[10] * 1e-9) < 1e-4
     assert (trace["raw"][nearest], trace["deblurred"][nearest]) == wanted
     steps = [b - a for a, b in zip(times, times[1:])]
-    frames = [round(step * RATE) for step in steps]  # more than one where the daemon lost some
+    frames = [round(step * RATE) for step in steps]  # several if the daemon lost some
     assert all(n >= 1 and abs(step - n / RATE) < 1e-4 for n, step in zip(frames, steps)), steps
     return sum(n == 1 for n in frames), len(steps)
 
@@ -174,7 +171,7 @@ def check_faults_are_counted(page):
 
 
 def grey_png(file):
-    """Rows of values of a 16-bit PNG whose rows have no filter."""
+    """Pixel rows of a 16-bit PNG without row filters."""
     with open(file, "rb") as f:
         data = f.read()
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
@@ -194,7 +191,7 @@ def check_saving(page, folder):
     def saved(what, pattern):
         page.run("document.getElementById('save').open = true")
         page.click(f'[data-save="{what}"]')
-        # The browser takes the name with an empty file first.
+        # The browser first creates an empty file of that name.
         return wait_for(lambda: [f for f in glob.glob(os.path.join(folder, pattern)) if os.path.getsize(f) > 0], pattern)[0]
 
     page.keys("\ue00c")
@@ -209,7 +206,7 @@ def check_saving(page, folder):
 
 
 def check_restart(page, programs):
-    """The daemon dies, the page says so, and goes on with the next one."""
+    """When the daemon dies, the page reports it, and continues with the next one."""
     programs.running["daemon"].kill()
     programs.running["daemon"].wait()
     wait_for_pill(page, "the daemon is gone", "the words of its end")
@@ -221,11 +218,11 @@ def check_restart(page, programs):
 
 
 def check_motion(page, programs, folder):
-    """Arrows on a key: none of a solver that does not estimate motion, and those of one that does."""
+    """Arrows on a key: none for a solver without motion, shown for one with motion."""
 
     def pictures():
-        """The picture without arrows, with them, and without, of a frame that stays; and the page's words."""
-        page.click("#pause")  # a space would press the button that has the focus
+        """Hashes of a held frame's picture without, with and without arrows, and the page's text."""
+        page.click("#pause")  # space would press the focused button
         hashes = [picture_hash(page)]
         for arrows in ("true", "false"):
             page.keys("m")
@@ -237,7 +234,7 @@ def check_motion(page, programs, folder):
         return *hashes, words
 
     def drawn():
-        """True if there are arrows, and the page's text; the window may have been laid out anew in between."""
+        """Whether arrows are shown, and the page's text; retried because the layout may change in between."""
         before, shown, _, words = wait_for(lambda: (seen := pictures())[0] == seen[2] and seen, "it without arrows")
         return shown != before, words
 
@@ -247,10 +244,10 @@ def check_motion(page, programs, folder):
     programs.running["daemon"].terminate()
     programs.running["daemon"].wait()
     with open(programs.config, "a", encoding="utf-8") as f:
-        # On a busy machine, too: what can't keep up would go without motion.
+        # On a busy machine, degraded frames would have no motion.
         f.write('[deblur]\nsolver = "motion"\n[pipeline]\ndegrade = false\n')
     programs.start_daemon()
-    # px a frame, of a street that moves by half a width a second
+    # px per frame, of a street that moves by half a width per second
     wait_for(lambda: (m := re.match(r"([0-9.]+) a frame", page.text("#motion"))) and
              abs(float(m.group(1)) - WIDTH / 2 / RATE) < 0.3, "the street's motion")
     wait_for(lambda: drawn()[0], "arrows")
@@ -265,7 +262,7 @@ def check_motion(page, programs, folder):
 
 
 def check_hurry(page):
-    """Frames that were not fully solved are told, and no longer when they are."""
+    """Frames below full quality are reported until full quality is back."""
     shown = lambda: page.run("return !document.getElementById('effort').hidden")
     page.run("""const fetched = window.fetch;
         window.fetch = async (path, ...more) => {
@@ -282,7 +279,7 @@ def check_hurry(page):
 
 
 def check_phone(page):
-    """Nothing is cut or pushed out of the window, however narrow it is."""
+    """Nothing is cut off or outside the window, however narrow it is."""
     for width in (390, 360, 320):
         page.size(width, 800, 2, True)
         cut = page.run("""return [...document.querySelectorAll("header *, main *")].filter((e) => !e.children.length &&
@@ -294,7 +291,7 @@ def check_phone(page):
 
 
 def check_token(page, programs):
-    """With a token the page opens by it once; the address forgets it, the browser doesn't."""
+    """A token opens the page once; then the browser keeps a cookie, and the address no longer has the token."""
     token = "e2e-0123456789abcdef"
     url = programs.view("token", programs.name, "--token", token)["url"].removesuffix("?token=TOKEN")
     assert token not in programs.log("token"), "a token that was given is printed"
@@ -309,14 +306,14 @@ def check_token(page, programs):
 
 
 def check_several(page, programs, folder):
-    """Two cameras: both side by side with moving pictures and times, and each on a page of its own."""
+    """Two cameras: side by side with live pictures and times, and each on its own page."""
     other = programs.name + "-rear"
     programs.start("replay", programs.bolo, "replay", programs.capture, "--name", other, "--loop")
     told = programs.view("several", programs.name, other)
     assert told["name"] == f"{programs.name}, {other}", told
     page.open(told["url"])
     canvas = "document.querySelectorAll('.camera canvas')[arguments[0]]"
-    # 300 pixels wide is a canvas that nothing was drawn on.
+    # An empty canvas is 300 pixels wide.
     picture = f"return {canvas} && {canvas}.width === 300 ? '' : {canvas}?.toDataURL() ?? ''"
     for i in range(2):
         first = wait_for(lambda: page.run(picture, i), "a picture")
@@ -333,7 +330,7 @@ def check_several(page, programs, folder):
 
 
 def check_usage(programs):
-    """Refusals of `bolo view` at its start: exit code 2 and one line with the remedy."""
+    """`bolo view` refuses to start: exit code 2 and one line with the remedy."""
     port = str(urllib.parse.urlsplit(programs.url).port)
     for words, told in ((["--listen", "0.0.0.0"], "--token"), (["--port", port], "another program"),
                         (["--token", "short"], "16 to 128"), (["--token-file", "/nowhere"], "/nowhere"),
@@ -349,7 +346,7 @@ def take_pictures(page, folder):
         page.size(1280, 960)
         page.scheme(scheme)
         page.click(f'#modes [data-value="{mode}"]')
-        time.sleep(2.5)  # a trace of its whole length
+        time.sleep(2.5)  # the full length of a trace
         page.screenshot(os.path.join(folder, f"view_{scheme}.png"))
     page.size(390, 844, 2, True)
     page.run("scrollTo(0, 0)")
@@ -374,7 +371,7 @@ def check_requests(page):
             kinds[told["requestId"]] = url.path
         if event["method"] == "Network.loadingFinished" and not kinds.get(told["requestId"], "/api").startswith("/api"):
             weight += told["encodedDataLength"]
-    # A warning of rendering: this test reads canvases back.
+    # Rendering warnings are expected: this test reads canvases back.
     bad = [entry["message"] for entry in page.log("browser") if not entry["message"].startswith("rendering ")]
     assert not bad, bad
     return weight
@@ -388,7 +385,7 @@ def main(bolo, bolod, pictures):
             programs.begin()
             page = browser.Browser(folder)
             page.open("about:blank")
-            page.log("performance")  # the browser's own first page
+            page.log("performance")  # the browser's initial page
             page.open(programs.entry)
             wait_for_pill(page, "live", "the page")
 
@@ -401,7 +398,7 @@ def main(bolo, bolod, pictures):
             check_saving(page, folder)
             check_faults_are_counted(page)
             if pictures:
-                time.sleep(3)  # without a pause, for the figure
+                time.sleep(3)  # without a pause, for measurement
             shown = page.text("#shown")
             check_restart(page, programs)
             check_phone(page)

@@ -66,7 +66,7 @@ def help_of(*command):
 
 
 def options_of(lines):
-    """[(letter, name, value, text)], and titles of groups as (title,), from the lines of cxxopts' help."""
+    """[(letter, name, value, text)], and group titles as (title,), from cxxopts' help."""
     found = []
     for line in lines:
         option, title = OPTION.match(line), re.match(r"^ (\w[\w ]*) options:$", line)
@@ -97,7 +97,7 @@ def command_body(name, text, sections):
 
 
 def settings_body(document):
-    """A settings file whose keys stand behind their comments, the last line of them with type and default."""
+    """Page for a settings file; each key follows its comment, whose last line has type and default."""
     head, keys = [], ".SH KEYS\n"
     blocks = [block.splitlines() for block in re.split(r"\n\s*\n", document.strip())]
     while blocks and all(line.startswith("# ") or line == "#" for line in blocks[0]):

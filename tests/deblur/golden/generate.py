@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes lasso.json: windows of samples and the estimate that an independent solver finds for them.
+"""Writes lasso.json: windows of samples and an independent solver's estimates.
 
 The solver is scikit-learn's coordinate-descent Lasso on all 2^n unknowns; V of Theorem 1 and the Haar matrix are built
 here from their definitions, not with Bolo's code. Needs python3-numpy and python3-sklearn.
@@ -39,7 +39,7 @@ def response(t, bins, tau):
 
 
 def last_bin(y, received, period, tau, levels, lam):
-    """The published value without look-ahead, K. The first slot is always received."""
+    """The published value without look-ahead, K. Requires that the first slot was received."""
     slots = len(y)
     bins = 2**levels
     t = np.arange(slots) * period
@@ -60,7 +60,7 @@ def last_bin(y, received, period, tau, levels, lam):
 
 
 def windows(rng, slots, ratio):
-    """Samples of a pixel, K, rounded to 10 mK: what scenes, noise and defects look like after the pixel."""
+    """Samples of a pixel, K, rounded to 10 mK: scenes, noise and defects after thermal inertia."""
     before = 40
     n = slots + before
     decay = math.exp(-ratio)
@@ -88,7 +88,7 @@ def cases():
     rng = np.random.default_rng(20200712)
     for period, tau, slots, levels, repeats in [
         (0.005, 0.011, 17, 7, 12),  # the paper's camera
-        (1 / 30, 0.010, 17, 7, 1),  # outside the exact reduction to one unknown a frame
+        (1 / 30, 0.010, 17, 7, 1),  # outside the exact reduction to one unknown per frame
         (0.005, 0.011, 9, 6, 1),
         (0.01, 0.011, 33, 7, 1),
     ]:

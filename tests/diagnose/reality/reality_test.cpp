@@ -1,4 +1,4 @@
-// The diagnosis on cameras and benches of the blind check's second reality, which is independent of the simulator.
+// Diagnosis of cameras and benches of the blind check's second reality, which is independent of the simulator.
 #include "tests/diagnose/blind_bench.hpp"
 
 namespace bolo::diagnose::reality_test {
@@ -21,12 +21,12 @@ TEST_F(SecondReality, AnImperfectBenchIsNotTheCameras) {
   EXPECT_EQ(told(diagnosed(Kind::kEffectFree, 1, {}, true)), "no_gap:");
 }
 
-// Its loss towards the corners is a cosine law about another centre.
+// Its corner loss is a cosine law about another centre.
 TEST_F(SecondReality, WhatIsSmoothIsNoMapOfPixels) {
   EXPECT_EQ(told(diagnosed(Kind::kSingle, 0, "vignetting")), "explained: vignetting");
 }
 
-// Free levels would absorb it.
+// Free levels would absorb the emissivity.
 TEST_F(SecondReality, LevelsOfAGoodBenchTellTheEmissivity) {
   EXPECT_EQ(told(diagnosed(Kind::kSingle, 0, "emissivity")), "explained: emissivity");
 }

@@ -3,7 +3,7 @@
 
 #include "tests/drivers/fakecam/synthetic.hpp"
 
-// Aravis and GLib are not built for the thread sanitizer, which can't see their locks.
+// Aravis and GLib are built without the thread sanitizer, which cannot see their locks.
 extern "C" const char* __tsan_default_suppressions();
 extern "C" const char* __tsan_default_suppressions() {
   return "called_from_lib:libaravis-0.8.so\ncalled_from_lib:libglib-2.0.so\ncalled_from_lib:libgio-2.0.so\n"
@@ -46,7 +46,7 @@ TEST(FakeCameraAravis, GetsEveryFramePixelExact) {
   Client client(address);
   ASSERT_TRUE(client.camera);
   arv_camera_gv_set_packet_size(client.camera.get(), 9000, nullptr);
-  arv_camera_set_float(client.camera.get(), "AcquisitionFrameRate", 50.0, nullptr);  // also a busy machine keeps up
+  arv_camera_set_float(client.camera.get(), "AcquisitionFrameRate", 50.0, nullptr);  // slow enough for a busy machine
   const auto stream = client.stream(kFrames);
   ASSERT_TRUE(stream);
   arv_camera_start_acquisition(client.camera.get(), nullptr);

@@ -1,5 +1,3 @@
-// Parts of the fake camera, each by itself: its commands and features; the counts, ids and times that frames are sent
-// with.
 #include "drivers/fakecam/camera_features.hpp"
 #include "drivers/fakecam/frames.hpp"
 #include "drivers/fakecam/network.hpp"
@@ -49,7 +47,7 @@ class CommandHandlerTest : public testing::Test {
     return send(command(gvcp::Command::kWriteRegister, {reg::kPrivilege, bits}), peer, now_ns);
   }
 
-  RegisterMap registers{"<xml?>"};  // 6 bytes: not whole words
+  RegisterMap registers{"<xml?>"};  // 6 bytes: no multiple of a 4-byte word
   Counters counters;
   int control_losses = 0;
   CommandHandler handler{registers, counters, {[](const ResendRequest&) {}, [this] { ++control_losses; }}};
@@ -198,11 +196,9 @@ TEST_F(FeaturesTest, ImageIsLockedWhileItStreams) {
   EXPECT_EQ(write(reg::kObjectEmissivity, 0.5F), gvcp::Status::kSuccess);
 }
 
-// --- Frames.
-
 constexpr LinearScale kKelvin{Unit::kKelvin, 1.0, 0.0};
 
-// A row of stored values as it is sent.
+// Row of stored values in their wire format.
 template <typename Value>
 std::vector<std::uint16_t> sent(const std::vector<Value>& row, LinearScale scale, IrFormat ir_format) {
   const int width = static_cast<int>(row.size());

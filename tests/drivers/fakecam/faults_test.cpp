@@ -1,4 +1,3 @@
-// Effects of faults on packets, on frames and on the camera.
 #include "drivers/fakecam/faults.hpp"
 #include "drivers/fakecam/fault_script.hpp"
 #include "drivers/fakecam/frames.hpp"
@@ -14,7 +13,6 @@ FaultScript script_of(std::initializer_list<std::string_view> texts) {
   return script;
 }
 
-// The frame in this place of the stream.
 WireFrame frame_at(std::uint64_t sequence) {
   WireFrame frame;
   frame.sequence = sequence;
@@ -95,11 +93,9 @@ TEST(PacketFaults, GarbageIsAddedAndTakesNothingAway) {
   EXPECT_EQ(line.tally().packets, kPackets);
 }
 
-// Frames: what the camera does wrong with them.
-
 constexpr Geometry kGeometry{16, 6};
 
-// Frames of a camera whose pixels all have the frame's number.
+// A camera with faults whose pixels all hold the frame's number.
 class FrameCamera {
  public:
   explicit FrameCamera(std::initializer_list<std::string_view> texts)
@@ -143,7 +139,7 @@ TEST(FrameFaults, NucRepeatsTheLastFrameAndLeavesAnOffset) {
   FrameCamera camera({"nuc:at=0.01,frames=3,offset=2,every=0.05"});
   for (std::uint64_t s = 0; s < 20; ++s) {
     const std::uint16_t count = camera.next().counts[3];
-    const std::uint64_t in_turn = s < 2 ? 99 : (s - 2) % 10;  // since the shutter closed
+    const std::uint64_t in_turn = s < 2 ? 99 : (s - 2) % 10;  // frames since the shutter closed
     const std::uint64_t done = s < 5 ? 0 : s < 15 ? 1 : 2;
     const std::uint64_t shown = in_turn < 3 ? s - in_turn - 1 : s;
     EXPECT_EQ(count, 1000 + shown + 200 * (in_turn < 3 && s > 5 ? 1 : done)) << s;
@@ -160,7 +156,7 @@ TEST(FrameFaults, ANewStreamDoesNotStrikeAgain) {
   EXPECT_EQ(camera.tally().times, 1U);
 }
 
-// The camera: how it hears, and what it forgets.
+// Camera faults: commands it ignores, state it loses.
 
 using Commands = ControlFaults::Commands;
 
@@ -186,7 +182,7 @@ TEST(ControlFaults, AChangeOfWindowingDropsTheConnectionBeforeAnyStreamToo) {
   EXPECT_EQ(camera.at(4001), Commands::kAnswered);
 }
 
-// --- Faults as text: what is read, what is refused and how, and when faults strike.
+// --- Faults as text: parsing, error messages, and when faults strike.
 
 Fault fault(std::string_view text) { return *must(parse_fault(text)); }
 
@@ -196,7 +192,7 @@ TEST(FaultScript, EveryFaultIsReadByItsNameAndItsTextIsReadBack) {
     EXPECT_TRUE(names.insert(type.name).second) << type.name;
     Fault made{&type, {}};
     for (const FaultKey& key : type.keys) {
-      if (key.key == "frames" || key.key == "every") continue;  // exclude others
+      if (key.key == "frames" || key.key == "every") continue;  // mutually exclusive with others
       made.values.emplace(key.key, key.low > 0.0 ? key.low : key.high);
     }
     const Fault read = fault(fault_text(made));

@@ -1,4 +1,4 @@
-// A GigE Vision client made of bare sockets: it can also say what no library would.
+// A GigE Vision client on bare sockets: it can also send what no library would.
 #pragma once
 
 #include <arpa/inet.h>
@@ -34,7 +34,7 @@ class UdpSocket {
     inet_pton(AF_INET, address.c_str(), &to.sin_addr);
     sendto(fd_.get(), packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof(to));
   }
-  // The next packet; empty when none comes in time.
+  // The next packet; empty after the timeout.
   Packet receive(int timeout_ms) const {
     pollfd wait{fd_.get(), POLLIN, 0};
     if (poll(&wait, 1, timeout_ms) <= 0) return {};
@@ -57,7 +57,7 @@ class RawClient {
     std::uint16_t command = 0;
     Packet data;
   };
-  // Sends a command and waits for its acknowledge; command 0 in the answer when none came.
+  // Sends a command and waits for its acknowledgement; command 0 in the answer on timeout.
   Answer ask(gvcp::Command command, const std::vector<std::uint32_t>& words, int timeout_ms = kHangGuardMs) {
     send(command, words);
     while (true) {
@@ -95,7 +95,6 @@ class RawClient {
   std::uint16_t id_ = 0;
 };
 
-// One block as it came off the wire.
 struct Block {
   Packet leader;
   Packet trailer;
@@ -119,7 +118,7 @@ struct Block {
   }
 };
 
-// Receives blocks in order; ends early when nothing comes any more.
+// Receives blocks in order; returns early after a timeout.
 inline std::vector<std::pair<std::uint16_t, Block>> receive_blocks(const UdpSocket& socket, std::size_t count,
                                                                    int timeout_ms = kHangGuardMs) {
   std::vector<std::pair<std::uint16_t, Block>> blocks;
@@ -141,7 +140,7 @@ inline std::vector<std::pair<std::uint16_t, Block>> receive_blocks(const UdpSock
   return blocks;
 }
 
-// Control of a camera and a stream socket that it sends to.
+// A camera under control, with the stream socket it sends to.
 struct Session {
   explicit Session(const std::string& address) : client(address) {
     client.take_control();

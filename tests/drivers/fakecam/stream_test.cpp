@@ -1,4 +1,3 @@
-// The fake camera's stream over real sockets.
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
 #include "tests/no_threads.hpp"
@@ -19,13 +18,13 @@ class FakeCameraStream : public testing::Test {
   void serve(MemoryFrames::Content content, const FakeCameraOptions& options = {}) {
     serve(test::provider_of(std::move(content)), options);
   }
-  // So many frames of the stream; throws when they do not come.
+  // Receives this many frames of the stream; throws on timeout.
   std::vector<std::pair<std::uint16_t, test::Block>> receive(std::size_t frames) {
     auto blocks = test::receive_blocks(session->stream, frames);
     if (blocks.size() != frames) throw std::runtime_error("only " + std::to_string(blocks.size()) + " frames came");
     return blocks;
   }
-  // The first of a stream that is started now.
+  // Starts the stream and receives its first frames.
   std::vector<std::pair<std::uint16_t, test::Block>> receive_first(std::size_t frames) {
     EXPECT_EQ(session->start(), gvcp::Status::kSuccess);
     return receive(frames);
@@ -155,14 +154,13 @@ TEST_F(FakeCameraStream, EndsWhenTheClientLetsGoOrGoesSilent) {
 
 TEST_F(FakeCameraStream, PacketsThatTheSocketRefusesAreCounted) {
   serve(test::synthetic(kSmall, 1));
-  session->client.write(reg::kStreamAddress, 0xfffffffe);  // reserved: no route, or not permitted
+  session->client.write(reg::kStreamAddress, 0xfffffffe);  // reserved address: no route, or not permitted
   session->start();
   EXPECT_TRUE(comes_to([](const auto& s) { return s.streams_finished == 1; }));
   EXPECT_EQ(camera->stats().send_errors, 4U);  // leader, two payload packets, trailer
   EXPECT_EQ(camera->stats().packets_sent, 0U);
 }
 
-// A provider whose disk breaks.
 class BrokenFrames final : public FrameProvider {
  public:
   const StreamFormat& format() const noexcept override { return content_.format; }
@@ -186,7 +184,7 @@ TEST_F(FakeCameraStream, ErrorEndsTheStreamAndIsTold) {
   EXPECT_EQ(camera->stats().frames_sent, 2U);
 }
 
-// From memory, and read ahead from the disk what is too large for that.
+// Once from memory and once read ahead from disk, as for captures too large for memory.
 TEST_F(FakeCameraStream, KelvinCaptureGoesOutIn10mKWithTheCamerasSerial) {
   const Scratch dir;
   auto writer = must(capture::CaptureWriter::create(
@@ -267,7 +265,7 @@ TEST_F(FakeCameraControl, StaysUpWhateverArrives) {
   client.send_raw({});
   RawClient other(address);
   gvcp::Status status = gvcp::Status::kBusy;
-  for (int tries = 0; status != gvcp::Status::kSuccess && tries < 40; ++tries) {  // the flood may drown a question
+  for (int tries = 0; status != gvcp::Status::kSuccess && tries < 40; ++tries) {  // the flood may drop a command
     status = other.ask(gvcp::Command::kDiscovery, {}, test::kHangGuardMs / 40).status;
   }
   EXPECT_EQ(status, gvcp::Status::kSuccess);

@@ -1,4 +1,3 @@
-// Frames and addresses for the fake camera's tests.
 #pragma once
 
 #include <unistd.h>
@@ -8,14 +7,14 @@
 
 namespace bolo::fakecam::test {
 
-// Another loopback address on each call, so that tests run side by side: the process id is in it.
+// A new loopback address on each call. It contains the process id, so that tests can run in parallel.
 inline std::string fresh_address() {
   static int last = 0;
   const int pid = getpid();
   return "127." + std::to_string(1 + (pid >> 8) % 254) + "." + std::to_string(pid & 255) + "." + std::to_string(++last);
 }
 
-// Every pixel of every frame is another value, as far as 16 bits go.
+// A value that differs between pixels and frames, as far as 16 bits allow.
 inline std::uint16_t pixel_of(std::size_t frame, std::size_t pixel) {
   return static_cast<std::uint16_t>(pixel * 7 + frame * 3001 + 20000);
 }
@@ -38,7 +37,6 @@ inline std::unique_ptr<FrameProvider> provider_of(MemoryFrames::Content content)
   return std::make_unique<MemoryFrames>(std::move(content));
 }
 
-// Starts a camera.
 inline std::unique_ptr<FakeCamera> serve(std::unique_ptr<FrameProvider> provider, const FakeCameraOptions& options) {
   return *must(FakeCamera::start(options, std::move(provider)));
 }

@@ -1,4 +1,4 @@
-// Descriptions that no library can evaluate to the end.
+// GenICam descriptions that a library cannot finish evaluating.
 #include <dlfcn.h>
 #include <zlib.h>
 
@@ -96,7 +96,7 @@ TEST(Description, OfADamagedOneTheLibrariesSayNothing) {
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
-// Limits of two features name one another, and a selector what it selects.
+// The limits of two features refer to each other, and a selector to what it selects.
 TEST(Description, WhatRealCamerasSayIsTaken) {
   EXPECT_TRUE(checked(""));
   EXPECT_TRUE(
@@ -110,7 +110,7 @@ TEST(Description, WhatRealCamerasSayIsTaken) {
               "<IntReg Name=\"W\"><Address>1</Address></IntReg><IntReg Name=\"O\"><Address>2</Address></IntReg>"));
 }
 
-// --- The file with the description, as cameras that lie about it have it.
+// --- The description file, from cameras that give wrong addresses, sizes or contents.
 
 constexpr std::uint32_t kFile = 0x10003;  // no multiple of 4
 const std::string kXml(700, 'x');
@@ -119,7 +119,7 @@ void put(std::string& bytes, std::size_t at, std::uint32_t value, std::size_t si
   for (std::size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<char>(value >> (8 * i));
 }
 
-// A ZIP file of one entry, which holds `packed`, and `unpacked` bytes as its directory tells.
+// A ZIP file with one entry, `packed`; its directory claims `unpacked` bytes.
 std::string zip(const std::string& packed, std::uint32_t unpacked, const std::string& comment = "") {
   std::string local(30, '\0');
   local.replace(0, 4, "PK\x03\x04");
@@ -169,7 +169,7 @@ Status taken(const std::string& first, const std::string& second, const std::str
 std::string place(const std::string& name, const std::string& bytes) { return "Local:" + name + ";10003;" + bytes; }
 std::string place(const std::string& file) { return place("a.ZIP", fmt::format("{:08x}", file.size())); }
 
-// What Aravis reads then, as it does it, of a camera that says that its description is at `url`.
+// Description that Aravis's own parser then reads from a camera that names `url` as its place.
 std::string given(const char* url) {
   using Parse = gboolean(const char*, gssize, char**, char**, char**, char**, char**, guint64*, guint64*);
   const auto parse = reinterpret_cast<Parse*>(dlsym(RTLD_DEFAULT, "arv_parse_genicam_url"));
@@ -202,7 +202,7 @@ TEST(DescriptionFile, IsReadWhereverItIs) {
   }
 }
 
-// A camera may have another file, or name another place, when Aravis opens it.
+// When Aravis opens the camera, it may offer another file or name another place.
 TEST(DescriptionFile, WhateverTheCameraSaysThenAravisIsGivenTheOneThatWasTaken) {
   const std::string file = zip(deflated(kXml), 700);
   ASSERT_TRUE(taken(place(file), "", file));
@@ -246,7 +246,7 @@ TEST(DescriptionFile, OfASilentCamera) {
                {"cannot be read", "local:a.xml"});
 }
 
-// One packet of three is lost, as it may be.
+// One packet in three is lost.
 TEST(DescriptionFile, OnALossyNetwork) {
   int reads = 0;
   EXPECT_TRUE(take_description([&](std::uint32_t, std::uint32_t bytes) {

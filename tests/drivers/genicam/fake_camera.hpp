@@ -1,4 +1,4 @@
-// Aravis's fake GigE Vision camera with frames that the tests know, on a network that only the test program has.
+// Aravis's fake GigE Vision camera, with known frames, on a private network of the test program.
 #pragma once
 
 #include <arpa/inet.h>
@@ -21,7 +21,7 @@ inline constexpr int kWidth = 64;
 inline constexpr int kHeight = 24;
 inline constexpr double kRateHz = 200.0;
 inline constexpr std::uint64_t kPeriodNs = 5'000'000;
-inline constexpr std::uint16_t kFirstId = 65500;  // so that every stream wraps after 35 frames
+inline constexpr std::uint16_t kFirstId = 65500;  // every stream wraps around after 35 frames
 
 inline std::string enter() {
   if (unshare(CLONE_NEWNET) != 0 && unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
@@ -40,14 +40,13 @@ inline std::string enter() {
   return done ? "" : std::string("no loopback in the new namespace (") + std::strerror(errno) + ")";
 }
 
-// Moves the program into a network namespace with only a loopback (127.0.0.1 and 127.0.0.2), so that tests that run at
-// the same time can all have a camera at 127.0.0.1. Empty, or why it cannot be done. Call it before any thread starts.
+// Moves the program into a network namespace with only a loopback (127.0.0.1 and 127.0.0.2), so that parallel tests can
+// all have a camera at 127.0.0.1. Returns an empty string or the error. Call before any thread starts.
 inline std::string enter_private_network() {
   static const std::string kWhyNot = enter();
   return kWhyNot;
 }
 
-// The pixel of frame n (counted from 0) at (x, y).
 constexpr std::uint16_t pixel(std::uint64_t n, int x, int y) {
   return static_cast<std::uint16_t>(n * 977 + static_cast<unsigned>(x) * 31 + static_cast<unsigned>(y) * 2111);
 }
@@ -59,9 +58,9 @@ constexpr std::uint16_t wrapped_id(std::uint64_t n) {
 
 struct FakeOptions {
   std::string address = "127.0.0.1";
-  std::string xml{};  // GenICam file of its own; empty: Aravis's
+  std::string xml{};  // GenICam file; empty: Aravis's
   bool big_endian = false;
-  // Called for each frame n that is sent, before it is; returns the id it is sent with.
+  // Called before each frame n is sent; returns the frame id to send.
   std::function<std::uint16_t(std::uint64_t n)> id = nullptr;
   std::string serial{};  // empty: GV0 and the end of the address
 };
@@ -83,7 +82,7 @@ class FakeCamera {
   // The camera disappears: its sockets close.
   void kill() { fake_.reset(); }
   void set_lost_packets(double ratio) { g_object_set(fake_.get(), "gvsp-lost-ratio", ratio, nullptr); }
-  // Another program is taken to be in control; the camera stops.
+  // Simulates another program taking control; the camera stops.
   void take_control_away() { arv_fake_camera_set_control_channel_privilege(camera(), 0); }
   std::uint32_t read_register(std::uint32_t address) const {
     std::uint32_t value = 0;
@@ -94,7 +93,7 @@ class FakeCamera {
     arv_fake_camera_write_register(camera(), address, value);
   }
   std::uint64_t sent() const { return sent_.load(); }
-  // From now on every frame shows frame 0's picture.
+  // From now on every frame repeats frame 0's picture.
   void stand_still() { moves_.store(false); }
 
  private:
@@ -105,7 +104,7 @@ class FakeCamera {
     const std::uint64_t shown = fake->moves_.load() ? n : 0;
     const int width = arv_buffer_get_image_width(buffer);
     const int height = arv_buffer_get_image_height(buffer);
-    std::size_t size = 0;  // of what was received so far: says nothing here
+    std::size_t size = 0;  // bytes received so far; unused
     auto* bytes = static_cast<unsigned char*>(const_cast<void*>(arv_buffer_get_data(buffer, &size)));
     const std::size_t high = fake->options_.big_endian ? 0 : 1;
     for (int y = 0; y < height; ++y) {
@@ -128,7 +127,7 @@ class FakeCamera {
   Ref<ArvGvFakeCamera> fake_;
 };
 
-// Aravis's GenICam file with nodes added before its end and other changes, in a new file of the test's directory.
+// Writes Aravis's GenICam file to a new file in the test's directory, with `nodes` appended and `change` applied.
 // Returns the path.
 inline std::string write_xml(const std::string& nodes, const std::function<void(std::string& xml)>& change = nullptr) {
   const Ref<ArvFakeCamera> plain(arv_fake_camera_new("plain"));
@@ -143,7 +142,7 @@ inline std::string write_xml(const std::string& nodes, const std::function<void(
   std::ofstream(path) << xml;
   return path;
 }
-// An integer in the fake's register memory, as `name`; and an enumeration over it.
+// Nodes for an integer `name` in the fake's register memory, and for an enumeration over it.
 inline std::string integer_node(const std::string& name, std::uint32_t address) {
   return "<Integer Name=\"" + name + "\"><pValue>" + name + "Register</pValue></Integer>" + "<IntReg Name=\"" + name +
          "Register\"><Address>" + std::to_string(address) +
@@ -160,7 +159,7 @@ inline std::string enumeration_node(const std::string& name, std::uint32_t addre
   return text + integer_node(name + "Value", address);
 }
 
-// Options that fit the fake; what is set in `options` stays.
+// Fills in the defaults that fit the fake; values set in `options` stay.
 inline CameraOptions options_for(const std::string& address = "127.0.0.1", CameraOptions options = {}) {
   const auto standard = [](auto& value, auto none, auto ours) { value = value == none ? ours : value; };
   options.address = address;
@@ -178,12 +177,12 @@ struct Received {
   bool restart_window = false;
 };
 
-// The number that the fake gave the frame: its timestamp is that many periods.
+// The fake's frame number: the timestamp in periods.
 inline std::uint64_t number_of(const Received& frame) {
   return static_cast<std::uint64_t>(frame.meta.camera_ns) / kPeriodNs;
 }
 
-// Takes frames out of an inlet on a thread of its own, and keeps them.
+// Takes frames from an inlet in its own thread and keeps copies.
 class Collector {
  public:
   explicit Collector(const StreamFormat& format, std::size_t queue = 64)
@@ -194,11 +193,10 @@ class Collector {
 
   pipeline::FrameInlet& inlet() { return inlet_; }
   std::uint64_t count() const { return count_.load(); }
-  // Waits until `frames` have come. True when they have.
   bool wait_for(std::uint64_t frames) const {
     return eventually([&] { return count() >= frames; });
   }
-  // Empties the queue and ends the thread; the frames are then readable.
+  // Drains the queue and ends the thread; the frames are then readable.
   const std::vector<Received>& finish() {
     end_.store(true);
     if (thread_.joinable()) thread_.join();
@@ -229,13 +227,12 @@ class Collector {
   std::thread thread_;
 };
 
-// A test with cameras on a network that only this program has.
 class CameraTest : public testing::Test {
  protected:
   void SetUp() override {
     if (const std::string why = enter_private_network(); !why.empty()) GTEST_SKIP() << why;
   }
-  // Before the cameras go: to close one that is gone takes seconds.
+  // Before the cameras are destroyed: closing a source whose camera is gone takes seconds.
   void TearDown() override {
     if (source_) source_->stop();
   }
@@ -247,7 +244,7 @@ class CameraTest : public testing::Test {
     source_ = std::make_unique<GenicamSource>(std::move(options));
     info_ = *must(source_->open());
   }
-  // Starts what is open: frames go to collector_ from then on.
+  // Starts the open source; frames go to collector_.
   void collect(std::size_t queue = 64) {
     collector_ = std::make_unique<Collector>(info_.format, queue);
     must(source_->start(collector_->inlet()));
@@ -256,13 +253,12 @@ class CameraTest : public testing::Test {
     ASSERT_NO_FATAL_FAILURE(open(std::move(options)));
     collect();
   }
-  // The same until so many frames have come.
+  // Opens, starts and waits for this many frames.
   void start_and_take(std::uint64_t frames, CameraOptions options = options_for()) {
     ASSERT_NO_FATAL_FAILURE(start(std::move(options)));
     ASSERT_TRUE(collector_->wait_for(frames));
   }
   std::uint64_t lost(LossCause cause) const { return collector_->inlet().losses().value(cause); }
-  // Waits for so many frames more.
   bool wait_for_more(std::uint64_t frames) const { return collector_->wait_for(collector_->count() + frames); }
   bool warned(const std::string& part) const {
     return std::ranges::any_of(source_->warnings(),
@@ -275,7 +271,6 @@ class CameraTest : public testing::Test {
   std::unique_ptr<GenicamSource> source_;
 };
 
-// Expects that opening it is refused, in words with these parts.
 inline void expect_not_opened(const CameraOptions& options, std::initializer_list<std::string> parts) {
   expect_refused(GenicamSource(options).open(), parts);
 }

@@ -1,5 +1,5 @@
-// Another process sends forged GVSP packets to a live stream: from addresses of its own, from the camera's address,
-// and, where this program may (CAP_NET_RAW), from the camera's address and port.
+// Another process sends forged GVSP packets to a live stream: from its own address, from the camera's address, and, if
+// permitted (CAP_NET_RAW), from the camera's address and port.
 #include <netinet/ip.h>
 #include <netinet/udp.h>
 #include <sys/prctl.h>
@@ -32,7 +32,7 @@ UniqueFd socket_from(const std::string& ipv4) {
   return bind(fd.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own) == 0 ? std::move(fd) : UniqueFd{};
 }
 
-// With IP and UDP headers of our own making.
+// Sends with our own IP and UDP headers.
 void send_raw(int fd, const Stream& stream, const gvsp::test::Datagram& bytes) {
   std::vector<std::byte> packet(sizeof(iphdr) + sizeof(udphdr) + bytes.size());
   iphdr ip{};
@@ -53,7 +53,7 @@ void send_raw(int fd, const Stream& stream, const gvsp::test::Datagram& bytes) {
   sendto(fd, packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&stream.to), sizeof stream.to);
 }
 
-// Until it is killed.
+// Sends forged packets until killed.
 [[noreturn]] void forge(const Stream& stream, const std::string& camera, const std::string& stranger) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   const UniqueFd raw(socket(AF_INET, SOCK_RAW | SOCK_CLOEXEC, IPPROTO_RAW));

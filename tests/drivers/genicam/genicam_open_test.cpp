@@ -1,4 +1,4 @@
-// GenicamSource::open(): finding the camera, and agreeing with it.
+// GenicamSource::open(): finding and configuring the camera.
 #include <poll.h>
 #include <sys/resource.h>
 
@@ -19,7 +19,7 @@ constexpr std::uint32_t kIrWindowingAt = 0x1004;
 constexpr std::uint32_t kIrFrameRateAt = 0x1008;
 constexpr std::uint32_t kResetAt = 0x100C;
 
-// The nodes of a FLIR A6xx that the driver uses.
+// The FLIR A6xx nodes that the driver uses.
 std::string flir_nodes() {
   return enumeration_node("IRFormat", kIrFormatAt, {"Radiometric", "TemperatureLinear100mK", "TemperatureLinear10mK"}) +
          enumeration_node("IRWindowing", kIrWindowingAt, {"Off", "Half", "Quarter"}) +
@@ -49,7 +49,7 @@ TEST_F(GenicamOpenTest, LeavesSizeAndRateOfTheCameraWhenNotAsked) {
 
 TEST_F(GenicamOpenTest, SaysWhoDoesNotAnswerAndThatThereIsNoRoute) {
   expect_not_opened(options_for("127.0.0.9"), {"127.0.0.9"});
-  expect_not_opened(options_for("192.0.2.1"), {"no route"});  // this network has a loopback only
+  expect_not_opened(options_for("192.0.2.1"), {"no route"});  // the private network has only a loopback
   expect_not_opened(options_for(""), {"no camera answers"});
 }
 
@@ -74,7 +74,7 @@ void replace(std::string& text, const std::string& from, const std::string& to) 
   text.replace(at, from.size(), to);
 }
 
-// A camera whose width is what these formulas make of what is written to and read from its register.
+// A camera whose width passes through these formulas when its register is written and read.
 std::string xml_of_width(const std::string& written, const std::string& read) {
   return write_xml("<IntConverter Name=\"Made\"><FormulaTo>" + written + "</FormulaTo><FormulaFrom>" + read +
                        "</FormulaFrom><pValue>WidthRegister</pValue></IntConverter>",
@@ -86,7 +86,7 @@ TEST_F(GenicamOpenTest, RefusesASizeThatTheCameraRounds) {
   expect_not_opened(with({.width = 100}), {"Width = 100", "96", "source.width = 0 takes the camera's own"});
 }
 
-// Memory is taken for a hundred frames: what a camera says of their size is not believed without end.
+// Buffers for a hundred frames are allocated: the frame size a camera claims must be limited.
 TEST_F(GenicamOpenTest, RefusesFramesLargerThanAnyCameraHas) {
   add_camera({.xml = xml_of_width("400000", "400000")});
   expect_not_opened({.address = "127.0.0.1"}, {"400000x", "pixels at most are taken"});
@@ -101,7 +101,7 @@ TEST_F(GenicamOpenTest, RefusesPayloadsFarLargerThanTheirImage) {
   expect_error(source_->start(inlet), {"60000000 bytes (PayloadSize)"});
 }
 
-// Aravis goes on with sockets that it was refused, and ends.
+// Aravis would go on with sockets it could not open, and crash.
 TEST_F(GenicamOpenTest, OutlivesWantOfFileDescriptors) {
   const auto without_descriptors = [](int left) {
     const int next = dup(STDIN_FILENO);
@@ -118,7 +118,7 @@ TEST_F(GenicamOpenTest, OutlivesWantOfFileDescriptors) {
   }
 }
 
-// GLib ends a program that gets no thread for Aravis.
+// GLib aborts a program when it gets no thread for Aravis.
 TEST_F(GenicamOpenTest, OutlivesWantOfThreads) {
   add_camera();
   const NoThreads none;
@@ -126,7 +126,7 @@ TEST_F(GenicamOpenTest, OutlivesWantOfThreads) {
   expect_error(GenicamSource(options_for()).open(), {"no thread can be started"});
 }
 
-// A camera that derives its width itself must not be written to when it fits.
+// A width that the camera derives itself must not be written if it already fits.
 TEST_F(GenicamOpenTest, AcceptsAFixedSizeThatFits) {
   add_camera({.xml = xml_of_width("512", "TO")});
   expect_not_opened(options_for(), {"512"});
@@ -148,7 +148,7 @@ TEST_F(GenicamOpenTest, WarnsWhenTheRateIsAnother) {
 
 TEST_F(GenicamOpenTest, ConfiguresAFlir) {
   FakeCamera& fake = add_camera({.xml = write_xml(flir_nodes())});
-  open(with({.width = 640, .height = 120}));  // the fake's sensor has 2048 rows: 120 of them need the quarter
+  open(with({.width = 640, .height = 120}));  // of 2048 sensor rows: 120 need the quarter window
   EXPECT_EQ(fake.read_register(kIrFormatAt), 2U);
   EXPECT_EQ(fake.read_register(kIrWindowingAt), 2U);
   EXPECT_EQ(fake.read_register(kIrFrameRateAt), 0U);
@@ -167,7 +167,7 @@ TEST_F(GenicamOpenTest, ComesBackWhenANewWindowingDropsTheConnection) {
     EXPECT_TRUE(eventually([&] { return fake.read_register(kIrWindowingAt) == 2; }));
     fake.take_control_away();
   });
-  open(with({.windowing_watch_ms = 5000}));  // longer than the camera takes to drop
+  open(with({.windowing_watch_ms = 5000}));  // longer than until the camera drops the connection
   camera.join();
   ASSERT_FALSE(HasFatalFailure());
   EXPECT_EQ(fake.read_register(kIrFormatAt), 2U) << "the rest was configured after coming back";
@@ -206,11 +206,11 @@ TEST_F(GenicamOpenTest, SaysWhatRateAFlirRunsAtInstead) {
   EXPECT_TRUE(warned("asked for 1 Hz, the camera runs at 3.125 Hz: it has no rate that is nearer"));
 }
 
-// Stands between a program and a camera's control channel, and reverses the bytes of registers that are read or written
-// as memory: what some FLIR cameras do. Or it is busy, and answers with nothing but that it will take another minute.
+// Relay on a camera's control channel. It reverses the bytes of registers accessed as memory, like some FLIR cameras;
+// or it is busy and only ever answers that it needs another minute.
 class SwappingRelay {
  public:
-  // Listens at `own` for one program at a time and passes on to the camera at `camera`; both IPv4, port 3956.
+  // Listens at `own` for one program at a time and forwards to the camera at `camera`; both IPv4, port 3956.
   SwappingRelay(const std::string& own, const std::string& camera) {
     const sockaddr_in front = address_of(own, kGvcpPort);
     const sockaddr_in back = address_of(camera, kGvcpPort);
@@ -218,14 +218,14 @@ class SwappingRelay {
     EXPECT_EQ(connect(back_.get(), reinterpret_cast<const sockaddr*>(&back), sizeof back), 0);
     thread_ = std::jthread([this](const std::stop_token& end) { run(end); });
   }
-  // Registers that were reversed.
+  // Number of byte-swapped register accesses.
   int swapped() const { return swapped_.load(); }
   void be_busy() { busy_ = true; }
 
  private:
   using Packet = std::array<unsigned char, 2048>;
 
-  // READMEM_ACK and WRITEMEM_CMD carry an address after the header of 8 bytes, then the data.
+  // READMEM_ACK and WRITEMEM_CMD: 8 bytes of header, an address, then the data.
   void swap_register(Packet& packet, ssize_t bytes, unsigned char command) {
     if (bytes != 16 || packet[2] != 0x00 || packet[3] != command) return;
     std::reverse(packet.begin() + 12, packet.begin() + 16);
@@ -266,7 +266,7 @@ class SwappingRelay {
   std::jthread thread_;
 };
 
-// A camera that sends its registers in another byte order than its description says, when they are read as memory.
+// Registers read as memory have another byte order than the description says.
 TEST_F(GenicamOpenTest, WorksRoundSwappedRegisters) {
   FakeCamera& fake = add_camera({.xml = write_xml("", [](std::string& xml) {
                                    replace(xml, "SchemaMinorVersion=\"0\"", "SchemaMinorVersion=\"1\"");
@@ -278,7 +278,7 @@ TEST_F(GenicamOpenTest, WorksRoundSwappedRegisters) {
   EXPECT_EQ(fake.read_register(ARV_FAKE_CAMERA_REGISTER_WIDTH), static_cast<std::uint32_t>(kWidth));
 }
 
-// bolod's watchdog takes a source that does not return for half a minute to hang.
+// bolod's watchdog takes a source that does not return for half a minute as hung.
 TEST_F(GenicamOpenTest, ACameraThatIsBusyForEverHoldsNobodyUp) {
   add_camera();
   SwappingRelay relay("127.0.0.2", "127.0.0.1");
@@ -318,7 +318,7 @@ TEST_F(GenicamOpenTest, ListsTheCamerasWhenThereAreSeveral) {
   expect_not_opened(options_for(""), {"several cameras", "127.0.0.2"});
 }
 
-// Answers a search with so many cameras that are none.
+// Answers a discovery with this many cameras that do not exist.
 void forge_cameras(const UniqueFd& search, std::uint32_t cameras) {
   std::array<unsigned char, 256> packet{};
   sockaddr_in from{};

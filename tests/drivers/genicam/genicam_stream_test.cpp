@@ -1,5 +1,4 @@
-// A camera that streams: a FLIR's corrections, ranges and clock; lost packets, wrong frames, resets, and cameras that
-// disappear.
+// A streaming camera: a FLIR's corrections, ranges and clock; lost packets, wrong frames, resets, disappearing cameras.
 #include "drivers/genicam/connection.hpp"
 #include "drivers/genicam/nodes.hpp"
 #include "drivers/genicam/radiometry.hpp"
@@ -37,7 +36,7 @@ std::string command_node(const std::string& name, std::uint32_t address) {
          integer_node(name + "Value", address);
 }
 
-// Ranges: case n measures from 200 + 100 n to 400 + 200 n K.
+// Measurement ranges: case n covers 200 + 100 n to 400 + 200 n K.
 std::string case_nodes() {
   const auto limit = [](const std::string& name, const std::string& formula) {
     return "<SwissKnife Name=\"" + name + "\"><pVariable Name=\"N\">QueryCase</pVariable><Formula>" + formula +
@@ -180,7 +179,7 @@ TEST_F(GenicamFlirTest, RadiometricCountsArriveAsKelvin) {
 }
 
 TEST_F(GenicamFlirTest, TellsAPictureThatIsNoTemperature) {
-  // Any value of the fake's pictures: 3,277 K at their middle.
+  // The fake's counts are arbitrary: the middle is 3,277 K.
   start(with({.ir_format = IrFormat::kTemperatureLinear100mK}));
   EXPECT_TRUE(eventually([&] { return noticed("no temperature of a scene"); }));
 }
@@ -203,7 +202,7 @@ TEST_F(GenicamFlirTest, MeasuresThePeriodByTheCamerasClock) {
   EXPECT_NEAR(source_->status()->measured_period_s.value(), 0.005, 1e-6);
 }
 
-// Also when another camera has its address meanwhile.
+// Also if another camera has taken its address meanwhile.
 TEST_F(GenicamFlirTest, FindsALostCameraUnderAnotherAddress) {
   for (const bool taken : {false, true}) {
     source_ = nullptr;
@@ -237,8 +236,6 @@ TEST_F(GenicamFlirTest, DoesNotTakeAnotherCameraForTheLostOne) {
   EXPECT_EQ(read_float(kEmissivityAt), 0.75F);
 }
 
-// --- Losses.
-
 using pipeline::LostCause;
 
 class GenicamLossTest : public CameraTest {
@@ -246,7 +243,7 @@ class GenicamLossTest : public CameraTest {
   std::uint64_t lost_by(LostCause cause) const {
     return source_->status()->lost[static_cast<std::size_t>(cause)].value();
   }
-  // The beginnings of the notices; "!" marks warnings. Those about the host's limits are left out.
+  // Starts of the notices; "!" marks warnings. Notices about the host's limits are left out.
   std::vector<std::string> changes() {
     std::vector<std::string> texts;
     for (const pipeline::Notice& notice : source_->take_notices()) {
@@ -261,7 +258,7 @@ class GenicamLossTest : public CameraTest {
 
 TEST_F(GenicamLossTest, CountsEachFrameOfALossyLinkOnce) {
   FakeCamera& fake = add_camera();
-  start_and_take(10, with({.packet_size = 576}));  // several a frame, so that leaders, data and trailers are lost
+  start_and_take(10, with({.packet_size = 576}));  // several packets a frame: leaders, data and trailers get lost
   fake.set_lost_packets(0.05);
   ASSERT_TRUE(eventually([&] { return fake.sent() >= 300; }));
   fake.set_lost_packets(0.0);
@@ -305,7 +302,7 @@ TEST_F(GenicamLossTest, CountsFramesThatThePipelineCannotTake) {
   EXPECT_TRUE(
       eventually([&] { return losses.value(LossCause::kPoolExhausted) + losses.value(LossCause::kQueueFull) >= 10; }));
   source_->stop();
-  EXPECT_EQ(inlet.received(), 1U + 4U + 2U);  // every slot there is: window, queue, one on each side of it
+  EXPECT_EQ(inlet.received(), 1U + 4U + 2U);  // all slots: window, queue, one on each side of the queue
 }
 
 TEST_F(GenicamLossTest, RefusesFramesOfAnotherSize) {
@@ -341,7 +338,7 @@ TEST_F(GenicamLossTest, ReopensACameraThatComesBack) {
   }
 }
 
-// Rebooted within the watchdog's patience: it answers, but knows nothing of this program.
+// Rebooted within the watchdog timeout: it answers, but has lost its state.
 TEST_F(GenicamLossTest, ReopensACameraThatRebootedAtOnce) {
   FakeCamera& fake = add_camera();
   start_and_take(20);

@@ -11,7 +11,7 @@ constexpr int kWidth = 540;  // an image row is two packets
 constexpr int kHeight = 2;
 constexpr std::size_t kBytes = std::size_t{kWidth} * kHeight * 2;
 
-// Output as text: "7" whole, "-7" incomplete, "7:2-3" requested again.
+// Records output as text: "7" whole, "-7" incomplete, "7:2-3" packets requested again.
 class Recorder final : public FrameOutput {
  public:
   void take_frame(const CameraFrame& frame) noexcept override {
@@ -46,7 +46,7 @@ StreamPlan plan_of(bool resend) {
           .retention_ns = resend ? 10 * kMs : 100 * kMs};
 }
 
-// A camera's frames of 540 bytes (528 with extended ids) a packet, with the picture that the frame's number makes.
+// Frames of 540 bytes (528 with extended ids) a packet, with a picture derived from the frame's number.
 class GvspAssembler : public testing::TestWithParam<bool> {
  protected:
   explicit GvspAssembler(bool resend = false) : assembler_(plan_of(resend), out_, status_) {}
@@ -61,7 +61,7 @@ class GvspAssembler : public testing::TestWithParam<bool> {
     const std::size_t bytes = std::min(block(), kBytes - (packet - 1) * block());
     give(datagram({frame, 3, packet, extended()}, bytes, static_cast<unsigned>(frame + packet)));
   }
-  // All packets of a frame but those that are lost, one period after the frame before.
+  // Sends all packets of a frame except the lost ones, one period after the previous frame.
   void send_frame(std::uint64_t frame, const std::vector<std::uint32_t>& lost = {}) {
     for (std::uint32_t packet = 0; packet <= last(); ++packet) {
       if (std::ranges::find(lost, packet) == lost.end()) send(frame, packet);
@@ -148,7 +148,7 @@ TEST_P(GvspAssembler, FollowsAShortCounterRoundItsEnd) {
   EXPECT_EQ(out_.take(), "65534 65535 1 2");
 }
 
-// Each of these ended a process that received with Aravis 0.8.26.
+// Each of these crashed a receiver with Aravis 0.8.26.
 TEST_P(GvspAssembler, RefusesPacketsThatNoFrameCanHave) {
   send_frame(1);
   out_.take();
@@ -174,7 +174,7 @@ TEST_P(GvspAssembler, RefusesPacketsThatNoFrameCanHave) {
   EXPECT_EQ(out_.take(), "2 3");
 }
 
-// Far more often than 1,000 a second, from the camera's own address: frames come whole, and none is invented.
+// Far more than 1,000 a second, from the camera's own address: frames arrive whole, and none is invented.
 TEST_P(GvspAssembler, ForgedPacketsLoseAndInventNoFrames) {
   constexpr std::uint64_t kFrames = 2000;
   std::uint64_t n = 0;
@@ -183,7 +183,7 @@ TEST_P(GvspAssembler, ForgedPacketsLoseAndInventNoFrames) {
       send(frame, packet);
       for (int i = 0; i < 2; ++i) {
         Datagram bad = test::forged(++n, 5);
-        // A number near the stream's cannot be told from the camera's own.
+        // An id near the stream's cannot be told from the camera's own.
         const auto read = parse(bad);
         if (read && (read->frame_id + 100 >= frame && read->frame_id <= frame + 100)) continue;
         give(bad);
@@ -197,7 +197,7 @@ TEST_P(GvspAssembler, ForgedPacketsLoseAndInventNoFrames) {
   EXPECT_FALSE(assembler_.busy());
 }
 
-// Even where the number was guessed: what it costs is that frame, which is counted.
+// Even if the id was guessed: at most that frame is lost, and counted.
 TEST_P(GvspAssembler, AForgedLeaderAheadLosesNoOtherFrame) {
   send_frame(1);
   give(test::leader(20, extended(), 1, 4, 4));
@@ -208,7 +208,7 @@ TEST_P(GvspAssembler, AForgedLeaderAheadLosesNoOtherFrame) {
   EXPECT_EQ(out_.take(), expected);
 }
 
-// Its packets come after the forged ones, and take their place.
+// The camera's packets arrive after the forged ones and replace them.
 TEST_P(GvspAssembler, WhatTheCameraSendsLaterReplacesWhatWasForged) {
   send_frame(1);
   for (const std::uint64_t ahead : {2U, 3U, 10U}) {
@@ -258,7 +258,7 @@ TEST_P(GvspResend, AsksForWhatIsMissingAndKeepsTheOrder) {
 TEST_P(GvspResend, GivesAFrameUpThatHoldsUpOthersTooLong) {
   send_frame(1);
   send_frame(2, {2});
-  give(datagram({2, 3, 2, extended(), 0x800c}));  // the camera has it no more
+  give(datagram({2, 3, 2, extended(), 0x800c}));  // the camera no longer has the packet
   send_frame(3);
   send_frame(4);
   pass(10 * kMs);

@@ -1,4 +1,4 @@
-// GVSP datagrams for tests: the camera's, and such as nobody's camera sends.
+// GVSP datagrams for tests: valid ones, and ones that no camera sends.
 #pragma once
 
 #include "drivers/genicam/gvsp_assembler.hpp"
@@ -51,7 +51,7 @@ inline Datagram leader(std::uint64_t frame, bool extended, std::uint64_t ticks, 
   return out;
 }
 
-// The n-th of a hostile mixture; ones that ended Aravis 0.8.26 are among them. Its numbers are random.
+// The n-th of a hostile mixture with random ids; some of its kinds crashed Aravis 0.8.26.
 inline Datagram forged(std::uint64_t n, std::uint64_t seed) {
   const std::uint64_t random = splitmix::key(seed, n);
   const std::uint64_t frame = random >> 8U & 0xffffU;

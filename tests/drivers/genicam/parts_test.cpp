@@ -1,4 +1,3 @@
-// Parts of the driver, each by itself.
 #include "drivers/genicam/camera_frame.hpp"
 #include "drivers/genicam/frame_receiver.hpp"
 #include "drivers/genicam/genicam_source.hpp"
@@ -11,7 +10,7 @@
 
 namespace bolo::genicam::parts_test {
 
-// Bytes on the wire of the values 0x0100, 0x0302, ... in little-endian order: byte i holds i.
+// Bytes on the wire of the little-endian values 0x0100, 0x0302, ...: byte i holds i.
 std::vector<std::byte> counting_bytes(std::size_t count) {
   std::vector<std::byte> bytes(count);
   for (std::size_t i = 0; i < count; ++i) bytes[i] = static_cast<std::byte>(i);
@@ -46,8 +45,6 @@ TEST(CopyRowsTest, LeavesOutPaddingAndRowsAfterTheImage) {
   }
   EXPECT_TRUE(std::all_of(to.begin() + kWidth * 2, to.end(), [](std::uint16_t v) { return v == 0xAAAA; }));
 }
-
-// --- FrameReceiver.
 
 TEST(FrameReceiverTest, KeepsAnyTimeStampToWhatDifferencesCanBeTakenOf) {
   pipeline::FrameInlet inlet({.geometry = {2, 1}}, 0, 8);
@@ -97,7 +94,7 @@ TEST(Radiometry, TakesOutWhatIsReflectedAndAdded) {
   EXPECT_NEAR(kelvin_of(count_of(seen), kPlanck, object), 330.0, 1e-9);
 }
 
-// The guarded object is destroyed right after shut(); the sanitizers see any later use of it.
+// The guarded object is destroyed right after shut(); a later use would be found by the sanitizers.
 TEST(GateTest, NobodyIsInsideAfterShut) {
   for (int round = 0; round < 100; ++round) {
     Gate gate;
@@ -125,7 +122,7 @@ TEST(GateTest, NobodyIsInsideAfterShut) {
   }
 }
 
-// --- Control of a camera that a program held when it died.
+// --- Control privilege left behind by a program that died.
 
 using fakecam::test::RawClient;
 namespace reg = fakecam::reg;
@@ -145,7 +142,7 @@ class DeadProgram : public testing::Test {
 };
 
 TEST_F(DeadProgram, LetsGoOfTheCamera) {
-  program_.reset();  // its socket closes, the camera hears nothing of it
+  program_.reset();  // closes the socket; the camera is not told
   ASSERT_NE(privilege(), 0U);
   EXPECT_TRUE(free_from_dead_program(address_, "127.0.0.1"));
   EXPECT_EQ(privilege(), 0U);
@@ -204,11 +201,11 @@ TEST(NetworkTest, LetsOnlyTheCamerasStreamIn) {
   EXPECT_TRUE(passes(camera, stream, own, 100, 3));
 }
 
-// --- A camera whose clock PTP keeps: its state is told, and the clock is left alone.
+// --- A camera with a PTP clock: its state is reported, and the clock is left alone.
 
 class Ptp : public testing::Test {
  protected:
-  // Runs a source on a fake camera until it has said `wanted`; what it said.
+  // Runs a source on a fake camera until its text contains `wanted`; returns the text.
   std::string run(bool ptp, const std::string& wanted) {
     const std::string address = fakecam::test::fresh_address();
     camera_ = fakecam::test::serve(fakecam::test::synthetic({64, 32}, 20), {.address = address, .laps = 0});
@@ -261,7 +258,7 @@ struct Scene {
   std::int64_t now_ns = kSecondNs;
   std::vector<std::uint16_t> plane = std::vector<std::uint16_t>(kFormat.geometry.pixels(), 30000);
 
-  // Frames of `seconds`; each pixel shows `value(frame)`.
+  // Shows frames for `seconds`; each pixel is `value(frame)`.
   template <typename Value>
   void show(double seconds, Value value) {
     for (int i = 0; i < static_cast<int>(seconds * 200); ++i, now_ns += kPeriodNs) {

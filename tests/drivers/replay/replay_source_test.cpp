@@ -6,14 +6,12 @@ namespace bolo::replay::replay_source_test {
 
 constexpr std::int64_t kHangGuardNs = 60'000'000'000;
 
-// 0 to 49.
 std::vector<std::uint64_t> fifty_ids() {
   std::vector<std::uint64_t> ids(50);
   std::iota(ids.begin(), ids.end(), 0U);
   return ids;
 }
 
-// Value of pixel i of the frame with this id.
 std::uint16_t value(std::uint64_t id, std::size_t i) { return static_cast<std::uint16_t>(100 * id + i); }
 
 class ReplaySourceTest : public ScratchTest {
@@ -46,7 +44,6 @@ struct Taken {
   std::vector<std::uint16_t> plane;
 };
 
-// Plays the source to its end and copies what it hands in.
 std::vector<Taken> take_all(ReplaySource& source, pipeline::FrameInlet& inlet) {
   std::vector<Taken> taken;
   EXPECT_TRUE(source.start(inlet));
@@ -96,7 +93,7 @@ TEST_F(ReplaySourceTest, LapsRiseOnAndBeginANewWindow) {
     const pipeline::FrameInlet::Arrival arrival = inlet.next(kHangGuardNs);
     ASSERT_NE(arrival.slot, nullptr);
     const std::uint64_t id = ids[n % 3];
-    const std::uint64_t shift = 4 * (n / 3);  // 3 .. 6 are four numbers
+    const std::uint64_t shift = 4 * (n / 3);  // 3 to 6 are four ids
     EXPECT_EQ(arrival.slot->meta.frame_id, id + shift);
     EXPECT_EQ(arrival.slot->meta.camera_ns, 10'000'000'000 + static_cast<std::int64_t>(id + shift) * 5'000'000);
     EXPECT_EQ(arrival.slot->u16()[0], value(id, 0));
@@ -143,7 +140,7 @@ TEST_F(ReplaySourceTest, NucAndReconnectStartANewWindowAtTheNextFrame) {
   for (const Taken& frame : taken) {
     EXPECT_EQ(frame.restarts, frame.meta.frame_id == 3 || frame.meta.frame_id == 20) << frame.meta.frame_id;
   }
-  EXPECT_EQ(inlet.losses().total(), 0U);  // between 4 and 20 the camera was away
+  EXPECT_EQ(inlet.losses().total(), 0U);  // the camera was away between 4 and 20
 }
 
 TEST_F(ReplaySourceTest, InRealTimeNothingWaitsAndEachLossIsCounted) {
@@ -151,7 +148,7 @@ TEST_F(ReplaySourceTest, InRealTimeNothingWaitsAndEachLossIsCounted) {
   pipeline::FrameInlet inlet(source.open()->format, 2, 4);
   const std::int64_t start_ns = monotonic_ns();
   ASSERT_TRUE(source.start(inlet));
-  while (!inlet.finished()) std::this_thread::yield();  // nobody takes a frame
+  while (!inlet.finished()) std::this_thread::yield();  // the queue is never emptied
   source.stop();
   EXPECT_GE(monotonic_ns() - start_ns, 49 * 500'000);
   EXPECT_GT(inlet.losses().total(), 0U);

@@ -1,5 +1,5 @@
-// libbolo-client on segments that lie: whatever their header, settings and slots say, it answers and reads inside; and
-// who may read: a reader in the stream's group, one outside it, and what neither can do.
+// libbolo-client on hostile segments: whatever header, settings and slots claim, it answers and reads within the
+// segment. Access rights: a reader in the stream's group, one outside it, and what neither may do.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -11,7 +11,7 @@
 
 namespace bolo::shm::client_hostile_test {
 
-// The bytes of a stream with 40 frames in it.
+// A valid stream with 40 frames, as bytes.
 std::string good_bytes() {
   const std::string name = unique_name("hostile-model");
   Writer writer(name, {16, 4});
@@ -21,7 +21,7 @@ std::string good_bytes() {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// Everything that a program may ask; what it answers is not the point.
+// Calls every function of the client; the answers do not matter.
 bool use(const std::string& name) {
   const Client client = open_client(name);
   if (!client) {
@@ -58,7 +58,7 @@ TEST(ClientHostile, RandomLiesAreAnsweredNotBelieved) {
   for (int round = 0; round < 1500; ++round) {
     std::string bytes = good;
     for (std::uint64_t lies = 1 + random() % 3; lies > 0; --lies) {
-      // Every second one in what decides on sizes and places, the others anywhere before the planes.
+      // Every second round hits the fields that define sizes and offsets, the others anything before the planes.
       const std::size_t at = round % 2 == 0 ? 8 + random() % 104 : 8 + random() % (kHeadBytes - 16);
       const std::uint64_t word = random() >> random() % 64;
       std::memcpy(bytes.data() + at, &word, 1 + random() % 8);
@@ -69,7 +69,7 @@ TEST(ClientHostile, RandomLiesAreAnsweredNotBelieved) {
   EXPECT_GT(accepted, 100) << "the lies must also leave readable headers";
 }
 
-// Values that are whole, and wrong: each by itself in an otherwise good stream.
+// Well-formed but wrong values, one at a time in an otherwise valid stream.
 TEST(ClientHostile, NonsenseInSettingsIsRefusedWhenPointsAreAskedFor) {
   const std::string good = good_bytes();
   const ForeignObject object(unique_name("client-nonsense"));
@@ -119,7 +119,7 @@ TEST(ClientHostile, APeriodThatIsNoneIsRefusedAtOnce) {
   }
 }
 
-// Whoever may write a stream may make it shorter under its readers, at any moment.
+// A stream's writer can truncate it at any moment.
 TEST(ClientHostile, AStreamThatIsCutOffIsOneThatEnded) {
   std::string bytes = good_bytes();
   const auto now_ns = static_cast<std::uint64_t>(monotonic_ns());
@@ -139,7 +139,7 @@ TEST(ClientHostile, AStreamThatIsCutOffIsOneThatEnded) {
   }
 }
 
-// Errors that are not ours end the process as ever.
+// Bus errors from elsewhere still end the process.
 TEST(ClientHostile, OtherBusErrorsGoWhereTheyWent) {
   const ForeignObject object(unique_name("client-bus"));
   const std::string bytes = good_bytes();
@@ -160,7 +160,7 @@ TEST(ClientHostile, OtherBusErrorsGoWhereTheyWent) {
       testing::KilledBySignal(SIGBUS), "");
 }
 
-// --- Who may read.
+// --- Access rights.
 
 constexpr uid_t kStranger = 4321;
 constexpr const char* kGroup = "video";
@@ -221,7 +221,7 @@ TEST_F(ClientAccess, AMemberGetsNoWriteAccess) {
   EXPECT_EQ(result, 0) << "the number of the first thing that should have been refused";
 }
 
-// Anybody may make shared memory of any name: a reader checks its owner.
+// Any user can create shared memory of any name: a reader checks the owner.
 TEST_F(ClientAccess, AStrangersObjectIsNotBelieved) {
   ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), kStranger, group_), 0);
   ASSERT_EQ(chmod(("/dev/shm" + path_).c_str(), 0644), 0);
@@ -253,7 +253,7 @@ TEST_F(ClientAccess, AStrangersObjectIsNotBelieved) {
   unsetenv("BOLO_USER");
 }
 
-// The library's mapping is read-only even for those who may write: the owner itself, and root.
+// The library maps read-only even for users who may write: the owner and root.
 TEST_F(ClientAccess, TheLibraryMapsReadOnly) {
   const std::vector<std::uint16_t> plane(33 * 7, 1234);
   sink_.publish({FrameMeta{}, 0, plane.data(), plane.data()}, format_.stats);

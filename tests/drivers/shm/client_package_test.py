@@ -1,4 +1,4 @@
-"""The installed libbolo-client: files, then the examples built against it and run on a live stream.
+"""The installed libbolo-client: its files, then the examples, built against it and run on a live stream.
 
 usage: client_package_test.py CMAKE BUILD_FOLDER BOLO EXAMPLES
 """

@@ -11,7 +11,7 @@ struct CloseClient {
 };
 using Client = std::unique_ptr<bolo_client, CloseClient>;
 
-// Empty when it can't be opened; bolo_client_error(nullptr) says why.
+// Null if opening fails; bolo_client_error(nullptr) has the reason.
 inline Client open_client(const std::string& name, int timeout_ms = 0) {
   bolo_client* client = nullptr;
   bolo_client_open(name.c_str(), timeout_ms, &client);

@@ -1,4 +1,4 @@
-// libbolo-client by its C functions, as other programs call them: one writer, fed by hand, and handles on it.
+// The C interface of libbolo-client, as other programs use it: one writer, driven by the test, and several handles.
 #include "tests/drivers/shm/client_rig.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/refusal.hpp"
@@ -327,7 +327,7 @@ TEST_F(ClientTest, StreamsAreListedAndCutToFit) {
   EXPECT_EQ(bolo_client_streams(nullptr, 1), BOLO_CLIENT_BAD_ARGUMENT);
 }
 
-// The dynamic symbols, as another program's linker sees them.
+// Dynamic symbols, as a linker sees them.
 TEST(ClientLibrary, ExportsItsFunctionsAndNothingElse) {
   FILE* symbols = popen("nm -D --defined-only " BOLO_CLIENT_LIBRARY, "r");
   ASSERT_NE(symbols, nullptr);

@@ -1,4 +1,4 @@
-// Shared memory that no sink of ours made.
+// Shared memory not created by our sink.
 #pragma once
 
 #include <fcntl.h>
@@ -9,7 +9,6 @@
 
 namespace bolo::shm {
 
-// An object of the test's own making.
 class ForeignObject {
  public:
   explicit ForeignObject(std::string name) : name_(std::move(name)) {}

@@ -1,4 +1,4 @@
-// Points on demand: a reader's own solver against the planes that a living writer in another process publishes.
+// Points on demand: a reader's own solver against the planes that a live writer publishes from another process.
 #include "drivers/shm/point_reader.hpp"
 
 #include <sys/wait.h>
@@ -40,7 +40,7 @@ model::PixelMaps maps_of(Geometry geometry) {
   return maps;
 }
 
-// Some 500 frames at about 1000 a second, with lost ones and a restart.
+// About 500 frames at 1000 a second, with losses and a restart.
 void write_stream(const std::string& name, const Case& c) {
   pipeline::test::Script script{.frames = pipeline::test::run_of(0, 500)};
   script.frames[150].restart = true;
@@ -110,7 +110,7 @@ TEST_P(PointReaders, GiveThePublishedPlanesBits) {
       ++solved;
       gaps += (frame.meta.flags & kFlagGap) != 0 ? 1 : 0;
       EXPECT_EQ(frame.meta.flags & kFlagWarmUp, 0U);
-      const int apart = GetParam().maps ? 1 : 0;  // counts: the writer's correction goes further back
+      const int apart = GetParam().maps ? 1 : 0;  // counts; the writer's correction includes older frames
       for (std::size_t i = 0; i < pixels.size(); ++i) {
         ASSERT_NEAR(out[i], frame.deblurred[pixels[i]], apart) << "frame " << number << " point " << i;
       }
@@ -136,7 +136,7 @@ TEST(PointReader, WrongPointsNamesAndFramesAreRefused) {
   expect_error(open_points(stream.name, {0, 33 * 7}), {"not inside the frame of 33x7"});
   EXPECT_FALSE(open_points(stream.name, {}));
   EXPECT_FALSE(open_points(unique_name("points-none"), {0}));
-  // Raw planes in the ring that are not what the solver got.
+  // The raw planes in the ring differ from the solver's input.
   Stream undone("points-undone", {33, 7}, [](Writer& writer) { writer.format.undone = true; });
   expect_error(open_points(undone.name, {0}), {"read the deblurred planes"});
 }

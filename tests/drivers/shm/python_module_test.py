@@ -33,7 +33,7 @@ HANG_S = 60
 
 
 def mapped_ranges(name):
-    """Address ranges at which this process maps the stream."""
+    """Address ranges where this process maps the stream."""
     ranges = []
     with open("/proc/self/maps") as maps:
         for line in maps:
@@ -47,8 +47,6 @@ def address(array):
 
 
 class WithDaemon(unittest.TestCase):
-    """A daemon that replays a small capture for ever."""
-
     @classmethod
     def setUpClass(cls):
         cls.folder = cls.enterClassContext(tempfile.TemporaryDirectory())
@@ -78,7 +76,7 @@ class WithDaemon(unittest.TestCase):
         return bolo.Camera(self.name, timeout=HANG_S, **options)
 
     def whole_frame(self, camera):
-        """A frame of its own that had a full window; a busy machine may take some attempts."""
+        """A copy of a frame with a full window; a busy machine may need several attempts."""
         while True:
             copy = camera.next(HANG_S).copy()
             if copy is not None and bolo.Flag.WARM_UP not in copy.flags:
@@ -94,7 +92,7 @@ class WithDaemon(unittest.TestCase):
     def test_the_period_is_that_of_the_newest_frame(self):
         with self.open() as camera:
             true = camera.info.frame_period_s
-            camera.info = dataclasses.replace(camera.info, frame_period_s=1.0)  # before the daemon found another
+            camera.info = dataclasses.replace(camera.info, frame_period_s=1.0)  # not measured yet
             self.assertEqual(camera.next(HANG_S).info.frame_period_s, true)
 
     def test_frames_come_in_order_with_their_metadata(self):
@@ -142,7 +140,7 @@ class WithDaemon(unittest.TestCase):
                 if frame.valid():
                     np.testing.assert_array_equal(frame.motion, copy.motion)
                     np.testing.assert_array_equal(frame.affine, copy.affine)
-                # The scene moves to the right, 300 px/s.
+                # The scene moves right at 300 px/s.
                 speed = np.median(copy.motion[..., 0])
                 self.assertAlmostEqual(speed, 1.5, delta=0.3)
                 self.assertAlmostEqual(copy.affine[0, 0], speed, delta=0.3)
@@ -196,9 +194,9 @@ class WithDaemon(unittest.TestCase):
             while compared < 10:
                 frame = self.whole_frame(camera)
                 if frame.flags & (bolo.Flag.REDUCED | bolo.Flag.INVERSE | bolo.Flag.RAW):
-                    continue  # of a busy machine: points are better
+                    continue  # degraded on a busy machine: points are not
                 try:
-                    camera.next(HANG_S)  # its look-ahead
+                    camera.next(HANG_S)  # its look-ahead frame
                     values = camera.points(points, frame)
                 except bolo.Unavailable:
                     continue
@@ -275,7 +273,7 @@ class WithDaemon(unittest.TestCase):
             camera = self.open()
             self.end(signal.SIGKILL)
             while camera.next(0.2) is not None:
-                pass  # what the ring still had
+                pass  # frames left in the ring
             waiting = threading.Thread(target=wait, args=(camera, wait_on), daemon=True)
             waiting.start()
             time.sleep(0.05)
@@ -343,7 +341,7 @@ class Alone(unittest.TestCase):
                 bolo.Camera(name, timeout=None)
 
     def test_structures_are_as_long_as_the_librarys(self):
-        # client.cpp asserts the same numbers.
+        # client.cpp asserts the same sizes.
         sizes = [ctypes.sizeof(s) for s in (bolo._Info, bolo._Frame, bolo._State, bolo._Settings, bolo._Camera)]
         self.assertEqual(sizes, [128, 136, 216, 64, 320])
 

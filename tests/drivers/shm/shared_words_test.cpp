@@ -1,4 +1,4 @@
-// The slot protocol on plain memory: here reader and writer share one mapping, so the thread sanitizer sees both sides.
+// The slot protocol on plain memory: reader and writer share one mapping, so that the thread sanitizer sees both.
 #include "drivers/shm/shared_words.hpp"
 
 #include "tests/test.hpp"
@@ -8,8 +8,8 @@ namespace bolo::shm::shared_words_test {
 constexpr std::uint64_t kSlots = 4;
 constexpr std::size_t kPixels = 20009;  // odd: the plane ends within a word
 
-// Value of plane p of frame n, everywhere; no two frames of a test share one. Flat planes are quick to make, so that
-// most of the writer's time is spent in the slot.
+// Value of every pixel of plane p in frame n, unique within a test. Flat planes are quick to fill, so that the writer
+// spends most of its time in the slot.
 std::uint16_t pattern(std::uint64_t n, std::uint64_t p) { return static_cast<std::uint16_t>(n * 2 + p); }
 
 struct Slots {
@@ -28,7 +28,7 @@ void write_frame(Slots& slots, std::uint64_t n) {
   write_slot(slots.slot(n), slots.layout, n, head, raw.data(), deblurred.data());
 }
 
-// A hostile writer's times: whatever is done with two of them stays a number.
+// Times from a hostile writer: differences of any two must not overflow.
 TEST(SharedWords, TimesAreKeptToWhatDifferencesCanBeTakenOf) {
   Slots slots;
   const std::vector<std::uint16_t> plane(kPixels);
@@ -42,13 +42,13 @@ TEST(SharedWords, TimesAreKeptToWhatDifferencesCanBeTakenOf) {
     for (const std::int64_t time_ns : {read.camera_ns, read.receive_ns, read.publish_ns, read.host_ns}) {
       EXPECT_LE(std::abs(time_ns), kMost / 4 + 1);
     }
-    EXPECT_EQ(read.utc_ns, 0);  // not known
+    EXPECT_EQ(read.utc_ns, 0);  // unknown
     EXPECT_GE(read.utc_uncertainty_ns, 0);
     EXPECT_LE(read.utc_uncertainty_ns, kMost / 2);
   }
 }
 
-// Reads frame n; fails the test when it was accepted although it holds anything of another frame.
+// Reads frame n; fails the test if an accepted frame contains any data of another frame.
 bool read_frame(Slots& slots, std::uint64_t n) {
   std::vector<std::uint16_t> raw(kPixels);
   std::vector<std::uint16_t> deblurred(kPixels);
@@ -111,7 +111,7 @@ TEST(Slot, ReaderNeverAcceptsATornFrame) {
   std::uint64_t newest = 0;
   while (newest < kFrames) {
     newest = published.load(std::memory_order_acquire);  // partner: the store above
-    // The oldest frame of the ring is the next to be overwritten: the most likely to tear.
+    // The oldest frame is overwritten next: the most likely to tear.
     if (newest >= kSlots) read_frame(slots, newest - kSlots);
     if (newest > 0) read_frame(slots, newest - 1);
   }

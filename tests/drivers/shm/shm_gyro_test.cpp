@@ -1,4 +1,4 @@
-// A gyro's samples from shared memory whose writers die, jump in time, or write rubbish.
+// A gyro's samples from shared memory whose writers die, jump in time or write garbage.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -54,7 +54,7 @@ class Writer {
 std::unique_ptr<Gyro> gyro_of(const std::string& name) {
   auto made = ShmGyro::create(name);
   EXPECT_TRUE(made);
-  (*made)->samples();  // opens what is there
+  (*made)->samples();  // opens the object
   return std::move(*made);
 }
 
@@ -76,7 +76,7 @@ TEST(ShmGyro, SamplesComeOnceAndInOrder) {
   }
 }
 
-// Of a ring that went round meanwhile, half is taken: the writer may be at the other.
+// When the ring wrapped around, only the newer half is read: the writer may be in the other half.
 TEST(ShmGyro, WhatWasMissedIsPassedOver) {
   Writer writer(unique_name("missed"));
   const auto gyro = gyro_of(writer.name());
@@ -142,7 +142,7 @@ TEST(ShmGyro, AnObjectThatIsNoneOrCutShortGivesNothing) {
   }
   for (const std::size_t bytes : {std::size_t{0}, std::size_t{20}, sizeof good, sizeof good + 100}) {
     writer.resize(bytes);
-    gyro->samples();  // zeroes at most
+    gyro->samples();  // zeros at most
     EXPECT_LE(gyro->samples().size(), 1U);
   }
   writer.make();
@@ -164,7 +164,7 @@ TEST(ShmGyro, APipeOrAnothersFileUnderTheNameIsLeftAlone) {
   EXPECT_TRUE(gyro->samples().empty());
 }
 
-// Whatever the bytes, samples rise in time and are rates, and nothing is allocated on the way.
+// For any bytes, samples rise in time and have valid rates, and nothing is allocated.
 TEST(ShmGyro, RandomBytesDoNoHarm) {
   Writer writer(unique_name("random"));
   const auto gyro = gyro_of(writer.name());

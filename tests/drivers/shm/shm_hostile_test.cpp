@@ -1,4 +1,4 @@
-// Objects that another program made, or damaged: the reader refuses them and never reads outside.
+// Foreign or corrupted objects: the reader refuses them and never reads outside.
 #include <sys/stat.h>
 
 #include "tests/drivers/shm/foreign_object.hpp"
@@ -7,7 +7,7 @@
 
 namespace bolo::shm::shm_hostile_test {
 
-// A header that a reader must accept, for an object of kBytes.
+// A valid header for an object of kBytes.
 constexpr std::size_t kSlot = sizeof(bolo_shm_slot) + 2 * 64;
 constexpr std::size_t kBytes = sizeof(bolo_shm_header) + 4 * kSlot;
 bolo_shm_header good_header() {
@@ -24,7 +24,7 @@ bolo_shm_header good_header() {
   h.slot_stride = kSlot;
   h.raw_offset = sizeof(bolo_shm_slot);
   h.deblurred_offset = sizeof(bolo_shm_slot) + 64;
-  h.motion_across = h.motion_down = 1;  // not looked at without motion_offset
+  h.motion_across = h.motion_down = 1;  // ignored without motion_offset
   h.state = BOLO_SHM_RUNNING;
   h.published = 3;
   h.heartbeat_ns = static_cast<std::uint64_t>(monotonic_ns());
@@ -91,7 +91,7 @@ TEST(ShmHostile, EachImpossibleFieldIsRefused) {
   }
 }
 
-// As large as ours, or as before motion.
+// With today's size, and with that before motion was added.
 TEST(ShmHostile, AnotherVersionSaysWhatToDo) {
   const ForeignObject object(unique_name("version"));
   for (const std::size_t bytes : {sizeof(bolo_shm_header), std::size_t{2048}}) {
@@ -105,7 +105,7 @@ TEST(ShmHostile, AnotherVersionSaysWhatToDo) {
   }
 }
 
-// A writer from before the camera's PTP state: the rest of its camera is read, and nothing beyond.
+// A writer older than the camera's PTP state: the other camera fields are read, and nothing beyond.
 TEST(ShmHostile, AShorterCameraIsReadAsFarAsItGoes) {
   constexpr std::size_t kSettingsAt = sizeof(bolo_shm_header);
   constexpr std::size_t kCameraAt = kSettingsAt + sizeof(bolo_shm_settings);
@@ -146,7 +146,7 @@ TEST(ShmHostile, AShorterCameraIsReadAsFarAsItGoes) {
   EXPECT_FALSE(camera_of(BOLO_SHM_CAMERA_BYTES_FIRST - 8, kLong));
 }
 
-// A slot that claims another number of blocks than the stream has carries none.
+// A slot whose number of blocks differs from the stream's carries no motion.
 TEST(ShmHostile, OnlyTheStreamsOwnNumberOfBlocksIsMotion) {
   const SlotLayout layout = slot_layout(50, 1);
   for (const std::uint32_t claimed : {0U, 1U, 2U, 0xffffffffU}) {
@@ -166,7 +166,7 @@ TEST(ShmHostile, ShortObjectsAreRefused) {
   }
 }
 
-// Which whoever opens it to read would wait at, and everybody may make.
+// Opening a pipe for reading would block, and any user can create one.
 TEST(ShmHostile, APipeOfTheNameKeepsNobodyWaiting) {
   const std::string name = unique_name("pipe");
   const std::string place = "/dev/shm/bolo." + name;
@@ -175,7 +175,7 @@ TEST(ShmHostile, APipeOfTheNameKeepsNobodyWaiting) {
   ::unlink(place.c_str());
 }
 
-// Damaged headers are refused or read within their object: the sanitizers and the page behind the mapping watch.
+// Corrupted headers are refused or read within their object; sanitizers and the page after the mapping watch.
 TEST(ShmHostile, RandomDamageNeverReadsOutside) {
   const ForeignObject object(unique_name("random"));
   std::mt19937_64 random(7);  // NOLINT: the same damage each time

@@ -1,4 +1,4 @@
-// Shared by the tests of shared memory: a writer fed by hand, and frames whose content identifies them.
+// Shared memory tests: a writer driven by the test, and frames identified by their content.
 #pragma once
 
 #include <unistd.h>
@@ -12,30 +12,29 @@
 
 namespace bolo::shm {
 
-// Unique among the tests that run at the same time.
+// Unique among tests that run in parallel.
 inline std::string unique_name(const std::string& test) { return "test-" + test + "-" + std::to_string(getpid()); }
 
 inline std::uint16_t pattern(std::uint64_t frame, std::size_t plane, std::size_t pixel) {
   return static_cast<std::uint16_t>(frame * 7919 + plane * 12345 + pixel);
 }
 
-// Fills a plane with the pattern of a frame.
 inline void fill(std::vector<std::uint16_t>& plane, std::uint64_t frame, std::size_t which) {
   for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = pattern(frame, which, i);
 }
 
-// UTC of a frame, whose first byte came at 1000 + number ns of the host's clock.
+// UTC of a frame; its first byte arrived at 1000 + number ns of the host's clock.
 inline std::int64_t utc_of(std::uint64_t frame) {
   return 1'763'926'262'000'000'000 + static_cast<std::int64_t>(1000 + frame);
 }
 
-// The same for its motion; every seventh frame's is not known.
+// Motion pattern of a frame; every seventh frame has none.
 inline bool moves(std::uint64_t frame) { return frame % 7 != 3; }
 inline float motion_pattern(std::uint64_t frame, std::size_t block, std::size_t value) {
   return static_cast<float>(frame % 1000) + 0.25F * static_cast<float>(block) + 1000.0F * static_cast<float>(value);
 }
 
-// A sink, its format, and the statistics that a pipeline would give it.
+// A sink with its format and the statistics of a pipeline.
 struct Writer {
   explicit Writer(const std::string& name, Geometry geometry = {33, 7}, int slots = 0) : sink({name, slots, 0644, ""}) {
     format.source.format.geometry = geometry;
@@ -49,7 +48,7 @@ struct Writer {
 
   Status open() { return sink.open(format); }
 
-  // Publishes the next frame, with a frame id of twice its number.
+  // Publishes the next frame; its frame id is twice its number.
   void publish() {
     const std::size_t pixels = format.source.format.geometry.pixels();
     raw.resize(pixels);
@@ -67,7 +66,7 @@ struct Writer {
     ++next;
   }
 
-  // Publishes some 500 frames a second until `enough`, a minute at most: a guard against hanging.
+  // Publishes about 500 frames a second until `enough`, for at most a minute.
   template <typename Enough>
   void publish_until(Enough enough) {
     const std::int64_t begin_ns = monotonic_ns();
@@ -77,7 +76,7 @@ struct Writer {
     }
   }
 
-  // The pattern of the next frame's motion.
+  // The next frame's motion pattern.
   const SceneMotion& move() {
     if (motion.blocks.empty()) motion = SceneMotion(format.source.format.geometry);
     for (std::size_t i = 0; i < motion.blocks.size(); ++i) {
@@ -87,20 +86,20 @@ struct Writer {
     return motion;
   }
 
-  pipeline::SinkFormat format;  // motion: frames carry the pattern of it
+  pipeline::SinkFormat format;  // with motion, frames carry its pattern
   SceneMotion motion;
   pipeline::FrameInlet inlet{StreamFormat{{1, 1}, PixelType::kUint16, {}, 0.005, 1}, 1, 1};
   pipeline::PipelineStats stats{inlet};
   ShmSink sink;
   std::uint64_t next = 0;
-  std::uint32_t flags = 0;  // of all frames, besides a gap at every fifth
+  std::uint32_t flags = 0;  // of all frames; every fifth has a gap, too
   std::int64_t received_from_ns = 1000;
-  std::int64_t clock_set_by_ns = 0;  // of the host's clock, since the first frame
+  std::int64_t clock_set_by_ns = 0;  // step of the host's UTC since the first frame
   std::vector<std::uint16_t> raw;
   std::vector<std::uint16_t> deblurred;
 };
 
-// A stream under a name of the test's own and a reader of it, both open. `change`: of the writer, before it opens.
+// An open stream of a unique name, with an open reader. `change` is applied to the writer before it opens.
 struct Stream {
   explicit Stream(
       const std::string& test, Geometry geometry = {33, 7}, void (*change)(Writer&) = [](Writer&) {})
@@ -117,7 +116,7 @@ struct Stream {
   Result<ShmReader> reader = failed("");
 };
 
-// True if every value of the frame is that of frame `number`.
+// True if every value of the frame belongs to frame `number`.
 inline bool intact(const ReadFrame& frame, std::uint64_t number) {
   if (frame.number != number || frame.meta.frame_id != 2 * number) return false;
   for (std::size_t i = 0; i < frame.raw.size(); ++i) {

@@ -17,8 +17,8 @@ constexpr int kExitGood = 0;
 constexpr int kExitTorn = 3;
 constexpr int kExitUnreadable = 4;
 
-// The reader process: says through `ready` that it has opened, then follows the writer to its end, from the oldest
-// frame of the ring each time it falls behind.
+// Reader process: signals through `ready` that it has opened the stream, then follows it to the end, restarting at the
+// oldest frame of the ring whenever it falls behind.
 int follow(const std::string& name, int ready) {
   auto reader = ShmReader::open(name);
   if (!reader || write(ready, "r", 1) != 1) return kExitUnreadable;
@@ -28,7 +28,7 @@ int follow(const std::string& name, int ready) {
   std::uint64_t good = 0;
   std::uint64_t moved = 0;
   while (true) {
-    // The oldest frame of the ring is the next to be overwritten: the most likely to tear.
+    // The oldest frame is overwritten next: the most likely to tear.
     const std::uint64_t newest = reader->published();
     if (newest >= slots && reader->read(newest - slots, frame, 0) == Outcome::kFrame &&
         !intact(frame, newest - slots)) {
@@ -52,7 +52,7 @@ int follow(const std::string& name, int ready) {
   }
 }
 
-// A process that follows the stream, and has opened it.
+// Starts a process that follows the stream; returns once it has opened it.
 pid_t start_follower(const std::string& name) {
   int ready[2];
   EXPECT_EQ(pipe(ready), 0);
@@ -69,7 +69,7 @@ pid_t start_follower(const std::string& name) {
 TEST(ShmStress, NoTornFrameIsAcceptedByAnotherProcess) {
   const std::string name = unique_name("stress");
   Writer writer(name, {127, 31});
-  writer.format.motion = true;  // of the frame that it lies beside
+  writer.format.motion = true;  // the motion of the same frame
   ASSERT_TRUE(writer.open());
   const pid_t readers[]{start_follower(name), start_follower(name)};
   for (std::uint64_t n = 0; n < kFrames; ++n) writer.publish();
@@ -94,9 +94,9 @@ TEST(ShmStress, AStoppedReaderNeverStopsTheWriter) {
   EXPECT_EQ(stream.reader->read(kFrames - 1, frame, 0), Outcome::kFrame);
 }
 
-// --- Readers that wait on the futex word: however many they are, none sleeps on.
+// --- Many readers wait on the futex word: all of them wake up.
 
-// As ShmReader waits, but without an end.
+// Like ShmReader's wait, but without a timeout.
 void wait_for_change(const std::uint32_t& word, std::uint32_t seen) {
   while (load_acquire(word) == seen) syscall(SYS_futex, &word, FUTEX_WAIT, seen, nullptr, nullptr, 0);
 }

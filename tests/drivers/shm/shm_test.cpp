@@ -1,4 +1,4 @@
-// A frame's way through shared memory: one writer, one reader, everything in order.
+// Frames through shared memory: one writer, one reader, everything in order.
 #include <fcntl.h>
 #include <linux/futex.h>
 #include <sys/mman.h>
@@ -13,7 +13,7 @@ namespace bolo::shm::shm_test {
 
 using Outcome = ShmReader::Outcome;
 
-// Fields that libbolo-client reads are in its own tests.
+// Fields that libbolo-client reads are tested with it.
 TEST(ShmRoundTrip, HeaderSaysWhatTheWriterWasGiven) {
   Stream stream("header", {33, 7}, [](Writer& writer) {
     writer.format.deblur.window = 17;
@@ -40,7 +40,7 @@ TEST(ShmRoundTrip, FramesArePixelExactForEveryOddSize) {
   for (const Geometry geometry : {Geometry{1, 1}, Geometry{3, 1}, Geometry{5, 3}, Geometry{64, 2}, Geometry{641, 3}}) {
     Stream stream("exact", geometry);
     ReadFrame frame;
-    for (std::uint64_t n = 0; n < 200; ++n) {  // three laps of the ring
+    for (std::uint64_t n = 0; n < 200; ++n) {  // three times around the ring
       stream.writer.publish();
       ASSERT_EQ(stream.reader->read(n, frame, 0), Outcome::kFrame);
       ASSERT_EQ(frame.raw.size(), geometry.pixels());
@@ -117,7 +117,7 @@ TEST(ShmRoundTrip, MotionStandsBesideTheFrameThatItIsOf) {
     EXPECT_EQ(header.motion_across, static_cast<std::uint32_t>((geometry.width + 7) / 8));
     EXPECT_EQ(header.motion_down, static_cast<std::uint32_t>((geometry.height + 7) / 8));
     ReadFrame frame;
-    for (std::uint64_t n = 0; n < 150; ++n) {  // two laps of the ring: frames without motion in slots that had one
+    for (std::uint64_t n = 0; n < 150; ++n) {  // twice around the ring: motion must not stay in a reused slot
       stream.writer.publish();
       ASSERT_EQ(stream.reader->read(n, frame, 0), Outcome::kFrame);
       ASSERT_EQ(frame.motion.size(), moves(n) ? std::size_t{header.motion_across} * header.motion_down : 0U) << n;
@@ -157,7 +157,7 @@ TEST(ShmReader, SaysThatAFrameIsGone) {
   EXPECT_TRUE(intact(frame, 1));
 }
 
-// A read-only mapping is enough to move all that wait on its futex to another one, where the writer does not wake them.
+// A read-only mapping lets another process requeue all futex waiters to a word that the writer does not wake.
 TEST(ShmReader, AnotherReaderDelaysItByLittleMoreThanAPeriod) {
   Stream stream("requeue");
   const int fd = shm_open(("/bolo." + stream.name).c_str(), O_RDONLY, 0);

@@ -1,4 +1,4 @@
-// Who may write under a name: options, permissions, two writers, dead and stopped ones.
+// Exclusive writers: options, permissions, competing, dead and stopped writers.
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/mman.h>
@@ -16,7 +16,7 @@ namespace bolo::shm::shm_writers_test {
 
 using Outcome = ShmReader::Outcome;
 
-// Sets the heartbeat of an existing object, as if its writer had stood still since then.
+// Sets the heartbeat of an existing object, as if its writer had been stopped since then.
 void set_heartbeat(const std::string& name, std::uint64_t ns) {
   const int fd = shm_open(("/bolo." + name).c_str(), O_RDWR, 0);
   ASSERT_GE(fd, 0);
@@ -53,7 +53,7 @@ TEST(ShmWriters, OnlyOneOfManyStartersWins) {
   }
 }
 
-// A writer that published a frame and was killed: its object and its lock's file stay.
+// A writer killed after one frame: its object and lock file remain.
 void leave_a_dead_writer(const std::string& name) {
   const int ended = in_child([&] {
     auto* writer = new Writer(name, {8, 8});  // no destructor
@@ -79,7 +79,7 @@ TEST(ShmWriters, AKilledWritersObjectIsReplaced) {
   EXPECT_EQ(old->read(0, frame, 0), Outcome::kFrame) << "an old mapping keeps its old object";
 }
 
-// Whoever can open a file can lock it.
+// Any reader that can open a file can lock it.
 TEST(ShmWriters, AReadersLockKeepsNoWriterOut) {
   const std::string name = unique_name("locked");
   leave_a_dead_writer(name);
@@ -96,7 +96,7 @@ TEST(ShmWriters, AReadersLockKeepsNoWriterOut) {
   EXPECT_NE(stat(("/dev/shm/bolo-lock." + name).c_str(), &lock), 0) << "and it goes with him";
 }
 
-// Only root can remove others' files in /dev/shm; the message names their owner, and the daemon may try again.
+// Only root can remove other users' files in /dev/shm; the message names the owner, and the daemon may try again.
 TEST(ShmWriters, WhatOthersMadeIsInTheWayAndSaysWhose) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to become another user";
   const auto exit_code_for = [](const std::string& file) {
@@ -104,7 +104,7 @@ TEST(ShmWriters, WhatOthersMadeIsInTheWayAndSaysWhose) {
     const std::string path = "/" + file + name;
     const int fd = shm_open(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0666);
     EXPECT_GE(fd, 0);
-    fchmod(fd, 0666);  // whatever the umask is
+    fchmod(fd, 0666);  // whatever the umask
     close(fd);
     const int result = unprivileged({}, [&] {
       Writer writer(name);
@@ -151,13 +151,13 @@ TEST(ShmWriters, AStoppedWritersNameIsTakenOver) {
 
   Writer next(name, {16, 4});
   ASSERT_TRUE(next.open());
-  stopped.publish();     // it wakes up again: into its own orphaned object
-  stopped.sink.close();  // and must not unlink its successor's
+  stopped.publish();     // resumes, into its own orphaned object
+  stopped.sink.close();  // must not unlink its successor's
   auto reader = must(ShmReader::open(name));
   EXPECT_EQ(reader->header().width, 16U);
 }
 
-// As from another time namespace, where its clock is far behind.
+// From another time namespace, whose clock is far behind.
 TEST(ShmWriters, AWriterWithAnotherClockKeepsItsName) {
   const std::string name = unique_name("clock");
   Writer living(name, {8, 8});
@@ -176,13 +176,12 @@ TEST(ShmWriters, AWriterWithAnotherClockKeepsItsName) {
   expect_refused(taken, {"is written by process " + std::to_string(getpid())});
 }
 
-// Cleaners of /dev/shm (logind when a user logs out, people by hand) remove the object, its lock, or both, or cut the
-// object off.
+// Clean-up of /dev/shm (logind at logout, users by hand) removes the object, its lock or both, or truncates the object.
 TEST(ShmWriters, ANameThatIsTakenAwayComesBack) {
   const std::string name = unique_name("cleaned");
   const std::string object = "/bolo." + name;
   const std::string lock = "/bolo-lock." + name;
-  bool grows = false;  // again, after it was cut off
+  bool grows = false;  // restore the size after truncating
   for (const auto& taken : std::vector<std::vector<std::string>>{{object}, {lock}, {object, lock}, {}, {}}) {
     Writer writer(name);
     ASSERT_TRUE(writer.open());
@@ -199,7 +198,7 @@ TEST(ShmWriters, ANameThatIsTakenAwayComesBack) {
       grows = true;
     }
     writer.publish();
-    std::this_thread::sleep_for(std::chrono::milliseconds(1050));  // from one look to the next
+    std::this_thread::sleep_for(std::chrono::milliseconds(1050));  // the interval between two checks
     const auto notices = writer.sink.take_notices();
     ASSERT_EQ(notices.size(), 1U);
     EXPECT_EQ(notices[0].text, "shared memory " + object + " was taken away or cut off; it is there again");
@@ -215,7 +214,7 @@ TEST(ShmWriters, ANameThatIsTakenAwayComesBack) {
   }
 }
 
-// Its name is another daemon's meanwhile, as after a process that stood still goes on. The files may have names still.
+// Another daemon has taken the name, as when a stopped process resumes. The old files may still have names.
 TEST(ShmWriters, ANameThatAnotherTookStaysHis) {
   const std::string name = unique_name("taken");
   Writer writer(name);

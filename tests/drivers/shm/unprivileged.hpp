@@ -1,4 +1,3 @@
-// Work done as another user.
 #pragma once
 
 #include <grp.h>
@@ -10,8 +9,8 @@ namespace bolo::shm {
 inline constexpr uid_t kNobody = 65534;
 inline constexpr gid_t kNoGroup = 65534;
 
-// Waits until every other thread of this process sleeps. One that just starts may hold the lock of a sanitizer's
-// allocator, which a fork would copy as it is.
+// Waits until all other threads of this process sleep. A starting thread may hold the lock of a sanitizer's allocator,
+// which a fork would copy in its locked state.
 inline void let_others_sleep() {
   const auto awake = [] {
     int count = 0;
@@ -30,7 +29,7 @@ inline void let_others_sleep() {
   }
 }
 
-// Runs `work` in a child without privileges, member of `groups`; what it returns. Only root can.
+// Runs `work` in a child without privileges that is a member of `groups`; returns its result. Needs root.
 inline int unprivileged(const std::vector<gid_t>& groups, const std::function<int()>& work, uid_t user = kNobody) {
   let_others_sleep();
   return in_child([&] {

@@ -1,4 +1,3 @@
-// Devices listed, reported, and seen to come and go.
 #include "drivers/usb/devices.hpp"
 #include "tests/drivers/usb/mock_camera.hpp"
 #include "tests/refusal.hpp"

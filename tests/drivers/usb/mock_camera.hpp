@@ -1,4 +1,4 @@
-// A USB camera without hardware: its files in /sys and /dev, and what the kernel answers, by umockdev.
+// A USB camera without hardware, by umockdev: its files in /sys and /dev, and the kernel's answers.
 #pragma once
 
 #include <linux/usbdevice_fs.h>
@@ -17,7 +17,7 @@ inline constexpr int kPacketBytes = 512;
 
 inline constexpr char kPath[] = "/sys/devices/usb1/1-2";
 inline constexpr std::size_t kSetupBytes = 8;
-inline constexpr unsigned kIdleUs = 500;  // a mocked node is always ready: without this libusb would ask incessantly
+inline constexpr unsigned kIdleUs = 500;  // a mocked node is always ready; keeps libusb from busy polling
 
 inline void append(std::vector<std::uint8_t>& all, std::initializer_list<int> bytes) {
   for (const int byte : bytes) all.push_back(static_cast<std::uint8_t>(byte));
@@ -43,7 +43,7 @@ inline std::vector<std::uint8_t> string_descriptor(const std::string& text) {
 
 inline usbdevfs_urb& urb_of(UMockdevIoctlData* data) { return *reinterpret_cast<usbdevfs_urb*>(data->data); }
 
-// Stands in for all USB of this process while it lives: there is nothing but the camera, and that only while plugged.
+// Replaces all USB devices of this process while it exists: only this camera, and only while plugged.
 class MockCamera {
  public:
   explicit MockCamera(std::string serial = "SN-1", std::uint16_t vendor = 0x09cb)
@@ -63,7 +63,7 @@ class MockCamera {
   MockCamera(const MockCamera&) = delete;
   MockCamera& operator=(const MockCamera&) = delete;
 
-  // Each time with the next address, as the kernel does.
+  // Uses the next address each time, like the kernel.
   void plug() {
     ++address_;
     {
@@ -75,7 +75,7 @@ class MockCamera {
     if (error == nullptr) umockdev_testbed_add_from_string(testbed_.get(), sysfs_text().c_str(), &error);
     if (error != nullptr) throw std::runtime_error(error->message);
   }
-  // As the kernel does: every request fails from then on.
+  // Every later request fails, as in the kernel.
   void unplug() {
     {
       const std::lock_guard lock(mutex_);
@@ -95,14 +95,14 @@ class MockCamera {
   };
   using Urb = std::unique_ptr<UMockdevIoctlData, UnrefData>;
 
-  // In the handler's thread, up to reap().
+  // Handler's thread, down to reap().
   static gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, MockCamera* self) {
     const std::lock_guard lock(self->mutex_);
     const int error = self->answer(umockdev_ioctl_client_get_request(client), umockdev_ioctl_client_get_arg(client));
     umockdev_ioctl_client_complete(client, error == 0 ? 0 : -1, error);
     return TRUE;
   }
-  // These return 0 or an errno.
+  // Return 0 or an errno.
   int answer(gulong request, UMockdevIoctlData* argument) {
     if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY) return reap(argument);
     if (!plugged_) return ENODEV;
@@ -176,12 +176,12 @@ class MockCamera {
   const std::uint16_t vendor_;
   int address_ = 0;
 
-  std::mutex mutex_;  // guards what follows up to done_: the handler has a thread of its own
+  std::mutex mutex_;  // guards the members down to done_ from the handler's thread
   bool plugged_ = false;
   std::deque<Urb> done_;  // control transfers with their answer, oldest first
 
   std::unique_ptr<UMockdevTestbed, Unref> testbed_;
-  std::unique_ptr<UMockdevIoctlBase, Unref> handler_;  // last: making it starts its thread
+  std::unique_ptr<UMockdevIoctlBase, Unref> handler_;  // last: its construction starts the thread
 };
 
 }  // namespace bolo::usb::testing

@@ -1,4 +1,4 @@
-// `bolo usb` as its users meet it, with an emulated camera that it finds in another process.
+// `bolo usb` with an emulated camera, found from another process.
 #include <nlohmann/json.hpp>
 
 #include "tests/drivers/usb/mock_camera.hpp"
@@ -13,8 +13,8 @@ class UsbVerb : public tools::test::ProgramTest {
  protected:
   UsbVerb() : ProgramTest({BOLO_PROGRAM, "usb"}) {}
   void SetUp() override {
-    setenv("LD_PRELOAD", UMOCKDEV_PRELOAD, 1);              // the program itself knows nothing of it
-    setenv("ASAN_OPTIONS", "verify_asan_link_order=0", 1);  // it then comes before the sanitizer's library
+    setenv("LD_PRELOAD", UMOCKDEV_PRELOAD, 1);              // the program itself does not know of the mock
+    setenv("ASAN_OPTIONS", "verify_asan_link_order=0", 1);  // the preload comes before the sanitizer's library
   }
   void TearDown() override {
     unsetenv("LD_PRELOAD");

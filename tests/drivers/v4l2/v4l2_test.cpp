@@ -1,5 +1,5 @@
-// The bytes that a video device is given; the sink's life with a device that works, is busy, goes away, comes back, or
-// never returns from a write.
+// Bytes written to a video device; the sink on a device that works, is busy, goes away, comes back, or never returns
+// from a write.
 #include "drivers/v4l2/image.hpp"
 #include "drivers/v4l2/v4l2_sink.hpp"
 #include "drivers/v4l2/video_port.hpp"
@@ -61,11 +61,11 @@ TEST(Image, YuyvNeedsAnEvenWidth) {
   EXPECT_TRUE(ImageMaker::create(PixelFormat::kGrey, Y16Unit::k10mK, {3, 2}, k10mK, kFixed));
 }
 
-// --- Which grey a temperature becomes.
+// --- Grey levels for temperatures.
 
 constexpr double kFrameS = 0.005;
 
-// One pixel of each count from first on.
+// Consecutive counts from `first`, one per pixel.
 std::vector<std::uint16_t> ramp(std::uint16_t first, std::size_t pixels) {
   std::vector<std::uint16_t> plane(pixels);
   std::iota(plane.begin(), plane.end(), first);
@@ -141,20 +141,18 @@ TEST(Grey, EndsAreBlackAndWhiteAndWhatLiesBeyondIsToo) {
   EXPECT_EQ(grey(65535, range), 255);
 }
 
-// --- The sink.
-
 using namespace std::chrono_literals;
 
 constexpr Geometry kGeometry{64, 24};
 
-// Behaviour of a device, and its input; shared by the test and the port, which the sink owns.
+// State and input of a fake device, shared by the test and the port, which the sink owns.
 struct FakeDevice {
   std::mutex mutex;
   std::condition_variable changed;
   bool there = true;
   bool stuck = false;
-  int refused = 0;  // openings for which there is no memory
-  int answer = 0;   // to a write
+  int refused = 0;  // opens that fail for lack of memory
+  int answer = 0;   // result of a write
   int opened = 0;
   int closed = 0;
   std::uint64_t writes = 0;
@@ -223,7 +221,7 @@ class V4l2SinkTest : public testing::Test {
     make(options);
     must(sink_->open(format()));
   }
-  // Frame `value`: raw planes hold it, sharp ones twice that.
+  // Frame `value`: raw planes hold it, deblurred ones twice that.
   void publish(std::uint16_t value) {
     std::fill(raw_.begin(), raw_.end(), value);
     std::fill(sharp_.begin(), sharp_.end(), static_cast<std::uint16_t>(2 * value));
@@ -240,7 +238,7 @@ class V4l2SinkTest : public testing::Test {
              device_->last[1] == std::byte{static_cast<std::uint8_t>(value >> 8)};
     });
   }
-  // Publishes until the condition holds, as a camera does that does not stop.
+  // Publishes until the condition holds, like a camera that keeps running.
   template <typename Condition>
   bool publish_until(Condition condition) {
     for (int i = 0; i < 12'000; ++i) {
@@ -305,7 +303,7 @@ TEST_F(V4l2SinkTest, AStuckDeviceHoldsUpNobodyAndGetsTheNewestFrameAfterwards) {
   device_->set([&] { device_->stuck = true; });
   publish(1);
   ASSERT_TRUE(device_->await([&] { return device_->writes == 1; }));
-  for (std::uint16_t value = 2; value <= 500; ++value) publish(value);  // returns, though the device does not
+  for (std::uint16_t value = 2; value <= 500; ++value) publish(value);  // must not block, though the device does
   EXPECT_EQ(sink_->stats().dropped.value(), 498U) << "frames 2 to 499";
   device_->set([&] { device_->stuck = false; });
   EXPECT_TRUE(shows(1000));
@@ -373,7 +371,7 @@ TEST_F(V4l2SinkTest, TakesUpOtherTonesWhileItRuns) {
   EXPECT_TRUE(grey_is(255));
 }
 
-// --- What is said of paths that are no v4l2loopback device. The real module is tested where it can be loaded.
+// --- Error messages for paths that are no v4l2loopback device. The real module is tested where it can be loaded.
 
 void refused(const std::string& path, const std::string& why) {
   LoopbackPort port(path);

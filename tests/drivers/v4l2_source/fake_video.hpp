@@ -1,4 +1,4 @@
-// Video devices that do what a test says, behind the system calls.
+// Fake video devices behind the system calls, controlled by the test.
 #pragma once
 
 #include <linux/videodev2.h>
@@ -9,31 +9,31 @@
 
 namespace bolo::v4l2_source::test {
 
-// Properties of a device. A test changes them under FakeVideo::change().
+// A device. Tests change it under FakeVideo::change().
 struct FakeCamera {
   std::string serial = "A1";
   std::string card = "Boson";
   std::uint32_t capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
   std::vector<std::uint32_t> formats{V4L2_PIX_FMT_Y16};
-  std::uint32_t code = V4L2_PIX_FMT_Y16;  // now
+  std::uint32_t code = V4L2_PIX_FMT_Y16;  // current
   std::uint32_t width = 8;
   std::uint32_t height = 6;
   std::uint32_t padding = 0;  // bytes behind each row
-  std::uint32_t missing = 0;  // of the bytes that an image of this size has
-  v4l2_fract period{1, 60};   // 0/0: it does not say
+  std::uint32_t missing = 0;  // bytes missing at the end of an image
+  v4l2_fract period{1, 60};   // 0/0: unknown
   bool there = true;
   int busy = 0;  // errno of S_FMT and REQBUFS
   std::uint32_t stamps = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
   int open_refused = 0;          // errno
-  int take_refused = 0;          // errno of DQBUF, though poll says that a frame waits
-  bool endless = false;          // there is always one more frame, of a few bytes
-  bool no_end_of_lists = false;  // of formats, and of buffers: as many as a number can say
+  int take_refused = 0;          // errno of DQBUF although poll reports a frame
+  bool endless = false;          // always one more frame, of a few bytes
+  bool no_end_of_lists = false;  // endless lists of formats and buffers
 
   std::uint32_t sequence = 0;  // of the next frame
   int opened = 0;              // times
   int refusals = 0;            // of DQBUF
   bool streaming = false;
-  std::vector<std::vector<std::byte>> memory{};  // of its buffers
+  std::vector<std::vector<std::byte>> memory{};  // of the buffers
   std::deque<std::uint32_t> queued{};
   std::deque<v4l2_buffer> done{};
 
@@ -45,13 +45,13 @@ struct Sent {
   std::uint32_t flags = 0;
   std::int64_t stamp_ns = 0;  // 0: now
   std::size_t bytes = 0;      // 0: all
-  int skip = 0;               // numbers before it
-  bool counts = true;         // the driver's counter goes on
+  int skip = 0;               // skipped sequence numbers before it
+  bool counts = true;         // the driver's counter advances
 };
 
 class FakeVideo final : public VideoSystem {
  public:
-  // Under its lock: threads of the source look meanwhile.
+  // Changes a device under the lock: the source's threads read it meanwhile.
   template <typename Change>
   auto change(const Change& with) {
     const std::lock_guard lock(mutex_);
@@ -60,8 +60,8 @@ class FakeVideo final : public VideoSystem {
   }
   FakeCamera& add(const std::string& path) { return cameras_[path]; }
 
-  // A frame whose values are first, first + 1 ... from its first pixel on. False: no buffer was free, or it is not
-  // streaming, and the frame is lost, as the kernel loses it.
+  // Sends a frame of values first, first + 1, ... False: no free buffer or not streaming; the frame is lost, as in the
+  // kernel.
   bool send(const std::string& path, std::uint16_t first, const Sent& how = {}) {
     const std::lock_guard lock(mutex_);
     FakeCamera& camera = cameras_.at(path);

@@ -1,5 +1,5 @@
-// The source's life with a device that loses, damages and delays frames, goes away, comes back elsewhere, or is
-// another.
+// The source on a device that loses, damages and delays frames, goes away, returns under another path, or is replaced
+// by another.
 #include "drivers/v4l2_source/v4l2_source.hpp"
 
 #include "tests/drivers/v4l2_source/fake_video.hpp"
@@ -25,7 +25,6 @@ class V4l2SourceTest : public testing::Test {
     source_ = std::make_unique<V4l2Source>(options_, video_);
     return source_->open();
   }
-  // Opened and started; the device streams.
   void start() {
     const auto info = must(open());
     inlet_ = std::make_unique<pipeline::FrameInlet>(info->format, 4, 64);
@@ -35,7 +34,7 @@ class V4l2SourceTest : public testing::Test {
   bool streams(const char* path) {
     return eventually([&] { return video_.change([&](auto& cameras) { return cameras.at(path).streaming; }); });
   }
-  // The next frame; false: none in 20 s, a guard against hanging.
+  // Next frame; false after 20 s without one.
   bool next() {
     for (int i = 0; i < 200; ++i) {
       const auto arrival = inlet_->next(100'000'000);
@@ -54,7 +53,7 @@ class V4l2SourceTest : public testing::Test {
     for (pipeline::Notice& notice : source_->take_notices()) notices_ += notice.text + "\n";
     return notices_.find(part) != std::string::npos;
   }
-  // Sends a frame that begins with this count, and takes it.
+  // Sends a frame that begins with this count, and receives it.
   bool passes(std::uint16_t first, const Sent& how = {}) { return video_.send(kPath, first, how) && next(); }
   void refuse(const std::string& part) { expect_refused(open(), {part}); }
   FakeCamera& camera() { return video_.add(kPath); }
@@ -101,7 +100,7 @@ TEST_F(V4l2SourceTest, OnlyTheRowsThatWereAskedForAreTheImage) {
 }
 
 TEST_F(V4l2SourceTest, JumpsOfTheSequenceAreLostFrames) {
-  video_.add(kPath).sequence = 0xfffffff0U;  // it wraps on the way
+  video_.add(kPath).sequence = 0xfffffff0U;  // wraps around during the test
   start();
   for (int n = 0; n < 40; ++n) {
     ASSERT_TRUE(passes(1, {.skip = n == 10 ? 3 : n == 30 ? 1 : 0}));
@@ -117,7 +116,7 @@ TEST_F(V4l2SourceTest, ADriverThatDoesNotCountIsCountedFor) {
     ASSERT_TRUE(passes(1, {.stamp_ns = 5'000'000'000 + static_cast<std::int64_t>(n) * kPeriodNs, .counts = false}));
     EXPECT_EQ(meta_.frame_id, n);
   }
-  for (std::uint64_t n = 10; n < 20; ++n) {  // nor has it a clock
+  for (std::uint64_t n = 10; n < 20; ++n) {  // and it has no clock
     ASSERT_TRUE(passes(1, {.stamp_ns = 6'000'000'000, .counts = false}));
     EXPECT_EQ(meta_.frame_id, n);
   }
@@ -132,7 +131,7 @@ TEST_F(V4l2SourceTest, ACounterThatBeginsAnewLosesNoFrames) {
   }
 }
 
-// As at a device that is in an error, or whose other reader was faster.
+// As with a device in an error state, or whose other reader was faster.
 TEST_F(V4l2SourceTest, ADeviceThatPromisesFramesAndHasNoneIsNotAskedWithoutPause) {
   options_.reconnect_after_ms = 0;
   start();
@@ -148,7 +147,7 @@ TEST_F(V4l2SourceTest, ADeviceThatPromisesFramesAndHasNoneIsNotAskedWithoutPause
   EXPECT_TRUE(next());
 }
 
-// As at a loopback device whose writer never pauses.
+// As with a loopback device whose writer never pauses.
 TEST_F(V4l2SourceTest, FramesWithoutAnEndDoNotKeepItFromLookingAfterTheCamera) {
   start();
   ASSERT_TRUE(passes(1));
@@ -220,7 +219,7 @@ TEST_F(V4l2SourceTest, AnotherCameraOrFormatIsNotTakenForTheOldOne) {
   ASSERT_TRUE(passes(3));
 }
 
-// Another program has changed the size: frames come, but of other bytes.
+// Another program has changed the format: frames arrive with another size.
 TEST_F(V4l2SourceTest, AFormatThatChangedBehindUsIsNoFrame) {
   start();
   ASSERT_TRUE(passes(1));
@@ -230,7 +229,7 @@ TEST_F(V4l2SourceTest, AFormatThatChangedBehindUsIsNoFrame) {
 }
 
 TEST_F(V4l2SourceTest, AJumpOfItsClockBeginsANewWindow) {
-  camera().stamps = V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN;  // a clock of its own
+  camera().stamps = V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN;  // unknown clock
   start();
   std::int64_t camera_ns = 1'000'000'000;
   for (int n = 0; n < 20; ++n) {
@@ -244,7 +243,7 @@ TEST_F(V4l2SourceTest, AJumpOfItsClockBeginsANewWindow) {
   EXPECT_EQ(source_->status()->clock_jumps.value(), 1U);
 }
 
-// As a program that writes to a loopback device may have them.
+// A program that writes to a loopback device can set any time stamp.
 TEST_F(V4l2SourceTest, StampsThatAreNoTimesAreKeptInBounds) {
   camera().stamps = V4L2_BUF_FLAG_TIMESTAMP_COPY;
   start();
@@ -257,7 +256,7 @@ TEST_F(V4l2SourceTest, StampsThatAreNoTimesAreKeptInBounds) {
   }
 }
 
-// As a Lepton does: 9 Hz, says its driver, and it is 8.7.
+// As with a Lepton: the driver claims 9 Hz, the rate is 8.7.
 TEST_F(V4l2SourceTest, TheRateIsMeasured) {
   camera().period = {1, 9};
   start();
@@ -282,7 +281,7 @@ TEST_F(V4l2SourceTest, ACameraIsNamedByItsSerialToo) {
 }
 
 TEST_F(V4l2SourceTest, ANodeWithoutFramesIsPassedOver) {
-  video_.add("/dev/video3").serial = "A1";  // of the same camera: metadata
+  video_.add("/dev/video3").serial = "A1";  // metadata node of the same camera
   video_.add("/dev/video3").capabilities = V4L2_CAP_META_CAPTURE | V4L2_CAP_STREAMING;
   options_.device = "A1";
   const auto info = must(open());
@@ -317,7 +316,7 @@ TEST_F(V4l2SourceTest, WhatCannotBeTakenIsRefusedInOneLine) {
   camera().height = 6;
   camera().width = 8;
   camera().padding = 6;
-  camera().missing = 5;  // padding behind the last row may be missing
+  camera().missing = 5;  // the last row's padding may be missing
   ASSERT_TRUE(open());
   camera().missing = 7;
   refuse("frames of 125 bytes, too few for 8x6 pixels");

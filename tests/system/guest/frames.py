@@ -1,4 +1,4 @@
-"""A reader of the shared memory of its own, written from bolo/shm_layout.h: what libbolo-client is compared with."""
+"""An independent reader of the shared memory, written from bolo/shm_layout.h; the reference for libbolo-client."""
 
 import hashlib
 import mmap
@@ -17,7 +17,7 @@ PUBLISHED = 320
 
 
 class Ring:
-    """The ring as it is now. It does not follow a new writer: make another one."""
+    """The present ring. Does not follow a new writer."""
 
     def __init__(self, name: str) -> None:
         path = pathlib.Path("/dev/shm") / f"bolo.{name}"
@@ -36,7 +36,7 @@ class Ring:
         return struct.unpack_from("<Q", self._memory, PUBLISHED)[0]
 
     def frame(self, number: int) -> dict | None:
-        """Frame `number` with copies of its planes; None: not there any more, or not yet."""
+        """Frame `number` with copies of its planes; None: overwritten, or not published yet."""
         start = self._slots_offset + number % self._slots * self._stride
         wanted = 2 * number + 2
         slot = SLOT.unpack_from(self._memory, start)
@@ -49,7 +49,7 @@ class Ring:
 
 
 def open_ring(name: str, limit_s: float = 20.0, other_than: int = 0) -> Ring:
-    """The ring, waiting until there is one whose inode is another one and which has a frame."""
+    """Waits for a ring that has a frame and another inode."""
     deadline = time.monotonic() + limit_s
     while True:
         try:
@@ -64,7 +64,7 @@ def open_ring(name: str, limit_s: float = 20.0, other_than: int = 0) -> Ring:
 
 
 def published(name: str) -> int:
-    """Frames published by the present writer; 0: there is none."""
+    """Frames published by the present writer; 0: no writer."""
     try:
         return Ring(name).published()
     except (OSError, ValueError, struct.error):
@@ -76,7 +76,7 @@ def digest(plane: bytes | np.ndarray) -> bytes:
 
 
 class Recorder:
-    """Notes every frame's planes from now on, in a thread, to find there what other programs saw."""
+    """Records the planes of all frames in a thread, to look up what other programs received."""
 
     def __init__(self, name: str) -> None:
         self._ring = open_ring(name)
@@ -91,7 +91,7 @@ class Recorder:
         number = self._ring.published()
         stopped = False
         while not stopped:
-            stopped = self._stop.wait(0.05)  # true: once more, for what came since the last look
+            stopped = self._stop.wait(0.05)  # true: once more, for the latest frames
             while number < self._ring.published():
                 frame = self._ring.frame(number)
                 number += 1

@@ -1,4 +1,4 @@
-"""Shared by the steps: programs, waiting, systemd's units, reports."""
+"""Shared by the steps: programs, waiting, systemd units, reports."""
 
 import json
 import pathlib
@@ -12,19 +12,19 @@ CONFIG = pathlib.Path("/etc/bolo")
 
 
 def saw(text: str) -> None:
-    """Puts a figure or a finding into the report."""
+    """Adds a figure or finding to the report."""
     print(f"saw: {text}", flush=True)
 
 
 def check(condition: object, what: str) -> None:
-    """Ends the step as failed unless the condition holds; what: what does not hold, with the values."""
+    """Ends the step as failed unless the condition holds; what: the failure, with values."""
     if not condition:
         print(f"FAILED: {what}", flush=True)
         sys.exit(1)
 
 
 def run(*command: str, expect: int | None = 0, timeout: float = 60.0) -> str:
-    """Runs a program and returns its output and errors; ends the step unless it exits as expected (None: anyhow)."""
+    """Runs a program and returns its output and errors; ends the step on an unexpected exit code (None: any)."""
     print("$ " + " ".join(command), flush=True)
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
                           timeout=timeout, check=False)
@@ -35,7 +35,7 @@ def run(*command: str, expect: int | None = 0, timeout: float = 60.0) -> str:
 
 
 def wait_until(what: str, condition: Callable[[], object], limit_s: float = 30.0) -> float:
-    """Waits for the condition and returns how long that took, s; ends the step after the limit."""
+    """Waits for the condition and returns the time taken, s; ends the step after the limit."""
     start = time.monotonic()
     while not condition():
         check(time.monotonic() - start < limit_s, f"not within {limit_s:g} s: {what}")
@@ -44,7 +44,6 @@ def wait_until(what: str, condition: Callable[[], object], limit_s: float = 30.0
 
 
 def show(unit: str, *properties: str) -> dict[str, str]:
-    """Properties of a unit, as systemctl show tells them."""
     command = ["systemctl", "show", unit, "-p", ",".join(properties)]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     return dict(line.split("=", 1) for line in text.splitlines())
@@ -55,7 +54,7 @@ def is_active(unit: str) -> bool:
 
 
 def main_pid(unit: str) -> int:
-    """0: it has none."""
+    """0: none."""
     return int(show(unit, "MainPID")["MainPID"])
 
 
@@ -64,7 +63,7 @@ def restarts(unit: str) -> int:
 
 
 def journal(*matches: str, since: float = 0.0) -> list[dict]:
-    """The journal's entries of this boot; matches as for journalctl."""
+    """Journal entries of this boot; matches as for journalctl."""
     command = ["journalctl", "--no-pager", "-b", "-o", "json", f"--since=@{since:.6f}", *matches]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     return [json.loads(line) for line in text.splitlines()]
@@ -81,7 +80,7 @@ def packages(folder: str = "packages") -> list[str]:
 
 
 def all_files() -> set[str]:
-    """Files in the folders that packages and daemons write to, but for those that change by themselves."""
+    """Files in the folders that packages and daemons write to, except those that change by themselves."""
     folders = ("/dev/shm", "/etc", "/opt", "/run", "/srv", "/tmp", "/usr", "/var")
     changing = r"/run/\(udev\|log\|systemd\)/.*\|/var/\(cache\|log\|tmp\|lib/systemd\|lib/dpkg\)/.*"
     changing += r"\|/tmp/systemd-private.*\|/run/agetty.reload"

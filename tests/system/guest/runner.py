@@ -1,10 +1,10 @@
-"""Runs the steps within the virtual machine, in the order of their names, and reports each.
+"""Runs the steps within the virtual machine, in order of their names, and reports each.
 
 usage: runner.py PAYLOAD [STEP...]
 
-A step is a program: exit code 0 is passed, anything else failed; lines `saw: ...` go into the report. One that fails
-is followed by its output and the journal of its time; the steps after it still run. PAYLOAD/report.tsv has one line
-a step: name, result, seconds, what was seen.
+A step is a program: exit code 0 means passed, anything else failed; lines `saw: ...` go into the report. A failed step
+is followed by its output and its part of the journal; later steps still run. PAYLOAD/report.tsv has one line per step:
+name, result, seconds, what was seen.
 """
 
 import pathlib
@@ -22,7 +22,7 @@ def journal(since: float) -> str:
 
 
 def run_step(step: pathlib.Path, payload: pathlib.Path) -> tuple[str, float, str]:
-    """Its result, how long it took in s, and what it saw."""
+    """Result, duration in s, and what the step saw."""
     since = time.time()
     try:
         done = subprocess.run(["/usr/bin/python3", str(step)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,

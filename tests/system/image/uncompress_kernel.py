@@ -1,4 +1,4 @@
-"""Takes the ELF kernel out of a bzImage: QEMU starts it at its PVH entry, and the machine need not uncompress it.
+"""Extracts the ELF kernel from a bzImage: QEMU starts it at its PVH entry, which saves decompression in the machine.
 
 usage: uncompress_kernel.py VMLINUZ VMLINUX
 """

@@ -1,4 +1,4 @@
-"""The packages install on Debian 12 with nothing but what they depend on."""
+"""The packages install on Debian 12 with only their dependencies."""
 
 import pathlib
 import shutil
@@ -7,7 +7,7 @@ from guest import CONFIG, all_files, check, packages, run, saw
 
 pathlib.Path("/var/tmp/files-before").write_text("\n".join(sorted(all_files())))
 receive_buffer = pathlib.Path("/proc/sys/net/core/rmem_max")
-receive_buffer.write_text("16777216")  # an administrator's, who needs more than we do
+receive_buffer.write_text("16777216")  # an administrator's larger value
 before = run("systemctl", "--failed", "--no-legend", "--plain")
 run("dpkg", "--install", "--force-unsafe-io", *packages(), timeout=200)
 check(run("dpkg", "--audit") == "", "dpkg --audit has something to say")
@@ -26,7 +26,7 @@ receive_buffer.write_text("212992")
 run("/var/lib/dpkg/info/bolo.postinst", "configure")
 check(receive_buffer.read_text().strip() == "8388608", "net.core.rmem_max is not raised")
 check(not list(pathlib.Path("/etc/modprobe.d").glob("*bolo*")), "v4l2loopback is set for all its users")
-shutil.copy("/usr/share/bolo/bolo-v4l2loopback.conf", "/etc/modprobe.d")  # as README says, for the steps to come
+shutil.copy("/usr/share/bolo/bolo-v4l2loopback.conf", "/etc/modprobe.d")  # as in README, for later steps
 check(run("systemctl", "--failed", "--no-legend", "--plain") == before, "units failed")
 installed = run("dpkg-query", "-W", "-f", "${db:Status-Status} ${Package} ${Version}\\n", "*bolo*")
 saw(", ".join(line.removeprefix("installed ") for line in installed.splitlines() if line.startswith("installed ")))

@@ -10,7 +10,7 @@ import time
 from frames import published
 from guest import CONFIG, check, is_active, restarts, run, saw, show, stat, wait_until
 
-# The shipped unit's commands, with a smaller and slower camera.
+# Commands of the shipped unit, with a smaller and slower camera.
 SMALLER = {"--frames 800": "--width 64 --height 24 --rate 12.5 --tau 0.06 --frames 150", "--rate 200": "--rate 12.5"}
 CONFIGURATION = """name = "test"
 
@@ -54,7 +54,7 @@ run("usermod", "--append", "--groups", "readers", "bolo")
 run("systemctl", "daemon-reload")
 run("bolod", "--check-config", "--config", str(CONFIG / "test.toml"))
 
-# A file that a start refuses is refused by the check, too, and is not tried again.
+# The check refuses what a start refuses, and systemd does not retry it.
 (CONFIG / "wrong.toml").write_text('name = "wrong"\n[shm]\nmode = 0o666\n')
 run("bolod", "--check-config", "--config", str(CONFIG / "wrong.toml"), expect=2)
 run("systemctl", "start", "bolod@wrong", expect=1)

@@ -1,4 +1,4 @@
-"""Frames lie in shared memory, for the group that the configuration names and nobody else."""
+"""Frames in shared memory are readable by the configured group only."""
 
 import pathlib
 import stat
@@ -21,7 +21,7 @@ check(ids == list(range(ids[0], ids[0] + len(ids))), f"frame ids are not consecu
 check(all((frame["raw"] != frame["deblurred"]).any() for frame in frames), "deblurred planes equal the raw ones")
 saw(f"{len(ids)} consecutive frames in 4 s, {ring.width}x{ring.height}")
 
-# libbolo-client through python3-bolo says the same as the reader written from the layout.
+# libbolo-client, through python3-bolo, agrees with the independent reader.
 with bolo.Camera("test", timeout=5) as camera:
     for frame, _ in zip(camera, range(20)):
         own = ring.frame(frame.number)

@@ -1,7 +1,7 @@
-"""Three programs that know nothing of Bolo read /dev/video10, and see what lies in shared memory.
+"""Three programs that know nothing of Bolo read /dev/video10 and see the planes of the shared memory.
 
-One after the other: v4l2loopback 0.12.7 has one set of buffers for all, and readers at the same time disturb each other
-(ffmpeg ends with "ioctl(VIDIOC_DQBUF): Invalid argument").
+One after the other: v4l2loopback 0.12.7 has one set of buffers, and concurrent readers disturb each other (ffmpeg ends
+with "ioctl(VIDIOC_DQBUF): Invalid argument").
 """
 
 import pathlib
@@ -18,7 +18,7 @@ BYTES = 64 * 24 * 2
 
 
 def readers(frames: int) -> dict[str, list[str]]:
-    """Each writes this many frames' pixels into /tmp/NAME.raw."""
+    """Each writes the pixels of this many frames to /tmp/NAME.raw."""
     count = str(frames)
     return {
         "v4l2-ctl": ["v4l2-ctl", "-d", DEVICE, "--stream-mmap", f"--stream-count={count}", "--stream-to=/tmp/v4l2-ctl.raw"],
@@ -35,7 +35,7 @@ def readers(frames: int) -> dict[str, list[str]]:
 
 
 def check_frames(name: str, recorder: Recorder) -> None:
-    """The file's frames are deblurred planes of the shared memory, one after the other."""
+    """The file's frames are consecutive deblurred planes of the shared memory."""
     file = pathlib.Path(f"/tmp/{name}.raw")
     content = file.read_bytes()
     file.unlink()
@@ -44,7 +44,7 @@ def check_frames(name: str, recorder: Recorder) -> None:
     numbers = [recorder.deblurred.get(digest(frame)) for frame in frames]
     print(name, numbers)
     check(None not in numbers, f"{name} saw frames that are not in shared memory: {numbers}")
-    # The capture is played in turns: a frame that the recorder missed has the number that it had in the turn before.
+    # The capture is looped: a frame that the recorder missed is matched to the previous loop.
     turn = next((i for i in range(1, FRAMES) if numbers[i] < numbers[i - 1]), 0)
     in_order = numbers[turn:] + numbers[:turn]
     check(in_order == sorted(in_order), f"{name} saw frames out of order: {numbers}")
@@ -57,14 +57,14 @@ pixel_format = run("v4l2-ctl", "-d", DEVICE, "--get-fmt-video")
 check("'Y16 '" in pixel_format and "64/24" in pixel_format, "the device has not the daemon's format")
 
 recorder = Recorder("test")
-time.sleep(1.0)  # the device may still hold frames of this time
+time.sleep(1.0)  # the device may still hold older frames
 for command in readers(FRAMES).values():
     run(*command)
 recorder.stop()
 for name in readers(FRAMES):
     check_frames(name, recorder)
 
-# One that reads no more holds up nobody.
+# A reader that stops reading blocks nothing.
 stuck = subprocess.Popen(readers(10_000)["v4l2-ctl"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 time.sleep(2.0)
 stuck.send_signal(signal.SIGSTOP)

@@ -1,5 +1,5 @@
-"""A daemon reads a video device as its camera: what the first one writes into v4l2loopback, byte for byte, with the
-kernel's time stamps; and finds it again when its writer comes back.
+"""A daemon uses a video device as its camera: receives the first daemon's output through v4l2loopback byte by byte,
+with the kernel's time stamps, and recovers when the device's writer returns.
 """
 
 import pathlib
@@ -33,7 +33,7 @@ config = pathlib.Path("/tmp/second.toml")
 config.write_text(CONFIGURATION)
 run("bolod", "--check-config", "--config", str(config))
 first = Recorder("test")
-time.sleep(1.0)  # the device may still hold frames of this time
+time.sleep(1.0)  # the device may still hold older frames
 log = open("/tmp/second.log", "w")
 daemon = subprocess.Popen(["bolod", "--config", str(config)], stdout=log, stderr=log)
 try:
@@ -50,7 +50,7 @@ try:
     check(state["camera"]["state"] == "streaming", f"the camera is {state['camera']['state']}")
     saw(f"15 frames byte for byte, of {numbers[-1] - numbers[0] + 1} written; {state['camera_model']}, lost {state['lost_total']}")
 
-    # The writer goes, and comes back: the device has no frames meanwhile.
+    # The writer stops and returns: no frames in between.
     run("systemctl", "stop", "bolod@test")
     wait_until("a camera that stalls", lambda: stat("second")["camera"]["state"] in ("stalled", "lost"))
     run("systemctl", "start", "bolod@test")
@@ -65,7 +65,7 @@ finally:
     print(pathlib.Path("/tmp/second.log").read_text())
 check(ended == 0, f"it ended with {ended}")
 
-# In formats that it does not have.
+# Unsupported formats.
 config.write_text(CONFIGURATION.replace("[deblur]", 'rows = [20, 8]\n[deblur]'))
 text = run("bolod", "--config", str(config), expect=2)
 check("its frames have 24 rows" in text, "the refusal does not say why")

@@ -1,10 +1,10 @@
-"""v4l2-compliance finds nothing wrong with the device but what is v4l2loopback's own."""
+"""v4l2-compliance reports only failures of v4l2loopback itself."""
 
 import re
 
 from guest import check, run, saw
 
-# Of v4l2loopback 0.12.7, with any writer.
+# Failures of v4l2loopback 0.12.7 with any writer.
 DRIVERS_OWN = {
     "VIDIOC_ENUM_FMT/FRAMESIZES/FRAMEINTERVALS",
     "VIDIOC_G/S_PARM",

@@ -1,4 +1,4 @@
-"""[ros2]: bolo-ros2 runs within the unit's confinement, opens a port of DDS there, and neither ends."""
+"""[ros2]: bolo-ros2 runs and opens a DDS port within the unit's sandbox, and both programs keep running."""
 
 import pathlib
 import time
@@ -6,7 +6,7 @@ import time
 from guest import check, journal, main_pid, run, saw, wait_until
 
 UNIT = "bolod@test"
-PORTS = (7400, 7410)  # of ROS_DOMAIN_ID 0, with and without multicast: DDSI-RTPS 9.6.1
+PORTS = (7400, 7410)  # for ROS_DOMAIN_ID 0, with and without multicast: DDSI-RTPS 9.6.1
 
 
 def child() -> str:

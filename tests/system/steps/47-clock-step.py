@@ -1,4 +1,4 @@
-"""Somebody sets the clock during a recording: monotonic times do not move, UTC does, and the recording says so."""
+"""The clock is set during a recording: monotonic times do not move, UTC does, and the recording reports it."""
 
 import json
 import pathlib

@@ -1,4 +1,4 @@
-"""A daemon that is killed, or that hangs, is back within seconds; its readers and its video device follow."""
+"""A killed or hung daemon is back within seconds; its readers and its video device follow."""
 
 import os
 import signal
@@ -10,13 +10,13 @@ from frames import open_ring, published
 from guest import check, is_active, main_pid, restarts, run, saw, show, wait_until
 
 UNIT = "bolod@test"
-# Promises for a real computer; QEMU's emulation runs programs 12 to 30 times slower, of which starting one is the most.
+# Promises for a real computer; QEMU's emulation is 12 to 30 times slower, mostly at starting programs.
 PROMISED_S = 2.0
 LIMIT_S = PROMISED_S * (1 if run("systemd-detect-virt", expect=None).strip() == "kvm" else 5)
 
 
 def frames_after(what: str, ring, start_ns: int) -> float:
-    """Waits for another writer's first frame, and for its full windows. Returns how long the frame took, s."""
+    """Waits for another writer's first frame and full windows; returns the time to the frame, s."""
     other = open_ring("test", limit_s=60.0, other_than=ring.inode)
     first = other.frame(0)
     seconds = (first["publish_ns"] if first else time.monotonic_ns()) - start_ns
@@ -27,7 +27,7 @@ def frames_after(what: str, ring, start_ns: int) -> float:
 
 
 def follow() -> None:
-    """A reader that nobody restarts."""
+    """A reader that is never restarted."""
     with bolo.Camera("test", timeout=5) as camera:
         for frame in camera:
             seen.append(frame.number)

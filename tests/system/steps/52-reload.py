@@ -1,4 +1,4 @@
-"""systemctl reload takes up live keys, names those that need a restart, and a broken file changes nothing."""
+"""systemctl reload applies live keys and names those that need a restart; a broken file changes nothing."""
 
 import time
 

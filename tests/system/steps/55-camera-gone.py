@@ -1,4 +1,4 @@
-"""A camera that goes and comes back is followed by the same process; a daemon may start long before its camera."""
+"""The same process reconnects to a camera that returns; a daemon may start long before its camera."""
 
 import time
 
@@ -9,7 +9,7 @@ UNIT = "bolod@test"
 pid = main_pid(UNIT)
 run("systemctl", "stop", "bolo-fakecam")
 wait_until("the camera is lost", lambda: stat("test")["camera"]["state"] == "lost")
-time.sleep(12.0)  # longer than the watchdog waits
+time.sleep(12.0)  # longer than the watchdog's timeout
 check(is_active(UNIT) and main_pid(UNIT) == pid, "the daemon did not stay up without its camera")
 before = published("test")
 start = time.monotonic()

@@ -1,4 +1,4 @@
-"""A camera on USB: listed, reported, open to its group, seen to leave and to come again."""
+"""A USB camera: listing, report, group access, unplugging and plugging in."""
 
 import json
 import pathlib

@@ -1,4 +1,4 @@
-"""Prometheus' page tells what `bolo stat` tells. promtool looks at it on the other side."""
+"""The metrics page agrees with `bolo stat`. promtool checks it on the host."""
 
 import re
 import urllib.request

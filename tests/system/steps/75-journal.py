@@ -1,4 +1,4 @@
-"""The journal of all the steps before: fields for programs, few lines, and nobody was denied anything."""
+"""The journal of all previous steps: structured fields, few lines, and no denied access."""
 
 import collections
 import re

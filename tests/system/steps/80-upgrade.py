@@ -1,4 +1,4 @@
-"""A newer package: changed configuration stays, running daemons go on as the new program."""
+"""A newer package: changed configuration stays, running daemons restart with the new program."""
 
 from frames import published
 from guest import CONFIG, check, is_active, main_pid, packages, run, saw, wait_until

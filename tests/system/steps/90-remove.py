@@ -1,4 +1,4 @@
-"""Removal ends the daemons and keeps the configuration; purging leaves nothing at all."""
+"""Removal ends the daemons and keeps the configuration; purging leaves nothing behind."""
 
 import pathlib
 import subprocess

@@ -24,7 +24,7 @@ STRINGS = {1: "FLIR", 2: "Virtual A655sc"}
 
 
 def descriptors(serial: str) -> dict[int, bytes]:
-    """By type and index, as GET_DESCRIPTOR asks for them."""
+    """By type and index, as in GET_DESCRIPTOR."""
     device = struct.pack("<BBHBBBBHHHBBBB", 18, 1, 0x200, 0, 0, 0, 64, VENDOR, PRODUCT, 0x100, 1, 2, 3, 1)
     idle = struct.pack("<BBBBBBBBB", 9, 4, 0, 0, 0, 0xFF, 0, 0, 0)
     streaming = struct.pack("<BBBBBBBBB", 9, 4, 0, 1, 1, 0xFF, 0, 0, 0)
@@ -39,8 +39,6 @@ def descriptors(serial: str) -> dict[int, bytes]:
 
 
 class Camera:
-    """Answers the host's requests (URBs)."""
-
     def __init__(self, connection: socket.socket, serial: str) -> None:
         self._connection = connection
         self._descriptors = descriptors(serial)
@@ -76,7 +74,7 @@ class Camera:
         self._connection.sendall(struct.pack(">5Ii24x", RET_UNLINK, sequence, 0, 0, 0, status))
 
     def _control(self, setup: bytes) -> bytes | None:
-        """The answer's data; None: a stall."""
+        """Data of the answer; None: a stall."""
         kind, request, value, _, _ = struct.unpack("<BBHHH", setup)
         if kind & 0x60 == 0x40:  # vendor specific
             return None

@@ -1,5 +1,5 @@
-// Counts what the daemon's parts allocate while frames flow from a camera's packets to shared memory and a video
-// device. A program of its own, for its allocator is replaced; the camera is another one, whose are not counted.
+// Counts allocations in the daemon's parts while frames flow from a camera's packets to shared memory and a video
+// device. Separate program, as it replaces the allocator; the camera runs in another one and is not counted.
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/shm/shm_reader.hpp"
 #include "drivers/shm/shm_sink.hpp"
@@ -16,7 +16,6 @@ constexpr std::uint64_t kFirstArmed = 100;
 constexpr std::uint64_t kLastArmed = 500;
 constexpr std::uint64_t kLast = 520;
 
-// Takes every image.
 class TakingPort final : public v4l2::VideoPort {
  public:
   Status open(const v4l2::VideoFormat& /*format*/) override { return {}; }
@@ -28,9 +27,9 @@ class TakingPort final : public v4l2::VideoPort {
   const std::string path_ = "/dev/none";
 };
 
-std::unique_ptr<int> g_kept;  // seen by the whole program: the compiler cannot leave the allocation out
+std::unique_ptr<int> g_kept;  // global: the compiler cannot optimise the allocation away
 
-// Arms the counter while all threads are at work, and ends the run.
+// Arms the counter once all threads run, and ends the run.
 class ArmingSink final : public pipeline::FrameSink {
  public:
   explicit ArmingSink(bool allocates) : allocates_(allocates) {}

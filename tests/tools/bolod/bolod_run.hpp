@@ -1,4 +1,4 @@
-// A daemon under test with what it needs: a capture to replay, a configuration, a name of its own.
+// A daemon under test with a capture to replay, a configuration and a unique name.
 #pragma once
 
 #include <sys/mman.h>
@@ -23,10 +23,10 @@ inline constexpr Geometry kGeometry{64, 24};
 inline constexpr std::uint64_t kFirstId = 1000;
 inline constexpr std::uint64_t kLostId = 1100;  // never recorded
 
-// A still scene, so that sharp and raw frames agree; the first pixel tells the frame, by `step` counts each.
+// A still scene, so that deblurred and raw frames agree; the first pixel identifies the frame.
 inline std::uint16_t scene(std::size_t pixel) { return static_cast<std::uint16_t>(30000 + pixel); }
 
-// The first pixel rises by `step` with each frame that is not read a second time.
+// Writes a capture whose first pixel rises by `step` with every new frame; each is repeated `reads` times.
 inline void write_capture(const std::filesystem::path& file, std::uint64_t frames, unsigned step = 1,
                           const std::string& serial = "42", std::uint64_t reads = 1) {
   capture::CaptureInfo info = tools::test::small_info(kGeometry);
@@ -51,20 +51,20 @@ class BolodRun : public tools::test::ProgramTest {
       : ProgramTest(std::move(words)),
         name_(std::string("test-") + testing::UnitTest::GetInstance()->current_test_info()->name() + "-" +
               std::to_string(getpid())) {
-    std::ranges::replace(name_, '/', '-');                       // of a test with a parameter
-    setenv("RUNTIME_DIRECTORY", testing::TempDir().c_str(), 1);  // for the control sockets of the daemons started here
+    std::ranges::replace(name_, '/', '-');                       // parametrised tests
+    setenv("RUNTIME_DIRECTORY", testing::TempDir().c_str(), 1);  // for the control sockets of started daemons
   }
   ~BolodRun() override {
-    for (const char* of : {"/bolo.", "/bolo-lock."}) shm_unlink((of + name_).c_str());  // of a daemon that was killed
+    for (const char* of : {"/bolo.", "/bolo-lock."}) shm_unlink((of + name_).c_str());  // of killed daemons
   }
 
-  // A configuration: what is in [source], and what comes after it. Its file.
+  // Writes a configuration from the contents of [source] and the text after it; returns its path.
   std::string configure(const std::string& source, const std::string& more = "") const {
     return write("bolod.toml",
                  "name = '" + name_ + "'\n[source]\n" + source + "[pipeline]\nlock_memory = false\n" + more);
   }
 
-  // A daemon that replays `frames` frames at their own rate.
+  // Starts a daemon that replays `frames` frames at their own rate.
   std::unique_ptr<Program> start(std::uint64_t frames, const std::string& more = "") {
     write_capture(folder_ / "in.h5", frames);
     return start_again(more);
@@ -76,7 +76,7 @@ class BolodRun : public tools::test::ProgramTest {
     return std::make_unique<Program>(std::vector<std::string>{BOLOD_PROGRAM, "--config", config}, file(log));
   }
 
-  // A camera at `address` that serves a capture again and again.
+  // Starts a fake camera at `address` that serves a capture in a loop.
   std::unique_ptr<Program> start_camera(const std::string& address, const std::vector<std::string>& more = {},
                                         const std::string& capture = "in.h5") const {
     std::vector<std::string> words{BOLO_PROGRAM, "fakecam", folder_ / capture, "--interface", address, "--loop"};
@@ -85,19 +85,18 @@ class BolodRun : public tools::test::ProgramTest {
     EXPECT_TRUE(eventually([&] { return camera->out().find("serving") != std::string::npos; })) << camera->err();
     return camera;
   }
-  // The source that it is to a daemon.
+  // [source] section for that camera.
   static std::string source_at(const std::string& address, const std::string& more) {
     return "address = '" + address + "'\nwidth = 64\nheight = 24\n" + more;
   }
 
-  // A reader of what this daemon publishes, once it does.
+  // A reader of this daemon's stream, once it is published.
   Result<ShmReader> attach(const Program& daemon) const {
     Result<ShmReader> reader = failed("");
     const bool attached = eventually([&] { return (reader = ShmReader::open(name_)).has_value(); });
     if (!attached) throw std::runtime_error(reader.error().message + '\n' + daemon.err());
     return reader;
   }
-  // What `bolo stat --json` says of it.
   nlohmann::json stat() const {
     return nlohmann::json::parse(printed({"stat", name_, "--once", "--json", "--interval", "0.3"}));
   }
@@ -105,8 +104,8 @@ class BolodRun : public tools::test::ProgramTest {
   std::string name_;
 };
 
-// Shows `take` each frame from the newest on, but those that were overwritten meanwhile, until it has enough (true).
-// False: no frame came any more.
+// Calls `take` with each frame from the newest on, except overwritten ones, until it returns true. False: no further
+// frames.
 template <typename Take>
 bool follow(ShmReader& reader, Take take) {
   ReadFrame frame;

@@ -1,4 +1,4 @@
-// The whole way: a capture, bolod, shared memory, a reader; signals, names, `bolo stat`.
+// End to end: capture, bolod, shared memory, reader; signals, names, `bolo stat`.
 #include "tests/tools/bolod/bolod_run.hpp"
 #include "src/core/frame.hpp"
 #include "src/core/loss.hpp"
@@ -43,7 +43,7 @@ TEST_F(BolodRun, FramesOfACaptureReachAReader) {
 }
 
 TEST_F(BolodRun, SigtermEndsItInGoodOrderAndSignalsThatMeanNothingDoNot) {
-  const auto daemon = start(100'000 / 5);  // 100 s: it can only end by the signal
+  const auto daemon = start(100'000 / 5);  // 100 s: only the signal can end it
   auto reader = attach(*daemon);
   ReadFrame frame;
   ASSERT_NE(reader->read(5, frame, 60'000), Outcome::kTimeout);
@@ -72,7 +72,7 @@ TEST_F(BolodRun, ASecondDaemonOfTheSameNameIsRefused) {
   EXPECT_EQ(first->wait(), 0) << first->err();
 }
 
-// Shared memory is a file, too: beyond the limit on files is a full /dev/shm, not the end by a signal.
+// The limit applies to shared memory as well: beyond it, report a full /dev/shm instead of dying by SIGXFSZ.
 TEST_F(BolodRun, ALimitOnFilesIsAFullDisk) {
   write_capture(folder_ / "in.h5", 100);
   Program limited({"/bin/sh", "-c", "ulimit -f 8; exec \"$0\" --config \"$1\"", BOLOD_PROGRAM, configure(kReplay)},
@@ -82,7 +82,7 @@ TEST_F(BolodRun, ALimitOnFilesIsAFullDisk) {
   EXPECT_FALSE(std::filesystem::exists("/dev/shm/bolo." + name_));
 }
 
-// Where a limit leaves no memory for the main thread's stack when calls go deep, the kernel ends the process.
+// Under a memory limit the kernel kills a process whose main thread's stack cannot grow when calls go deep.
 TEST_F(BolodRun, TheStackHasItsMemoryFromTheBeginning) {
   const auto daemon = start(20'000);
   const auto reader = attach(*daemon);
@@ -95,7 +95,7 @@ TEST_F(BolodRun, TheStackHasItsMemoryFromTheBeginning) {
   expect_good_end(*daemon);
 }
 
-// Cleaners of temporary files take sockets away.
+// Cleaners of temporary files delete sockets.
 TEST_F(BolodRun, AControlSocketThatWasTakenAwayIsMadeAgain) {
   const std::string socket = file("control");
   const auto daemon = start(20'000, "[control]\nsocket = '" + socket + "'\n");
@@ -105,7 +105,7 @@ TEST_F(BolodRun, AControlSocketThatWasTakenAwayIsMadeAgain) {
   EXPECT_TRUE(eventually([&] { return std::filesystem::exists(socket); })) << daemon->err();
   EXPECT_TRUE(logged(*daemon, "was taken away; it is there again"));
   ended(1, {"nuc", name_}, {"no camera"});
-  // Files of others are left alone.
+  // Other programs' files are left alone.
   for (const char* which : {"the first time", "and again"}) {
     ASSERT_TRUE(eventually([&] { return std::filesystem::is_socket(socket); })) << daemon->err();
     ASSERT_TRUE(std::filesystem::remove(socket));
@@ -121,7 +121,7 @@ TEST_F(BolodRun, AControlSocketThatWasTakenAwayIsMadeAgain) {
   EXPECT_EQ(tools::test::contents(socket), "mine");
 }
 
-// Its socket takes no more connections then, and to connect waits.
+// The stopped daemon's socket accepts no more connections, and connecting blocks.
 TEST_F(BolodRun, AStoppedDaemonIsNotWaitedForByOthers) {
   const std::string control = "[control]\nsocket = '" + file("control") + "'\n";
   const auto daemon = start(20'000, control);
@@ -152,7 +152,7 @@ TEST_F(BolodRun, AStoppedDaemonIsNotWaitedForByOthers) {
   daemon->signal(SIGCONT);
 }
 
-// A recording's file would be given what is printed.
+// Otherwise a recording's file could receive the printed output.
 TEST_F(BolodRun, NothingTakesThePlaceOfAClosedStream) {
   write_capture(folder_ / "in.h5", 20'000);
   const auto start_closed = [&](const std::vector<std::string>& words) {
@@ -197,13 +197,13 @@ TEST_F(BolodRun, StatShowsARunningDaemon) {
       << object;
   expect_parts(printed({"stat", name_, "--once", "--interval", "0.1"}),
                {"Test camera 42, 64x24 at 200 Hz", "\nlost     ", "effort   ", "stages   arrival"});
-  refused({"stat", "no-such-daemon"}, name_);  // the names that exist
+  refused({"stat", "no-such-daemon"}, name_);  // existing names
   ended(1, {"nuc", name_}, {"no camera to correct"});
 }
 
-// Over the network, from the camera that replays: what it sends is what readers get, before it is lost and after.
+// Over the network with the fake camera: readers get the camera's frames, before it is lost and after.
 TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
-  write_capture(folder_ / "in.h5", 90);  // below kLostId: nothing is missing
+  write_capture(folder_ / "in.h5", 90);  // below kLostId: no gap
   const std::string address = own_address();
   auto camera = start_camera(address);
   const auto daemon = start_with(configure(source_at(address, "reconnect_after_ms = 500\n")));
@@ -239,10 +239,10 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   expect_good_end(*daemon);
 }
 
-// The first pixel rises by 100 counts a frame, which the inverse filter turns into 100 a / (1 - a) counts more,
-// a = exp(-period / tau).
+// The first pixel rises by 100 counts a frame, to which the inverse filter adds 100 a / (1 - a) counts, a = exp(-period
+// / tau).
 struct FollowsPeriod : BolodRun {
-  // Of frames with so many counts in the first pixel, whose place in the capture is counts / 100.
+  // The first pixel's counts give the frame's place in the capture: counts / 100.
   void expect_solved_at(double rate_hz, double wrong_hz, const Program& daemon) {
     auto reader = attach(daemon);
     const auto added = [](double hz) {
@@ -252,7 +252,7 @@ struct FollowsPeriod : BolodRun {
     double last = 0.0;
     int read = 0;
     EXPECT_TRUE(follow(*reader, [&](const ReadFrame& frame) {
-      const auto place = (frame.raw[0] - static_cast<unsigned>(kFirstId)) / 100;  // in the capture, which begins again
+      const auto place = (frame.raw[0] - static_cast<unsigned>(kFirstId)) / 100;  // in the capture, which is looped
       const bool counts = (frame.meta.flags & (kFlagWarmUp | kFlagGap)) == 0 && place >= 30;
       if (counts) last = static_cast<double>(frame.deblurred[0]) - frame.raw[0];
       return (counts && std::abs(last - added(rate_hz)) < 2.0) || ++read == 2000;
@@ -262,8 +262,7 @@ struct FollowsPeriod : BolodRun {
   }
 };
 
-// A camera that sends 180 frames a second where 200 are configured: its own clock's period is what frames are solved
-// with.
+// A camera sends 180 frames a second instead of the configured 200: frames are solved with the period of its own clock.
 TEST_F(FollowsPeriod, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
   write_capture(folder_ / "in.h5", 90, 100);
   const std::string address = own_address();
@@ -275,7 +274,7 @@ TEST_F(FollowsPeriod, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
   expect_good_end(*daemon);
 }
 
-// A camera of 100 Hz that is read at 200.
+// A 100 Hz camera that is read at 200 Hz.
 TEST_F(FollowsPeriod, FramesThatComeTwiceAreSolvedWithThePeriodOfTheNewOnes) {
   write_capture(folder_ / "in.h5", 90, 100, "42", 2);
   write("drop.toml", "[firmware]\ndrop_repeated = true\n");
@@ -292,7 +291,7 @@ TEST_F(FollowsPeriod, FramesThatComeTwiceAreSolvedWithThePeriodOfTheNewOnes) {
 
 using tools::test::Outcome;
 
-// --- The program without a camera: its options, its words, its exit codes.
+// --- The program without a camera: options, messages, exit codes.
 
 struct Bolod : tools::test::ProgramTest {
   Bolod() : ProgramTest({BOLOD_PROGRAM}) {}
@@ -342,7 +341,7 @@ TEST_F(Bolod, ASourceThatCannotBeIsRefusedInOneLine) {
   refuses(video + "device = ''\n", "source.device is empty");
   refuses(video + "rows = [3]\n", "source.rows must be [first, count]");
   refuses("type = 'replay'\nfile = 'none.h5'\n", "none.h5");
-  refuses("address = '192.0.2.1'\n", "192.0.2.1");  // TEST-NET-1 (RFC 5737): no camera ever answers there
+  refuses("address = '192.0.2.1'\n", "192.0.2.1");  // TEST-NET-1 (RFC 5737): no camera answers there
 }
 
 TEST_F(Bolod, AFullDiskIsNoConfiguration) {
@@ -359,8 +358,8 @@ TEST_F(Bolod, WrongUsageIsOneLine) {
   refused({"--config", "/nonexistent.toml"}, "/nonexistent.toml: no such file");
 }
 
-// systemd restarts after 1 and leaves 2 alone (bolod@.service). The check refuses the same files as a start, with the
-// same messages.
+// systemd restarts after exit code 1, not after 2 (bolod@.service). The check refuses the same files as a start, with
+// the same messages.
 TEST_F(Bolod, AsAServiceItAsksToBeTriedAgainForAnAbsentCameraOnly) {
   ASSERT_EQ(setenv("NOTIFY_SOCKET", "@bolo-test-nobody", 1), 0);
   const Outcome absent = run({"--config", config("[source]\naddress = '192.0.2.1'\n")});

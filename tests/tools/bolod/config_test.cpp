@@ -1,4 +1,4 @@
-// What the configuration says, and what of it a running daemon takes up.
+// The configuration file, and the changes that a running daemon applies.
 #include <prometheus/text_serializer.h>
 
 #include "drivers/shm/shm_sink.hpp"
@@ -23,7 +23,7 @@ class Config : public ScratchTest {
     return read_config(folder_ / "bolod.toml");
   }
 
-  // The message without the folder; "" when the text is right.
+  // Error message without the folder; "" if valid.
   std::string complaint(const std::string& text) const {
     const auto config = read(text);
     if (config) return "";
@@ -32,7 +32,6 @@ class Config : public ScratchTest {
     EXPECT_TRUE(config.error().message.starts_with(folder_.string())) << config.error().message;
     return config.error().message.substr(folder_.string().size() + 1);
   }
-  // The configuration of a text that is right.
   DaemonConfig good(const std::string& text) const { return *must(read(text)); }
 
   const std::filesystem::path folder_ = scratch_.path();
@@ -67,7 +66,7 @@ TEST_F(Config, AGyroNeedsTheSolverAndTheLens) {
   expect_parts(complaint(lens + motion + "gyro = 'shm:a/b'\n"), {"no name"});
 }
 
-// A key's place is told once, for reading and for the documentation: one at a wrong place shows in the shipped file.
+// One table of keys serves reading and documentation: a key in a wrong section shows in the shipped file.
 TEST_F(Config, KeysOfEachKindReachTheirPlaces) {
   write("a.h5", "");
   const auto config = good(
@@ -251,7 +250,7 @@ TEST_F(Config, TheShippedFileIsTheDocumentedDefault) {
       << "config/bolod.toml is out of date: bolod --print-config > it";
 }
 
-// --- Which keys a running daemon takes up, told from two readings of its file.
+// --- Keys that a running daemon applies, by comparing two readings of its file.
 
 using Keys = std::vector<std::string>;
 
@@ -293,9 +292,8 @@ TEST_F(Reload, EveryLiveKeyExists) {
   for (const std::string& key : live_keys(config)) EXPECT_TRUE(config.texts.contains(key)) << key;
 }
 
-// --- What a daemon tells of its sinks, whose kinds it does not know.
+// --- State and metrics of sinks, independent of their kind.
 
-// Takes no image.
 class BrokenPort final : public v4l2::VideoPort {
  public:
   explicit BrokenPort(std::string path) : path_(std::move(path)) {}
@@ -322,7 +320,7 @@ class Sinks : public testing::Test {
                                     {&plain_, videos_[0].get(), videos_[1].get()}, options));
   }
 
-  pipeline::test::MemorySink plain_;  // that tells nothing
+  pipeline::test::MemorySink plain_;  // no state of its own
   std::vector<std::unique_ptr<v4l2::V4l2Sink>> videos_;
   std::unique_ptr<pipeline::Pipeline> pipeline_;
   DaemonConfig config_;
@@ -350,7 +348,7 @@ TEST_F(Sinks, ShareTheFamiliesOfTheMetrics) {
 
 TEST_F(Sinks, TellTheirNoticesThroughThePipeline) {
   int patience = 2000;
-  plain_.on_publish = [&](const auto& frame, const auto&) {  // the devices' threads see the first frame by the second
+  plain_.on_publish = [&](const auto& frame, const auto&) {  // by frame 1 the device threads have seen frame 0
     const auto failed = [](const auto& video) { return video->stats().failures.value() > 0; };
     while (frame.meta.frame_id > 0 && !std::ranges::all_of(videos_, failed) && patience-- > 0) {
       std::this_thread::sleep_for(std::chrono::milliseconds(10));

@@ -1,4 +1,4 @@
-"""The dashboard for Grafana: a real Prometheus, which scrapes a real daemon, has something to say to every panel.
+"""The Grafana dashboard: a real Prometheus that scrapes a real daemon has data for every panel.
 
 usage: grafana_test.py BOLO BOLOD DASHBOARD. Exit code 77: prometheus is not there.
 """
@@ -33,11 +33,11 @@ def query(port, expression):
     except urllib.error.HTTPError as error:
         raise AssertionError(f"{expression}: {error.read().decode()}") from error
     except urllib.error.URLError:
-        return []  # it is not up yet
+        return []  # not started yet
 
 
 def expressions():
-    """(expression, labels that its legend names) of every panel."""
+    """(expression, labels in its legend) of every panel."""
     dashboard = json.loads(pathlib.Path(DASHBOARD).read_text(encoding="utf-8"))
     for panel in dashboard["panels"]:
         for target in panel["targets"]:

@@ -1,4 +1,4 @@
-// Notices of the flow of frames, the feeding of the watchdog, and signals during set-up.
+// Notices on the frame flow, watchdog feeding, and signals during set-up.
 #include <signal.h>
 #include <unistd.h>
 
@@ -15,7 +15,7 @@ struct Clock {
   Health health{0.005, 0};
   Snapshot now;
 
-  // The notices of one poll, `ms` after the last; "!" marks warnings.
+  // Notices of one poll, `ms` after the previous one; "!" marks warnings.
   std::vector<std::string> after(std::int64_t ms) {
     now.now_ns += ms * kMs;
     std::vector<std::string> texts;
@@ -97,20 +97,18 @@ TEST(Health, LeavesTheFlowOfAWatchedCameraToIt) {
   EXPECT_EQ(clock.after(100), Texts{"!frames lost since the last notice: 1 missing"});
 }
 
-// --- the watchdog
-
 constexpr std::int64_t kSecond = 1000 * kMs;
 constexpr std::int64_t kPoll = 100 * kMs;
 constexpr double kPeriodS = 0.005;
 constexpr int kLookahead = 1;
 constexpr std::int64_t kStallNs = 200 * kMs;
 
-// A daemon that is checked ten times a second. A hung part is left behind by its clock or its count.
+// A daemon polled ten times a second. A hung part's clock or counter stays behind.
 class FlowWatchTest : public testing::Test {
  protected:
   FlowWatchTest() { signs_.now_ns = kSecond; }
 
-  // The first trouble within this time; empty: none.
+  // First trouble within this time; empty: none.
   std::string run(std::int64_t time_ns) {
     for (const std::int64_t end_ns = signs_.now_ns + time_ns; signs_.now_ns < end_ns;) {
       signs_.now_ns += kPoll;
@@ -186,7 +184,7 @@ TEST(FlowWatch, HasPatienceWithASlowCameraThatLooksAhead) {
   }
 }
 
-// --- A set-up that does not come to its end is ended by a signal; one that does keeps the signal for the daemon.
+// --- A signal ends a set-up that hangs; if the set-up completes, the signal stays pending for the daemon.
 
 using namespace std::chrono_literals;
 

@@ -1,4 +1,4 @@
-// Preloaded into a daemon: loses the smallest allocation there is, 200 times a second, as one that forgot one a frame.
+// Preloaded into a daemon: leaks the smallest possible allocation 200 times a second, like one leak per frame.
 #include <chrono>
 #include <cstdlib>
 #include <cstring>

@@ -1,4 +1,4 @@
-// Logging into a place that takes nothing for a while, and the fields of a message on their way into the journal.
+// Logging to a sink that blocks, and the fields of a message in the journal.
 #include "tools/bolod/log.hpp"
 #include "tests/child.hpp"
 #include "tests/no_threads.hpp"
@@ -12,7 +12,7 @@
 
 namespace bolo::daemon::log_test {
 
-// Takes messages while it is open.
+// Accepts messages while open.
 class Gate {
  public:
   void open() {
@@ -59,10 +59,10 @@ TEST(QueuedSink, LoggingNeverWaitsAndTellsWhatWasDropped) {
   const auto gate = std::make_shared<Gate>();
   constexpr std::size_t kMost = 4;
   spdlog::logger log("test", make_queued_sink(std::make_shared<GateSink>(gate), kMost));
-  for (int i = 0; i < 100; ++i) log.info("message {}", i);  // returns, though nobody takes one
+  for (int i = 0; i < 100; ++i) log.info("message {}", i);  // does not block although nothing is accepted
   EXPECT_TRUE(gate->taken(0).empty());
   gate->open();
-  // Those that the thread had taken out already come beside those that wait; the count of the others is the last.
+  // Messages already taken from the queue arrive besides the queued ones; the number dropped comes last.
   std::vector<std::string> taken;
   do {
     const std::size_t wanted = taken.size() + 1;
@@ -110,11 +110,11 @@ TEST(QueuedSink, ItsEndWritesWhatIsLeftAndDoesNotWaitForEver) {
     spdlog::logger log("test", make_queued_sink(std::make_shared<GateSink>(gate), 10, std::chrono::milliseconds(20)));
     log.info("into nothing");
   }
-  gate->open();  // the thread may end
+  gate->open();  // lets the thread end
   EXPECT_EQ(gate->taken(1).size(), 1U);
 }
 
-// A thread that hangs in it must not hold what the end of a program needs.
+// A thread blocked in the sink must not hold locks that are needed at exit.
 TEST(TextLog, APipeThatNobodyReadsKeepsNoProgramFromItsEnd) {
   const int ended = in_child([] {
     std::array<int, 2> pipe_ends{};
@@ -132,11 +132,8 @@ TEST(TextLog, APipeThatNobodyReadsKeepsNoProgramFromItsEnd) {
   EXPECT_EQ(ended, 0);
 }
 
-// --- the journal
-
 using Fields = std::vector<std::string>;
 
-// A logger whose journal is a list.
 class JournalSinkTest : public testing::Test {
  protected:
   JournalSinkTest()

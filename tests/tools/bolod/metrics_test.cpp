@@ -1,4 +1,3 @@
-// A real daemon's metrics, scraped over HTTP.
 #include "src/core/clock.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 #include "tests/tools/sockets.hpp"
@@ -7,14 +6,13 @@ namespace bolo::daemon::metrics_test {
 
 constexpr std::uint16_t kPort = 9464;
 
-// Empty when nobody listens.
 UniqueFd connected(const std::string& address) {
-  // Below what an idle client's place is kept for by servers that have few.
+  // Below the time after which servers with few places drop an idle client.
   UniqueFd fd = tools::test::patient_socket(AF_INET, 20);
   return tools::test::connect_to(fd, address, kPort) ? std::move(fd) : UniqueFd();
 }
 
-// The whole of what is answered to a request line; empty when nobody does.
+// Complete answer to a request line; empty without one.
 std::string ask(const std::string& address, const std::string& line) {
   const UniqueFd fd = connected(address);
   const std::string request = line + "\r\nHost: bolo\r\nConnection: close\r\n\r\n";
@@ -22,14 +20,14 @@ std::string ask(const std::string& address, const std::string& line) {
   return tools::test::receive_all(fd);
 }
 
-// The body of what http://ADDRESS:9464/metrics answers; empty when nobody does.
+// Body of http://ADDRESS:9464/metrics; empty without an answer.
 std::string scrape(const std::string& address) {
   const std::string answer = ask(address, "GET /metrics HTTP/1.1");
   const std::size_t body = answer.find("\r\n\r\n");
   return body == std::string::npos ? "" : answer.substr(body + 4);
 }
 
-// The value of "NAME{LABELS}"; -1 when it is not there.
+// Value of "NAME{LABELS}"; -1 if missing.
 double value(const std::string& text, const std::string& series) {
   const std::size_t at = text.find("\n" + series + " ");
   return at == std::string::npos ? -1.0 : std::strtod(text.c_str() + at + series.size() + 2, nullptr);
@@ -44,7 +42,7 @@ class Metrics : public BolodRun {
 };
 
 TEST_F(Metrics, TellWhatBecameOfTheFrames) {
-  write_capture(folder_ / "in.h5", 20'000, 1, "42\xff\x1b");  // cameras need not send UTF-8, which a label has to be
+  write_capture(folder_ / "in.h5", 20'000, 1, "42\xff\x1b");  // cameras need not send UTF-8, labels must be
   const auto daemon = start_again(section());
   std::string text;
   ASSERT_TRUE(eventually([&] {
@@ -114,7 +112,7 @@ TEST_F(Metrics, NothingElseIsAnswered) {
   EXPECT_FALSE(scrape(address_).empty()) << "idle connections starve nobody";
 }
 
-// Any program may have taken it, and frames do not need it.
+// Any program may hold the port, and frames do not need it.
 TEST_F(Metrics, ATakenPortOnlyWarnsAndIsTriedAgain) {
   const auto first = start(20'000, section());
   ASSERT_TRUE(eventually([&] { return !scrape(address_).empty(); })) << first->err();

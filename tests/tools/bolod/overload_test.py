@@ -1,8 +1,8 @@
-"""Overload by stolen processor time: less is spent on frames before one is lost, nothing is lost that is not counted, and
-each frame tells what was done to it.
+"""Overload by stolen processor time: quality is reduced before a frame is lost, every loss is counted, and each frame's
+flags state its quality level.
 
-usage: overload_test.py BOLO MODULE_FOLDER LIBRARY [SECONDS]. A daemon of 640x120 pixels at 200 Hz is kept on one processor,
-where more and more programs compete with it, for SECONDS each. Prints a table. Exit code 77: numpy or a second processor is
+usage: overload_test.py BOLO MODULE_FOLDER LIBRARY [SECONDS]. A daemon of 640x120 pixels at 200 Hz shares one processor
+with more and more competing programs, for SECONDS each. Prints a table. Exit code 77: numpy or a second processor is
 not there.
 """
 
@@ -30,8 +30,8 @@ import bolo  # noqa: E402
 
 QUEUE_FRAMES = 64  # the default
 MOST_LOST = 0.05
-# Among 40 competing programs a thread has 5 ms / 41 = 0.12 ms for a frame: about what it takes to pass one on as it came, on
-# some machines less. There more may be lost, as long as most of the others are passed on so.
+# Among 40 competing programs a thread has 5 ms / 41 = 0.12 ms per frame: hardly enough to pass on a raw frame, on some
+# machines too little. More losses are then allowed, as long as most other frames are passed on raw.
 HOPELESS = 40
 COMPETITORS = (0, 1, 3, 8, 20, HOPELESS, 0)
 EFFORTS = {bolo.Flag.REDUCED: "reduced", bolo.Flag.INVERSE: "inverse", bolo.Flag.RAW: "raw"}
@@ -46,7 +46,7 @@ def burn(processor, seconds):
 
 
 def follow(name, seen, stop):
-    """Counts frames by what their flags tell; runs until nothing comes any more."""
+    """Counts frames by quality level until the stream ends."""
     with bolo.Camera(name, timeout=30) as camera:
         while not stop.is_set():
             frame = camera.next(1.0)
@@ -63,10 +63,10 @@ def stat(name):
 
 
 def judge(rows):
-    """Each row: what was lost while so many competed, and how frames were done.
+    """Each row: number of competitors, frames lost, frames by quality level.
 
-    A frame may be lost only while others are passed on as they came, for which a queue must be half full; in the same time,
-    or right before or after it. And the less there is to spend, the less is spent: raw frames come after spared ones.
+    A frame may be lost only if raw frames are passed on in the same row or a neighbouring one, for which a queue must
+    be half full. Quality falls with the available time: raw frames come only after reduced ones.
     """
     for i, (competitors, lost, _) in enumerate(rows):
         raw = sum(rise["raw"] for _, _, rise in rows[max(0, i - 1) : i + 2])
@@ -122,7 +122,7 @@ def main():
                 print(f"{competitors:11} {(after['received'] - before['received']) / took:7.1f} "
                       f"{(after['published'] - before['published']) / took:7.1f} {after['lost_total'] - before['lost_total']:6} "
                       f"{rise['full']:6} {rise['reduced']:8} {rise['inverse']:8} {rise['raw']:6}", flush=True)
-            limit = time.monotonic() + 60  # a machine that others use may need its time
+            limit = time.monotonic() + 60  # time for a machine in shared use
             while stat(name)["effort"]["now"] != "full":
                 assert time.monotonic() < limit, "all is not spent again"
             while_read = stat(name)["effort"]["frames"]
@@ -137,7 +137,7 @@ def main():
     assert told["reduced"] + told["inverse"] + told["raw"] > 0, "nothing was spared"
     judge(rows)
     for effort in EFFORTS.values():
-        # The reader saw what was counted while it read, and nothing that was not counted afterwards.
+        # The reader saw what the daemon counted during the reading, and nothing that it did not count by the end.
         assert while_read[effort] - seen["missed"] <= seen[effort] <= told[effort], effort
     assert lost.keys() <= {"pool_exhausted", "queue_full"}, lost
     assert last["published"] <= last["received"] <= last["published"] + QUEUE_FRAMES, last

@@ -37,12 +37,12 @@ from frames import open_ring  # noqa: E402
 BOLO, BOLOD, WHAT = sys.argv[1:4]
 PERIOD_S = 0.005
 HANG_GUARD_S = 120.0
-MOST_OTHERS = 0.15  # of the processors' time, as in bolo-lab soak
-MOST_STOLEN = 0.004  # by the host of a virtual machine, in slices longer than a period: six frames of 600 are late at more
+MOST_OTHERS = 0.15  # share of the processors' time, as in bolo-lab soak
+MOST_STOLEN = 0.004  # by a virtual machine's host, in slices longer than a period: beyond, six frames of 600 are late
 
 
 def started(folder, name, size=(160, 48), keys="", number=0, faults=(), **how):
-    """A camera of 200 frames a second and a daemon that has it; **how: of the daemon."""
+    """A 200 Hz camera and its daemon; **how: for the daemon."""
     programs = Programs(BOLO, BOLOD, folder, name, size, f"[deblur]\nlambda = 0.001\n{keys}", number)
     programs.start_camera(programs.simulate("--frames=200"), "--rate", "200", *faults)
     programs.start_daemon(**how)
@@ -50,7 +50,7 @@ def started(folder, name, size=(160, 48), keys="", number=0, faults=(), **how):
 
 
 class Others:
-    """Share of the processors' time that other programs take, from now on."""
+    """Share of the processors' time that other programs take from now on."""
 
     def __init__(self, pids):
         self._pids = pids
@@ -64,14 +64,14 @@ class Others:
         return time.monotonic(), busy / tick, own, fields[7] / tick
 
     def share(self):
-        """And what of it the computer took that this machine is a guest of: in slices that are longer than a period."""
+        """The same, and the share that the host of this virtual machine took, in slices longer than a period."""
         then, now = self._before, self._sample()
         whole_s = (now[0] - then[0]) * os.cpu_count()
         return max(0.0, now[1] - then[1] - (now[2] - then[2])) / whole_s, (now[3] - then[3]) / whole_s
 
 
 def first_frame(programs, start_ns, not_inode):
-    """s from start_ns until the present daemon published its first frame, and its shared memory."""
+    """Seconds from start_ns to the present daemon's first published frame, and its shared memory."""
     ring = open_ring(programs.name, HANG_GUARD_S, not_inode)
     assert ring.writer_pid == programs.running["daemon"].pid, programs.log("daemon")
     frame = ring.frame(0)
@@ -144,7 +144,7 @@ def cpu_s(pid):
 
 
 def private_kib(pid):
-    """Memory that is nobody else's."""
+    """Memory that no other process shares."""
     for line in pathlib.Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
         if line.startswith("Pss_Anon:"):
             return int(line.split()[1])
@@ -152,7 +152,7 @@ def private_kib(pid):
 
 
 def growth_kib(readings):
-    """The median of the slopes of all pairs (Theil and Sen), over the readings' whole time."""
+    """Median of the slopes of all pairs (Theil and Sen), times the readings' whole time span."""
     step = max(1, len(readings) // 200)
     chosen = readings[::step]
     slopes = [(b[1] - a[1]) / (b[0] - a[0]) for i, a in enumerate(chosen) for b in chosen[i + 1:]]
@@ -160,7 +160,7 @@ def growth_kib(readings):
 
 
 def use(programs, port, second):
-    """Requests of other programs to a daemon in its life, besides frames."""
+    """Requests of other programs that a daemon gets besides reading frames."""
     urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=HANG_GUARD_S).read()
     if second % 2 == 0:
         run(BOLO, "stat", programs.name, "--once", "--json", "--interval", "0.1")
@@ -183,7 +183,7 @@ def memory(folder, leak_library, seconds=60.0):
         while time.monotonic() - start < seconds:
             for programs, port, readings in lives:
                 if len(lives) == 2 and programs is lives[1][0] and time.monotonic() - start > 120.0:
-                    continue  # the leak was long enough
+                    continue  # the leak ran long enough
                 use(programs, port, second)
                 if time.monotonic() - start >= settle_s:
                     readings.append((time.monotonic() - start, private_kib(programs.running["daemon"].pid)))
@@ -201,13 +201,13 @@ def memory(folder, leak_library, seconds=60.0):
 
 
 def refused(folder, library):
-    for every in (3, 61):  # a request is begun; it is nearly answered
+    for every in (3, 61):  # an early allocation of a request is refused; a late one
         with tempfile.TemporaryDirectory(dir=folder) as own:
             refused_one_in(every, own, library)
 
 
 def request(path, line):
-    """Whatever becomes of it."""
+    """Sends a request, whatever the outcome."""
     with socket.socket(socket.AF_UNIX) as client, contextlib.suppress(OSError):
         client.settimeout(0.1)
         client.connect(str(path))
@@ -245,7 +245,7 @@ def hung(folder, library):
     threads = lambda: len(os.listdir(f"/proc/{daemon.pid}/task"))
     try:
         ring = open_ring(programs.name, HANG_GUARD_S)
-        time.sleep(1.0)  # until what the beginning starts is started
+        time.sleep(1.0)  # until start-up is complete
         switch.touch()
         before, threads_before = ring.published(), threads()
         for reload in range(1, 4):  # the second and third while the first still hangs

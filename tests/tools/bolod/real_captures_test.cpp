@@ -1,5 +1,5 @@
-// Real recordings, the whole way: fake camera, GigE Vision packets, bolod, shared memory, a reader. Every raw plane
-// that arrives is the recording's, pixel by pixel.
+// Real recordings end to end: fake camera, GigE Vision packets, bolod, shared memory, a reader. Every received raw
+// plane equals the recording's, pixel by pixel.
 #include "src/capture/capture.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 
@@ -7,7 +7,7 @@ namespace bolo::daemon::real_captures_test {
 
 struct Recording {
   const char* file;
-  Region crop;  // of the recording's frames; the camera's sensor
+  Region crop;  // region of the recording's frames used as the camera's sensor
 };
 
 class RealCaptures : public BolodRun, public testing::WithParamInterface<Recording> {
@@ -18,7 +18,7 @@ class RealCaptures : public BolodRun, public testing::WithParamInterface<Recordi
     capture_ = std::filesystem::path(data) / "captures" / GetParam().file;
   }
 
-  // The recording's planes, cropped, row-major.
+  // The recording's cropped planes, row-major.
   std::set<std::vector<std::uint16_t>> planes() const {
     const auto reader = capture::CaptureReader::open(capture_);
     EXPECT_TRUE(reader) << reader.error().message;

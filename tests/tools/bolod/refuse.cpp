@@ -1,5 +1,5 @@
-// Preloaded into a daemon: while the file BOLO_REFUSE is there, one allocation in BOLO_REFUSE_EVERY is refused, but for
-// the main thread, which may end the daemon with a line. While the file BOLO_HANG is there, the disk of configurations
+// Preloaded into a daemon: while the file BOLO_REFUSE exists, one allocation in BOLO_REFUSE_EVERY fails, except in the
+// main thread, which may end the daemon with an error. While the file BOLO_HANG exists, the disk of the configuration
 // hangs.
 #include <fcntl.h>
 #include <sys/stat.h>

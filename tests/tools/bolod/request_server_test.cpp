@@ -1,4 +1,4 @@
-// Clients that say nothing, do not read, or are too many: others are answered all the same.
+// Idle clients, clients that do not read, and too many of them: others are still answered.
 #include "tools/bolod/request_server.hpp"
 
 #include <sys/resource.h>
@@ -89,7 +89,7 @@ TEST_F(RequestServerTest, WhoDoesNotReadDelaysNobodyAndIsLetGo) {
   EXPECT_NE(receive_all(deaf), "?");
 }
 
-// A process without descriptors can't accept, and its listener stays readable.
+// Without file descriptors accept() fails and the listener stays readable.
 TEST_F(RequestServerTest, WithoutDescriptorsItDoesNotSpin) {
   serve({.clients = 16, .patience_ms = kForEver_ms});
   const UniqueFd early = connected();
@@ -99,7 +99,7 @@ TEST_F(RequestServerTest, WithoutDescriptorsItDoesNotSpin) {
   rlimit before{};
   getrlimit(RLIMIT_NOFILE, &before);
   const UniqueFd waiting = patient_socket(AF_UNIX);
-  const UniqueFd last(dup(waiting.get()));  // the lowest that was free: all below are taken
+  const UniqueFd last(dup(waiting.get()));  // lowest free descriptor: all below are used
   const rlimit none{static_cast<rlim_t>(last.get()) + 1, before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
   const auto cpu_ms = [] {
@@ -118,15 +118,15 @@ TEST_F(RequestServerTest, WithoutDescriptorsItDoesNotSpin) {
   EXPECT_EQ(receive_all(waiting), "two two\n") << "as soon as there are some again";
 }
 
-// One that was started when the process had no descriptor left serves, and ends when it is told to.
+// A server started without a free descriptor serves later, and can be stopped.
 TEST_F(RequestServerTest, WithoutDescriptorsAtTheStartItStillEnds) {
-  serve({.clients = 16, .patience_ms = kForEver_ms});  // a sanitizer takes a descriptor to look at a type first met
+  serve({.clients = 16, .patience_ms = kForEver_ms});  // sanitizers need a descriptor the first time they check a type
   server_.reset();
   std::filesystem::remove(path_);
   UniqueFd bound = listener();
   rlimit before{};
   getrlimit(RLIMIT_NOFILE, &before);
-  UniqueFd last(dup(bound.get()));  // the lowest that was free: all below are taken
+  UniqueFd last(dup(bound.get()));  // lowest free descriptor: all below are used
   const rlimit none{static_cast<rlim_t>(last.get()) + 1, before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
   server_.emplace(std::move(bound), RequestServer::Limits{.clients = 16, .patience_ms = kForEver_ms},
@@ -137,7 +137,7 @@ TEST_F(RequestServerTest, WithoutDescriptorsAtTheStartItStillEnds) {
   server_.reset();
 }
 
-// /tmp is everybody's: a folder that was there first may be somebody's who waits for a daemon's socket.
+// /tmp is writable by everybody: an existing folder may belong to somebody who lies in wait for the socket.
 TEST(ControlServer, AnothersFolderIsRefused) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to give a folder away";
   constexpr uid_t kNobody = 65534;
@@ -156,7 +156,7 @@ TEST(ControlServer, AnothersFolderIsRefused) {
   EXPECT_TRUE(start()) << "everybody's, but files are their owners'";
 }
 
-// Who may write to the parent of the socket's folder puts another in its place before the socket gets its mode.
+// Race: with write access to the parent folder, a user replaces it before the socket gets its mode.
 TEST(ControlServer, AnothersFileDoesNotGetTheSocketsMode) {
   const Scratch scratch;
   const std::filesystem::path folder = scratch / "folder";

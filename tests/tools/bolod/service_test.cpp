@@ -1,4 +1,4 @@
-// Messages of a daemon to its service manager: a real daemon, with a socket of ours.
+// A real daemon's messages to its service manager, received by the test's socket.
 #include <sched.h>
 #include <sys/mount.h>
 #include <sys/ptrace.h>
@@ -22,13 +22,11 @@ class NotifySocket {
   NotifySocket(const NotifySocket&) = delete;
   NotifySocket& operator=(const NotifySocket&) = delete;
 
-  // All lines so far.
   const std::vector<std::string>& lines() {
     std::istringstream messages(tools::test::datagrams(fd_));
     for (std::string line; std::getline(messages, line);) lines_.push_back(line);
     return lines_;
   }
-  // Lines that begin so.
   std::size_t count(const std::string& words) {
     return static_cast<std::size_t>(
         std::ranges::count_if(lines(), [&](const std::string& line) { return line.starts_with(words); }));
@@ -42,7 +40,7 @@ class NotifySocket {
   std::vector<std::string> lines_;
 };
 
-// The thread of that name, as ps shows it; 0: none.
+// Id of the thread of that name, as ps shows it; 0: none.
 pid_t thread_of(std::uint32_t pid, const std::string& name) {
   for (const auto& task : std::filesystem::directory_iterator("/proc/" + std::to_string(pid) + "/task")) {
     std::ifstream comm(task.path() / "comm");
@@ -59,7 +57,7 @@ bool asleep(std::uint32_t pid, pid_t thread) {
   return line.find(") S ") != std::string::npos;
 }
 
-// Holds one thread of another process still, as a hang in it would.
+// Stops one thread of another process, like a hang in it.
 class HeldThread {
  public:
   explicit HeldThread(pid_t thread) : thread_(thread) {
@@ -83,7 +81,7 @@ class HeldThread {
 class Service : public BolodRun {
  protected:
   Service() : manager_(folder_ / "notify") {}
-  // Waits for a word in the daemon's log, and goes on listening meanwhile: the daemon waits for us when we don't.
+  // Waits for words in the daemon's log and keeps reading the notify socket: otherwise the daemon would block on it.
   bool logged(const Program& daemon, const std::string& words) {
     return eventually([&] {
       manager_.lines();
@@ -98,7 +96,7 @@ TEST_F(Service, HearsThatItIsReadyThatItLivesAndThatItEnds) {
   expect_feeding(false);
   const auto daemon = start(20'000);
   ASSERT_TRUE(manager_.received("READY=1")) << daemon->err();
-  attach(*daemon);  // frames can be read once it is ready
+  attach(*daemon);  // once ready, frames can be read
   EXPECT_TRUE(manager_.received("WATCHDOG=1", 5)) << daemon->err();
   EXPECT_TRUE(eventually([&] {
     return std::ranges::any_of(manager_.lines(), [](const std::string& line) {
@@ -130,7 +128,7 @@ TEST_F(Service, HearsNoSignOfLifeWhileThePipelineHangs) {
   expect_good_end(*daemon);
 }
 
-// The others do the parts of a worker that does not wake up.
+// The other workers take over the parts of one that does not wake up.
 TEST_F(Service, HearsSignsOfLifeWhileAWorkerHangs) {
   expect_feeding(false);
   const auto daemon = start(20'000);
@@ -141,7 +139,7 @@ TEST_F(Service, HearsSignsOfLifeWhileAWorkerHangs) {
   const HeldThread hang(worker);
   if (!hang.held()) GTEST_SKIP() << "a thread of another process may not be held here: " << std::strerror(errno);
   const std::size_t fed = manager_.count("WATCHDOG=1");
-  EXPECT_TRUE(manager_.received("WATCHDOG=1", fed + 30)) << daemon->err();  // longer than any patience with a hang
+  EXPECT_TRUE(manager_.received("WATCHDOG=1", fed + 30)) << daemon->err();  // longer than any hang is tolerated
   EXPECT_EQ(daemon->err().find("no signs of life"), std::string::npos) << daemon->err();
 }
 
@@ -156,7 +154,7 @@ TEST_F(Service, HearsSignsOfLifeWhileALostCameraIsLookedFor) {
   ASSERT_TRUE(manager_.received("STATUS=camera lost; 0.0 frames/s")) << daemon->err();
   const std::int64_t lost_ns = monotonic_ns();
   const std::size_t fed = manager_.count("WATCHDOG=1");
-  EXPECT_TRUE(manager_.received("WATCHDOG=1", fed + 30)) << daemon->err();  // longer than any patience with a hang
+  EXPECT_TRUE(manager_.received("WATCHDOG=1", fed + 30)) << daemon->err();  // longer than any hang is tolerated
   EXPECT_GT(monotonic_ns() - lost_ns, 2'500'000'000) << "signs of life came faster than they are due";
   EXPECT_EQ(daemon->err().find("no signs of life"), std::string::npos) << daemon->err();
   expect_good_end(*daemon);
@@ -194,15 +192,15 @@ TEST_F(Service, HearsOfAReload) {
   EXPECT_EQ(daemon->err().find("ended:"), std::string::npos) << "information is not logged any more";
 }
 
-// --- What a real daemon sends to the journal: a socket of ours stands in the journal's place, in a /run of our own.
+// --- A real daemon's journal messages: the test's socket replaces the journal's, in a private /run.
 
 using tools::test::bound_at;
 using tools::test::datagrams;
 
 class Journal : public BolodRun {
  protected:
-  // A daemon that logs to the journal, in a /run that has nothing but that, or not even a journal. Null: problem_ says
-  // why there can be no such /run.
+  // A daemon that logs to the journal, in a private /run with only the journal's socket, or without it. Null: problem_
+  // has the reason why no private /run is possible.
   std::unique_ptr<Program> start_with_journal(std::uint64_t frames, bool is_there = true) {
     std::unique_ptr<Program> daemon;
     std::thread([&] {
@@ -216,9 +214,9 @@ class Journal : public BolodRun {
     }).join();
     return daemon;
   }
-  // All entries so far, in the journal's own form: a line a field, entries apart by an empty line.
+  // All entries so far in the journal's format: one line per field, an empty line between entries.
   const std::string& entries() { return entries_ += datagrams(journal_); }
-  // The entry of this event; empty: there was none.
+  // Entry of this event; empty if there is none.
   std::string entry_of(const std::string& event) {
     const std::size_t at = entries().find("BOLO_EVENT=" + event + "\n");
     if (at == std::string::npos) return {};
@@ -244,8 +242,7 @@ TEST_F(Journal, GetsEventsWithTheirCounts) {
   EXPECT_EQ(daemon->err(), "") << "nothing on standard error beside";
 }
 
-// Each reload is a message; the journal's socket holds a few that nobody takes. Signs of life are no messages: they go
-// on.
+// Each reload logs a message, and the journal's socket holds only a few unread ones. Watchdog signals must go on.
 TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
   NotifySocket manager(folder_ / "notify");
   setenv("WATCHDOG_USEC", "400000", 1);

@@ -1,4 +1,4 @@
-// bolo bench through its executable: what it prints, not how fast anything is.
+// The program bolo bench: what it prints, not how fast anything is.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

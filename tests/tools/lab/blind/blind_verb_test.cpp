@@ -25,7 +25,7 @@ TEST_F(BlindVerb, SealsDiagnosesOpensAndScores) {
 TEST_F(BlindVerb, ScoresEveryKindAsJson) {
   const json score = json::parse(printed(words("--sessions 1 --json --imperfect")));
   EXPECT_EQ(score.at("kinds").size(), blind::kKinds);
-  EXPECT_EQ(score.at("kinds").at("effect-free").at("false_effect"), 1);  // made-up diagnosis: row_delay
+  EXPECT_EQ(score.at("kinds").at("effect-free").at("false_effect"), 1);  // from the made-up diagnosis: row_delay
   EXPECT_EQ(score.at("kinds").at("withheld").at("flagged"), 1);
   EXPECT_EQ(score.at("imperfect"), true);
   EXPECT_EQ(score.at("sealed_sha256").get<std::string>().size(), 64U);
@@ -51,7 +51,7 @@ TEST_F(BlindVerb, KeptAnswersMatchTheSeal) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const std::string digest = json::parse(outcome.out).at("sealed_sha256");
   EXPECT_EQ(blind::sha256(contents(keep / "answers.json") + contents(keep / "nonce.txt")), digest);
-  EXPECT_NE(outcome.err.find(digest), std::string::npos);  // shown before
+  EXPECT_NE(outcome.err.find(digest), std::string::npos);  // published before
   EXPECT_TRUE(std::filesystem::exists(keep / "effect-free-0" / "report" / "report.html"));
 }
 
@@ -85,7 +85,7 @@ TEST_F(DiagnoseVerb, WritesTheReportAndSaysWhatItFound) {
   EXPECT_EQ(json::parse(contents(folder_ / "out/report.json")).at("inputs").size(), 2U);
 }
 
-// Before any capture is read.
+// Refused before any capture is read.
 TEST_F(DiagnoseVerb, APlaceThatTakesNoReportIsRefusedAtOnce) {
   using Words = std::vector<std::string>;
   const Words profile{"-o", folder_ / "out", "--write-profile", folder_ / "missing" / "p.toml"};
@@ -96,7 +96,7 @@ TEST_F(DiagnoseVerb, APlaceThatTakesNoReportIsRefusedAtOnce) {
   ended(2, {"-o", folder_ / "out", "--write-profile", "", files_[0]}, {"no file for the profile"});
 }
 
-// A file's name may contain a comma and blanks.
+// A file name may contain commas and spaces.
 TEST_F(DiagnoseVerb, PrintsTheReportAsJson) {
   const std::string file = folder_ / "a, b.h5";
   std::filesystem::copy_file(files_[0], file);

@@ -1,4 +1,4 @@
-// `bolo` with two verbs, on a diagnosis of a constant result, which records its process' environment.
+// A stand-in for `bolo` with two verbs: its diagnosis has a constant result and records the process' environment.
 #include <filesystem>
 #include <fstream>
 #include <sstream>

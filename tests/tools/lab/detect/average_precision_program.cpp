@@ -1,4 +1,4 @@
-// Scores what it reads, for average_precision_test.py: numbers in, the average precision out.
+// Average precision of its input, for average_precision_test.py. Input:
 //   labels images, then for each image: truths detections,
 //   truths as `label kind x y w h`, detections as `label score x y w h`.
 #include <cstdio>

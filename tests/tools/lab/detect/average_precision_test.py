@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Average precision against an independent implementation, on random pictures.
 
-The reference is written from COCO's description with arrays over all thresholds at once, and reads precision by looking
-for the best one at or beyond each recall, instead of the running maximum and binary search that Bolo has.
+The reference follows COCO's description with arrays over all thresholds at once; it finds the precision at each recall
+by a maximum over all higher recalls, unlike Bolo's running maximum and binary search.
 
 usage: average_precision_test.py PROGRAM
 """
@@ -19,7 +19,6 @@ OBJECT, IGNORED, CROWD = range(3)
 
 
 def overlap(boxes, truths, crowd):
-    """Detections x truths."""
     low = np.maximum(boxes[:, None, :2], truths[None, :, :2])
     high = np.minimum(boxes[:, None, :2] + boxes[:, None, 2:], truths[None, :, :2] + truths[None, :, 2:])
     common = np.prod(np.clip(high - low, 0, None), axis=2)
@@ -44,7 +43,7 @@ def matched(image, label):
             possible = free & (shared[d] >= threshold) if len(truth) else np.zeros(0, bool)
             for group in (possible & ~ignored, possible & ignored):
                 if group.any():
-                    # The last of equally good ones, as pycocotools.
+                    # The last of equal ones, as in pycocotools.
                     choice = np.flatnonzero(group & (shared[d] == shared[d][group].max()))[-1]
                     free[choice] = kinds[choice] == CROWD
                     right[t, d] = not ignored[choice]
@@ -93,7 +92,7 @@ def picture(random, labels, kinds):
     near[:, 2:] = np.abs(near[:, 2:]) + 1
     stray = boxes_near(random, random.integers(0, 130 if random.random() < 0.1 else 6))
     boxes = np.vstack([near, stray])
-    # Scores of two digits, so that some are equal.
+    # Scores of two digits, for ties.
     scores = np.round(random.uniform(0, 1, (len(boxes), 1)), 2)
     return {"truth": truth, "found": np.hstack([random.integers(0, labels, (len(boxes), 1)), scores, boxes])}
 
@@ -124,7 +123,7 @@ def main():
         worst = max(worst, abs(given - wanted))
         spread.append(given)
     spread = np.array(spread)
-    # The trials must tell something: not all good, not all bad.
+    # The trials must discriminate: neither all good nor all bad.
     assert len(spread) > 40 and spread.min() < 0.2 and spread.max() > 0.5, spread
     print(f"{len(spread)} of 60 scored, AP {spread.min():.2f} to {spread.max():.2f}, largest difference {worst:.1e}")
 

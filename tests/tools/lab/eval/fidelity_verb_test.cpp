@@ -1,4 +1,3 @@
-// bolo-lab eval fidelity through its executable.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

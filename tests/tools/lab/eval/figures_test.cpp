@@ -1,4 +1,4 @@
-// The verbs' drawings of invented figures: well-formed, without numbers that are none, no word on another one.
+// The verbs' plots of invented figures: well-formed, no NaN, no overlapping words.
 #include "tests/report/markup.hpp"
 #include "tools/bolo/pulse_plots.hpp"
 #include "tools/demo/live_check.hpp"

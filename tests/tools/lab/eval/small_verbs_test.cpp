@@ -1,4 +1,3 @@
-// The evaluations `pulses`, `pixel` and `loop` of bolo-lab through their executable.
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/program.hpp"

@@ -1,4 +1,4 @@
-// The numbers behind `bolo-lab eval pulses` and `bolo-lab eval pixel`, and how a row of such is shown.
+// Computations behind `bolo-lab eval pulses` and `bolo-lab eval pixel`, and the display of their rows.
 #include "tools/lab/eval/trials.hpp"
 #include "src/deblur/solver.hpp"
 #include "tests/test.hpp"
@@ -25,7 +25,7 @@ TEST(ReportText, ShowsListsAsTablesAndWhatIsTooWideLineByLine) {
                 "    l  1\n");
 }
 
-// With next to no prior, both explain the samples of an input that is constant in each frame, and find it.
+// With almost no prior, both fit an input that is constant within each frame, and recover it.
 TEST(PixelTrial, BothFindAnInputThatJumpsAtFramesOnly) {
   const PixelTrial trial{.levels = 4, .lambda = 1e-7, .switch_s = {0.010, 0.030, 0.045, 0.060}};
   const auto samples = sample_pixel(trial);

@@ -1,4 +1,4 @@
-// The programs as their users meet them: `bolo fakecam --fault`, and bolod against such a camera.
+// The programs: `bolo fakecam --fault`, and bolod with such a camera.
 #include "drivers/fakecam/fault_script.hpp"
 #include "src/core/loss.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
@@ -18,7 +18,7 @@ TEST_F(FaultPrograms, FakecamListsEveryFault) {
 }
 
 TEST_F(FaultPrograms, TheDaemonCountsWhatTheFakeCameraSaysItTook) {
-  write_capture(folder_ / "in.h5", 90);  // below kLostId: nothing is missing
+  write_capture(folder_ / "in.h5", 90);  // below kLostId: no gap
   const std::string address = own_address();
   const auto camera =
       start_camera(address, {"--json", "--fault", "loss:at=0.2,for=0.3,rate=0.1", "--fault", "stall:at=0.7,frames=9"});

@@ -1,5 +1,5 @@
-// A camera that fails, through real packets: what is lost is counted by cause and equals what was injected, the output
-// is right again once a window has passed, and nothing hangs.
+// A failing camera through real packets: losses are counted by cause and equal the injected ones, the output is right
+// again after one window, and nothing hangs.
 #include <cctype>
 #include <ostream>
 
@@ -43,13 +43,13 @@ TEST(SeveralCameras, FailEachInItsOwnWay) {
   EXPECT_EQ(threads.size(), 3U);
 }
 
-// --- The judgement itself: that it sees what is wrong.
+// --- The judgement itself: it must find errors.
 
 constexpr std::size_t kFrames = 60;
 constexpr int kWindow = 17;
 constexpr std::int64_t kPeriodNs = 5'000'000;
 
-// A scene of one-pixel frames 1000, 1001 ... whose deblurred planes are 2000, 2001 ...
+// One-pixel frames 1000, 1001, ... with deblurred planes 2000, 2001, ...
 class JudgeTest : public testing::Test {
  protected:
   JudgeTest() {

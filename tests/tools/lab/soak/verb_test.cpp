@@ -1,4 +1,4 @@
-// `bolo-lab soak` as its users meet it, for a few seconds.
+// The program `bolo-lab soak`, for a few seconds.
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/shm_reader.hpp"
@@ -12,7 +12,7 @@ class SoakVerb : public ProgramTest {
  protected:
   SoakVerb() : ProgramTest({BOLO_LAB_PROGRAM, "soak"}) {}
 
-  // Command line of a soak of a small camera; its report is in the folder report.
+  // Command line of a soak with a small camera; its report is in the folder report.
   std::vector<std::string> small(const std::string& line) const {
     return words("--shortened --report @report " + line);
   }
@@ -34,7 +34,7 @@ TEST_F(SoakVerb, HoldsThroughAKilledDaemonAndAFailingCamera) {
   expect_parts(contents(folder_ / "report/report.txt"), {"round 0"});  // the schedule
 }
 
-// By another's hand, not by the schedule.
+// Killed by the test, not by the schedule.
 TEST_F(SoakVerb, NamesADaemonThatDies) {
   Program soak = start(small("--minutes 0.17 --only reload"));
   const std::string name = "soak-" + std::to_string(soak.pid());
