@@ -1,4 +1,4 @@
-// Ids and times of a recording rise, whatever restarts.
+// Ids and times of a recording rise, even if camera, daemon or clock restart.
 #include "tests/test.hpp"
 #include "tools/record/recording.hpp"
 

@@ -73,7 +73,7 @@ struct Disturbance {
 
 // One camera process and the disturbances in its time. Each round starts a new camera.
 struct Round {
-  std::vector<Disturbance> disturbances;  // in time
+  std::vector<Disturbance> disturbances;  // in order of time
 
   std::vector<std::string> faults() const;
 };
