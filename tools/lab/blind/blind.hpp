@@ -37,8 +37,8 @@ struct ChildWork {
   std::filesystem::path program;  // `bolo`, or a program with the same `diagnose`
   std::vector<std::filesystem::path> captures;
   std::filesystem::path folder;  // for the report
-  std::string withheld;          // longer runs are terminated
-  double limit_s = 900.0;        // limit; longer runs are terminated
+  std::string withheld;          // empty: none
+  double limit_s = 900.0;        // longer runs are terminated
 };
 
 // Runs `program diagnose CAPTURES -o FOLDER --threads 1 [--withhold EFFECT]` to its end. The child gets these

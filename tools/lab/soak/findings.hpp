@@ -11,7 +11,7 @@ enum class LogLine {
   kFine,           // information, or a warning of trouble with the camera or of lost frames
   kRefusedReload,  // an error: a wrong file was not reloaded
   kNoLife,         // an error: no heartbeat to the service manager's watchdog
-  kWrong,          // any other error, a message at an end before it ran, or a line that is not bolod's
+  kWrong,          // any other error, or a line without a log time, such as an error before the daemon ran
 };
 
 // Classifies a log line of the form: time, level, message (log.format = "text"). Thread: any.
