@@ -1,4 +1,3 @@
-// GoogleTest and common standard headers, precompiled once for each set of flags (CMakeLists.txt).
 #pragma once
 
 #include <gtest/gtest.h>

@@ -162,8 +162,8 @@ TEST(Parity, OfSlowCameras) {
   for (const int levels : {5, 6, 8}) expect_parity({17, levels, 25.0, 0, {}, 40});
 }
 
-// With one step less, or none after the first whole step at the least smoothing, some of this many pixels are off by 50
-// mK and more.
+// With one step less, or none after the first whole step at the least smoothing, some of this many pixels are 50 mK off
+// or more.
 TEST(Parity, OfSlowCamerasOverManyPixels) {
   for (const double rate_hz : {30.0, 25.0, 15.0}) expect_parity({17, 7, rate_hz, 0, {}, 300});
 }

@@ -222,7 +222,7 @@ TEST(Profile, WhatIsUndoneReadsBackAsItWasWritten) {
 
 TEST(Profile, SaysWhereValuesComeFromAndWhatChanged) {
   CameraProfile profile;
-  profile.tau_s = 0.011 * 1.1;  // and dust
+  profile.tau_s = 0.011 * 1.1;  // plus a rounding error
   profile.undo.emissivity = 0.96;
   const std::string text = document_profile(profile, {{"noise_k", "measured"}});
   EXPECT_NE(text.find("default 0.011\ntau_s = 0.0121\n"), std::string::npos) << text;

@@ -5,7 +5,7 @@ namespace bolo::motion::fixed_pattern_test {
 
 using namespace testing;
 
-constexpr Geometry kFrame{93, 60};  // no whole number of blocks
+constexpr Geometry kFrame{93, 60};  // no multiple of the block size
 constexpr double kTau = 2.2;
 constexpr double kNoise = 0.03;
 constexpr double kPattern = 0.1;

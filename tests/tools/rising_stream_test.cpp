@@ -1,4 +1,4 @@
-// Numbers and times of a recording rise across restarts.
+// Ids and times of a recording rise, even if camera, daemon or clock restart.
 #include "tests/test.hpp"
 #include "tools/record/recording.hpp"
 
@@ -23,7 +23,7 @@ TEST(RisingStream, LeavesAStreamAsItIsWhereTheCameraRanOn) {
     expect_unchanged(frame(3 * i, at_ns, 77 + at_ns));
   }
   expect_unchanged(frame(500, 3'000'000'000, 3'000'000'077), true);
-  expect_unchanged(frame(3500, 18'000'000'000, 3'000'100'000));  // a replay that runs faster than the host
+  expect_unchanged(frame(3500, 18'000'000'000, 3'000'100'000));  // a replay faster than real time
 }
 
 TEST(RisingStream, PutsANewCountWhereTheHostsClockSays) {
@@ -39,8 +39,7 @@ TEST(RisingStream, PutsANewCountWhereTheHostsClockSays) {
   EXPECT_EQ(second.camera_ns, 11'000'000'000 + kPeriod_ns);
 }
 
-// After a restart, a camera clock far ahead of the host's is a new clock: else the file would have hours without
-// frames.
+// After a restart a camera clock that leaps ahead of the host's is another clock, not hours of missing frames.
 TEST(RisingStream, DoesNotBelieveALeapAhead) {
   RisingStream stream(0.005);
   stream.place(frame(10, 1'000'000'000, 50'000'000'000));
@@ -50,7 +49,7 @@ TEST(RisingStream, DoesNotBelieveALeapAhead) {
   EXPECT_EQ(placed.frame_id, 11U);
 }
 
-// Times as a hostile writer might send them, one after the other.
+// Invalid times in sequence, as from a hostile writer.
 TEST(RisingStream, GoesOnByItsOwnTimeThroughTimesThatAreNone) {
   RisingStream stream(0.005);
   constexpr std::int64_t kNone = std::int64_t{1} << 61U;

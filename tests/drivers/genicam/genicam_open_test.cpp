@@ -167,7 +167,7 @@ TEST_F(GenicamOpenTest, ComesBackWhenANewWindowingDropsTheConnection) {
     EXPECT_TRUE(eventually([&] { return fake.read_register(kIrWindowingAt) == 2; }));
     fake.take_control_away();
   });
-  open(with({.windowing_watch_ms = 5000}));  // longer than until the camera drops the connection
+  open(with({.windowing_watch_ms = 5000}));  // the camera drops the connection within this time
   camera.join();
   ASSERT_FALSE(HasFatalFailure());
   EXPECT_EQ(fake.read_register(kIrFormatAt), 2U) << "the rest was configured after coming back";

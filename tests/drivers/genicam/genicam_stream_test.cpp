@@ -296,7 +296,7 @@ TEST_F(GenicamLossTest, StartsANewWindowWhenTheCounterIsReset) {
 TEST_F(GenicamLossTest, CountsFramesThatThePipelineCannotTake) {
   add_camera();
   open();
-  pipeline::FrameInlet inlet(info_.format, 1, 4);  // nobody takes frames out
+  pipeline::FrameInlet inlet(info_.format, 1, 4);  // never emptied
   ASSERT_TRUE(source_->start(inlet));
   const rt::LossCounters& losses = inlet.losses();
   EXPECT_TRUE(

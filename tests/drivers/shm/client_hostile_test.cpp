@@ -1,4 +1,4 @@
-// libbolo-client on hostile segments: whatever header, settings and slots claim, it answers and reads within the
+// libbolo-client on hostile segments: for any header, settings and slots it answers, and reads only within the
 // segment. Access rights: a reader in the stream's group, one outside it, and what neither may do.
 #include <fcntl.h>
 #include <sys/mman.h>

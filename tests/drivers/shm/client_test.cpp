@@ -337,7 +337,7 @@ TEST(ClientLibrary, ExportsItsFunctionsAndNothingElse) {
   int functions = 0;
   while (std::fscanf(symbols, "%63s %7s %255s", address, kind, symbol) == 3) {
     const std::string name = symbol;
-    if (name == "BOLO_CLIENT_0") continue;  // the version itself
+    if (name == "BOLO_CLIENT_0") continue;  // the version node
     EXPECT_EQ(name.rfind("bolo_client_", 0), 0U) << name;
     expect_parts(name, {"@@BOLO_CLIENT_0"});
     ++functions;

@@ -56,7 +56,7 @@ TEST(ShmWriters, OnlyOneOfManyStartersWins) {
 // A writer killed after one frame: its object and lock file remain.
 void leave_a_dead_writer(const std::string& name) {
   const int ended = in_child([&] {
-    auto* writer = new Writer(name, {8, 8});  // no destructor
+    auto* writer = new Writer(name, {8, 8});  // never destroyed
     if (!writer->open()) return 1;
     writer->publish();
     return 0;

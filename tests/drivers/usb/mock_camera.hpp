@@ -56,8 +56,8 @@ class MockCamera {
   ~MockCamera() {
     if (plugged_) unplug();
     testbed_.reset();
-    handler_.reset();                    // ends its thread,
-    const std::lock_guard lock(mutex_);  // which was the last to have this lock
+    handler_.reset();                    // ends its thread
+    const std::lock_guard lock(mutex_);  // last held by that thread
     done_.clear();
   }
   MockCamera(const MockCamera&) = delete;

@@ -30,7 +30,7 @@ struct FakeCamera {
   bool no_end_of_lists = false;  // endless lists of formats and buffers
 
   std::uint32_t sequence = 0;  // of the next frame
-  int opened = 0;              // times
+  int opened = 0;              // number of opens
   int refusals = 0;            // of DQBUF
   bool streaming = false;
   std::vector<std::vector<std::byte>> memory{};  // of the buffers

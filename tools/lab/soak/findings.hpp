@@ -1,4 +1,4 @@
-// Invariants and their breaches, the daemon's log, and the comparison of camera and daemon counts.
+// Invariants and their breaches, the daemon's log, and the comparison of the camera's and the daemon's counts.
 #pragma once
 
 #include <mutex>
@@ -8,16 +8,16 @@
 namespace bolo::tools::soak {
 
 enum class LogLine {
-  kFine,           // information, or a warning about the camera or lost frames
-  kRefusedReload,  // error: a faulty configuration was not taken up
-  kNoLife,         // error: no watchdog notification to the service manager
-  kWrong,          // any other error, a message at the end before it ran, or a foreign line
+  kFine,           // information, or a warning of trouble with the camera or of lost frames
+  kRefusedReload,  // an error: a wrong file was not reloaded
+  kNoLife,         // an error: no heartbeat to the service manager's watchdog
+  kWrong,          // any other error, or a line without a log time, such as an error before the daemon ran
 };
 
-// Classifies a log line: time, level, message (log.format = "text"). Thread: any.
+// Classifies a log line of the form: time, level, message (log.format = "text"). Thread: any.
 LogLine classify(std::string_view line);
 
-// --- Invariants, with counts of checks and breaches.
+// --- Invariants, with counts of their checks and breaches.
 
 enum class Invariant {
   kAccount,
@@ -58,18 +58,18 @@ class Findings {
   struct Tally {
     std::uint64_t checks = 0;
     std::uint64_t broken = 0;
-    std::string figure;  // last measurement, as text
+    std::string figure;  // last measurement, in words
   };
-  static constexpr std::size_t kKept = 20;  // breaches kept with description, per invariant
+  static constexpr std::size_t kKept = 20;  // breaches described per invariant
 
-  // Sets time and current disturbance for the calls that follow.
+  // Sets the time and the current disturbance of the following checks.
   void now(double at_s, const std::string& during);
 
   void count_check(Invariant invariant, std::uint64_t times = 1);
   void broken(Invariant invariant, std::string what);
-  // Counts a check, and a breach with text `what` unless it holds.
+  // Counts a check, and a breach `what` unless `holds`.
   bool require(Invariant invariant, bool holds, const std::string& what);
-  // Counts a check; an error of `status` is a breach.
+  // Counts a check, and an error status as a breach.
   bool done(Invariant invariant, const Status& status);
   void figure(Invariant invariant, std::string text);
 
@@ -93,51 +93,51 @@ std::uint64_t total(const faults::Losses& lost);
 // A fake camera's own counts (bolo fakecam --json --tell-every).
 struct CameraAccount {
   std::int64_t time_ns = 0;
-  std::int64_t first_stream_ns = 0;  // 0: not opened by anyone yet
+  std::int64_t first_stream_ns = 0;  // 0: not opened yet
   std::int64_t last_timestamp_ns = 0;
-  std::uint64_t passed = 0;  // frames whose time has come, sent or withheld
+  std::uint64_t passed = 0;  // frames that were due, sent or withheld
   std::uint64_t sent = 0;
   std::uint64_t streams = 0;
   std::vector<fakecam::InjectedFault> injected;
 
   std::uint64_t skipped_ids() const;  // by id_gap
 };
-// Nothing if the line is not an account. Thread: any.
+// Empty if the line is no account. Thread: any.
 std::optional<CameraAccount> parse_account(const std::string& line);
 
-// Both accounts at the same frame, when no frame around it is still in flight.
+// Both accounts at one frame, with no frame in flight that only one of them has counted.
 struct Mark {
   double at_s = 0.0;
-  // From the camera:
-  int camera = 0;            // process number
-  std::uint64_t passed = 0;  // over all camera processes so far
+  // Camera.
+  int camera = 0;            // index of the camera process
+  std::uint64_t passed = 0;  // by all camera processes so far
   std::uint64_t skipped_ids = 0;
   std::uint64_t streams = 0;
-  // From the daemon:
-  int life = 0;  // process number
+  // Daemon.
+  int life = 0;  // index of the daemon process
   std::uint64_t frame_id = 0;
-  // From the reader, over all lives so far:
-  std::uint64_t published = 0;  // frames, including the marked one
+  // Reader, over all daemon processes so far.
+  std::uint64_t published = 0;  // frames, including the mark's
   std::uint64_t lost_total = 0;
-  double silence_s = 0.0;  // time without published frames
+  double silence_s = 0.0;  // time in which nothing was published
 };
 
 // Differences between two marks.
 struct Balance {
-  std::uint64_t passed = 0;  // by the camera, including skipped numbers
+  std::uint64_t passed = 0;  // by the camera, including skipped ids
   std::uint64_t published = 0;
-  std::uint64_t lost = 0;        // of any cause
-  std::uint64_t numbered = 0;    // ids assigned by the daemon; within one life only
-  std::int64_t unaccounted = 0;  // passed, but neither published nor lost: sent to nobody
-  bool one_life = true;          // within one life of the daemon
-  bool one_stream = true;        // and within one stream of the camera
+  std::uint64_t lost = 0;        // sum over all causes
+  std::uint64_t numbered = 0;    // ids assigned by the daemon; within one process only
+  std::int64_t unaccounted = 0;  // passed, but neither published nor lost: nobody was listening
+  bool one_life = true;          // no restart of the daemon
+  bool one_stream = true;        // and no new stream of the camera
 };
 // Thread: any.
 Balance balance_of(const Mark& from, const Mark& to);
 
 inline constexpr std::int64_t kUnaccountedMargin = 40;  // frames in flight when a stream breaks
 
-// Judges a balance. `period_s`: frame period. Thread: any.
+// Judges a balance. `period_s`: of the frames. Thread: any.
 void check_balance(const Balance& balance, double silence_s, double period_s, Findings& findings);
 
 }  // namespace bolo::tools::soak

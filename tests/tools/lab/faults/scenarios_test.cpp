@@ -88,7 +88,7 @@ TEST_F(JudgeTest, AnotherPlaneWithoutAFlagIsWrongButForAWindowAfterTheDisturbanc
   publish_first(50);
   for (const std::size_t k : {9U, 12U, 28U, 29U}) result_.frames[k].deblurred[0] += 1;
   EXPECT_EQ(verdict().wrong, 4U);
-  const Verdict v = verdict({0.05, 0.06});  // frames 10 to 12, and 17 more
+  const Verdict v = verdict({0.05, 0.06});  // frames 10 to 12, and a window of 17
   EXPECT_EQ(v.settling, 2U);
   EXPECT_EQ(v.wrong, 2U);
 }
