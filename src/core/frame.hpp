@@ -58,7 +58,7 @@ struct FrameMeta {
   std::int64_t camera_ns = 0;   // the camera's clock
   std::int64_t receive_ns = 0;  // host CLOCK_MONOTONIC, when the frame's first byte arrived
   std::uint32_t flags = kFlagNone;
-  std::int64_t host_ns = 0;  // camera_ns on the host's CLOCK_MONOTONIC, estimated by a live source; 0: not known
+  std::int64_t host_ns = 0;  // camera_ns on the host's CLOCK_MONOTONIC, estimated for monitored cameras; 0: not known
   // UTC of host_ns, or of receive_ns if that is 0; filled in by the pipeline. ns since 1970; 0: not known.
   std::int64_t utc_ns = 0;
   std::int64_t utc_uncertainty_ns = 0;  // bound of the error of utc_ns; see bolo_shm_slot

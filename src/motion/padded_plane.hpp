@@ -41,7 +41,7 @@ class PaddedPlane {
   const float* at(int x, int y) const noexcept { return values_.data() + offset(x, y); }
 
   void fill(float value) noexcept { std::ranges::fill(values_, value); }
-  // Repeats the frame's border beyond rows [begin, end): beside them, above the first and below the last.
+  // Repeats the border beside rows [begin, end), and above or below the frame if they hold its first or last.
   // Thread: worker.
   void extend(int begin, int end) noexcept;
   void extend() noexcept { extend(0, geometry_.height); }

@@ -33,7 +33,7 @@ struct Reading {
   RowKind kind = RowKind::kCount;
   double json_scale = 1.0;  // of kNs and kReal
   double metric_scale = 1.0;
-  std::size_t known_by = 0;  // offset of a word that is 0 while this one is unknown, and JSON null; 0: its own
+  std::size_t known_by = 0;  // offset of a word that is 0 (JSON: null) while this one is unknown; 0: its own
 };
 
 template <typename Source>
