@@ -147,10 +147,11 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
 // --- JSON for other programs.
 
 // Whatever bytes names of files and texts of devices hold: what is no UTF-8 becomes U+FFFD, where the library by itself
-// would end the program. `indent`: spaces a level; -1: all on one line. Thread: any.
+// would end the program, and what is not ASCII is escaped, so that a terminal obeys none of it. `indent`: spaces a
+// level; -1: all on one line. Thread: any.
 template <typename Json>
 std::string json_text(const Json& json, int indent = -1) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+  return json.dump(indent, ' ', true, Json::error_handler_t::replace);
 }
 
 // --- --plot FILE.svg|FILE.html of the verbs that run long: what they measured, drawn.
