@@ -1,5 +1,6 @@
 // Files that are read, and the one rule of what is written: on real files, inputs, links, pipes, a disk that takes
 // nothing.
+#include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -11,6 +12,22 @@
 #include "tests/child.hpp"
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
+
+namespace bolo::file_test {
+
+const char* g_fails_once = nullptr;  // this path, for the next who looks: as a network's disk may
+
+}  // namespace bolo::file_test
+
+extern "C" int stat(const char* path, struct stat* info) noexcept {
+  const char*& fails = bolo::file_test::g_fails_once;
+  if (fails != nullptr && std::string_view(fails) == path) {
+    fails = nullptr;
+    errno = EIO;
+    return -1;
+  }
+  return fstatat(AT_FDCWD, path, info, 0);
+}
 
 namespace bolo::file_test {
 
@@ -134,6 +151,12 @@ TEST_F(OutputFileTest, AFolderThatTakesNoFileIsRefused) {
     }
     EXPECT_EQ(fs::exists(folder), writes);
   }
+  const std::string empty = scratch_ / "empty";
+  fs::create_directory(empty);
+  g_fails_once = empty.c_str();
+  { const auto was_there = must(OutputFolder::make(empty)); }
+  EXPECT_EQ(g_fails_once, nullptr);
+  EXPECT_TRUE(fs::exists(empty));
   EXPECT_TRUE(check_outputs({scratch_ / "made" / "sub" / "new.h5"}, {input_}, Replace::kNothing));
 }
 
