@@ -107,7 +107,8 @@ Status make_folder(const fs::path& folder) {
 Result<OutputFolder> OutputFolder::make(const fs::path& folder) {
   OutputFolder out;
   std::error_code error;
-  for (fs::path at = folder; !at.empty() && !fs::exists(at, error); at = at.parent_path()) out.made_.push_back(at);
+  const auto is_missing = [&](const fs::path& at) { return fs::status(at, error).type() == fs::file_type::not_found; };
+  for (fs::path at = folder; !at.empty() && is_missing(at); at = at.parent_path()) out.made_.push_back(at);
   RETURN_IF_ERROR(make_folder(folder));
   return out;
 }

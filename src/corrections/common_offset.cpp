@@ -1,6 +1,6 @@
 // One number a frame: the centre of the differences from the frame before over a lattice of pixels, a mean that
-// excludes moving content (beyond 2.5 sigma of the noise). Steps are summed up (jumps), the rest as far as it changes
-// within a few frames (flicker); slow changes belong to the scene, and stay.
+// excludes moving content (beyond 2.5 sigma of the noise). Steps are summed up (jumps) and forgotten in a minute, the
+// rest as far as it changes within a few frames (flicker); slow changes belong to the scene, and stay.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -12,21 +12,24 @@ namespace bolo::corrections {
 namespace {
 
 constexpr std::size_t kLattice = 4096;
-constexpr double kClip = 2.5;         // sigma of a difference: beyond it the scene moves
-constexpr double kStill = 0.6;        // share of pixels that must not move for a frame's offset to be known
-constexpr double kJump = 1.0;         // sigma of a difference: least step of all pixels that counts as a jump
-constexpr double kFirstUsual = 0.1;   // of sigma: initial usual change
-constexpr double kUnusual = 6.0;      // times the usual change of a frame
-constexpr double kJumpShare = 0.5;    // of the pixels that must have made the step
-constexpr double kFlickerKept = 0.8;  // of the flicker removed, from frame to frame
-constexpr double kTrendTaken = 0.05;  // of a frame's difference, added to the trend
+constexpr double kClip = 2.5;          // sigma of a difference: beyond it the scene moves
+constexpr double kStill = 0.6;         // share of pixels that must not move for a frame's offset to be known
+constexpr double kJump = 1.0;          // sigma of a difference: least step of all pixels that counts as a jump
+constexpr double kFirstUsual = 0.1;    // of sigma: initial usual change
+constexpr double kUnusual = 6.0;       // times the usual change of a frame
+constexpr double kJumpShare = 0.5;     // of the pixels that must have made the step
+constexpr double kMostJumped = 1500;   // sigma of a difference, all jumps together: a larger one is a change of scene
+constexpr double kJumpMemoryS = 60.0;  // time constant of the sum of jumps: a false one does not stay
+constexpr double kFlickerKept = 0.8;   // of the flicker removed, from frame to frame
+constexpr double kTrendTaken = 0.05;   // of a frame's difference, added to the trend
 
 class CommonOffset final : public Correction {
  public:
   CommonOffset(const Setup& setup, const StreamFormat& input)
       : Correction({.samples = true, .whole_frame = true}),
         flicker_taken_(setup.undo.flicker_k > 0.0),
-        jumps_taken_(setup.undo.follow_jumps) {
+        jumps_taken_(setup.undo.follow_jumps),
+        period_s_(input.frame_period_s) {
     const std::size_t pixels = input.geometry.pixels();
     const double scale = input.scale.unit == Unit::kKelvin ? input.scale.scale : 1.0;
     const std::size_t step = std::max<std::size_t>(1, pixels / kLattice);
@@ -36,7 +39,10 @@ class CommonOffset final : public Correction {
     sigma_ = std::sqrt(2.0) * std::max(setup.noise_k / std::abs(scale), 0.5);
   }
 
-  void begin(std::uint64_t periods) noexcept override { first_ = periods == 0; }
+  void begin(std::uint64_t periods) noexcept override {
+    first_ = periods == 0;
+    jumped_ *= std::exp(-static_cast<double>(periods) * period_s_ / kJumpMemoryS);
+  }
 
   // Steps are distinguished from motion by the spread of the frame before, which motion does not change at once.
   void measure(const float* plane) noexcept override {
@@ -53,6 +59,7 @@ class CommonOffset final : public Correction {
     const double step = std::abs(difference - trend_);
     const bool still = share_within(kClip * sigma_, difference) > kStill;
     if (jumps_taken_ && step > std::max(kJump * sigma_, kUnusual * usual_) &&
+        std::abs(jumped_ + difference - trend_) < kMostJumped * sigma_ &&
         share_within(kClip * spread_, difference) > kJumpShare) {
       jumped_ += difference - trend_;
       difference = trend_;
@@ -108,6 +115,7 @@ class CommonOffset final : public Correction {
 
   const bool flicker_taken_;
   const bool jumps_taken_;
+  const double period_s_;
   std::vector<std::uint32_t> lattice_;
   std::vector<float> sample_;  // of the frame before, at the lattice
   std::vector<float> now_;     // of this frame

@@ -75,15 +75,14 @@ double NoiseMeter::noise() const noexcept {
   return std::min(kMostNoise, noise);
 }
 
-double NoiseMeter::measured() const noexcept { return measured_ > 0.0 ? std::max(measured_, floor_) : 0.0; }
-
 void NoiseMeter::update(const WindowView& window, const Pattern& pattern, Crew& crew) noexcept {
   int run = 0;  // received frames in a row, newest first
   for (int s = pattern.slots - 1; s >= 0 && run <= kOrder; --s) {
     run = pattern.received[static_cast<std::size_t>(s)] ? run + 1 : 0;
     if (run <= kOrder) continue;
-    const double now = measure(&window.planes[static_cast<std::size_t>(s)], kOrder, crew);
-    if (now <= 0.0) continue;
+    const double shown = measure(&window.planes[static_cast<std::size_t>(s)], kOrder, crew);
+    if (shown <= 0.0) continue;
+    const double now = std::max(shown, floor_);  // recovery from a smaller value would take longer
     if (measured_ == 0.0) measured_ = now;
     measured_ = now < measured_ ? measured_ + kFall * (now - measured_) : std::min(now, kRise * measured_);
   }

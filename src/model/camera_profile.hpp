@@ -87,7 +87,7 @@ inline const std::vector<UndoKey>& undo_keys() {
       {"firmware", "flicker_k", &Undo::flicker_k, {0.0, 5.0, "K"}, {"flicker"}, "sigma_k",
        "An offset that the whole frame has anew every time, root mean square; it is taken out. 0: none."},
       {"firmware", "follow_jumps", &Undo::follow_jumps, {}, {"offset_jump"}, "",
-       "Steps of all pixels by the same amount, from one frame to the next, are the camera's: taken out."},
+       "Steps of all pixels by the same amount, from one frame to the next, are the camera's: taken out, forgotten in minutes."},
       {"firmware", "drop_repeated", &Undo::drop_repeated, {}, {"frame_loss", "nuc_freeze"}, "",
        "A frame that repeats the one before bit for bit counts as lost: the camera had none, or was busy."},
       {"corrections", "scene_nuc", &Undo::scene_nuc, {}, {}, "",

@@ -1,4 +1,5 @@
 // Input files, and the one rule for output files, on real files, devices, links, pipes and a full disk.
+#include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -10,6 +11,22 @@
 #include "tests/child.hpp"
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
+
+namespace bolo::file_test {
+
+const char* g_fails_once = nullptr;  // stat() of this path fails once, as on a network's disk
+
+}  // namespace bolo::file_test
+
+extern "C" int stat(const char* path, struct stat* info) noexcept {
+  const char*& fails = bolo::file_test::g_fails_once;
+  if (fails != nullptr && std::string_view(fails) == path) {
+    fails = nullptr;
+    errno = EIO;
+    return -1;
+  }
+  return fstatat(AT_FDCWD, path, info, 0);
+}
 
 namespace bolo::file_test {
 
@@ -80,6 +97,9 @@ TEST_F(InputFileTest, RowsAfterAByteOrderMarkAreRows) {
     return {};
   }));
   EXPECT_EQ(sum, 10.0);
+  std::ofstream(scratch_ / "long.csv") << "1,2\n" << std::string(1'000'000, '9') << ",1\n";
+  expect_refused(read_rows(scratch_ / "long.csv", [](std::string_view, bool) { return Status{}; }),
+                 {"long.csv:2: is no row of numbers: longer than 1,000 letters"});
 }
 
 std::string content_of(const fs::path& file) { return read_input(file).value_or(""); }
@@ -131,6 +151,12 @@ TEST_F(OutputFileTest, AFolderThatTakesNoFileIsRefused) {
     }
     EXPECT_EQ(fs::exists(folder), writes);
   }
+  const std::string empty = scratch_ / "empty";
+  fs::create_directory(empty);
+  g_fails_once = empty.c_str();
+  { const auto was_there = must(OutputFolder::make(empty)); }
+  EXPECT_EQ(g_fails_once, nullptr);
+  EXPECT_TRUE(fs::exists(empty));
   EXPECT_TRUE(check_outputs({scratch_ / "made" / "sub" / "new.h5"}, {input_}, Replace::kNothing));
 }
 

@@ -197,6 +197,21 @@ TEST(Corrections, AJumpIsFollowedAndMotionIsNot) {
   EXPECT_LT(worst(pass(*third, wild, all_of(wild)), wild), kRounding) << "nothing is invented";
 }
 
+TEST(Corrections, WhatWasTakenForAJumpDoesNotStay) {
+  Frames seen = moving_scene(120);
+  for (std::size_t k = 0; k < 40; ++k) {
+    for (std::size_t p = 0; p < seen[k].size(); ++p) seen[k][p] = (p + k) % 2 == 0 ? 0.0 : 65535.0;
+  }
+  const auto chain = make({.follow_jumps = true}, floats(kPicture));
+  EXPECT_LT(worst(pass(*chain, seen, all_of(seen)), seen, 40), kRounding) << "no camera jumps so far";
+  constexpr Geometry kTiny{4, 3};
+  Frames long_after(30'000, std::vector<double>(kTiny.pixels(), 30'000.0));  // 150 s
+  for (std::size_t k = 10; k < long_after.size(); ++k) std::ranges::fill(long_after[k], 30'150.0);
+  const Passed passed = pass(*make({.follow_jumps = true}, floats(kTiny)), long_after, all_of(long_after));
+  EXPECT_NEAR(passed.planes[20].front(), 30'000.0, 5.0);
+  EXPECT_NEAR(passed.planes.back().front(), 30'150.0, 15.0);
+}
+
 TEST(Corrections, CurvesOfRadianceAndEmissivityAreInverted) {
   const model::Undo undo{.radiance = true, .emissivity = 0.95, .reflected_k = 290.0};
   const auto made = make(undo);

@@ -359,6 +359,12 @@ TEST(NoiseMeter, ASyntheticPictureHasTheQuantisationsNoise) {
   const std::vector<float> out = whole_frame(*solver, movie.view(), g);
   EXPECT_NEAR(solver->noise_k(), 0.01 / std::sqrt(12.0), 1e-6);
   for (const float value : out) EXPECT_NEAR(static_cast<double>(value), 300.0, 1e-4);
+  // One pixel that flickers by a count is less than that, and does not make the way back to a camera's noise longer.
+  for (std::size_t i = 0; i < movie.planes().size(); i += 2) ++movie.planes()[i].front();
+  for (int i = 0; i < 20; ++i) whole_frame(*solver, movie.view(), g);
+  const Movie real(g, 0.1, 0.0);
+  for (int i = 0; i < 300; ++i) whole_frame(*solver, real.view(), g);
+  EXPECT_GT(solver->noise_k(), 0.005);
 }
 
 }  // namespace bolo::deblur::mmae_test

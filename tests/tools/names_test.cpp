@@ -28,9 +28,17 @@ TEST_F(Names, JsonIsWrittenWithThem) {
             shown);
   std::filesystem::remove(name);
   EXPECT_EQ(json_of({"recover", capture(""), "-o", name, "--json"})["output"], shown);
+  const std::string moves =
+      "\xc2\x9b"
+      "2J\xe2\x80\xae";  // CSI of 8 bits, and letters from right to left
+  const std::string printed_json = printed({"info", capture(moves), "--json"});
+  EXPECT_EQ(nlohmann::json::parse(printed_json)["attributes"]["note"], moves);
+  expect_none(printed_json, {"\xc2\x9b", "\xe2\x80\xae"});
 }
 
-TEST_F(Names, InfoShowsAttributesOfAnyBytes) { expect_parts(printed({"info", capture("x\xff")}), {"note \"x"}); }
+TEST_F(Names, InfoShowsAttributesOfAnyBytes) {
+  expect_parts(printed({"info", capture("\xc3\xa4\xff")}), {"note \"\xc3\xa4"});
+}
 
 // Nor does HDF5 print at exit about objects it could not close: each byte of the first object is damaged once.
 TEST_F(Names, OfADamagedCaptureThereIsOneLine) {

@@ -75,6 +75,14 @@ void print(const RecoverRequest& request, const capture::Recovered& done) {
   if (!request.in_place) std::printf("%s is as it was\n", printable(request.damaged.string()).c_str());
 }
 
+// Of a recording that was moved without what belongs to it; empty where its journal is there.
+std::string without_journal(const std::filesystem::path& damaged) {
+  const std::string journal = damaged.string() + ".journal";
+  std::error_code ignored;
+  if (damaged.extension() != ".part" || std::filesystem::exists(journal, ignored)) return {};
+  return journal + " is not there: if the recording was moved, move its .journal and .live beside it, too";
+}
+
 Result<capture::Recovered> recover(const RecoverRequest& request) {
   if (request.in_place) return capture::recover_in_place(request.damaged, request.out);
   std::unique_ptr<Progress> progress;
@@ -87,11 +95,17 @@ Result<capture::Recovered> recover(const RecoverRequest& request) {
 
 Status run_recover(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const auto request, recover_request(given));
-  ASSIGN_OR_RETURN(const auto done, recover(request));
+  auto done = recover(request);
+  const std::string why = without_journal(request.damaged);
+  if (!done && done.error().kind == ErrorKind::kBadInput && !why.empty()) {
+    return bad_input(done.error().message + "; " + why);
+  }
+  if (!done) return tl::unexpected(std::move(done.error()));
+  if (!done->remarks.empty() && !why.empty()) done->remarks.push_back(why);
   if (given.count("json") != 0) {
-    std::cout << json_text(to_json(request, done)) << '\n';
+    std::cout << json_text(to_json(request, *done)) << '\n';
   } else {
-    print(request, done);
+    print(request, *done);
   }
   return {};
 }

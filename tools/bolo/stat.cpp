@@ -23,8 +23,6 @@
 namespace bolo::tools {
 namespace {
 
-// Texts in shared memory may be truncated within a UTF-8 character.
-constexpr auto kReplace = nlohmann::ordered_json::error_handler_t::replace;
 constexpr double kMinInterval = 0.05;
 constexpr double kMaxInterval = 3600.0;
 constexpr std::chrono::seconds kStatePatience(1);  // a stalled daemon delays the others' rows
@@ -68,7 +66,7 @@ class Display {
     shown_ = true;
   }
   void show_json(const std::string& name, const StatSnapshot& snapshot, const StatSample& sample) {
-    std::puts(stat_json(name, snapshot, sample).dump(-1, ' ', true, kReplace).c_str());
+    std::puts(json_text(stat_json(name, snapshot, sample)).c_str());
     std::fflush(stdout);
   }
 

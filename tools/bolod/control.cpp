@@ -139,7 +139,13 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
   RETURN_IF_ERROR(check_folder(folder.empty() ? "." : folder.string()));
   if (is_listening(address)) return bad_input("control socket " + path + ": another daemon listens there; stop it");
   struct stat there {};
-  if (lstat(path.c_str(), &there) == 0 && S_ISSOCK(there.st_mode)) unlink(path.c_str());
+  if (lstat(path.c_str(), &there) == 0) {
+    if (!S_ISSOCK(there.st_mode)) {
+      return bad_input("control socket " + path +
+                       ": a file that is no socket is there; remove it, or set control.socket");
+    }
+    unlink(path.c_str());
+  }
 
   UniqueFd listener(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int fd = listener.get();

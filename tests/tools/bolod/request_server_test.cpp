@@ -174,6 +174,14 @@ TEST(ControlServer, AnothersFileDoesNotGetTheSocketsMode) {
   EXPECT_EQ(std::filesystem::status(theirs).permissions(), std::filesystem::perms(0600));
 }
 
+TEST(ControlServer, AFileInItsPlaceStaysAndIsNamed) {
+  const Scratch scratch;
+  const std::filesystem::path path = scratch.text("cam.sock", "theirs");
+  expect_refused(ControlServer::start(path, 0660, [](std::string_view) { return "{}"; }),
+                 {path.string() + ": a file that is no socket is there; remove it, or set control.socket"});
+  EXPECT_EQ(std::filesystem::file_size(path), 6U);
+}
+
 TEST(RequestServers, WithoutAThreadThereIsAnErrorAndNoSocket) {
   const NoThreads none;
   const Scratch scratch;
