@@ -1,9 +1,9 @@
-"""Runs ctest and tells which tests were skipped, and why; fails unless each of them waits for data that may be absent.
+"""Runs ctest and lists skipped tests with their reasons; fails unless each lacks only data that may be absent.
 
 usage: skips.py [--allow WORDS]... BUILD [CTEST OPTION...]
 
-A test that fails runs once more, since others load the machine beside it; that it did is told, and more than a few are a
-failure. What failed is shown again behind all else, the end of its output each.
+A test that fails runs once more, since other tests load the machine beside it; second runs are listed, and more than a few
+are a failure. The ends of failed tests' outputs are repeated at the end.
 A skip is one of a whole test (gtest's GTEST_SKIP, ctest's SKIP_RETURN_CODE) or of a part: a TEST of a program that is one
 test of ctest's, or what Python's unittest leaves out.
 Its reason must have "BOLO_TEST_DATA" in it, or the words of an --allow. The last lines are ctest's own summary.
@@ -31,7 +31,7 @@ PROGRAM = re.compile(r"^skipped:? *(.*)$", re.MULTILINE | re.IGNORECASE)
 
 
 def reason_of(output: str, told: str) -> str:
-    """Of a test that was skipped as a whole."""
+    """Reason of a test that was skipped as a whole."""
     found = GTEST.search(output) or PROGRAM.search(output)
     return (found.group(1).strip() if found else "") or told or "no reason is told"
 
@@ -51,7 +51,7 @@ def skips_of(cases: list[xml.etree.ElementTree.Element]) -> list[tuple[str, str]
 
 
 def failures_of(cases: list[xml.etree.ElementTree.Element]) -> list[tuple[str, str]]:
-    """Names and the ends of their output."""
+    """Names of failed tests and the ends of their output."""
     return [(case.get("name", "?"), (case.findtext("system-out") or "").strip()[-MOST_AGAIN:])
             for case in cases if case.get("status") == "fail"]
 

@@ -1,11 +1,11 @@
 #!/usr/bin/python3
-"""Runs clang-tidy on C++ files, several at a time, and passes over those whose preprocessed text was found clean before.
+"""Runs clang-tidy on C++ files, in parallel, except those whose preprocessed text was found clean before.
 
 usage: tidy.py BUILD_FOLDER FILE...
-Some twenty files at a time are looked at as one text, for most of the time goes into what they include; where anything is
-found in it, or their names meet, its halves are. What was found clean is remembered under $BOLO_CACHE (default:
-~/.cache/bolo) by a hash of the preprocessed text with its comments, the checks and the version of clang-tidy. What is
-found is printed, and then the exit code is 1.
+Some twenty files are analysed as one unit, because most of the time goes into their includes. A unit with findings, or in
+which names collide, is split in halves. Clean files are remembered under $BOLO_CACHE (default: ~/.cache/bolo) by a hash of
+the preprocessed text with its comments, the checks and the version of clang-tidy. Findings are printed; the exit code is
+then 1.
 """
 import concurrent.futures
 import hashlib
@@ -35,7 +35,7 @@ def cache_folder():
 
 
 def options_of(entry):
-    """The options of an entry of compile_commands.json without those that name files or are GCC's, each with its value."""
+    """Options of an entry of compile_commands.json, with values, except those that name files or only GCC knows."""
     words = shlex.split(entry["command"])
     compiler = next(i for i, word in enumerate(words) if os.path.basename(word) != "ccache")
     options = []
@@ -55,7 +55,7 @@ class Examination:
         self.cache = cache_folder()
 
     def findings(self, files):
-        """clang-tidy's output for them; nothing where they are clean."""
+        """clang-tidy's output for these files; empty if they are clean."""
         options = dict.fromkeys(option for file in files for option in options_of(self.entries[file]))
         words = ["clang++", *(word for option in options for word in option)]
         file = files[0]

@@ -40,7 +40,7 @@ _SLICE_MS = 100  # of a wait: maximum delay of Ctrl-C and close()
 
 
 class Flag(enum.IntFlag):
-    """What is special about a frame; enum bolo_shm_flag."""
+    """Flags of a frame (enum bolo_shm_flag)."""
     GAP = 1  # a frame of its window was lost
     WARM_UP = 2  # no full window yet: the deblurred plane is the raw one
     NUC = 4  # the camera was performing a NUC
@@ -52,7 +52,7 @@ class Flag(enum.IntFlag):
 
 
 class Error(RuntimeError):
-    """One line that says what is wrong and what to do; `result` is of enum bolo_client_result."""
+    """One line: what is wrong and what to do. `result`: enum bolo_client_result."""
 
     def __init__(self, result: int, text: str):
         super().__init__(text)
@@ -60,7 +60,7 @@ class Error(RuntimeError):
 
 
 class NotFound(Error):
-    """There is no such stream."""
+    """No stream has this name."""
 
 
 class Denied(Error):
@@ -68,7 +68,7 @@ class Denied(Error):
 
 
 class Unavailable(Error):
-    """Points of this frame can't be solved now: it is not published, has no full window, or has left the ring."""
+    """Points of this frame cannot be solved now: it is not published yet, has no full window, or has left the ring."""
 
 
 _OK, _TIMEOUT, _RESTARTED, _ENDED, _OVERWRITTEN, _NOT_YET, _WARM_UP = range(7)
@@ -86,7 +86,7 @@ _KINDS |= {"char16": ctypes.c_char * 16, "char112": ctypes.c_char * 112}
 
 
 def _structure(members: str) -> type:
-    """A structure of the C headers: types, each with the members that have it, in order."""
+    """A structure of the C headers: types with the names of their members, in order."""
     rows = [row.split() for row in members.split(";")]
     fields = [(name, _KINDS[row[0]]) for row in rows for name in row[1:]]
     return type("Structure", (ctypes.Structure,), {"_fields_": fields})
@@ -157,7 +157,7 @@ def version() -> str:
 
 
 def streams() -> list[str]:
-    """The names of the streams that exist now, of dead daemons too."""
+    """Names of the existing streams, including those of dead daemons."""
     text, needed = b"", 1 << 16
     while len(text) < needed:
         text = ctypes.create_string_buffer(needed)
@@ -173,7 +173,7 @@ def _seconds(ns: int) -> float:
 
 @dataclass(frozen=True)
 class Info:
-    """What a stream is; bolo/client.h has each field's meaning."""
+    """Properties of a stream; bolo/client.h describes each field."""
     width: int
     height: int
     kelvin: bool  # kelvin = scale * value + offset; otherwise values are counts
@@ -212,7 +212,7 @@ _LOSS_CAUSES = ("incomplete", "missing", "pool_exhausted", "queue_full", "bad_fr
 
 @dataclass(frozen=True)
 class State:
-    """What daemon and camera do, as they did when it was asked for."""
+    """State of daemon and camera at the time of the call."""
     alive: bool
     heartbeat_age_s: float
     published: int
@@ -246,7 +246,7 @@ class State:
 
 
 class _Ring:
-    """Keeps a ring mapped as long as arrays lie in it."""
+    """Keeps a ring mapped while arrays refer to it."""
 
     def __init__(self, handle):
         hold = _client.hold_new(handle)
@@ -261,12 +261,12 @@ class _Ring:
 
 
 def _field(name: str, text: str, made: Callable = int, unknown: Optional[int] = None) -> property:
-    """A field of a frame; None for the value `unknown`."""
+    """A field of a frame; None if it has the value `unknown`."""
     return property(lambda frame: None if (value := getattr(frame._lent, name)) == unknown else made(value), doc=text)
 
 
 class Frame:
-    """A frame where it lies in the ring. What is made of it counts only if valid() holds afterwards."""
+    """A frame in place in the ring: results computed from it count only if valid() is true afterwards."""
 
     def __init__(self, lent: _Frame, ring: _Ring, info: Info, restarted: bool):
         self._lent, self._ring = lent, ring
@@ -275,12 +275,12 @@ class Frame:
 
     @cached_property
     def raw(self) -> np.ndarray:
-        """uint16, height x width, as the camera gave it: a read-only view."""
+        """uint16, height x width, as the camera sent it: a read-only view."""
         return self._ring.view(self._lent.raw, self.info.height, self.info.width)
 
     @cached_property
     def deblurred(self) -> np.ndarray:
-        """uint16, height x width, with the pixels' inertia undone: a read-only view."""
+        """uint16, height x width, deblurred: a read-only view."""
         return self._ring.view(self._lent.deblurred, self.info.height, self.info.width)
 
     @cached_property
@@ -307,11 +307,11 @@ class Frame:
         return plane * np.float32(self.info.scale) + np.float32(self.info.offset)
 
     def valid(self) -> bool:
-        """Whether the planes were this frame's during all that was read of them until now."""
+        """True if everything read from the planes so far was this frame's (not overwritten)."""
         return self._own or _client.valid(self._lent) == 1
 
     def copy(self) -> Optional["Frame"]:
-        """The same with planes of its own, always valid; None when it was overwritten."""
+        """A copy with planes of its own, always valid; None if the frame was overwritten."""
         other = Frame(self._lent, self._ring, self.info, self.restarted)
         for name in ("raw", "deblurred", "motion", "affine"):
             values = getattr(self, name)
@@ -364,7 +364,7 @@ class Camera(AbstractContextManager):
         raise TypeError(f"the camera '{self.name}' cannot be copied or pickled: open it once more")  # one handle, one close
 
     def close(self) -> None:
-        """Frames and arrays that were given stay good. Any thread."""
+        """Ends waiting calls. Frames and arrays returned before remain usable. Any thread."""
         self._closed = True  # before the lock: a wait releases it between slices, and checks
         with self._lock:
             if self._users == 0:
@@ -372,7 +372,7 @@ class Camera(AbstractContextManager):
 
     @contextmanager
     def _open_handle(self):
-        """The handle for as long as nobody else may use or free it."""
+        """The handle, held so that no other thread uses or frees it."""
         with self._lock:
             self._users += 1
             try:
@@ -394,7 +394,7 @@ class Camera(AbstractContextManager):
         return self._wait("next", timeout)
 
     def latest(self, timeout: Optional[float] = None) -> Optional[Frame]:
-        """The newest frame that was not given yet; those before it count as missed."""
+        """The newest frame not returned before; skipped ones count as missed."""
         return self._wait("latest", timeout)
 
     def _wait(self, function: str, timeout: Optional[float]) -> Optional[Frame]:
@@ -436,7 +436,7 @@ class Camera(AbstractContextManager):
         return values
 
     def state(self) -> State:
-        """What daemon and camera do now."""
+        """The present state of daemon and camera."""
         with self._open_handle() as handle:
             return State._of(_client.get_state(handle).contents)
 
