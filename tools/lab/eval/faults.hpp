@@ -1,5 +1,6 @@
 // Runs the daemon's pipeline with a failing camera, over real packets on loopback, to a sink, and judges the results;
 // scenarios of faults with their expected results.
+#pragma once
 
 #include <array>
 
