@@ -370,11 +370,11 @@ void ShmSection::declare(model::KeyTable& keys) {
   keys.section("shm", "frames for other programs: shared memory /bolo.NAME");
   keys.boolean("enable", enabled_, "Publish into shared memory.");
   keys.integer("slots", options_.slots, {0, 65536, "frames"},
-               "Frames in the ring, at least window + lookahead; 0: 64, or more when the window needs more.");
+               "Frames in the ring, at least window + lookahead; 0: 64, or more if the window needs more.");
   keys.octal("mode", options_.mode, {0600, 0777, ""},
-             "Permission bits; readers need to read only: 0o640 for the group's members, 0o644 for everybody.");
+             "Permission bits; readers need read permission only: 0o640 for the group's members, 0o644 for everybody.");
   keys.text("group", options_.group,
-            "Owner group, of which the daemon's user must be a member; empty: the daemon's own.");
+            "Owning group, of which the daemon's user must be a member; empty: the daemon's own.");
 }
 
 Status ShmSection::check(const model::KeyTable& keys, const pipeline::SinkContext& context,

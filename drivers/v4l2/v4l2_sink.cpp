@@ -97,14 +97,14 @@ constexpr std::string_view kKelvin = "K (counts when the source has no kelvin)";
 
 void agc_keys(model::KeyTable& keys, AgcOptions& agc) {
   keys.choice<Gain>("gain", agc.gain, kGains,
-                    "8 bits: auto follows the picture; fixed shows low_k black and high_k white.");
-  keys.number("low_k", agc.low_k, {0.0, kHottestK, kKelvin}, "Fixed gain: black.");
-  keys.number("high_k", agc.high_k, {0.0, kHottestK, kKelvin}, "Fixed gain: white.");
-  keys.number("low_percent", agc.low_percent, {0.0, 100.0, "%"}, "Auto gain: pixels that are black.");
-  keys.number("high_percent", agc.high_percent, {0.0, 100.0, "%"}, "Auto gain: pixels that are not white.");
-  keys.number("smooth_s", agc.smooth_s, {0.0, 3600.0, "s"}, "Auto gain: time constant with which it follows.");
+                    "8 bits: auto follows the picture; fixed maps low_k to black and high_k to white.");
+  keys.number("low_k", agc.low_k, {0.0, kHottestK, kKelvin}, "Fixed gain: temperature shown black.");
+  keys.number("high_k", agc.high_k, {0.0, kHottestK, kKelvin}, "Fixed gain: temperature shown white.");
+  keys.number("low_percent", agc.low_percent, {0.0, 100.0, "%"}, "Auto gain: percentile shown black.");
+  keys.number("high_percent", agc.high_percent, {0.0, 100.0, "%"}, "Auto gain: percentile shown white.");
+  keys.number("smooth_s", agc.smooth_s, {0.0, 3600.0, "s"}, "Auto gain: time constant of its adaptation.");
   keys.number("least_span_k", agc.least_span_k, {0.0, kHottestK, kKelvin},
-              "Auto gain: white is at least this far above black, so that noise stays faint.");
+              "Auto gain: smallest distance of white from black, so that noise stays faint.");
 }
 
 Status check_agc(const AgcOptions& agc) {
@@ -288,14 +288,15 @@ V4l2Section::V4l2Section(std::string name, std::string meaning, V4l2Options opti
 
 void V4l2Section::declare(model::KeyTable& keys) {
   keys.section(name_, meaning_);
-  keys.boolean("enable", enabled_, "Show frames on it; `modprobe v4l2loopback video_nr=10 exclusive_caps=1` first.");
+  keys.boolean("enable", enabled_,
+               "Write frames to it; run `modprobe v4l2loopback video_nr=10 exclusive_caps=1` first.");
   keys.text("device", options_.device, "The device.");
-  keys.choice<Plane>("plane", options_.plane, kPlanes, "Frames as they came, or sharp.");
+  keys.choice<Plane>("plane", options_.plane, kPlanes, "Raw or deblurred frames.");
   keys.choice<PixelFormat>("format", options_.format, kFormats,
-                           "y16: temperatures in 16 bits. grey: 8 bits. yuyv: the same for programs that take "
-                           "no grey, as browsers do.");
+                           "y16: temperatures in 16 bits. grey: 8 bits. yuyv: the same for programs "
+                           "without grey, such as browsers.");
   keys.choice<Y16Unit>("y16_unit", options_.y16_unit, kUnits,
-                       "y16: kelvin a count; counts of a source without kelvin stay as they are.");
+                       "y16: kelvin per count; a source in counts is passed on unchanged.");
   agc_keys(keys, options_.agc);
 }
 

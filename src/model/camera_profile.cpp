@@ -17,10 +17,10 @@ constexpr std::array<std::pair<std::string_view, FrameFilter>, 3> kFilters{
     {{"none", FrameFilter::kNone}, {"recursive", FrameFilter::kRecursive}, {"box", FrameFilter::kBox}}};
 
 constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kUndoSections{
-    {{"pixel", "how the pixels answer, beyond tau_s"},
-     {"radiometry", "from what is looked at to what the frames show"},
-     {"firmware", "what the camera does to its frames"},
-     {"corrections", "what is learnt from the stream and taken out"}}};
+    {{"pixel", "response of the pixels, beyond tau_s"},
+     {"radiometry", "from object temperature to frame values"},
+     {"firmware", "processing of frames in the camera"},
+     {"corrections", "learned from the stream and removed"}}};
 
 // Keys that `bolo diagnose --write-profile` adds to the basic ones.
 void declare(KeyTable& keys, const UndoKey& key, Undo& undo) {
@@ -56,7 +56,7 @@ KeyTable profile_keys(CameraProfile& profile) {
   keys.number("tau_s", profile.tau_s, {1e-4, 1.0, "s"},
               "Thermal time constant of a pixel: tau of tau dy/dt + y = x. The paper measured 11 ms for the A655sc.");
   keys.number("frame_period_s", profile.frame_period_s, {1e-4, 10.0, "s"},
-              "Time from frame to frame; 0.005 is the A655sc's 200 Hz at 640x120.");
+              "Time between frames; 0.005 is the A655sc's 200 Hz at 640x120.");
   keys.number("noise_k", profile.noise_k, {0.0, 100.0, "K"}, "Temporal noise of one pixel, root mean square.");
   keys.number("quantisation_k", profile.quantisation_k, {0.0, 100.0, "K"},
               "Temperature step of one count; 0.01 in TemperatureLinear10mK.");
@@ -64,24 +64,24 @@ KeyTable profile_keys(CameraProfile& profile) {
       "row_delay_s", profile.row_delay_s, {-1e-2, 1e-2, "s"},
       "Rolling read-out: from one sensor row's sample to the next row's. All rows are published at row 0's time.");
   keys.file("maps", profile.maps, "a655sc-maps.h5",
-            "HDF5 file with parameters of single pixels: tau_s, gain, offset_k, dead. Left out: none.");
-  keys.section("camera", "which camera this is");
-  keys.text("model", profile.model, "Model, for people.");
-  keys.text("serial", profile.serial, "Serial number; a camera with another one is told in the log. Empty: any.");
-  keys.section("transport", "how the camera sends its frames");
+            "HDF5 file of per-pixel parameters: tau_s, gain, offset_k, dead. Left out: none.");
+  keys.section("camera", "identity of the camera");
+  keys.text("model", profile.model, "Model, for information.");
+  keys.text("serial", profile.serial, "Serial number; the log warns of a camera with another one. Empty: any.");
+  keys.section("transport", "format of the camera's frames");
   keys.choice<bool>("byte_order", profile.big_endian_pixels, kByteOrders,
                     "Byte order of Mono16 pixels on the wire. Unproven: other FLIR models send big-endian.");
   keys.integer("metadata_rows", profile.metadata_rows, {0, 64, "rows"},
-               "Rows at the end of each frame that are not image. Unproven: some firmware sends 3.");
+               "Metadata rows at the end of each frame. Unproven: some firmware sends 3.");
   constexpr Range kPixels{-1e4, 1e4, "pixels"};
-  keys.section("lens", "how what turns moves in the picture: for a gyro beside the camera");
+  keys.section("lens", "lens, for converting a gyro's rates to image motion");
   keys.number("focal_px", profile.gyro.focal_px, {0.0, 1e5, "pixels"},
               "Focal length: (width / 2) / tan(half the horizontal field of view). 0: not known.");
   keys.number("principal_x_px", profile.gyro.principal_x_px, kPixels, "Principal point, right of the frame's centre.");
-  keys.number("principal_y_px", profile.gyro.principal_y_px, kPixels, "The same, below it.");
+  keys.number("principal_y_px", profile.gyro.principal_y_px, kPixels, "Principal point, below the frame's centre.");
   keys.section("gyro", "a gyro beside the camera: bolod's [motion] gyro, bolo deblur --gyro");
   keys.number("delay_s", profile.gyro.delay_s, {-1.0, 1.0, "s"},
-              "By how much later than a frame of the same moment a sample is stamped.");
+              "Delay of a sample's time stamp against that of a simultaneous frame.");
   for (const auto& [section, meaning] : kUndoSections) {
     keys.section(section, meaning);
     for (const UndoKey& key : undo_keys()) {

@@ -197,7 +197,7 @@ TEST(Corrections, AJumpIsFollowedAndMotionIsNot) {
   EXPECT_LT(worst(pass(*third, wild, all_of(wild)), wild), kRounding) << "nothing is invented";
 }
 
-TEST(Corrections, WhatWasTakenForAJumpDoesNotStay) {
+TEST(Corrections, AFalseJumpIsForgotten) {
   Frames seen = moving_scene(120);
   for (std::size_t k = 0; k < 40; ++k) {
     for (std::size_t p = 0; p < seen[k].size(); ++p) seen[k][p] = (p + k) % 2 == 0 ? 0.0 : 65535.0;

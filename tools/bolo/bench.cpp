@@ -107,10 +107,10 @@ Status bench(const cxxopts::ParseResult& given) {
 }  // namespace
 
 int bench_main(int argc, char** argv) {
-  cxxopts::Options options(
-      "bolo bench", "Say how many times faster than the camera (640x120, 200 Hz) this computer deblurs, by solver.");
+  cxxopts::Options options("bolo bench",
+                           "Measure how many times faster than the camera (640x120, 200 Hz) each solver runs here.");
   add_option<int>(options, "threads", "Worker threads", "1", "N");
-  add_option<double>(options, "seconds", "How long to measure", "2", "S");
+  add_option<double>(options, "seconds", "Duration of the measurement", "2", "S");
   add_option<bool>(options, "json", "Print the result as JSON");
   return run_verb("bench", std::move(options), argc, argv, bench, false);
 }

@@ -29,22 +29,21 @@ using diagnose::DeadPixel;
 cxxopts::Options calibrate_options() {
   cxxopts::Options options(
       "bolo calibrate",
-      "Measures a camera: the time constant of its pixels from rectangular pulses, noise, offsets and dead pixels\n"
-      "from still fields; writes its profile.\n\n"
-      "Pulses: a chopper before a black body, or a board before a monitor. Neither when they switch nor between which\n"
-      "temperatures nor which pixels see them has to be known; levels should last ten time constants now and then,\n"
-      "and differ by 10 K or more. Still fields: closed shutter, or a flat black body. All of one camera, in one "
-      "mode.\n"
-      "For one still: bolo calibrate chopper.h5 shutter.h5 -o camera.toml --plot fit.svg");
+      "Measure a camera and write its profile: the pixels' time constant from rectangular pulses; noise, offsets and\n"
+      "dead pixels from still fields.\n\n"
+      "Pulses: a chopper in front of a black body, or a board in front of a monitor. Switching times, temperatures "
+      "and\n"
+      "the pixels that see them need not be known; some levels should last ten time constants, and differ by 10 K or\n"
+      "more. Still fields: closed shutter or a flat black body. All captures from one camera in one mode.\n"
+      "Example: bolo calibrate chopper.h5 shutter.h5 -o camera.toml --plot fit.svg");
   add_option<std::string>(options, "o,output", "Profile to write", nullptr, "PROFILE.toml");
-  add_option<std::string>(options, "profile", "The profile to start from (default: a655sc)", nullptr, "P.toml");
-  add_option<std::string>(
-      options, "maps",
-      "Where maps of single pixels go, when there are any (default: PROFILE-maps.h5 beside the profile)", nullptr,
-      "FILE.h5");
+  add_option<std::string>(options, "profile", "Profile to start from (default: a655sc)", nullptr, "P.toml");
+  add_option<std::string>(options, "maps",
+                          "File for per-pixel maps, if there are any (default: PROFILE-maps.h5 beside the profile)",
+                          nullptr, "FILE.h5");
   add_option<bool>(options, "json", "Print the result as JSON");
   add_option<std::vector<std::string>>(options, "capture", "");
-  add_plot_option(options, "Draw one pixel, measured against simulated");
+  add_plot_option(options, "Draw one pixel, measured and simulated");
   options.parse_positional({"capture"});
   options.positional_help("PULSES.h5 [STILL.h5...]");
   return options;

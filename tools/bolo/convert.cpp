@@ -25,28 +25,26 @@ struct ConvertRequest {
 };
 
 cxxopts::Options convert_options() {
-  cxxopts::Options options("bolo convert",
-                           "From captures (.h5, .part, the authors' .mat), ROS 2 recordings (.mcap), CPTV films, PNG "
-                           "and TIFF pictures, FLIR radiometric JPEG stills and raw dumps\n"
-                           "to a capture (.h5), a ROS 2 recording (.mcap), PNG or TIFF pictures, or a film for the eye "
-                           "(.mp4)\n");
+  cxxopts::Options options(
+      "bolo convert",
+      "Convert captures (.h5, .part, the authors' .mat), ROS 2 recordings (.mcap), CPTV films, PNG and "
+      "TIFF pictures,\nFLIR radiometric JPEG stills and raw dumps to a capture (.h5), a ROS 2 "
+      "recording (.mcap), PNG or TIFF pictures,\nor a film for viewing (.mp4).\n");
   options.positional_help("IN...").show_positional_help();
   add_option<std::vector<std::string>>(options, "in", "Files to convert, in order");
-  add_option<std::string>(options, "o,output", "What to write; its ending says the format");
-  add_option<double>(options, "rate", "Frames a second of pictures and dumps", "30");
-  add_option<double>(options, "scale",
-                     "Kelvin a count of pictures and dumps of whole numbers, or of the PNG to write (0.01)");
-  add_option<double>(options, "offset", "Kelvin at count 0, likewise");
-  add_option<std::string>(options, "raw", "WxH[:u16le|u16be|f32]: the files are raw frames");
+  add_option<std::string>(options, "o,output", "File to write; its extension sets the format");
+  add_option<double>(options, "rate", "Frames per second of pictures and dumps", "30");
+  add_option<double>(options, "scale", "Kelvin per count of integer pictures and dumps, or of the PNG to write (0.01)");
+  add_option<double>(options, "offset", "Kelvin at count 0 of these");
+  add_option<std::string>(options, "raw", "WxH[:u16le|u16be|f32]: format of raw frames in the input files");
   add_option<std::size_t>(options, "frame", "Only this frame, counted from 0", nullptr, "N");
   add_option<std::uint64_t>(options, "skip", "Bytes before the first raw frame", "0");
   add_option<std::string>(
       options, "name", "MCAP to write: the camera's name, as in /NAME/image_raw and /NAME/image_deblurred", "thermal");
-  add_option<std::string>(options, "topic", "MCAP to read: whose images, where there are several");
-  add_option<bool>(options, "preview", "PNG: 8 bit for the eye instead of 16 linear ones");
+  add_option<std::string>(options, "topic", "MCAP input: topic of the images, if there are several");
+  add_option<bool>(options, "preview", "PNG: 8 bits for viewing instead of 16 linear bits");
   add_option<std::vector<double>>(
-      options, "range",
-      "Of such pictures and films: black and white, K (counts without kelvin); without it they follow the scene",
+      options, "range", "Black and white of --preview and films, K (counts without kelvin); default: follows the scene",
       nullptr, "LOW,HIGH");
   add_overwrite_option(options);
   options.parse_positional({"in"});

@@ -228,13 +228,14 @@ class Demonstration {
 }  // namespace
 
 int demo_main(int argc, char** argv) {
-  cxxopts::Options options("bolo demo",
-                           "Bolo without hardware: a simulated camera sends real GigE Vision packets, bolod deblurs "
-                           "them live, with the solver admm and then with motion, and the frames are compared with the "
-                           "simulation's truth. Then a live page shows them until Ctrl-C.");
-  add_option<double>(options, "seconds", "How long to compare each solver", "10", "S");
+  cxxopts::Options options(
+      "bolo demo",
+      "Try Bolo without hardware: a simulated camera sends real GigE Vision packets, bolod deblurs "
+      "them live, first with the solver admm, then with motion, and the frames are compared with "
+      "the simulation's truth. Then a live page shows them until Ctrl-C.");
+  add_option<double>(options, "seconds", "Duration of each solver's comparison", "10", "S");
   add_option<std::string>(options, "o,output", "Keep capture, logs and a picture in this folder", nullptr, "FOLDER");
-  add_option<bool>(options, "no-page", "End after the comparison, without the live page");
+  add_option<bool>(options, "no-page", "Exit after the comparison, without the live page");
   add_overwrite_option(options);
   return run_verb("demo", std::move(options), argc, argv, [](const cxxopts::ParseResult& given) -> Status {
     const auto seconds = given["seconds"].as<double>();

@@ -22,17 +22,16 @@ using Given = cxxopts::ParseResult;
 cxxopts::Options diagnose_options() {
   using Words = std::vector<std::string>;
   cxxopts::Options options("bolo diagnose",
-                           "Says how far the simulator is from a camera, why, and what closes the gap.\n"
+                           "Measure the gap between simulator and camera, name its causes and how far each closes it.\n"
                            "Give all captures of one bench session together: shutter, flats, chopper, pans, target.");
   add_option<std::string>(options, "o,output", "Folder for report.json and report.html", nullptr, "DIR");
-  add_option<std::string>(options, "profile",
-                          "The camera that the simulator assumes, its maps applied (default: a655sc)", nullptr,
-                          "P.toml");
-  add_option<Words>(options, "withhold", "Take an effect out of the catalogue; repeatable", nullptr, "EFFECT");
+  add_option<std::string>(options, "profile", "Nominal camera of the simulator, maps included (default: a655sc)",
+                          nullptr, "P.toml");
+  add_option<Words>(options, "withhold", "Remove an effect from the catalogue; repeatable", nullptr, "EFFECT");
   add_option<std::string>(options, "write-profile",
-                          "Write the profile that undoes what was diagnosed; maps of single pixels go into P2-maps.h5",
+                          "Write the profile that undoes the diagnosed effects; per-pixel maps go into P2-maps.h5",
                           nullptr, "P2.toml");
-  add_option<int>(options, "threads", "How many work", "2");
+  add_option<int>(options, "threads", "Worker threads", "2");
   add_option<bool>(options, "json", "Print report.json");
   add_option<Words>(options, "capture", "");
   add_overwrite_option(options);

@@ -92,11 +92,11 @@ Result<int> run_doctor(const cxxopts::ParseResult& given) {
 
 int doctor_main(int argc, char** argv) {
   cxxopts::Options options("bolo doctor",
-                           "Check this computer for what a camera at 200 frames/s needs, and say the fix for each.\n"
-                           "Exit code 1 when there is a problem.");
-  add_option<std::string>(options, "config", "bolod.toml whose camera and settings are meant", nullptr, "FILE");
-  add_option<std::string>(options, "address", "The camera's IP address or id (default: whichever answers)");
-  add_option<bool>(options, "no-camera", "Don't ask the network for cameras");
+                           "Check what this computer lacks for a camera at 200 frames/s, with a fix for each problem.\n"
+                           "Exit code 1 if there is a problem.");
+  add_option<std::string>(options, "config", "bolod.toml to check, with its camera", nullptr, "FILE");
+  add_option<std::string>(options, "address", "The camera's IP address or id (default: any that answers)");
+  add_option<bool>(options, "no-camera", "Do not search the network for cameras");
   add_option<bool>(options, "json", "Print the result as JSON");
   return run_verb("doctor", std::move(options), argc, argv, run_doctor, false);
 }

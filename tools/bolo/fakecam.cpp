@@ -32,21 +32,22 @@ struct FakeCameraRequest {
 };
 
 cxxopts::Options fakecam_options() {
-  cxxopts::Options options("bolo fakecam", "Serve a capture as a GigE Vision camera (a FLIR A655sc's features)\n");
+  cxxopts::Options options("bolo fakecam",
+                           "Serve a capture as a GigE Vision camera with the features of a FLIR A655sc.\n");
   options.positional_help("CAPTURE").show_positional_help();
-  add_option<std::string>(options, "capture", "The capture to replay (.h5, or the authors' .mat)");
+  add_option<std::string>(options, "capture", "Capture to replay (.h5, or the authors' .mat)");
   add_option<double>(options, "rate",
-                     "Frames a second; time stamps are then spaced 1/RATE (default: the capture's own times)");
-  add_option<bool>(options, "loop", "Go on for ever: ids and times rise on, one frame apart at the seam");
-  add_option<std::uint64_t>(options, "repeat", "Serve the capture N times after each start");
-  add_option<bool>(options, "once", "End after the first stream that reached its last frame");
-  add_option<std::string>(options, "interface", "The camera's IP address, any of 127.0.0.0/8 too", "127.0.0.1");
+                     "Frames per second, with time stamps 1/RATE apart (default: the capture's times)");
+  add_option<bool>(options, "loop", "Repeat endlessly; frame ids and times continue across the seam");
+  add_option<std::uint64_t>(options, "repeat", "Serve the capture N times per stream");
+  add_option<bool>(options, "once", "Exit after the first stream that reaches its last frame");
+  add_option<std::string>(options, "interface", "The camera's IP address; any of 127.0.0.0/8 works", "127.0.0.1");
   add_option<std::string>(options, "serial", "Serial number, at most 15 characters (default: the capture's)");
-  add_option<std::vector<int>>(options, "crop", "x,y,w,h: the part of the capture that is the camera's sensor");
-  add_option<std::string>(options, "fault", "What goes wrong, and when; may be given again", nullptr,
+  add_option<std::vector<int>>(options, "crop", "x,y,w,h: part of the capture used as the sensor");
+  add_option<std::string>(options, "fault", "Fault to inject, with its times; repeatable", nullptr,
                           "NAME[:key=value,...]");
-  add_option<bool>(options, "list-faults", "Print all faults with their keys, and end");
-  add_option<double>(options, "tell-every", "Print what was sent and done so far, every S seconds", nullptr, "S");
+  add_option<bool>(options, "list-faults", "Print all faults with their keys, and exit");
+  add_option<double>(options, "tell-every", "Print statistics every S seconds", nullptr, "S");
   add_option<bool>(options, "json", "Print the lines as JSON");
   options.parse_positional({"capture"});
   return options;

@@ -339,8 +339,8 @@ Status run_info(const cxxopts::ParseResult& given) {
 
 int info_main(int argc, char** argv) {
   cxxopts::Options options("bolo info",
-                           "What a capture (.h5, the authors' .mat) or a still holds, and what is odd about it");
-  add_option<bool>(options, "json", "One JSON object on standard output");
+                           "Describe a capture (.h5, the authors' .mat) or a still, and any irregularities.");
+  add_option<bool>(options, "json", "Print one JSON object");
   add_option<std::string>(options, "file", "");
   options.parse_positional({"file"});
   options.positional_help("FILE");

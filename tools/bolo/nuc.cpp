@@ -9,7 +9,7 @@
 namespace bolo::tools {
 
 int nuc_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo nuc", "Have a running daemon's camera correct its pixels (NUC) now.");
+  cxxopts::Options cli("bolo nuc", "Make a running daemon's camera correct its pixels (NUC) now.");
   add_option<std::string>(cli, "name", "The daemon's name");
   add_option<bool>(cli, "json", "Print the daemon's answer");
   cli.parse_positional({"name"});

@@ -127,20 +127,21 @@ constexpr std::size_t kMostBuffer_mb = std::size_t{64} * 1024;
 
 cxxopts::Options record_options() {
   cxxopts::Options options("bolo record",
-                           "Record a running daemon's frames. A killed process or a cut of power costs the last "
-                           "fraction of a second; see bolo recover\n");
+                           "Record a running daemon's frames. A kill or a power cut loses only the last fraction of a "
+                           "second; see bolo recover.\n");
   options.positional_help("NAME...").show_positional_help();
   add_option<std::vector<std::string>>(options, "name",
-                                       "The daemon's name, as in its configuration; several are recorded side by side");
-  add_option<std::string>(options, "o,output", "Capture file to write (.h5); of several the folder: FOLDER/NAME.h5");
-  add_option<double>(options, "seconds", "End after so many seconds from the first frame on");
-  add_option<std::uint64_t>(options, "frames", "End after so many frames");
-  add_option<std::string>(options, "planes", "raw or deblurred", "raw");
-  add_option<double>(options, "split-minutes", "Begin a new file so often: FILE_001.h5 ...");
-  add_option<std::size_t>(options, "buffer-mb", "Memory for frames that the disk is behind by", "256");
+                                       "Daemon's name, as in its configuration; several are recorded in parallel");
+  add_option<std::string>(options, "o,output",
+                          "Capture to write (.h5); of several daemons the folder, for FOLDER/NAME.h5");
+  add_option<double>(options, "seconds", "Duration from the first frame on, s");
+  add_option<std::uint64_t>(options, "frames", "Number of frames");
+  add_option<std::string>(options, "planes", "Planes to record: raw or deblurred", "raw");
+  add_option<double>(options, "split-minutes", "Start a new file at this interval, min: FILE_001.h5 ...");
+  add_option<std::size_t>(options, "buffer-mb", "Memory for frames that wait for the disk, MB", "256");
   add_option<double>(options, "wait",
-                     "Seconds to wait for a daemon that went away, or with --seconds for its first frame; where it "
-                     "is given, also for one to start",
+                     "Seconds to wait for a lost daemon, or with --seconds for its first frame; if given, also for a "
+                     "daemon to start",
                      "30");
   add_option<bool>(options, "json", "Print the outcome as JSON");
   add_overwrite_option(options);

@@ -21,12 +21,12 @@ struct RecoverRequest {
 
 cxxopts::Options recover_options() {
   cxxopts::Options options("bolo recover",
-                           "Save what an interrupted recording (FILE.h5.part) or a damaged capture holds. The file "
-                           "itself stays as it is unless --in-place\n");
+                           "Save the frames of an interrupted recording (FILE.h5.part) or a damaged capture. The file "
+                           "itself stays unchanged unless --in-place is given.\n");
   options.positional_help("FILE").show_positional_help();
-  add_option<std::string>(options, "file", "The .part that was left behind, or a capture that does not open");
-  add_option<std::string>(options, "o,output", "Capture to write; left out: FILE without .part");
-  add_option<bool>(options, "in-place", "Finish the .part itself and rename it: no copy, no further room on the disk");
+  add_option<std::string>(options, "file", ".part of an interrupted recording, or a capture that does not open");
+  add_option<std::string>(options, "o,output", "Capture to write (default: FILE without .part)");
+  add_option<bool>(options, "in-place", "Finish and rename the .part itself: no copy, no extra disk space");
   add_option<bool>(options, "json", "Print the outcome as JSON");
   add_overwrite_option(options);
   options.parse_positional({"file"});

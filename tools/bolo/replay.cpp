@@ -11,14 +11,14 @@ namespace {
 
 cxxopts::Options replay_options() {
   cxxopts::Options options("bolo replay",
-                           "Publish a capture in shared memory as if its camera was live, in this process\n");
+                           "Publish a capture in shared memory as if its camera were live, in this process.\n");
   options.positional_help("CAPTURE").show_positional_help();
-  add_option<std::string>(options, "capture", "The capture to replay (.h5, or the authors' .mat)");
-  add_option<std::string>(options, "name", "Name of the shared memory; the configuration's where one is given");
-  add_option<std::string>(options, "config", "Configuration as bolod's: all but its source is used");
-  add_option<std::string>(options, "pace", "realtime: at the capture's times. fast: as fast as frames are deblurred",
+  add_option<std::string>(options, "capture", "Capture to replay (.h5, or the authors' .mat)");
+  add_option<std::string>(options, "name", "Name of the shared memory (default: the configuration's)");
+  add_option<std::string>(options, "config", "Configuration of bolod; its source is ignored");
+  add_option<std::string>(options, "pace", "realtime: with the capture's timing. fast: as fast as frames are deblurred",
                           "realtime");
-  add_option<bool>(options, "loop", "Begin again after the last frame: numbers and times rise on");
+  add_option<bool>(options, "loop", "Repeat endlessly; frame ids and times continue");
   options.parse_positional({"capture"});
   return options;
 }

@@ -173,7 +173,7 @@ Result<Field> scene_field(const Options& given, const sim::CameraSettings& camer
 }
 
 cxxopts::Options simulate_options() {
-  cxxopts::Options options("bolo simulate", "Writes a capture of a simulated camera, with its truth and its stimulus");
+  cxxopts::Options options("bolo simulate", "Simulate a camera: write a capture with its truth and stimulus.");
   const auto text = [](const char* value = nullptr) {
     return value != nullptr ? cxxopts::value<std::string>()->default_value(value) : cxxopts::value<std::string>();
   };
@@ -181,49 +181,52 @@ cxxopts::Options simulate_options() {
   const auto list = [](const char* value) { return cxxopts::value<std::vector<double>>()->default_value(value); };
   auto output = options.add_options("Output");
   output("o,output", "Capture to write", text(), "OUT.h5");
-  output("no-truth", "Leave out /truth: the file shrinks to a third");
+  output("no-truth", "Omit /truth, which makes the file a third as large");
   output("compress", "Deflate the frames (level 1)");
   output("json", "Print the result as JSON");
   add_overwrite_option(options);
   auto camera = options.add_options("Camera");
-  camera("width", "Pixels", cxxopts::value<int>()->default_value("640"));
-  camera("height", "Pixels", cxxopts::value<int>()->default_value("120"));
-  camera("rate", "Frames a second", number("200"));
-  camera("frames", "How many", cxxopts::value<std::int64_t>()->default_value("400"));
+  camera("width", "Columns, pixels", cxxopts::value<int>()->default_value("640"));
+  camera("height", "Rows, pixels", cxxopts::value<int>()->default_value("120"));
+  camera("rate", "Frames per second", number("200"));
+  camera("frames", "Number of frames", cxxopts::value<std::int64_t>()->default_value("400"));
   camera("tau", "Thermal time constant, s", number("0.011"));
   camera("noise", "White noise, K rms", number("0.03"));
-  camera("quantisation", "K a step (uint16: default 0.01; float32: default none)", cxxopts::value<double>());
+  camera("quantisation", "Quantisation step, K (uint16: default 0.01; float32: default none)",
+         cxxopts::value<double>());
   camera("type", "uint16 or float32", text("uint16"));
-  camera("seed", "Of the noise and the street", cxxopts::value<std::uint64_t>()->default_value("1"));
-  camera("threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
+  camera("seed", "Seed of the noise and the street", cxxopts::value<std::uint64_t>()->default_value("1"));
+  camera("threads", "Worker threads; the result does not depend on their number",
+         cxxopts::value<int>()->default_value("2"));
   auto effects = options.add_options("Effects");
-  effects("effect", "What the camera does beyond the nominal one; may be given again", text(), "NAME[:key=value,...]");
-  effects("list-effects", "Print all effects with their keys, and end");
-  effects("camera-seed", "Of what is fixed in the camera, such as patterns (default: the seed)",
+  effects("effect", "Effect beyond the nominal camera; repeatable", text(), "NAME[:key=value,...]");
+  effects("list-effects", "Print all effects with their keys, and exit");
+  effects("camera-seed", "Seed of the camera's fixed properties, such as patterns (default: --seed)",
           cxxopts::value<std::uint64_t>());
-  effects("session-start", "s that the camera had been on at t = 0", number("0"));
+  effects("session-start", "Time since the camera was switched on at t = 0, s", number("0"));
   auto scene = options.add_options("Scene");
-  scene("stimulus", "uniform, chopper, bar_target or scene (default)", text());
+  scene("stimulus", "Stimulus: uniform, chopper, bar_target or scene (default)", text());
   scene(
       "stimulus-error",
-      "How the bench differs from what is written to /stimulus: sweep_s, softness_s, start_s, cold_k, "
+      "Errors of the bench against its description in /stimulus: sweep_s, softness_s, start_s, cold_k, "
       "level_k, level2_k, velocity, uneven, uneven_period_s, uneven_phase, phase, edge_px, reflection, surroundings_k",
       text(), "key=value,...");
   scene("scene", "street, bars, or a picture: PNG, JPEG, HDF5 with image_k", text("street"));
-  scene("speed", "What the camera sees moves along +x, pixels/s", number("300"));
-  scene("trajectory", "CSV of t_s,x_px,y_px: where pixel (0, 0) looks", text(), "FILE.csv");
-  scene("trajectory-scale", "Of the trajectory's motion", number("1"));
-  scene("trajectory-start", "Time in the trajectory where the capture begins, s", cxxopts::value<double>());
-  scene("origin", "Scene pixel that (0, 0) looks at, at t = 0 (default: the path is centred)",
+  scene("speed", "Speed of the scene along +x, pixels/s", number("300"));
+  scene("trajectory", "CSV of t_s,x_px,y_px: scene position of pixel (0, 0)", text(), "FILE.csv");
+  scene("trajectory-scale", "Factor on the trajectory's motion", number("1"));
+  scene("trajectory-start", "Start of the capture within the trajectory, s", cxxopts::value<double>());
+  scene("origin", "Scene position of pixel (0, 0) at t = 0 (default: centres the path)",
         cxxopts::value<std::vector<double>>(), "X,Y");
-  scene("cold", "K: black of a picture, the bars' ground (285), the closed chopper (295)", cxxopts::value<double>());
-  scene("hot", "K: white of a picture, the bars", number("310"));
-  scene("temperature", "K (uniform)", number("300"));
-  scene("levels", "K: heights of the pulses (chopper)", list("305,320"));
-  scene("pulses", "ms: lengths of the pulses (chopper)", list("12,30,60,120,300"));
-  scene("gap", "ms: between two pulses (chopper)", number("83.7"));
-  scene("period", "Pixels (bar_target)", number("40"));
-  scene("slant", "Pixels a row (bar_target)", number("0.25"));
+  scene("cold", "Cold temperature, K: a picture's black, the bars' background (285), the closed chopper (295)",
+        cxxopts::value<double>());
+  scene("hot", "Hot temperature, K: a picture's white, the bars", number("310"));
+  scene("temperature", "Uniform field: temperature, K", number("300"));
+  scene("levels", "Chopper: levels of the pulses, K", list("305,320"));
+  scene("pulses", "Chopper: lengths of the pulses, ms", list("12,30,60,120,300"));
+  scene("gap", "Chopper: gap between pulses, ms", number("83.7"));
+  scene("period", "Bar target: period, pixels", number("40"));
+  scene("slant", "Bar target: slant, pixels per row", number("0.25"));
   return options;
 }
 

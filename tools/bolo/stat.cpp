@@ -166,11 +166,12 @@ Status run_stat(const cxxopts::ParseResult& given) {
 
 int stat_main(int argc, char** argv) {
   cxxopts::Options cli(
-      "bolo stat", "Show what a running daemon does: rates, losses, latency. Without NAME all that run, a line each\n");
+      "bolo stat",
+      "Show rates, losses and latency of a running daemon; without NAME of all that run, one line each.\n");
   add_option<std::string>(cli, "name", "The daemon's name");
-  add_option<double>(cli, "interval", "Seconds from sample to sample", "1", "S");
-  add_option<bool>(cli, "once", "One sample over one interval, and end");
-  add_option<bool>(cli, "json", "One JSON object a line");
+  add_option<double>(cli, "interval", "Seconds between samples", "1", "S");
+  add_option<bool>(cli, "once", "Print one sample over one interval, and exit");
+  add_option<bool>(cli, "json", "Print one JSON object per line");
   cli.parse_positional({"name"});
   cli.positional_help("[NAME]");
   return run_verb("stat", std::move(cli), argc, argv, run_stat);

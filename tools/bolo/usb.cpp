@@ -113,9 +113,10 @@ Status run_usb(const cxxopts::ParseResult& given) {
 }  // namespace
 
 int usb_main(int argc, char** argv) {
-  cxxopts::Options options("bolo usb", "List USB devices of FLIR, and say what they tell of themselves. Experimental.");
-  add_option<std::string>(options, "vendor", "Vendor id instead, four hexadecimal digits, or any", "09cb", "ID");
-  add_option<std::string>(options, "device", "One device, by place or by ids", nullptr, "BUS:ADDRESS|VENDOR:PRODUCT");
+  cxxopts::Options options("bolo usb", "List FLIR's USB devices and their descriptors. Experimental.");
+  add_option<std::string>(options, "vendor", "Vendor id, four hexadecimal digits, or any", "09cb", "ID");
+  add_option<std::string>(options, "device", "Only this device, by place or ids", nullptr,
+                          "BUS:ADDRESS|VENDOR:PRODUCT");
   add_option<bool>(options, "report", "Print all descriptors, for support");
   add_option<bool>(options, "watch", "Print arrivals and departures until interrupted");
   add_option<bool>(options, "json", "Print as JSON");

@@ -135,16 +135,16 @@ int view_main(int argc, char** argv) {
                        "Serve a live page of a running daemon: blurred, deblurred, traces, rates, losses.");
   ViewOptions options;
   auto add = cli.add_options();
-  add("name", "The daemons' names; left out: all that run. Several are shown side by side",
+  add("name", "Daemons' names (default: all that run); several are shown side by side",
       cxxopts::value<std::vector<std::string>>());
   add("port", "TCP port; 0: any that is free", cxxopts::value(options.port)->default_value("8640"));
-  add("listen", "IP address to serve on instead of 127.0.0.1 and ::1; where other computers reach it, give a token",
+  add("listen", "IP address to serve on instead of 127.0.0.1 and ::1; one that other computers reach needs a token",
       cxxopts::value(options.listen), "ADDRESS");
-  add("token", "What the page is opened with, as ?token=TOKEN (other users can see it); else a random one is printed",
+  add("token", "Token that opens the page, as ?token=TOKEN (other users can see it); default: a random one, printed",
       cxxopts::value(options.token), "TOKEN");
-  add("token-file", "The same, from the first line of a file", cxxopts::value(options.token_file), "FILE");
-  add("json", "Print {\"url\": ...} once it serves", cxxopts::value(options.json));
-  add("page", "Serve the page's files from this folder, for work on the page", cxxopts::value(options.page), "FOLDER");
+  add("token-file", "Token from the first line of a file", cxxopts::value(options.token_file), "FILE");
+  add("json", "Print {\"url\": ...} when ready", cxxopts::value(options.json));
+  add("page", "Serve the page's files from this folder, for development", cxxopts::value(options.page), "FOLDER");
   cli.parse_positional({"name"});
   cli.positional_help("[NAME...]");
   return run_verb("view", std::move(cli), argc, argv, [&options](const cxxopts::ParseResult& given) {

@@ -26,9 +26,8 @@ using model::KeyTable;
 
 constexpr std::string_view kHeading =
     "# Configuration of bolod, one file a camera. Every key may be left out; the values here are the defaults.\n"
-    "# Relative file names are meant from this file's folder. `bolod --check-config --config FILE` tells what is "
-    "wrong.\n"
-    "# Keys marked \"live\" are taken up by a running daemon on SIGHUP (systemctl reload); others need a restart.\n\n";
+    "# Relative file names start at this file's folder. `bolod --check-config --config FILE` checks a file.\n"
+    "# A running daemon adopts keys marked \"live\" on SIGHUP (systemctl reload); others need a restart.\n\n";
 
 template <typename Enum, std::size_t N>
 using Names = std::array<std::pair<std::string_view, Enum>, N>;
@@ -74,61 +73,60 @@ void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
       "sends 16 bits a pixel (Boson, Lepton ...). replay: a capture file.");
   keys.text("address", c.camera.address,
             "Camera: IP address or Aravis device id; empty: the only camera that answers.");
-  keys.text(
-      "serial", c.camera.serial,
-      "Camera: serial number of the one that is meant when there is no address. A lost camera is looked for by it.");
-  keys.integer("width", c.camera.width, {0, 4096, "pixels"}, "Camera: columns; 0: as the camera has it.");
+  keys.text("serial", c.camera.serial,
+            "Camera: its serial number, if no address is given. A lost camera is searched for by it.");
+  keys.integer("width", c.camera.width, {0, 4096, "pixels"}, "Camera: columns; 0: the camera's own setting.");
   keys.integer("height", c.camera.height, {0, 4096, "rows"},
-               "Camera: image rows without metadata rows; 0: as the camera has it.");
+               "Camera: image rows without metadata rows; 0: the camera's own setting.");
   keys.number("rate_hz", o.rate_hz, 200.0, {0.0, 10000.0, "Hz"},
-              "Camera: frame rate; 0: as the camera has it. Left out: the profile's frame_period_s decides.");
-  keys.number("true_rate_hz", c.camera.true_rate_hz, {0.0, 10000.0, "Hz"},
-              "Camera: the rate by its own clock, where it says another (the log warns of that); 0: as it says.");
+              "Camera: frame rate; 0: the camera's own setting. Left out: from the profile's frame_period_s.");
+  keys.number(
+      "true_rate_hz", c.camera.true_rate_hz, {0.0, 10000.0, "Hz"},
+      "Camera: true rate, if it differs from the one that the camera states (the log warns of it); 0: as stated.");
   keys.choice<genicam::IrFormat>(
       "ir_format", c.camera.ir_format, kIrFormats,
-      "Camera: what a count means (FLIR's IRFormat); leave: as the camera has it. radiometric becomes "
-      "kelvin here, by the camera's Planck constants; unproven on an A655sc.");
+      "Camera: meaning of a count (FLIR's IRFormat); leave: the camera's own setting. radiometric is converted to "
+      "kelvin here, with the camera's Planck constants; unproven on an A655sc.");
   keys.choice<genicam::PixelOrder>("pixel_order", o.pixel_order, kPixelOrders,
                                    "Camera: byte order of pixels on the wire. Left out: the profile's byte_order.");
   keys.integer("metadata_rows", o.metadata_rows, 3, {0, 64, "rows"},
-               "Camera: rows after the image that are dropped. Left out: the profile's metadata_rows.");
+               "Camera: metadata rows after the image, dropped. Left out: the profile's metadata_rows.");
   keys.integer("packet_size", c.camera.packet_size, {0, 65536, "bytes"},
-               "Camera: size of a network packet, 576 or more; 0: the largest that the link carries.");
+               "Camera: network packet size, at least 576; 0: the largest that the link carries.");
   keys.integer("socket_buffer_bytes", c.camera.socket_buffer_bytes, {65536, 1 << 30, "bytes"},
-               "Camera: receive buffer; the system's limit is net.core.rmem_max.");
-  keys.boolean("resend", c.camera.resend, "Camera: ask for lost packets again; only for cameras that answer.");
+               "Camera: socket receive buffer; the system's limit is net.core.rmem_max.");
+  keys.boolean("resend", c.camera.resend, "Camera: request lost packets again; only for cameras that answer.");
   keys.boolean(
       "ptp", c.camera.ptp,
-      "Camera: switch PTP (IEEE 1588) on, where it has it; false: as the camera has it. A clock that PTP keeps "
+      "Camera: enable PTP (IEEE 1588) if it has it; false: the camera's own setting. A clock synchronised by PTP "
       "is never reset.");
   keys.integer("packet_timeout_us", c.camera.packet_timeout_us, {100, 1000000, "us"},
-               "Camera: how long to wait for a packet before asking again.");
+               "Camera: time without a packet before it is requested again.");
   keys.integer("frame_retention_us", c.camera.frame_retention_us, {1000, 10000000, "us"},
-               "Camera: how long an incomplete frame may hold up the ones behind it.");
-  keys.integer("buffers", c.camera.buffers, {4, 1024, "frames"}, "Camera: frames that the receiver may fill ahead.");
+               "Camera: how long an incomplete frame may delay later ones.");
+  keys.integer("buffers", c.camera.buffers, {4, 1024, "frames"}, "Camera: receive buffers.");
   keys.integer("realtime_priority", c.camera.realtime_priority, {0, 99, ""},
                "Camera: SCHED_FIFO priority of the receiving thread; 0: the default scheduler.");
   keys.integer("stall_ms", c.camera.stall_ms, {10, 60000, "ms"},
-               "Camera: without a frame for this long the stream counts as stalled.");
+               "Camera: time without a frame after which the stream counts as stalled.");
   keys.integer("reconnect_after_ms", c.camera.reconnect_after_ms, {0, 600000, "ms"},
-               "Camera: stalled for this long it is opened again; 0: never.");
+               "Camera: it is opened again after a stall of this long; 0: never.");
   keys.text("device", c.video.device,
-            "Video device: /dev/videoN, or the serial number of the camera on USB. Its size is as it has it: "
-            "v4l2-ctl --set-fmt-video. A lost camera is looked for by its serial number.");
+            "Video device: /dev/videoN, or the USB camera's serial number, by which a lost camera is searched for. "
+            "Set its size with v4l2-ctl --set-fmt-video.");
   keys.choice<std::uint32_t>(
       "format", c.video.format, kContainers,
-      "Video device: what its driver calls the format. yuyv: 16-bit values under the name of a colour format, as cores "
-      "with stacked images send them. Values are taken as they are.");
+      "Video device: its driver's name for the format. yuyv: 16-bit values declared as a colour format, as by cores "
+      "that send stacked images. Values are used unchanged.");
   keys.integers("rows", o.rows, {0, 16384, ""},
-                "Video device: [first, count], the rows of its frames that are the image; the others are metadata or "
-                "another image. []: all.");
+                "Video device: [first, count], the image's rows; the others are metadata or another image. []: all.");
   keys.number("scale_k", o.scale_k, {0.0, 100.0, "K"},
-              "Video device: kelvin a count, of a radiometric camera; 0: values are counts.");
+              "Video device: kelvin per count of a radiometric camera; 0: values are counts.");
   keys.number("offset_k", c.video.scale.offset, {-1000.0, 1000.0, "K"}, "Video device: kelvin at count 0.");
-  keys.file("file", c.replay.file, "capture.h5", "Replay: the capture.");
+  keys.file("file", c.replay.file, "capture.h5", "Replay: capture file.");
   keys.choice<replay::Pace>(
       "pace", c.replay.pace, kPaces,
-      "Replay: realtime keeps the capture's times and may lose frames; fast waits for everything.");
+      "Replay: realtime keeps the capture's timing and may lose frames; fast loses none and runs as fast as it can.");
 }
 
 constexpr Names<genicam::NucPolicy, 4> kPolicies{{{"camera", genicam::NucPolicy::kCamera},
@@ -141,37 +139,40 @@ void nuc_keys(KeyTable& keys, genicam::NucOptions& nuc) {
   keys.section("nuc", "when the camera closes its shutter and corrects its pixels (NUC)");
   keys.choice<genicam::NucPolicy>(
       "policy", nuc.policy, kPolicies,
-      "camera: it decides itself, unseen. manual: only by `bolo nuc`. timed: at the interval. still: "
-      "when the scene stands still, at least the interval apart.");
-  keys.number("interval_s", nuc.interval_s, {1.0, 86400.0, "s"}, "From one to the next.");
-  keys.number("still_s", nuc.still_s, {0.2, 3600.0, "s"}, "How long nothing may have moved.");
+      "camera: the camera decides, unknown to bolod. manual: only by `bolo nuc`. timed: every interval. still: "
+      "when the scene is still, at least an interval apart.");
+  keys.number("interval_s", nuc.interval_s, {1.0, 86400.0, "s"}, "Interval between corrections.");
+  keys.number("still_s", nuc.still_s, {0.2, 3600.0, "s"}, "How long the scene must have been still.");
   keys.number("still_k", nuc.still_k, {0.001, 1000.0, "K (counts when the source has no kelvin)"},
-              "A change of the pixels by less than this from one tenth of a second to the next, on average, is none; "
-              "noise of s changes them by 1.13 s.");
-  keys.integer(
-      "hold_ms", nuc.hold_ms, {0, 60000, "ms"},
-      "Frames of this time after the command are taken for the shutter's. Unproven: whether the camera repeats "
-      "frames meanwhile, or sends none, and for how long.");
+              "The scene is still while pixels change by less than this, on average, from one tenth of a second to the "
+              "next; noise with standard deviation s changes them by 1.13 s.");
+  keys.integer("hold_ms", nuc.hold_ms, {0, 60000, "ms"},
+               "Frames within this time after the command are flagged as the shutter's. Unproven: whether the camera "
+               "repeats frames meanwhile or sends none, and for how long.");
 }
 
 void object_keys(KeyTable& keys, genicam::ObjectParameters& object) {
   constexpr double kRoomK = 293.15;
-  keys.section("object", "what the camera reckons with; unity gives temperatures of black bodies. Left out: as it has");
-  keys.number("emissivity", object.emissivity, {0.01, 1.0, ""}, "Of what is looked at.");
-  keys.number("transmission", object.transmission, {0.01, 1.0, ""}, "Of the air (EstimatedTransmission).");
-  keys.number("optics_transmission", object.optics_transmission, {0.01, 1.0, ""}, "Of a window before the lens.");
-  keys.number("reflected_k", object.reflected_k, kRoomK, {1.0, kHottestK, "K"}, "Temperature that it reflects.");
+  keys.section("object",
+               "object parameters in the camera; 1 gives black-body temperatures. Left out: the camera's own");
+  keys.number("emissivity", object.emissivity, {0.01, 1.0, ""}, "Emissivity of the object.");
+  keys.number("transmission", object.transmission, {0.01, 1.0, ""}, "Transmission of the air (EstimatedTransmission).");
+  keys.number("optics_transmission", object.optics_transmission, {0.01, 1.0, ""},
+              "Transmission of a window in front of the lens.");
+  keys.number("reflected_k", object.reflected_k, kRoomK, {1.0, kHottestK, "K"},
+              "Temperature of the surroundings that it reflects.");
   keys.number("atmosphere_k", object.atmosphere_k, kRoomK, {1.0, kHottestK, "K"}, "Temperature of the air.");
   keys.number("optics_k", object.optics_k, kRoomK, {1.0, kHottestK, "K"}, "Temperature of that window.");
-  keys.number("distance_m", object.distance_m, 1.0, {0.0, 1e5, "m"}, "Distance of the object.");
+  keys.number("distance_m", object.distance_m, 1.0, {0.0, 1e5, "m"}, "Distance to the object.");
   keys.number("humidity", object.humidity, 0.5, {0.0, 1.0, ""}, "Relative humidity of the air.");
 }
 
 void camera_keys(KeyTable& keys, genicam::CameraOptions& camera) {
-  keys.section("camera", "what it measures");
+  keys.section("camera", "measuring range");
   keys.number("range_low_k", camera.range_low_k, {0.0, kHottestK, "K"},
-              "With range_high_k: the narrowest of the camera's ranges that holds both is chosen.");
-  keys.number("range_high_k", camera.range_high_k, {0.0, kHottestK, "K"}, "0: the camera's range is left.");
+              "Chooses the narrowest of the camera's ranges that contains range_low_k and range_high_k.");
+  keys.number("range_high_k", camera.range_high_k, {0.0, kHottestK, "K"},
+              "Upper end of the range; 0: the camera's own setting.");
   nuc_keys(keys, camera.nuc);
   object_keys(keys, camera.object);
 }
@@ -192,40 +193,39 @@ Status check_address(const std::string& address) {
 
 void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   deblur::Settings& s = c.pipeline.deblur;
-  keys.section("deblur", "how frames are made sharp");
+  keys.section("deblur", "deblurring");
   keys.choice<deblur::Method>(
       "solver", s.method, deblur::kMethodNames,
       "admm, dual: fixed iterations, for live work. exact: to convergence, slow. inverse: no prior, for little noise. "
-      "mmae: many motion models, weighted. motion: along the scene's own motion, the sharpest; tells the motion beside "
-      "each frame.");
+      "mmae: multiple-model estimation per pixel. motion: along the scene's own motion, the sharpest; publishes the "
+      "motion with each frame.");
   keys.number_or_word(
       "lambda", s.lambda, s.auto_lambda, "auto", {0.0, 1e6, "K (counts when the source has no kelvin)"},
-      "Weight of the prior in kappa |V H^T D - Y|^2 + lambda |D|_1. More smooths more; auto follows noise and motion.");
+      "Weight of the prior in kappa |V H^T D - Y|^2 + lambda |D|_1. Larger: smoother; auto follows noise and motion.");
   keys.number("noise_k", s.noise_k, {0.0, 1000.0, "K (counts when the source has no kelvin)"},
-              "Temporal noise that mmae, motion and lambda = \"auto\" reckon with; 0: measured.");
+              "Temporal noise, for mmae, motion and lambda = \"auto\"; 0: measured.");
   keys.number("kappa", s.kappa, {1e-9, 1e9, ""}, "Weight of the data in the same sum.");
   keys.integer("iterations", s.iterations, {0, 1000, ""},
-               "Iterations of admm and dual; 0: as many as the accuracy needs at this lambda.");
-  keys.integer("window", s.window, {3, 65, "frames"}, "Frames a window: a power of two, and one.");
+               "Iterations of admm and dual; 0: as many as accuracy requires at this lambda.");
+  keys.integer("window", s.window, {3, 65, "frames"}, "Frames per window: a power of two, plus one.");
   keys.integer("levels", s.levels, {1, 10, ""}, "The window's time is divided into 2^levels bins.");
-  keys.integer(
-      "lookahead", s.lookahead, {0, 63, "frames"},
-      "Frames after the estimated one that the window holds: each costs a frame of delay and lowers the error.");
+  keys.integer("lookahead", s.lookahead, {0, 63, "frames"},
+               "Frames of the window after the estimated one: each adds a frame of delay and lowers the error.");
   keys.integer("workers", c.pipeline.workers, {1, pipeline::kMaxWorkers, "threads"},
                "Threads that share each frame's rows.");
   keys.text("isa", c.isa, "Instruction set of the kernels: AVX3, AVX2, SSE4 ...; auto: the best that runs here.");
   keys.number("tau_s", o.tau_s, c.profile.tau_s, {1e-4, 1.0, "s"},
               "Thermal time constant. Left out: the profile's tau_s.");
-  keys.section("corrections", "what is taken out of frames before they are made sharp, beyond what the profile says");
+  keys.section("corrections", "corrections before deblurring, beyond the profile's");
   keys.boolean("scene_nuc", o.scene_nuc,
-               "Learn the pattern that stays while the scene moves, and take it out (scene-based NUC).");
+               "Learn and remove the fixed pattern that stays while the scene moves (scene-based NUC).");
 }
 
 void motion_keys(KeyTable& keys, DaemonConfig& c) {
-  keys.section("motion", "what helps solver = \"motion\"");
+  keys.section("motion", "aids of solver = \"motion\"");
   keys.text("gyro", c.gyro,
-            "A gyro beside the camera: \"shm:NAME\", angular rates in the shared memory /bolo-gyro.NAME "
-            "(bolo/gyro_shm.h); the profile has its [lens]. Empty: none. It is never needed.");
+            "Optional gyro: \"shm:NAME\", angular rates in the shared memory /bolo-gyro.NAME (bolo/gyro_shm.h); "
+            "needs [lens] in the profile. Empty: none.");
 }
 
 Status check_gyro(const DaemonConfig& config) {
@@ -240,50 +240,50 @@ Status check_gyro(const DaemonConfig& config) {
 void pipeline_keys(KeyTable& keys, DaemonConfig& c) {
   keys.section("pipeline", "threads and memory");
   keys.integer("queue_frames", c.pipeline.queue_frames, {1, 4096, "frames"},
-               "Frames that may wait between camera and deblurring.");
+               "Length of the queue between camera and deblurring.");
   keys.boolean(
       "degrade", c.pipeline.degrade,
-      "When deblurring can't keep up, spend less on frames rather than lose them: from 1/8 of the queue (or 40 ms of "
-      "frames) on a cheaper solver, from 1/4 (80 ms) the inverse filter, from 1/2 (160 ms) the raw frame. Each such "
-      "frame carries a flag.");
+      "When deblurring cannot keep up, lower quality instead of losing frames: from 1/8 of the queue (or 40 ms of "
+      "frames) a cheaper solver, from 1/4 (80 ms) the inverse filter, from 1/2 (160 ms) the raw frame. Such frames "
+      "are flagged.");
   keys.integer("realtime_priority", c.pipeline.thread.realtime_priority, {0, 99, ""},
                "SCHED_FIFO priority of the deblurring threads; 0: the default scheduler.");
-  keys.integers("cpus", c.pipeline.thread.cpus, {0, 4095, ""}, "CPUs that the deblurring threads keep to; []: any.");
-  keys.boolean("lock_memory", c.lock_memory, "Keep all memory from being swapped out (mlockall), when allowed.");
+  keys.integers("cpus", c.pipeline.thread.cpus, {0, 4095, ""}, "CPUs of the deblurring threads; []: any.");
+  keys.boolean("lock_memory", c.lock_memory, "Lock all memory against swapping (mlockall), if allowed.");
 }
 
 void output_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
-  keys.section("watch", "whether the camera still does what its profile says");
+  keys.section("watch", "whether the camera still fits its profile");
   keys.boolean("gap", o.watch_gap,
-               "Once a minute, compare 32 frames with what the profile foretells of them; `bolo stat`, the metrics and "
-               "the log (gap_grew) say when time constant or noise are others.");
+               "Once a minute, compare 32 frames with their prediction from the profile; `bolo stat`, the metrics and "
+               "the log (gap_grew) report a changed time constant or noise.");
   for (const auto& sink : c.sinks) sink->declare(keys);
   c.ros2.declare(keys);
   keys.section("control", "commands to the running daemon: `bolo nuc NAME`");
-  keys.boolean("enable", c.control.enabled, "Listen on a unix socket.");
+  keys.boolean("enable", c.control.enabled, "Listen on a Unix socket.");
   keys.text(
       "socket", c.control.socket,
-      "Its path; empty: NAME.sock in the runtime directory (RUNTIME_DIRECTORY, /run/bolo, XDG_RUNTIME_DIR/bolo).");
-  keys.octal("mode", c.control.mode, {0600, 0777, ""}, "Permission bits; whoever may write to it may send commands.");
+      "Socket path; empty: NAME.sock in the runtime directory (RUNTIME_DIRECTORY, /run/bolo, XDG_RUNTIME_DIR/bolo).");
+  keys.octal("mode", c.control.mode, {0600, 0777, ""},
+             "Permission bits; users with write permission may send commands.");
   keys.section("metrics", "numbers for Prometheus, at http://LISTEN/metrics");
-  keys.boolean("enable", c.metrics.enabled, "Answer scrapes.");
+  keys.boolean("enable", c.metrics.enabled, "Serve metrics.");
   keys.text("listen", c.metrics.listen, "Address and port.");
   keys.boolean("allow_remote", c.metrics.allow_remote,
-               "Let `listen` be an address that other computers reach. Who reaches it may read; nothing is asked.");
+               "Allow a `listen` address that other computers can reach. Readers are not authenticated.");
   keys.section("log", "messages");
-  keys.choice<spdlog::level::level_enum>("level", c.log.level, kLevels,
-                                         "The least important messages that are written.");
+  keys.choice<spdlog::level::level_enum>("level", c.log.level, kLevels, "Least severe messages that are written.");
   keys.choice<LogFormat>(
       "format", c.log.format, kFormats,
-      "text: time, level, message on standard error. journal: to systemd's journal, with fields (BOLO_EVENT "
-      "...). auto: journal for a service whose standard error is the journal.");
+      "text: time, level, message on standard error. journal: systemd's journal, with fields (BOLO_EVENT ...). "
+      "auto: journal if standard error is the journal.");
 }
 
 KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
   KeyTable keys;
   keys.text("name", config.name, "Name of this daemon's shared memory, /bolo.NAME: letters, digits, '-', '_', '.'.");
   keys.file("profile", config.profile_file, "a655sc.toml",
-            "Camera profile. Left out: what is known of the A655sc at 200 Hz.");
+            "Camera profile. Left out: the built-in one of an A655sc at 200 Hz.");
   source_keys(keys, config, overrides);
   camera_keys(keys, config.camera);
   deblur_keys(keys, config, overrides);

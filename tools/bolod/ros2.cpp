@@ -39,10 +39,10 @@ void Ros2Options::declare(model::KeyTable& keys) {
       "ros2",
       "topics of ROS 2 (package bolo-ros2): /NAME/image_raw, /NAME/image_deblurred, /NAME/camera_info; in NAME '_' for "
       "what ROS 2 has no place for");
-  keys.boolean("enable", enabled, "Publish them, as sensor data: best effort. Needs [shm].");
-  keys.boolean("kelvin", kelvin, "Images in kelvin (32FC1), not as the shared memory has them (mono16).");
-  keys.text("frame_id", frame_id, "Coordinate frame that the messages name; empty: NAME.");
-  keys.integer("domain", domain, {0.0, kMostDomain, ""}, "ROS_DOMAIN_ID of the nodes that read them.");
+  keys.boolean("enable", enabled, "Publish topics with sensor-data quality of service (best effort). Needs [shm].");
+  keys.boolean("kelvin", kelvin, "Images in kelvin (32FC1) instead of shared memory's counts (mono16).");
+  keys.text("frame_id", frame_id, "Coordinate frame (frame_id) of the messages; empty: NAME.");
+  keys.integer("domain", domain, {0.0, kMostDomain, ""}, "ROS_DOMAIN_ID of the reading nodes.");
 }
 
 Status Ros2Options::check(const model::KeyTable& keys, bool has_shared_memory) const {

@@ -137,7 +137,7 @@ std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, 
 }
 
 void add_overwrite_option(cxxopts::Options& options) {
-  options.add_options()("overwrite", "Replace files that are there already");
+  options.add_options()("overwrite", "Replace existing files");
 }
 
 Replace replace_of(const cxxopts::ParseResult& parsed) {

@@ -309,41 +309,41 @@ cxxopts::Options deblur_command_line() {
   const auto text = [](double value) { return fmt::format("{:g}", value); };
   cxxopts::Options options("bolo deblur",
                            "Undo the pixels' thermal inertia in captures.\n"
-                           "Many go into a folder; what is done there is not done again, and processes can share "
-                           "them:\nshards, or those that mpirun, srun or a Slurm array starts.");
+                           "Several captures go into a folder: finished ones are skipped, and processes can share the "
+                           "work\n(--shard, or processes started by mpirun, srun or a Slurm array).");
   options.positional_help("IN.h5...");
   // clang-format off
   options.add_options()
     ("input", "Captures to read, or folders of them", cxxopts::value<std::vector<std::string>>())
     ("o,output", "Capture to write; of several captures, the folder for them", cxxopts::value<std::string>(), "OUT.h5")
-    ("profile", "Camera profile: what is known of the camera and undone", cxxopts::value<std::string>(), "P.toml")
+    ("profile", "Camera profile: effects to undo", cxxopts::value<std::string>(), "P.toml")
     ("tau", "Thermal time constant, s (default: the profile's, else " + text(defaults.tau_s) + ")",
      cxxopts::value<double>(), "S")
-    ("gyro", "Angular rates beside the captures, for the solver motion: a line t_s,x_rad_s,y_rad_s,z_rad_s for each",
+    ("gyro", "Gyro rates for the solver motion: lines of t_s,x_rad_s,y_rad_s,z_rad_s",
      cxxopts::value<std::string>(), "G.csv")
-    ("scene-nuc", "Learn the pattern that stays while the scene moves, and take it out")
+    ("scene-nuc", "Learn and remove the fixed pattern that stays while the scene moves")
     ("solver", "admm, dual, exact, inverse, mmae or motion", cxxopts::value<std::string>()->default_value("admm"))
-    ("iterations", "ADMM iterations; 0: as many as the accuracy needs",
+    ("iterations", "ADMM iterations; 0: as many as accuracy requires",
      cxxopts::value<int>()->default_value(text(defaults.iterations)), "I")
     ("kappa", "Weight of the data in kappa ||VA - Y||^2 + lambda ||D||_1",
      cxxopts::value<double>()->default_value(text(defaults.kappa)), "K")
     ("lambda", "Weight of sparsity, K (counts for a capture without kelvin), or auto: from noise and motion",
      cxxopts::value<std::string>()->default_value("auto"), "L")
-    ("noise", "Temporal noise for --lambda auto, mmae and motion, K (counts as lambda); 0: measured",
+    ("noise", "Temporal noise for --lambda auto, mmae and motion, K or counts like lambda; 0: measured",
      cxxopts::value<double>()->default_value(text(defaults.noise_k)), "N")
-    ("lookahead", "Frames that the window reaches beyond the estimated one",
+    ("lookahead", "Frames of the window after the estimated one",
      cxxopts::value<int>()->default_value(text(defaults.lookahead)), "L")
     ("window", "Frames in the window, 2^k + 1", cxxopts::value<int>()->default_value(text(defaults.window)), "N")
     ("levels", "Haar levels n: 2^n bins in the window",
      cxxopts::value<int>()->default_value(text(defaults.levels)), "N")
-    ("threads", "Worker threads (default: one a processor, shared by the ranks of a host)", cxxopts::value<int>(), "W")
+    ("threads", "Worker threads (default: one per processor, shared by the ranks of a host)", cxxopts::value<int>(), "W")
     ("isa", "Instruction set of the kernels, or auto: the best", cxxopts::value<std::string>()->default_value("auto"),
      "NAME")
     ("roi", "Only this part of the frame", cxxopts::value<std::vector<int>>(), "x,y,w,h")
-    ("points", "Only these pixels: a line x,y for each", cxxopts::value<std::string>(), "P.csv")
+    ("points", "Only these pixels: lines of x,y", cxxopts::value<std::string>(), "P.csv")
     ("type", "float32 (kelvin) or uint16 (the input's scale)",
      cxxopts::value<std::string>()->default_value("float32"))
-    ("shard", "Do the I-th of N parts of the captures (default: as the variables of mpirun, srun or a Slurm array say)",
+    ("shard", "I-th of N shares of the captures (default: from the variables of mpirun, srun or a Slurm array)",
      cxxopts::value<std::string>(), "I/N")
     ("json", "Print the summary as JSON");
   add_overwrite_option(options);
