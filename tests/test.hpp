@@ -1,4 +1,5 @@
-#pragma once
+#ifndef BOLO_TESTS_TEST_HPP  // a guard, not #pragma once: a precompiled header from ccache is another file to that
+#define BOLO_TESTS_TEST_HPP
 
 #include <gtest/gtest.h>
 
@@ -64,3 +65,5 @@ bool eventually(Condition condition) {
 }
 
 }  // namespace bolo
+
+#endif
