@@ -1,4 +1,4 @@
-#ifndef BOLO_TESTS_TEST_HPP  // a guard, not #pragma once: a precompiled header from ccache is another file to that
+#ifndef BOLO_TESTS_TEST_HPP  // a guard, not #pragma once: a precompiled header from a cache is another file to that
 #define BOLO_TESTS_TEST_HPP
 
 #include <gtest/gtest.h>
