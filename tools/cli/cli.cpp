@@ -136,9 +136,7 @@ std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, 
   return {names.begin(), names.end()};
 }
 
-void add_overwrite_option(cxxopts::Options& options) {
-  options.add_options()("overwrite", "Replace existing files");
-}
+void add_overwrite_option(cxxopts::Options& options) { options.add_options()("overwrite", "Replace existing files"); }
 
 Replace replace_of(const cxxopts::ParseResult& parsed) {
   return parsed.count("overwrite") != 0 ? Replace::kExisting : Replace::kNothing;
