@@ -389,7 +389,7 @@ TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
   refused({"record", name_, "-o", file("c.h5")}, "c.h5.part: is there, and empty; remove it");  // nothing to recover
   EXPECT_EQ(json::parse(printed({"recover", part, "-o", file("b.h5"), "--json"}))["frames"], frames);
   std::filesystem::copy(part, file("moved.h5.part"));  // and what was not on the disk yet stayed behind
-  std::filesystem::resize_file(file("moved.h5.part"), 4096);
+  std::filesystem::resize_file(file("moved.h5.part"), 100);
   refused({"recover", file("moved.h5.part")}, "moved.h5.part.journal is not there: if the recording was moved");
   EXPECT_TRUE(exists(part));
   done({"recover", part, "--in-place"});
