@@ -215,7 +215,7 @@ cxxopts::Options simulate_options() {
   scene("speed", "Speed of the scene along +x, pixels/s", number("300"));
   scene("trajectory", "CSV of t_s,x_px,y_px: scene position of pixel (0, 0)", text(), "FILE.csv");
   scene("trajectory-scale", "Factor on the trajectory's motion", number("1"));
-  scene("trajectory-start", "Start of the capture within the trajectory, s", cxxopts::value<double>());
+  scene("trajectory-start", "Start time within the trajectory, s", cxxopts::value<double>());
   scene("origin", "Scene position of pixel (0, 0) at t = 0 (default: centres the path)",
         cxxopts::value<std::vector<double>>(), "X,Y");
   scene("cold", "Cold temperature, K: a picture's black, the bars' background (285), the closed chopper (295)",

@@ -24,11 +24,11 @@ constexpr int kPatience_ms = 1000;  // for writing the last line, so that a bloc
 
 cxxopts::Options bolod_options() {
   cxxopts::Options options("bolod", "Deblurs a thermal camera's frames and hands them to other programs.");
-  options.add_options()                                                                             //
-      ("config", "The configuration to run", cxxopts::value<std::string>(), "FILE")                 //
-      ("check-config", "Say whether the configuration is right, and end")                           //
-      ("print-config", "Print the complete default configuration with its documentation, and end")  //
-      ("version", "Print the version")                                                              //
+  options.add_options()                                                                              //
+      ("config", "Configuration to run", cxxopts::value<std::string>(), "FILE")                      //
+      ("check-config", "Check the configuration, and exit")                                          //
+      ("print-config", "Print the complete default configuration with its documentation, and exit")  //
+      ("version", "Print the version")                                                               //
       ("h,help", "Print this help");
   return options;
 }
