@@ -26,7 +26,7 @@ constexpr double kRatioDecades = 0.15;                             // a step
 constexpr float kLeastLess = 0.01F;     // of the mean square error: least gain for which the far past is used
 constexpr float kWorthwhile = 0.1F;     // further gain at which it is used in full
 constexpr float kLeastAcross = 0.007F;  // noise variances
-constexpr float kSlanted = 0.4F;        // of the noise, by which values between pixels have less on the diagonal
+constexpr float kSlanted = 0.4F;        // of the noise, that interpolation removes on the diagonal
 constexpr float kLargestIndex = 1e-4F;  // below the last, so that there is one above
 
 // Of 0.6, 1.0 and 1.5 px, 1.0 left the least error below half a pixel a frame, 0.6 from one on (street stills, 0 and

@@ -54,7 +54,7 @@ class WeightTable {
   struct Place {
     std::array<std::uint16_t, 8> cell{};
     std::array<float, 8> share{};
-    float speed = 0.0F;    // cells of slower ones before it
+    float speed = 0.0F;    // place among the speeds, in cells
     float blurred = 0.0F;  // share of the blurred scene's weights
   };
   // For a speed (px a frame), half the mean square difference of the near past's mean over lag_of(speed), less its
