@@ -37,11 +37,11 @@ float explained_by_motion(float left, float change, float of_left, float of_chan
 }  // namespace
 
 // The coefficients minimise the blend's error in each frame, relative to that of the coefficients before them, and its
-// excess over mmae's error in any frame or tile of 32 x 32 pixels: of 260 random scenes (tests/motion/random_scene.hpp) and 48 stretches of pans
-// and hand motion before street stills; the first was raised by 0.2 for MotionSafety's bounds. With look-ahead: of 240
-// random scenes and 28 stretches, those of fast hands six times; of 240 others 32 frames instead of 56 were more than
-// 10 % worse than mmae's, and the error of 28 other stretches fell by 1.4 %. The last, for motion found across lost
-// frames: of 131 random scenes that lose one or two where they change.
+// excess over mmae's error in any frame or tile of 32 x 32 pixels: of 260 random scenes (tests/motion/random_scene.hpp)
+// and 48 stretches of pans and hand motion before street stills; the first was raised by 0.2 for MotionSafety's bounds.
+// With look-ahead: of 240 random scenes and 28 stretches, those of fast hands six times; of 240 others 32 frames
+// instead of 56 were more than 10 % worse than mmae's, and the error of 28 other stretches fell by 1.4 %. The last, for
+// motion found across lost frames: of 131 random scenes that lose one or two where they change.
 //
 // A per-pixel estimate ignores the scene that crossed the pixel between two frames, and so underestimates its error in
 // fast motion. Where the motion explains the change, the change bounds that error from below, unless the block itself
