@@ -57,11 +57,11 @@ class CommonOffset final : public Correction {
       return;
     }
     const double step = std::abs(difference - trend_);
+    const double jumped = jumped_ + (difference - trend_);
     const bool still = share_within(kClip * sigma_, difference) > kStill;
-    if (jumps_taken_ && step > std::max(kJump * sigma_, kUnusual * usual_) &&
-        std::abs(jumped_ + difference - trend_) < kMostJumped * sigma_ &&
+    if (jumps_taken_ && step > std::max(kJump * sigma_, kUnusual * usual_) && std::abs(jumped) < kMostJumped * sigma_ &&
         share_within(kClip * spread_, difference) > kJumpShare) {
-      jumped_ += difference - trend_;
+      jumped_ = jumped;
       difference = trend_;
     } else {
       usual_ += kTrendTaken * (step - usual_);

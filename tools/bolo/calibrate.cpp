@@ -31,10 +31,9 @@ cxxopts::Options calibrate_options() {
       "bolo calibrate",
       "Measure a camera and write its profile: the pixels' time constant from rectangular pulses; noise, offsets and\n"
       "dead pixels from still fields.\n\n"
-      "Pulses: a chopper in front of a black body, or a board in front of a monitor. Switching times, temperatures "
-      "and\n"
-      "the pixels that see them need not be known; some levels should last ten time constants, and differ by 10 K or\n"
-      "more. Still fields: closed shutter or a flat black body. All captures from one camera in one mode.\n"
+      "Pulses: a chopper in front of a black body, or a board in front of a monitor. Switching times, temperatures\n"
+      "and the pixels that see them need not be known; some levels should last ten time constants, and differ by\n"
+      "10 K or more. Still fields: closed shutter or a flat black body. All captures from one camera in one mode.\n"
       "Example: bolo calibrate chopper.h5 shutter.h5 -o camera.toml --plot fit.svg");
   add_option<std::string>(options, "o,output", "Profile to write", nullptr, "PROFILE.toml");
   add_option<std::string>(options, "profile", "Profile to start from (default: a655sc)", nullptr, "P.toml");

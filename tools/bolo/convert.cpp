@@ -27,9 +27,9 @@ struct ConvertRequest {
 cxxopts::Options convert_options() {
   cxxopts::Options options(
       "bolo convert",
-      "Convert captures (.h5, .part, the authors' .mat), ROS 2 recordings (.mcap), CPTV films, PNG and "
-      "TIFF pictures,\nFLIR radiometric JPEG stills and raw dumps to a capture (.h5), a ROS 2 "
-      "recording (.mcap), PNG or TIFF pictures,\nor a film for viewing (.mp4).\n");
+      "Convert captures (.h5, .part, the authors' .mat), ROS 2 recordings (.mcap), CPTV films, PNG and TIFF\n"
+      "pictures, FLIR radiometric JPEG stills and raw dumps to a capture (.h5), a ROS 2 recording (.mcap), PNG or\n"
+      "TIFF pictures, or a film for viewing (.mp4).\n");
   options.positional_help("IN...").show_positional_help();
   add_option<std::vector<std::string>>(options, "in", "Files to convert, in order");
   add_option<std::string>(options, "o,output", "File to write; its extension sets the format");

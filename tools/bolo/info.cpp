@@ -247,16 +247,13 @@ std::string irregular_text(const json& irregular) {
   return text;
 }
 
-// JSON text that keeps letters beyond ASCII.
-std::string readable(const json& value) { return value.dump(-1, ' ', false, json::error_handler_t::replace); }
-
 // One line of "name value" pairs; long lists are only counted.
 std::string pairs_text(const json& object) {
   std::string text;
   for (const auto& [name, value] : object.items()) {
     if (!text.empty()) text += ", ";
     const bool is_long = value.is_array() && value.size() > kPlacesShown;
-    text += name + " " + (is_long ? "of " + std::to_string(value.size()) + " values" : readable(value));
+    text += name + " " + (is_long ? "of " + std::to_string(value.size()) + " values" : json_text(value, -1, false));
   }
   return text.empty() ? "none" : text;
 }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
+#include "src/capture/commit_records.hpp"
 #include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
@@ -77,10 +78,10 @@ void print(const RecoverRequest& request, const capture::Recovered& done) {
 
 // Of a recording that was moved without what belongs to it; empty where its journal is there.
 std::string without_journal(const std::filesystem::path& damaged) {
-  const std::string journal = damaged.string() + ".journal";
+  const std::filesystem::path journal = capture::journal_of(damaged);
   std::error_code ignored;
   if (damaged.extension() != ".part" || std::filesystem::exists(journal, ignored)) return {};
-  return journal + " is not there: if the recording was moved, move its .journal and .live beside it, too";
+  return journal.string() + " is not there: if the recording was moved, move its .journal and .live beside it, too";
 }
 
 Result<capture::Recovered> recover(const RecoverRequest& request) {
@@ -97,10 +98,10 @@ Status run_recover(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const auto request, recover_request(given));
   auto done = recover(request);
   const std::string why = without_journal(request.damaged);
-  if (!done && done.error().kind == ErrorKind::kBadInput && !why.empty()) {
-    return bad_input(done.error().message + "; " + why);
+  if (!done) {
+    if (done.error().kind == ErrorKind::kBadInput && !why.empty()) done.error().message += "; " + why;
+    return tl::unexpected(std::move(done.error()));
   }
-  if (!done) return tl::unexpected(std::move(done.error()));
   if (!done->remarks.empty() && !why.empty()) done->remarks.push_back(why);
   if (given.count("json") != 0) {
     std::cout << json_text(to_json(request, *done)) << '\n';

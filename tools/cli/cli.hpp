@@ -143,11 +143,11 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
 
 // --- JSON for other programs.
 
-// Replaces invalid UTF-8 by U+FFFD instead of throwing, and escapes what is not ASCII, so that no text reaches a
-// terminal as control characters. `indent`: spaces per level; -1: one line. Thread: any.
+// Replaces invalid UTF-8 by U+FFFD instead of throwing and, if `ascii`, escapes what is not ASCII, so that no text
+// reaches a terminal as control characters. `indent`: spaces per level; -1: one line. Thread: any.
 template <typename Json>
-std::string json_text(const Json& json, int indent = -1) {
-  return json.dump(indent, ' ', true, Json::error_handler_t::replace);
+std::string json_text(const Json& json, int indent = -1, bool ascii = true) {
+  return json.dump(indent, ' ', ascii, Json::error_handler_t::replace);
 }
 
 // --- --plot FILE.svg|FILE.html of long-running verbs: draws their measurements.
