@@ -6,6 +6,7 @@
 
 #include "src/core/clock.hpp"
 #include "src/deblur/method.hpp"
+#include "src/deblur/noise_meter.hpp"
 
 namespace bolo::deblur {
 namespace {
@@ -24,6 +25,7 @@ constexpr double kSuspicious = 0.5;  // share of Displacement::beyond that count
 
 // The same task in the values' own unit, with float output.
 StreamTask in_values(StreamTask task) {
+  task.noise_floor = least_noise(task.input);
   task.settings.noise_k /= task.input.scale.unit == Unit::kKelvin ? std::abs(task.input.scale.scale) : 1.0;
   task.settings.method = Method::kMmae;
   task.input.scale = {};

@@ -20,6 +20,7 @@ constexpr double kQuantile = 0.05;
 constexpr double kRise = 1.002;       // per frame
 constexpr double kFall = 0.2;         // of the way, per frame
 constexpr double kMostNoise = 1e7;    // in values; products of variances stay within a float's range
+constexpr double kNoNoise = 0.1;      // of the floor: what corrections alone change
 constexpr double kFloatFloor = 1e-3;  // K: for a float capture without noise
 
 // The 5 % quantile of chi^2 with `freedom` degrees over its mean (Wilson and Hilferty, 1931).
@@ -59,11 +60,14 @@ void leave_out(const T* row, std::size_t width, const Ends& ends, float* sums) {
 
 }  // namespace
 
-NoiseMeter::NoiseMeter(const StreamTask& task) : task_(task) {
-  const bool kelvin = task.input.scale.unit == Unit::kKelvin;
-  const double unit = kelvin ? std::abs(task.input.scale.scale) : 1.0;
-  floor_ = task.input.type == PixelType::kUint16 ? 1.0 / std::sqrt(12.0) : kFloatFloor / unit;
-  given_ = task.settings.noise_k / unit;
+double least_noise(const StreamFormat& input) {
+  const double unit = input.scale.unit == Unit::kKelvin ? std::abs(input.scale.scale) : 1.0;
+  return input.type == PixelType::kUint16 ? 1.0 / std::sqrt(12.0) : kFloatFloor / unit;
+}
+
+NoiseMeter::NoiseMeter(const StreamTask& task)
+    : task_(task), floor_(task.noise_floor > 0.0 ? task.noise_floor : least_noise(task.input)) {
+  given_ = task.settings.noise_k / (task.input.scale.unit == Unit::kKelvin ? std::abs(task.input.scale.scale) : 1.0);
   const Geometry g = task.input.geometry;
   column_.resize(static_cast<std::size_t>(g.width) * static_cast<std::size_t>(g.height / kRowStep + 1));
   block_.reserve(column_.size());
@@ -108,18 +112,19 @@ double NoiseMeter::calmest(const void* const* planes, int order, bool without_en
                                     column_.data() + static_cast<std::size_t>(strip) * stride);
   });
   if (without_ends) leave_out_ends(planes[0], planes[order], rows, strips, crew);
+  const double pixels = rows * width;
+  const auto least = static_cast<float>(std::pow(kNoNoise * floor_, 2) * pixels * gain(order));
   block_.clear();
   for (int strip = 0; strip < strips; ++strip) {
     const float* const columns = column_.data() + static_cast<std::size_t>(strip) * stride;
     for (int x = 0; x + width <= g.width; x += width) {
       const float sum = std::accumulate(columns + x, columns + x + width, 0.0F);
-      if (sum > 0.0F && std::isfinite(sum)) block_.push_back(sum);  // no noise at all: dead or saturated
+      if (sum > least && std::isfinite(sum)) block_.push_back(sum);  // less: dead or saturated
     }
   }
   if (block_.empty()) return 0.0;
   const auto at = block_.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(block_.size()));
   std::nth_element(block_.begin(), at, block_.end());
-  const double pixels = rows * width;
   return std::sqrt(static_cast<double>(*at) / pixels / gain(order) / low_quantile(pixels));
 }
 

@@ -10,6 +10,9 @@
 
 namespace bolo::deblur {
 
+// Standard deviation of a uint16 stream's rounding, or 1 mK, in the values' unit.
+double least_noise(const StreamFormat& input);
+
 // The sixth difference in time of a pixel's samples has 924 times the variance of their noise, and next to none of a
 // scene that is smooth over seven frames. Of its mean square over blocks of 4 x 8 pixels the 5 % quantile is taken: the
 // calmest places of the frame, corrected for the quantile's value for pure noise. Where everything moves even those

@@ -69,7 +69,8 @@ struct StreamTask {
   Settings settings;
   StreamFormat input;
   PixelType output = PixelType::kUint16;
-  double row_period = 0.0;  // from a stored row's sample to the next one's, frame periods
+  double row_period = 0.0;   // from a stored row's sample to the next one's, frame periods
+  double noise_floor = 0.0;  // least measured noise, values' unit; 0: that of rounding
 
   // Delay of a stored row's sample after the frame's time, frame periods.
   double row_delay(int row) const { return row * row_period; }

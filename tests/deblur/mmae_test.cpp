@@ -334,6 +334,30 @@ TEST(NoiseMeter, IsNotFooledBySaturatedPixels) {
   EXPECT_NEAR(solver->noise_k(), 0.1, 0.008);
 }
 
+// A correction's pattern makes them differ, and hardly changes in time.
+TEST(NoiseMeter, IsNotFooledBySaturatedPixelsLessAPattern) {
+  const Geometry g{320, 64};
+  Movie movie(g, 0.1, 0.0);
+  std::vector<std::vector<float>> corrected;
+  float change = 0.0F;
+  for (const auto& plane : movie.planes()) {
+    auto& values = corrected.emplace_back(plane.begin(), plane.end());
+    for (std::size_t i = 0; i < values.size() / 2; ++i) {
+      change = std::fmod(change + 0.00137F, 0.002F);
+      values[i] = 6000.0F - static_cast<float>(i % 7) - change;
+    }
+  }
+  const auto planes = testing::pointers_to(corrected);
+  const StreamFormat format{g, PixelType::kFloat32, {Unit::kKelvin, 0.01, 0.0}};
+  for (const Method method : {Method::kMmae, Method::kMotion}) {
+    Settings settings = settings_with(0.0);
+    settings.method = method;
+    const auto solver = testing::make(settings, format);
+    whole_frame(*solver, {planes, kWindow - 1}, g);
+    EXPECT_NEAR(solver->noise_k(), 0.1, 0.008) << name(method);
+  }
+}
+
 // Clipped at 300 K within the noise, as where a camera's range ends within the scene.
 TEST(NoiseMeter, IsNotFooledByValuesCutOffAtTheRangesEnd) {
   const Geometry g{320, 64};
