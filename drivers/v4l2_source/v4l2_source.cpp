@@ -28,6 +28,7 @@ using pipeline::SourceState;
 constexpr int kTickMs = 20;
 constexpr std::int64_t kFirstFrameNs = 3'000'000'000;  // USB cameras take seconds to start
 constexpr auto kPauseBetweenAttempts = std::chrono::milliseconds(200);
+constexpr std::int64_t kFormatEveryNs = 1'000'000'000;  // between looks whether the device has its format still
 constexpr std::int64_t kOldestStampNs = 1'000'000'000;  // older stamps are not the time of this frame
 
 // A program that writes to a loopback device chooses the stamps freely: masked so that differences do not overflow.
@@ -93,6 +94,10 @@ struct V4l2Source::Impl {
     }
     const std::int64_t now_ns = monotonic_ns();
     status.watched_ns.set(now_ns);
+    if (device != nullptr && now_ns >= next_format_ns) {
+      next_format_ns = now_ns + kFormatEveryNs;
+      if (!device->has_its_format()) lose(LostCause::kControlLost);
+    }
     watch(now_ns);
   }
 
@@ -231,7 +236,8 @@ struct V4l2Source::Impl {
   pipeline::FrameInlet* inlet = nullptr;
   std::unique_ptr<pipeline::Arrivals> arrivals;
   pipeline::WatchLimits limits{};
-  std::int64_t since_ns = 0;       // last opening of the device
+  std::int64_t since_ns = 0;  // last opening of the device
+  std::int64_t next_format_ns = 0;
   std::int64_t last_frame_ns = 0;  // complete ones; CLOCK_MONOTONIC
   std::int64_t outage_from_ns = 0;
   std::uint64_t id = 0;  // of the last buffer, unwrapped

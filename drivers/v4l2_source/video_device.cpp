@@ -21,6 +21,10 @@ std::string text_of(std::uint32_t code) {
   return printable(text.substr(0, text.find_last_not_of(' ') + 1));
 }
 
+std::size_t stride_of(const v4l2_pix_format& pixels) {
+  return std::max<std::size_t>(pixels.bytesperline, kBytesAPixel * pixels.width);
+}
+
 std::string list_of(const std::vector<VideoNode>& nodes) {
   std::string text;
   for (const VideoNode& node : nodes) {
@@ -137,8 +141,9 @@ Status VideoDevice::agree_on_format(std::uint32_t wanted) {
     return refused(fmt::format("it sends frames of {}x{}: from 1 to {} pixels are taken", pixels.width, pixels.height,
                                kMostPixels));
   }
+  code_ = pixels.pixelformat;
   geometry_ = {static_cast<int>(pixels.width), static_cast<int>(pixels.height)};
-  stride_ = std::max<std::size_t>(pixels.bytesperline, kBytesAPixel * pixels.width);
+  stride_ = stride_of(pixels);
   image_bytes_ = pixels.sizeimage;
   // Frames of either size count as complete, so their last row must lie within both.
   const std::size_t last_row = stride_ * (pixels.height - 1);
@@ -148,6 +153,15 @@ Status VideoDevice::agree_on_format(std::uint32_t wanted) {
   }
   query_period();
   return {};
+}
+
+bool VideoDevice::has_its_format() noexcept {
+  v4l2_format now{};
+  now.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+  if (system_.ioctl(fd_, VIDIOC_G_FMT, &now) < 0) return true;  // a lost device is noticed by its frames
+  const v4l2_pix_format& pixels = now.fmt.pix;
+  return pixels.pixelformat == code_ && static_cast<int>(pixels.width) == geometry_.width &&
+         static_cast<int>(pixels.height) == geometry_.height && stride_of(pixels) == stride_;
 }
 
 void VideoDevice::query_period() {

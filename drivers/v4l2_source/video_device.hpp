@@ -33,6 +33,9 @@ class VideoDevice {
   // Starts streaming. Thread: acquire.
   Status start();
 
+  // False: another program has changed the format, and frames of as many bytes are another picture. Thread: acquire.
+  bool has_its_format() noexcept;
+
   // 1: a frame is ready, or the device is gone. 0: timeout. Thread: acquire.
   int wait(int timeout_ms) noexcept { return system_.poll(fd_, timeout_ms); }
   // 0: `frame` is the next one. EAGAIN: none ready. Any other errno: a device error. Thread: acquire.
@@ -72,6 +75,7 @@ class VideoDevice {
   std::string path_;
   std::string serial_;
   std::string model_;
+  std::uint32_t code_ = 0;
   Geometry geometry_;
   std::size_t stride_ = 0;
   std::size_t image_bytes_ = 0;

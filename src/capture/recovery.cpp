@@ -74,6 +74,22 @@ class FrameCopy {
   bool after_gap_ = false;
 };
 
+// Of a recording that was moved without what belongs to it; empty where its journal is there.
+std::string without_journal(const std::filesystem::path& damaged) {
+  const std::filesystem::path journal = journal_of(damaged);
+  std::error_code ignored;
+  if (damaged.extension() != ".part" || std::filesystem::exists(journal, ignored)) return {};
+  return journal.string() + " is not there: if the recording was moved, move its .journal and .live beside it, too";
+}
+
+// Adds that to what is wrong with the recording.
+template <typename T>
+Result<T> explained(Result<T> answer, const std::filesystem::path& damaged) {
+  const std::string why = without_journal(damaged);
+  if (!answer && answer.error().kind == ErrorKind::kBadInput && !why.empty()) answer.error().message += "; " + why;
+  return answer;
+}
+
 tl::unexpected<Error> nothing_readable(const std::filesystem::path& file) {
   return bad_input(file.string() + ": none of its frames can be read");
 }
@@ -81,7 +97,7 @@ tl::unexpected<Error> nothing_readable(const std::filesystem::path& file) {
 Result<Recovered> write_copy(const std::filesystem::path& damaged, const std::filesystem::path& out,
                              const std::function<bool(std::uint64_t, std::uint64_t)>& progress) {
   Recovered done;
-  ASSIGN_OR_RETURN(const CaptureReader reader, open_damaged(damaged, done.remarks));
+  ASSIGN_OR_RETURN(const CaptureReader reader, explained(open_damaged(damaged, done.remarks), damaged));
   WriterOptions options;
   options.truth = reader.info().has_truth;
   options.motion = reader.info().has_motion;
@@ -94,9 +110,11 @@ Result<Recovered> write_copy(const std::filesystem::path& damaged, const std::fi
     RETURN_IF_ERROR(frames.copy(i));
     if (progress && !progress(i + 1, reader.info().frames)) return failed(out.string() + ": interrupted");
   }
-  if (done.frames == 0) return nothing_readable(damaged);
+  if (done.frames == 0) return explained<Recovered>(nothing_readable(damaged), damaged);
   RETURN_IF_ERROR(writer.close());
   done.remarks.insert(done.remarks.end(), reader.warnings().begin(), reader.warnings().end());
+  const std::string why = without_journal(damaged);
+  if (!done.remarks.empty() && !why.empty()) done.remarks.push_back(why);
   return done;
 }
 
@@ -140,9 +158,10 @@ Result<Recovered> recover_in_place(const std::filesystem::path& part, const Outp
   }
   Recovered done;
   {
-    ASSIGN_OR_RETURN(const CaptureReader reader, CaptureReader::open(part));
+    ASSIGN_OR_RETURN(const CaptureReader reader, explained(CaptureReader::open(part), part));
     if (!reader.warnings().empty()) {
-      return bad_input(part.string() + ": " + reader.warnings().front() + "; recover it to another file");
+      return explained<Recovered>(
+          bad_input(part.string() + ": " + reader.warnings().front() + "; recover it to another file"), part);
     }
     done.frames = reader.info().frames;
     done.first_t_s = reader.t().front();

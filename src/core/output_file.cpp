@@ -69,11 +69,20 @@ int rename_to_free_name(const fs::path& from, const fs::path& to) {
   return ::unlink(from.c_str()) == 0 ? 0 : errno;
 }
 
+// A private file stays private when it is replaced.
+void keep_private(int written, const fs::path& replaced) {
+  struct stat before {};
+  struct stat now {};
+  if (::lstat(replaced.c_str(), &before) != 0 || !S_ISREG(before.st_mode) || ::fstat(written, &now) != 0) return;
+  ::fchmod(written, now.st_mode & before.st_mode & (S_IRWXU | S_IRWXG | S_IRWXO));
+}
+
 // 0, or an errno; EEXIST: the name was taken meanwhile.
 int give_name(const HeldFolder& folder, const fs::path& written, const OutputFile& output) {
   const fs::path from = folder.place_of(written);
   const fs::path to = folder.place_of(output.path);
   const UniqueFd file(::open(from.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+  if (output.replace == Replace::kExisting) keep_private(file.get(), to);
   if (!flush(file.get())) return errno;
   if (!folder.is_folder_of(output.path)) return ENOENT;
   int error = 0;

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "src/core/input_file.hpp"
+#include "src/core/message.hpp"
 #include "src/core/text.hpp"
 
 namespace bolo::model {
@@ -93,7 +94,7 @@ struct KeyTable::Reading {
       if (const Key* key = keys.find(path)) {
         take(*key, node);
       } else if (!keys.has_section(path)) {
-        problems.push_back({place(name.source()), "unknown key '" + path + "'" + keys.nearest(path)});
+        problems.push_back({place(name.source()), "unknown key '" + excerpt(path) + "'" + keys.nearest(path)});
       } else if (const toml::table* inner = node.as_table()) {
         walk(*inner, path + ".");
       } else {

@@ -8,6 +8,8 @@
 #include <sstream>
 #include <utility>
 
+#include "src/core/message.hpp"
+
 namespace bolo::model {
 namespace {
 
@@ -30,11 +32,22 @@ std::string plain_text(double value) {
   return text;
 }
 
+// A TOML text. Control characters are escaped; what is not UTF-8 has no place in TOML and becomes '?'.
 std::string in_quotes(std::string_view text) {
+  constexpr std::string_view kHex = "0123456789ABCDEF";
   std::string result = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') result += '\\';
-    result += c;
+  while (!text.empty()) {
+    const auto first = static_cast<unsigned char>(text.front());
+    const std::size_t bytes = printable_character(text);
+    if (first == '"' || first == '\\') result += '\\';
+    if (bytes != 0) {
+      result += text.substr(0, bytes);
+    } else if (first < 0x80U) {
+      result += {'\\', 'u', '0', '0', kHex[first >> 4U], kHex[first & 0xfU]};
+    } else {
+      result += '?';
+    }
+    text.remove_prefix(std::max<std::size_t>(bytes, 1));
   }
   return result + '"';
 }
@@ -212,7 +225,7 @@ void KeyTable::add_choice(std::string_view key, const std::vector<std::string>& 
     const auto* word = std::get_if<std::string>(&given);
     if (word == nullptr) return wrong(" must be one of " + list);
     const auto found = std::find(names.begin(), names.end(), *word);
-    if (found == names.end()) return wrong(" = " + in_quotes(*word) + " is none of " + list);
+    if (found == names.end()) return wrong(" = " + in_quotes(excerpt(*word)) + " is none of " + list);
     return [store, index = static_cast<std::size_t>(found - names.begin())] { store(index); };
   };
   add({std::string(key), list, std::string(meaning), in_quotes(names[present.value_or(0)]), !present.has_value(),

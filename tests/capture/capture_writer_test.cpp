@@ -281,6 +281,21 @@ TEST_F(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
   EXPECT_TRUE(recover_in_place(scratch_ / "a.h5.part", scratch_ / "a.h5"));
 }
 
+// What was not on the disk yet is in the journal and the live record, which are left behind easily.
+TEST_F(CaptureWriterName, ARecordingThatWasMovedWithoutItsJournalSaysSo) {
+  ASSERT_NO_FATAL_FAILURE(leave_unfinished(scratch_ / "a.h5"));
+  const auto moved = scratch_ / "moved.h5.part";
+  std::filesystem::rename(scratch_ / "a.h5.part", moved);
+  std::filesystem::resize_file(moved, 100);
+  const std::string missing = "; " + moved.string() + ".journal is not there: if the recording was moved, move its";
+  expect_refused(recover_copy(moved, scratch_ / "b.h5", {}), {missing});
+  expect_refused(recover_in_place(moved, scratch_ / "b.h5"), {missing});
+  std::filesystem::rename(scratch_ / "a.h5.part.journal", moved.string() + ".journal");
+  const auto damaged = recover_copy(moved, scratch_ / "b.h5", {});
+  expect_error(damaged, {"is cut off"});
+  EXPECT_EQ(damaged.error().message.find("is not there"), std::string::npos) << damaged.error().message;
+}
+
 // Recovery in place writes to the file and its journal; through a link it would overwrite somebody else's file.
 TEST_F(CaptureWriterName, ARecordingIsNotFinishedThroughOtherNames) {
   const auto part = scratch_ / "a.h5.part";

@@ -167,6 +167,19 @@ TEST_F(OutputFileTest, NothingThatExistsIsReplaced) {
   EXPECT_EQ(content_of(there_), "new");
 }
 
+TEST_F(OutputFileTest, APrivateFileStaysPrivate) {
+  const auto bits_after = [this](unsigned before) {
+    fs::permissions(there_, static_cast<fs::perms>(before));
+    EXPECT_TRUE(write_file({there_, Replace::kExisting}, "new"));
+    return static_cast<unsigned>(fs::status(there_).permissions());
+  };
+  const mode_t usual = ::umask(022);
+  EXPECT_EQ(bits_after(0600), 0600U);
+  EXPECT_EQ(bits_after(0440), 0440U);
+  EXPECT_EQ(bits_after(0666), 0644U) << "not wider than a new file's";
+  ::umask(usual);
+}
+
 TEST_F(OutputFileTest, OutputsAreFilesAndDifferent) {
   expect_untouched(check_outputs({free_, scratch_ / "." / "free.h5"}, {}, Replace::kExisting), "written twice");
   expect_untouched(check_output({scratch_.path(), Replace::kExisting}), "is not a file");

@@ -146,6 +146,17 @@ TEST_F(StrictToml, WhatIsWrongIsNamedWithLineRangeAndUnit) {
   for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
 }
 
+// A key or value of any length is quoted by its beginning.
+TEST_F(StrictToml, WhatIsQuotedIsBounded) {
+  const std::string most(80, 'p');
+  const std::string more = most + std::string(400'000, 'p');
+  EXPECT_EQ(complaint("[box]\nfruit = '" + more + "'"),
+            "2:9: box.fruit = \"" + most + "...\" is none of \"apple\" | \"pear\"");
+  EXPECT_EQ(complaint(more + " = 1"), "1:1: unknown key '" + most + "...'");
+  EXPECT_EQ(complaint("[box]\n" + more + " = 1"), "2:1: unknown key 'box." + most.substr(4) + "...'");
+  EXPECT_LE(complaint(more + " = 1\n" + more + " = 1").size(), 1000U) << "of the library's own words";
+}
+
 TEST_F(StrictToml, NothingIsStoredWhenAnythingIsWrong) {
   EXPECT_NE(complaint("weight = 9\n[box]\ncount = 10\n"), "");
   EXPECT_EQ(things_.weight, 1.5);
@@ -218,6 +229,19 @@ TEST(Profile, WhatIsUndoneReadsBackAsItWasWritten) {
   const auto read = must(read_text(document_profile(profile), scratch));
   EXPECT_EQ(read->undo, profile.undo);
   EXPECT_EQ(read->maps, scratch / "maps of one camera.h5");
+}
+
+// Cameras and files may have any bytes in their names.
+TEST(Profile, TextsOfAnyBytesReadBack) {
+  CameraProfile profile;
+  profile.model = "a\n\"b\\c\"\x1b\x7f\t = 1 # \xc3\xa4\xff";
+  profile.serial = std::string("4\0002\r", 4);
+  profile.maps = "maps\nof one.h5";
+  const Scratch scratch;
+  const auto read = must(read_text(document_profile(profile), scratch));
+  EXPECT_EQ(read->model, "a\n\"b\\c\"\x1b\x7f\t = 1 # \xc3\xa4?") << "TOML has no place for what is not UTF-8";
+  EXPECT_EQ(read->serial, profile.serial);
+  EXPECT_EQ(read->maps, scratch / "maps\nof one.h5");
 }
 
 TEST(Profile, SaysWhereValuesComeFromAndWhatChanged) {

@@ -15,6 +15,9 @@ namespace bolo::tools::cli_test {
 
 int run_out_of_memory(int, char**) { throw std::bad_alloc(); }
 int fail(int, char**) { throw std::runtime_error("no\nthread"); }
+int quote_at_length(int, char**) {
+  return report("quote", {ErrorKind::kFailed, "a.h5: '" + std::string(1'000'000, 'x') + "' is none; choose another"});
+}
 // Recurses deeply, under a limit that leaves no memory.
 int go_deep(int, char**) {
   constexpr std::size_t kDeep = 900'000;
@@ -26,7 +29,8 @@ int go_deep(int, char**) {
   block[0] = 0;
   return block[0];
 }
-constexpr std::array<Verb, 3> kVerbs{{{"hunger", "", run_out_of_memory}, {"fail", "", fail}, {"deep", "", go_deep}}};
+constexpr std::array<Verb, 4> kVerbs{
+    {{"hunger", "", run_out_of_memory}, {"fail", "", fail}, {"quote", "", quote_at_length}, {"deep", "", go_deep}}};
 
 // The line of error; exit code 1 is expected.
 std::string ended(std::string verb) {
@@ -42,6 +46,14 @@ std::string ended(std::string verb) {
 TEST(Dispatch, AnExceptionIsAFailureInOneLine) {
   EXPECT_EQ(ended("hunger"), "bolo hunger: not enough memory\n");
   EXPECT_EQ(ended("fail"), "bolo fail: no?thread\n");
+}
+
+// Both the place, at its beginning, and what to do, at its end, are there.
+TEST(Dispatch, AnErrorIsOneLineHoweverLongWhatItQuotes) {
+  const std::string line = ended("quote");
+  EXPECT_LE(line.size(), 2100U);
+  EXPECT_TRUE(line.starts_with("bolo quote: a.h5: 'xxx")) << line;
+  EXPECT_TRUE(line.ends_with("xxx' is none; choose another\n")) << line;
 }
 
 TEST(Dispatch, TheStackHasItsMemoryBeforeALimitIsReached) {

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
-#include "src/capture/commit_records.hpp"
 #include "src/core/text.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
@@ -76,14 +75,6 @@ void print(const RecoverRequest& request, const capture::Recovered& done) {
   if (!request.in_place) std::printf("%s is as it was\n", printable(request.damaged.string()).c_str());
 }
 
-// Of a recording that was moved without what belongs to it; empty where its journal is there.
-std::string without_journal(const std::filesystem::path& damaged) {
-  const std::filesystem::path journal = capture::journal_of(damaged);
-  std::error_code ignored;
-  if (damaged.extension() != ".part" || std::filesystem::exists(journal, ignored)) return {};
-  return journal.string() + " is not there: if the recording was moved, move its .journal and .live beside it, too";
-}
-
 Result<capture::Recovered> recover(const RecoverRequest& request) {
   if (request.in_place) return capture::recover_in_place(request.damaged, request.out);
   std::unique_ptr<Progress> progress;
@@ -96,17 +87,11 @@ Result<capture::Recovered> recover(const RecoverRequest& request) {
 
 Status run_recover(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const auto request, recover_request(given));
-  auto done = recover(request);
-  const std::string why = without_journal(request.damaged);
-  if (!done) {
-    if (done.error().kind == ErrorKind::kBadInput && !why.empty()) done.error().message += "; " + why;
-    return tl::unexpected(std::move(done.error()));
-  }
-  if (!done->remarks.empty() && !why.empty()) done->remarks.push_back(why);
+  ASSIGN_OR_RETURN(const auto done, recover(request));
   if (given.count("json") != 0) {
-    std::cout << json_text(to_json(request, *done)) << '\n';
+    std::cout << json_text(to_json(request, done)) << '\n';
   } else {
-    print(request, *done);
+    print(request, done);
   }
   return {};
 }

@@ -24,7 +24,7 @@
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/base_sink.h>
 
-#include "src/core/text.hpp"
+#include "src/core/message.hpp"
 #include "src/core/threads.hpp"
 #include "src/rt/thread.hpp"
 
@@ -61,7 +61,7 @@ class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
 
  protected:
   void sink_it_(const spdlog::details::log_msg& message) override {
-    const std::string_view text(message.payload.data(), message.payload.size());
+    const std::string text = message_line({message.payload.data(), message.payload.size()});
     std::vector<std::string> fields{field("MESSAGE", text), std::string("PRIORITY=") + priority(message.level),
                                     "SYSLOG_IDENTIFIER=bolod", field("BOLO_NAME", name_)};
     if (current_notice != nullptr) {
@@ -72,7 +72,7 @@ class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
     vectors.reserve(fields.size());
     for (std::string& one : fields) vectors.push_back({one.data(), one.size()});
     if (send_(vectors) >= 0) return;
-    write_to_stderr(std::string("<") + priority(message.level) + ">" + printable(text) + "\n", -1);
+    write_to_stderr(std::string("<") + priority(message.level) + ">" + text + "\n", -1);
   }
   void flush_() override {}
 
@@ -189,7 +189,7 @@ class QueuedSink final : public spdlog::sinks::sink {
 class PrintableText final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& to) override {
-    const std::string text = printable({message.payload.data(), message.payload.size()});
+    const std::string text = message_line({message.payload.data(), message.payload.size()});
     to.append(text.data(), text.data() + text.size());
   }
   std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<PrintableText>(); }

@@ -7,7 +7,7 @@
 
 #include <cxxopts.hpp>
 
-#include "src/core/text.hpp"
+#include "src/core/message.hpp"
 #include "src/core/threads.hpp"
 #include "src/core/unique_fd.hpp"
 #include "tools/bolod/config.hpp"
@@ -34,7 +34,7 @@ cxxopts::Options bolod_options() {
 }
 
 int report(const bolo::Error& error) {
-  bolo::daemon::write_to_stderr("bolod: " + bolo::printable(error.message) + "\n", kPatience_ms);
+  bolo::daemon::write_to_stderr("bolod: " + bolo::message_line(error.message) + "\n", kPatience_ms);
   return error.exit_code();
 }
 
@@ -53,7 +53,7 @@ int printed() {
 }
 
 int usage(const std::string& what) {
-  std::fprintf(stderr, "bolod: %s; see bolod --help\n", bolo::printable(what).c_str());
+  std::fprintf(stderr, "bolod: %s; see bolod --help\n", bolo::message_line(what).c_str());
   return kExitUsage;
 }
 

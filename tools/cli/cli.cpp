@@ -17,6 +17,7 @@
 
 #include <fmt/format.h>
 
+#include "src/core/message.hpp"
 #include "src/core/threads.hpp"
 #include "src/report/plot.hpp"
 
@@ -87,7 +88,7 @@ int guarded(const std::string& program, const Verb& verb, int argc, char** argv)
     grow_stack();
     return verb.run(argc, argv);
   } catch (const std::exception& e) {
-    const std::string words = printable(describe_exception(e));
+    const std::string words = message_line(describe_exception(e));
     std::fprintf(stderr, "%s %s: %s\n", program.c_str(), std::string(verb.name).c_str(), words.c_str());
     return kExitFailed;
   }
@@ -107,7 +108,7 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
     }
     if (!parsed.unmatched().empty()) {
       std::fprintf(stderr, "%s %s: unexpected argument '%s'; see %s %s --help\n", g_program.c_str(), argv[0],
-                   printable(parsed.unmatched().front()).c_str(), g_program.c_str(), argv[0]);
+                   message_line(parsed.unmatched().front()).c_str(), g_program.c_str(), argv[0]);
       return kExitUsage;
     }
     if (const auto flag = flag_with_value(options, parsed)) {
@@ -117,7 +118,8 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
     }
   } catch (const cxxopts::exceptions::exception& e) {
     std::fprintf(stderr, "%s %s: %s%s; see %s %s --help\n", g_program.c_str(), argv[0],
-                 option_of(e.what(), argc, argv).c_str(), printable(e.what()).c_str(), g_program.c_str(), argv[0]);
+                 message_line(option_of(e.what(), argc, argv)).c_str(), message_line(e.what()).c_str(),
+                 g_program.c_str(), argv[0]);
     return kExitUsage;
   }
   return std::nullopt;
@@ -143,7 +145,7 @@ Replace replace_of(const cxxopts::ParseResult& parsed) {
 }
 
 int report(const std::string& verb, const Error& error) {
-  std::fprintf(stderr, "%s %s: %s\n", g_program.c_str(), verb.c_str(), printable(error.message).c_str());
+  std::fprintf(stderr, "%s %s: %s\n", g_program.c_str(), verb.c_str(), message_line(error.message).c_str());
   return error.exit_code();
 }
 
@@ -260,7 +262,7 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
     std::signal(SIGXFSZ, SIG_IGN);  // a file size limit then is a reported write error, like a full disk
     return printed(name + " " + std::string(verb.name), guarded(name, verb, argc - 1, argv + 1));
   }
-  std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), printable(argv[1]).c_str(),
+  std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), message_line(argv[1]).c_str(),
                name.c_str());
   return kExitUsage;
 }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/core/clock.hpp"
+#include "src/core/message.hpp"
 #include "src/core/text.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/deblur/pixel_choice.hpp"
@@ -131,7 +132,7 @@ void print_capture(const DeblurRequest& request, const CaptureSummary& capture, 
 
 void print_folder(const DeblurRequest& request, const FolderSummary& s) {
   for (const FailedCapture& failed : s.failed) {
-    std::fprintf(stderr, "bolo deblur: %s\n", printable(failed.error.message).c_str());
+    std::fprintf(stderr, "bolo deblur: %s\n", message_line(failed.error.message).c_str());
   }
   if (request.json) {
     print(folder_json(request, s));

@@ -25,6 +25,7 @@
 #include "bolo/client.h"
 #include "sensor_msgs.h"
 #include "src/core/clock.hpp"
+#include "src/core/message.hpp"
 #include "src/core/result.hpp"
 #include "src/core/text.hpp"
 #include "tools/cli/cli.hpp"
@@ -284,7 +285,7 @@ int run(int argc, char** argv) {
   Status done = bridge.open();
   if (done) done = bridge.run();
   if (done) return kExitDone;
-  std::fprintf(stderr, "bolo-ros2: %s\n", printable(done.error().message).c_str());
+  std::fprintf(stderr, "bolo-ros2: %s\n", message_line(done.error().message).c_str());
   return done.error().exit_code();
 }
 

@@ -228,6 +228,20 @@ TEST_F(V4l2SourceTest, AFormatThatChangedBehindUsIsNoFrame) {
   EXPECT_TRUE(eventually([&] { return noticed("camera stalled"); }));
 }
 
+// As with a loopback device whose next writer sends as many bytes in other rows.
+TEST_F(V4l2SourceTest, AnotherShapeOfAsManyBytesIsNotTakenForTheOldOne) {
+  start();
+  ASSERT_TRUE(passes(1));
+  video_.change([&](auto&) { std::swap(camera().width, camera().height); });
+  EXPECT_TRUE(eventually([&] {
+    video_.send(kPath, 2);
+    return noticed("camera lost (control lost)");
+  }));
+  EXPECT_TRUE(eventually([&] { return noticed("the camera came back with another size or rate"); }));
+  video_.change([&](auto&) { std::swap(camera().width, camera().height); });
+  EXPECT_TRUE(streams(kPath));
+}
+
 TEST_F(V4l2SourceTest, AJumpOfItsClockBeginsANewWindow) {
   camera().stamps = V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN;  // unknown clock
   start();

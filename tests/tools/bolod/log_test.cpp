@@ -152,15 +152,24 @@ class JournalSinkTest : public testing::Test {
 };
 
 TEST_F(JournalSinkTest, AMessageHasItsPriorityAndTheDaemonsName) {
-  log_.warn("memory = locked\nnot");
-  EXPECT_EQ(sent_,
-            (Fields{"MESSAGE=memory = locked\nnot", "PRIORITY=4", "SYSLOG_IDENTIFIER=bolod", "BOLO_NAME=front"}));
+  log_.warn("memory = locked");
+  EXPECT_EQ(sent_, (Fields{"MESSAGE=memory = locked", "PRIORITY=4", "SYSLOG_IDENTIFIER=bolod", "BOLO_NAME=front"}));
   for (const auto& [level, priority] : {std::pair{spdlog::level::err, "PRIORITY=3"},
                                         {spdlog::level::info, "PRIORITY=6"},
                                         {spdlog::level::debug, "PRIORITY=7"}}) {
     log_.log(level, "x");
     EXPECT_TRUE(has(priority));
   }
+}
+
+// Cameras and files contribute text: `journalctl -o cat` shows it as it is, and a line break would be another message.
+TEST_F(JournalSinkTest, AMessageIsOnePrintableLineOfABoundedLength) {
+  log_.warn("camera\nNov 30 bolod: all is well\x1b[2J\xff");
+  EXPECT_EQ(sent_.front(), "MESSAGE=camera?Nov 30 bolod: all is well?[2J?");
+  log_.warn("begin " + std::string(1'000'000, 'x') + " end");
+  EXPECT_LE(sent_.front().size(), 2100U);
+  EXPECT_TRUE(sent_.front().starts_with("MESSAGE=begin xxx")) << sent_.front();
+  EXPECT_TRUE(sent_.front().ends_with("xxx end")) << sent_.front();
 }
 
 TEST_F(JournalSinkTest, ANoticeHasItsEventAndItsCounts) {
