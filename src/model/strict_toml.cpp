@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "src/core/input_file.hpp"
-#include "src/core/message.hpp"
 #include "src/core/text.hpp"
 
 namespace bolo::model {

@@ -8,7 +8,7 @@
 #include <sstream>
 #include <utility>
 
-#include "src/core/message.hpp"
+#include "src/core/text.hpp"
 
 namespace bolo::model {
 namespace {

@@ -24,7 +24,7 @@
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/base_sink.h>
 
-#include "src/core/message.hpp"
+#include "src/core/text.hpp"
 #include "src/core/threads.hpp"
 #include "src/rt/thread.hpp"
 

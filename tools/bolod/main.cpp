@@ -7,7 +7,7 @@
 
 #include <cxxopts.hpp>
 
-#include "src/core/message.hpp"
+#include "src/core/text.hpp"
 #include "src/core/threads.hpp"
 #include "src/core/unique_fd.hpp"
 #include "tools/bolod/config.hpp"

@@ -17,7 +17,7 @@
 
 #include <fmt/format.h>
 
-#include "src/core/message.hpp"
+#include "src/core/text.hpp"
 #include "src/core/threads.hpp"
 #include "src/report/plot.hpp"
 

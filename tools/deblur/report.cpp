@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "src/core/clock.hpp"
-#include "src/core/message.hpp"
 #include "src/core/text.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/deblur/pixel_choice.hpp"

@@ -25,7 +25,6 @@
 #include "bolo/client.h"
 #include "sensor_msgs.h"
 #include "src/core/clock.hpp"
-#include "src/core/message.hpp"
 #include "src/core/result.hpp"
 #include "src/core/text.hpp"
 #include "tools/cli/cli.hpp"
