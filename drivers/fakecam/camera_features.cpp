@@ -22,18 +22,25 @@ ConstBytes window(ConstBytes memory, std::uint32_t base, std::uint32_t address, 
   return memory.subspan(address - base, bytes);
 }
 
-constexpr std::uint32_t kGigE12 = 0x00010002;
-constexpr std::uint32_t kBigEndianUtf8 = 1U << 31 | 1U;
-constexpr std::uint32_t kLinkLocalAndDhcp = 0x6;
-constexpr std::uint32_t kSourcePortAnd16BitIds = 0xc0000000;
-// Concatenated reads and writes, WRITEMEM, PACKETRESEND, primary application registers, link speed, heartbeat switch,
-// serial number, user-defined name.
-constexpr std::uint32_t kCapabilities = 1U | 1U << 1 | 1U << 2 | 1U << 27 | 1U << 28 | 1U << 29 | 1U << 30 | 1U << 31;
-constexpr std::uint32_t kLinkSpeedMbit = 1000;
-constexpr std::uint32_t kTicksPerSecond = 1'000'000'000;
-constexpr std::uint32_t kHeartbeatMs = 3000;
+// Bootstrap registers with their constant or initial values.
+constexpr std::pair<std::uint32_t, std::uint32_t> kBootstrap[] = {
+    {reg::kVersion, 0x00010002},  // GigE Vision 1.2
+    {0x0004, 1U << 31 | 1U},      // device mode: big-endian, UTF-8
+    {0x0008, 0x0200},             // MAC address: locally administered; the IP address in the low word makes it unique
+    {0x0010, 0x6},                // supported IP configurations: link-local and DHCP
+    {0x0014, 0x6},                // current one
+    {0x0600, 1},                  // network interfaces
+    {0x0670, 1000},               // link speed, Mbit/s
+    {0x0904, 1},                  // stream channels
+    {0x092c, 0xc0000000},         // of the stream: source port, 16-bit ids
+    // Concatenated reads and writes, WRITEMEM, PACKETRESEND, primary application registers, link speed, heartbeat
+    // switch, serial number, user-defined name.
+    {0x0934, 1U | 1U << 1 | 1U << 2 | 1U << 27 | 1U << 28 | 1U << 29 | 1U << 30 | 1U << 31},
+    {reg::kHeartbeatTimeout, 3000},
+    {reg::kTickFrequencyLow, 1'000'000'000},
+    {reg::kStreamPacketSize, 1400},
+};
 constexpr std::uint32_t kMinHeartbeatMs = 500;
-constexpr std::uint32_t kDefaultPacketSize = 1400;
 constexpr std::uint32_t kMaxPacketDelayTicks = 10'000'000;
 
 constexpr float kMaxRateHz = 10'000.0F;
@@ -127,12 +134,8 @@ void RegisterMap::writable_text(std::uint32_t address, std::size_t field_bytes) 
 }
 
 void fill_bootstrap(RegisterMap& registers, const Identity& identity) {
-  registers.set(reg::kVersion, kGigE12);
-  registers.set(reg::kDeviceMode, kBigEndianUtf8);
-  registers.set(reg::kMacHigh, 0x0200);  // locally administered; the IP address in the low word makes it unique
+  for (const auto& [address, value] : kBootstrap) registers.set(address, value);
   registers.set(reg::kMacLow, identity.address);
-  registers.set(reg::kSupportedIpConfig, kLinkLocalAndDhcp);
-  registers.set(reg::kCurrentIpConfig, kLinkLocalAndDhcp);
   registers.set(reg::kIpAddress, identity.address);
   registers.set(reg::kSubnetMask, identity.netmask);
   registers.set_text(reg::kManufacturer, 32, "FLIR Systems");
@@ -145,21 +148,13 @@ void fill_bootstrap(RegisterMap& registers, const Identity& identity) {
   registers.set_text(reg::kFirstUrl, 512, url);
   registers.set_text(reg::kSecondUrl, 512, url);
 
-  registers.set(reg::kInterfaces, 1);
-  registers.set(reg::kLinkSpeed, kLinkSpeedMbit);
-  registers.set(reg::kStreamChannels, 1);
-  registers.set(reg::kStreamCapability, kSourcePortAnd16BitIds);
-  registers.set(reg::kGvcpCapability, kCapabilities);
-  registers.set(reg::kHeartbeatTimeout, kHeartbeatMs);
   registers.writable(reg::kHeartbeatTimeout,
                      [](std::uint32_t ms) -> WriteOutcome { return std::max(ms, kMinHeartbeatMs); });
-  registers.set(reg::kTickFrequencyLow, kTicksPerSecond);
   registers.writable(reg::kGvcpConfig, [](std::uint32_t value) -> WriteOutcome { return value & reg::kHeartbeatOff; });
 
   registers.writable_range(reg::kStreamPort, 0, 0xffff);
   registers.writable(reg::kStreamAddress, [](std::uint32_t value) -> WriteOutcome { return value; });
   registers.writable_range(reg::kStreamPacketDelay, 0, kMaxPacketDelayTicks);
-  registers.set(reg::kStreamPacketSize, kDefaultPacketSize);
 }
 
 CameraFeatures::CameraFeatures(RegisterMap& registers, Counters& counters, const StreamFormat& format, Geometry sensor,

@@ -19,16 +19,13 @@ namespace bolo::fakecam {
 // --- Camera memory as GVCP sees it: a page of registers with write rules, and the read-only GenICam description.
 
 // Register addresses: the bootstrap registers of GigE Vision 1.2 (chapter 17) and, from 0xa000, the camera's own.
-// Registers that only store their value are defined in description.cpp. All are big-endian 32-bit words unless noted.
+// Registers that only store their value are defined in description.cpp, constant ones in camera_features.cpp. All are
+// big-endian 32-bit words unless noted.
 namespace reg {
 
 // Bootstrap
 inline constexpr std::uint32_t kVersion = 0x0000;
-inline constexpr std::uint32_t kDeviceMode = 0x0004;
-inline constexpr std::uint32_t kMacHigh = 0x0008;
 inline constexpr std::uint32_t kMacLow = 0x000c;
-inline constexpr std::uint32_t kSupportedIpConfig = 0x0010;
-inline constexpr std::uint32_t kCurrentIpConfig = 0x0014;
 inline constexpr std::uint32_t kIpAddress = 0x0024;
 inline constexpr std::uint32_t kSubnetMask = 0x0034;
 inline constexpr std::uint32_t kManufacturer = 0x0048;      // 32 bytes
@@ -39,11 +36,6 @@ inline constexpr std::uint32_t kSerial = 0x00d8;            // 16 bytes
 inline constexpr std::uint32_t kUserName = 0x00e8;          // 16 bytes, writable
 inline constexpr std::uint32_t kFirstUrl = 0x0200;          // 512 bytes
 inline constexpr std::uint32_t kSecondUrl = 0x0400;         // 512 bytes
-inline constexpr std::uint32_t kInterfaces = 0x0600;
-inline constexpr std::uint32_t kLinkSpeed = 0x0670;
-inline constexpr std::uint32_t kStreamChannels = 0x0904;
-inline constexpr std::uint32_t kStreamCapability = 0x092c;
-inline constexpr std::uint32_t kGvcpCapability = 0x0934;
 inline constexpr std::uint32_t kHeartbeatTimeout = 0x0938;  // ms
 inline constexpr std::uint32_t kTickFrequencyLow = 0x0940;
 inline constexpr std::uint32_t kTimestampControl = 0x0944;  // bit 1 latch, bit 0 reset

@@ -21,7 +21,7 @@ namespace {
 constexpr std::size_t kMaxNameLength = 15;
 
 Result<Region> sensor_of(const FakeCameraOptions& options, const FrameProvider& provider) {
-  const Geometry whole = provider.format().geometry;
+  const Geometry whole = provider.format.geometry;
   const Region region = options.crop.value_or(Region{0, 0, whole.width, whole.height});
   if (region.inside(whole)) return region;
   return bad_input(fmt::format("the crop {},{},{},{} lies outside the capture's frames of {}x{}", region.x, region.y,
@@ -31,8 +31,7 @@ Result<Region> sensor_of(const FakeCameraOptions& options, const FrameProvider& 
 // Clients distinguish cameras by serial number, so a generated one contains the address.
 std::string serial_of(const FakeCameraOptions& options, const FrameProvider& provider, std::uint32_t address) {
   if (!options.serial.empty()) return options.serial;
-  std::string serial = provider.serial().substr(0, kMaxNameLength);
-  if (!serial.empty()) return serial;
+  if (!provider.serial.empty()) return provider.serial.substr(0, kMaxNameLength);
   return fmt::format("BOLO{:08x}", address);
 }
 
@@ -40,13 +39,13 @@ std::string serial_of(const FakeCameraOptions& options, const FrameProvider& pro
 
 // Once the control thread runs, it alone uses everything below; the stream has its own threads.
 struct FakeCamera::Impl {
-  Impl(const FakeCameraOptions& options_in, std::unique_ptr<FrameProvider> provider_in, Region sensor_in,
-       ControlServer server_in, UniqueFd stream_socket_in, UniqueFd stop_event_in, const LocalAddress& local)
+  Impl(const FakeCameraOptions& options_in, FrameProvider provider_in, Region sensor_in, ControlServer server_in,
+       UniqueFd stream_socket_in, UniqueFd stop_event_in, const LocalAddress& local)
       : options(options_in),
         provider(std::move(provider_in)),
         sensor(sensor_in),
-        serial(serial_of(options, *provider, local.address)),
-        features(registers, counters, provider->format(), {sensor.width, sensor.height}, rate_hz(),
+        serial(serial_of(options, provider, local.address)),
+        features(registers, counters, provider.format, {sensor.width, sensor.height}, rate_hz(),
                  {[this] { return start_stream(); }, [this] { stop_stream(); }, [this] { return streaming(); },
                   [this] { control_faults.windowing_changed(monotonic_ns()); }}),
         handler(registers, counters,
@@ -76,7 +75,7 @@ struct FakeCamera::Impl {
     plan.region = {sensor.x + plan.shown.x, sensor.y + plan.shown.y, plan.shown.width, plan.shown.height};
     plan.ir_format = features.ir_format();
     plan.rate_hz = features.rate_hz();
-    plan.frames = features.single_frame() ? 1 : options.laps * provider->frame_ids().size();
+    plan.frames = features.single_frame() ? 1 : options.laps * provider.frame_ids.size();
     plan.keep_frames = options.keep_frames;
     stop_stream();
     const std::int64_t now_ns = monotonic_ns();
@@ -88,7 +87,7 @@ struct FakeCamera::Impl {
     });
     try {
       session =
-          std::make_unique<StreamSession>(plan, *provider, counters, StreamFaults{frame_faults, tallies, period_ns});
+          std::make_unique<StreamSession>(plan, provider, counters, StreamFaults{frame_faults, tallies, period_ns});
     } catch (const std::exception&) {  // out of memory or threads
       return gvcp::Status::kBusy;
     }
@@ -102,7 +101,7 @@ struct FakeCamera::Impl {
   }
 
   bool streaming() const { return session && session->running(); }
-  double rate_hz() const { return options.rate_hz > 0.0 ? options.rate_hz : 1.0 / provider->format().frame_period_s; }
+  double rate_hz() const { return options.rate_hz > 0.0 ? options.rate_hz : 1.0 / provider.format.frame_period_s; }
 
   // Packet size, do-not-fragment flag, and trigger of a test packet with which the client probes the link.
   WriteOutcome write_packet_size(std::uint32_t value) {
@@ -144,7 +143,6 @@ struct FakeCamera::Impl {
         socket_address(registers.get(reg::kStreamAddress), static_cast<std::uint16_t>(registers.get(reg::kStreamPort)));
     route.packet_size = registers.get(reg::kStreamPacketSize) & reg::kPacketSizeMask;
     route.packet_delay_ns = registers.get(reg::kStreamPacketDelay);
-    route.burst_gap_ns = options.burst_gap_ns;
     return route;
   }
 
@@ -163,7 +161,7 @@ struct FakeCamera::Impl {
   }
 
   const FakeCameraOptions options;
-  const std::unique_ptr<FrameProvider> provider;
+  const FrameProvider provider;
   const Region sensor;  // in capture coordinates
   const std::string serial;
   Counters counters;
@@ -183,19 +181,18 @@ struct FakeCamera::Impl {
   std::thread thread;
 };
 
-Result<std::unique_ptr<FakeCamera>> FakeCamera::start(const FakeCameraOptions& options,
-                                                      std::unique_ptr<FrameProvider> provider) {
+Result<std::unique_ptr<FakeCamera>> FakeCamera::start(const FakeCameraOptions& options, FrameProvider provider) {
   if (options.serial.size() > kMaxNameLength) {
     return bad_input("the camera's name '" + options.serial + "' is too long; GigE Vision has room for 15 characters");
   }
-  if (provider->frame_ids().empty()) return bad_input("the capture has no frames; a camera needs at least one");
+  if (provider.frame_ids.empty()) return bad_input("the capture has no frames; a camera needs at least one");
   if (options.rate_hz < 0.0 || !std::isfinite(options.rate_hz)) {
     return bad_input("the rate must be a positive number of frames a second, or 0 for the capture's own");
   }
   if (options.faults.size() > kMaxFaults) {
     return bad_input(fmt::format("{} faults; a camera takes at most {}", options.faults.size(), kMaxFaults));
   }
-  ASSIGN_OR_RETURN(const auto sensor, sensor_of(options, *provider));
+  ASSIGN_OR_RETURN(const auto sensor, sensor_of(options, provider));
   ASSIGN_OR_RETURN(const auto local, find_local_address(options.address));
   ASSIGN_OR_RETURN(auto server, ControlServer::bind(local, gvcp::kPort));
   ASSIGN_OR_RETURN(auto stream_socket, open_stream_socket(local.address));
@@ -224,7 +221,7 @@ Geometry FakeCamera::sensor() const { return {impl_->sensor.width, impl_->sensor
 
 double FakeCamera::rate_hz() const { return impl_->rate_hz(); }
 
-const FaultTallies& FakeCamera::tallies() const noexcept { return impl_->tallies; }
+std::vector<InjectedFault> FakeCamera::injected() const { return impl_->tallies.read(); }
 
 std::string FakeCamera::serial() const { return impl_->serial; }
 

@@ -22,7 +22,6 @@ struct FakeCameraOptions {
   std::uint64_t laps = 1;        // times the capture is served after each AcquisitionStart; 0: endlessly
   std::size_t keep_frames = 48;  // sent frames kept for resends
   FaultScript faults;            // at most kMaxFaults
-  std::uint32_t burst_gap_ns = 50'000;  // between the bursts of a frame, when the client sets no packet delay
 };
 
 // Streams to the controlling client from AcquisitionStart until AcquisitionStop, the end of the capture, or the loss of
@@ -31,8 +30,7 @@ class FakeCamera {
  public:
   // Serves until stop() or destruction. Errors (kBadInput): the address is not this host's or is in use, the crop lies
   // outside the capture, a name is too long, the capture has no frames, too many faults. Thread: setup.
-  static Result<std::unique_ptr<FakeCamera>> start(const FakeCameraOptions& options,
-                                                   std::unique_ptr<FrameProvider> provider);
+  static Result<std::unique_ptr<FakeCamera>> start(const FakeCameraOptions& options, FrameProvider provider);
   ~FakeCamera();
 
   // Stops streaming and answering; the address is free on return. Idempotent. Thread: setup.
@@ -42,7 +40,7 @@ class FakeCamera {
   FakeCameraStats stats() const noexcept;
 
   // Counts of each fault so far, in the script's order. Thread: any.
-  std::vector<InjectedFault> injected() const { return tallies().read(); }
+  std::vector<InjectedFault> injected() const;
 
   Geometry sensor() const;        // Thread: any
   double rate_hz() const;         // at the start; Thread: any
@@ -52,7 +50,6 @@ class FakeCamera {
 
  private:
   struct Impl;
-  const FaultTallies& tallies() const noexcept;
   explicit FakeCamera(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };

@@ -9,31 +9,6 @@
 namespace bolo::fakecam {
 namespace {
 
-class CaptureFrames final : public FrameProvider {
- public:
-  explicit CaptureFrames(capture::CaptureReader reader) : reader_(std::move(reader)) {}
-
-  const StreamFormat& format() const noexcept override { return reader_.info().format; }
-  const std::vector<std::uint64_t>& frame_ids() const noexcept override { return reader_.frame_id(); }
-  const std::vector<double>& times_s() const noexcept override { return reader_.t(); }
-  std::string serial() const override { return reader_.info().camera_serial; }
-  Status read(std::size_t index, void* out) override { return reader_.read_frame(index, out); }
-
- private:
-  capture::CaptureReader reader_;
-};
-
-Result<MemoryFrames::Content> preload(const capture::CaptureReader& reader) {
-  const auto& info = reader.info();
-  const std::size_t stride = plane_bytes(info.format.geometry, info.format.type);
-  MemoryFrames::Content content{info.format, reader.frame_id(), reader.t(),
-                                std::vector<std::byte>(stride * info.frames), info.camera_serial};
-  for (std::size_t i = 0; i < info.frames; ++i) {
-    RETURN_IF_ERROR(reader.read_frame(i, content.planes.data() + i * stride));
-  }
-  return content;
-}
-
 constexpr std::size_t kStoredValues = 65536;
 
 double counts_of_kelvin(double kelvin, IrFormat format) {
@@ -92,35 +67,42 @@ FrameRing::Pin FrameRing::find(std::uint16_t block_id) {
   for (std::uint64_t s = visible_; s > oldest_; --s) {
     if (frames_[slot(s - 1)].block.block_id != block_id) continue;
     ++pins_[slot(s - 1)];
-    return Pin(*this, &frames_[slot(s - 1)]);
+    return Pin(&frames_[slot(s - 1)], {this});
   }
-  return Pin(*this, nullptr);
+  return nullptr;
 }
 
-FrameRing::Pin::~Pin() {
-  if (frame_ == nullptr) return;
-  ring_.change([this] { --ring_.pins_[ring_.slot(frame_->sequence)]; });
+void FrameRing::Unpin::operator()(const WireFrame* frame) const {
+  ring->change([&] { --ring->pins_[ring->slot(frame->sequence)]; });
 }
 
 void FrameRing::close() {
   change([this] { closed_ = true; });
 }
 
-Status MemoryFrames::read(std::size_t index, void* out) {
-  const std::size_t stride = plane_bytes(content_.format.geometry, content_.format.type);
-  std::memcpy(out, content_.planes.data() + index * stride, stride);
+Status FrameProvider::read(std::size_t index, void* out) const {
+  if (planes.empty()) return read_one(index, out);
+  const std::size_t stride = plane_bytes(format.geometry, format.type);
+  std::memcpy(out, planes.data() + index * stride, stride);
   return {};
 }
 
-Result<std::unique_ptr<FrameProvider>> open_capture(const std::filesystem::path& file, std::size_t preload_bytes) {
-  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
-  const auto& info = reader.info();
+Result<FrameProvider> open_capture(const std::filesystem::path& file, std::size_t preload_bytes) {
+  ASSIGN_OR_RETURN(auto opened, capture::CaptureReader::open(file));
+  const auto reader = std::make_shared<const capture::CaptureReader>(std::move(opened));
+  const auto& info = reader->info();
   if (info.frames == 0) return bad_input(file.string() + ": /frames is empty; a camera needs at least one frame");
-  if (info.frames * plane_bytes(info.format.geometry, info.format.type) > preload_bytes) {
-    return std::make_unique<CaptureFrames>(std::move(reader));
+  FrameProvider provider{info.format, reader->frame_id(), reader->t(), info.camera_serial, {}};
+  const std::size_t stride = plane_bytes(info.format.geometry, info.format.type);
+  if (info.frames * stride > preload_bytes) {
+    provider.read_one = [reader](std::size_t index, void* out) { return reader->read_frame(index, out); };
+    return provider;
   }
-  ASSIGN_OR_RETURN(auto content, preload(reader));
-  return std::make_unique<MemoryFrames>(std::move(content));
+  provider.planes.resize(info.frames * stride);
+  for (std::size_t i = 0; i < info.frames; ++i) {
+    RETURN_IF_ERROR(reader->read_frame(i, provider.planes.data() + i * stride));
+  }
+  return provider;
 }
 
 CountConverter::CountConverter(const StreamFormat& format, IrFormat ir_format, Region region)

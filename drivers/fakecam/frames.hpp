@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -39,19 +40,12 @@ class FrameRing {
  public:
   FrameRing(std::size_t ahead, std::size_t keep, std::size_t pixels);
 
-  // Keeps a recently sent frame unchanged while the pin exists. Empty when the frame is gone or not sent yet.
-  class Pin {
-   public:
-    Pin(FrameRing& ring, const WireFrame* frame) : ring_(ring), frame_(frame) {}
-    ~Pin();
-    Pin(const Pin&) = delete;
-    Pin& operator=(const Pin&) = delete;
-    const WireFrame* frame() const { return frame_; }
-
-   private:
-    FrameRing& ring_;
-    const WireFrame* frame_;
+  struct Unpin {
+    FrameRing* ring = nullptr;
+    void operator()(const WireFrame* frame) const;
   };
+  // Keeps a recently sent frame unchanged while it exists. Null when the frame is gone or not sent yet.
+  using Pin = std::unique_ptr<const WireFrame, Unpin>;
 
   // Waits for a free slot. nullptr once the ring is closed. Thread: writer.
   WireFrame* begin_write();
@@ -92,46 +86,23 @@ class FrameRing {
   bool closed_ = false;
 };
 
-// A finite sequence of frames with the original camera's counters and times. The description is fixed; read() is called
-// by one thread at a time.
-class FrameProvider {
- public:
-  virtual ~FrameProvider() = default;
+// A finite sequence of frames with the original camera's counters and times.
+struct FrameProvider {
+  StreamFormat format;
+  std::vector<std::uint64_t> frame_ids;  // rising
+  std::vector<double> times_s;           // rising, as many as frame_ids
+  std::string serial;                    // of the original camera; empty: unknown
+  std::vector<std::byte> planes;         // of all frames; empty: read_one reads each
+  std::function<Status(std::size_t index, void* out)> read_one{};
 
-  virtual const StreamFormat& format() const noexcept = 0;
-  virtual const std::vector<std::uint64_t>& frame_ids() const noexcept = 0;  // rising
-  virtual const std::vector<double>& times_s() const noexcept = 0;           // rising, as many as frame_ids()
-  virtual std::string serial() const { return {}; }                          // of the original camera
-
-  // Reads a frame in its stored type; `out` has plane_bytes(format().geometry, format().type) bytes.
-  virtual Status read(std::size_t index, void* out) = 0;
-};
-
-class MemoryFrames final : public FrameProvider {
- public:
-  struct Content {
-    StreamFormat format;
-    std::vector<std::uint64_t> frame_ids;
-    std::vector<double> times_s;
-    std::vector<std::byte> planes;  // frame_ids.size() planes
-    std::string serial;
-  };
-  explicit MemoryFrames(Content content) : content_(std::move(content)) {}
-
-  const StreamFormat& format() const noexcept override { return content_.format; }
-  const std::vector<std::uint64_t>& frame_ids() const noexcept override { return content_.frame_ids; }
-  const std::vector<double>& times_s() const noexcept override { return content_.times_s; }
-  std::string serial() const override { return content_.serial; }
-  Status read(std::size_t index, void* out) override;
-
- private:
-  Content content_;
+  // Reads a frame in its stored type; `out` has plane_bytes(format.geometry, format.type) bytes. Thread: one at a time.
+  Status read(std::size_t index, void* out) const;
 };
 
 // Opens a capture. Up to `preload_bytes` it is read completely, so that the stream does not depend on the disk; a
 // larger one is read frame by frame. Errors: the reader's; an empty capture. Thread: setup.
-Result<std::unique_ptr<FrameProvider>> open_capture(const std::filesystem::path& file,
-                                                    std::size_t preload_bytes = std::size_t{1} << 30U);
+Result<FrameProvider> open_capture(const std::filesystem::path& file,
+                                   std::size_t preload_bytes = std::size_t{1} << 30U);
 
 // FLIR's IRFormat: the meaning of a count.
 enum class IrFormat : std::uint32_t {

@@ -21,6 +21,7 @@ void pause_ns(std::uint64_t ns) {
 }
 
 constexpr std::size_t kAheadFrames = 16;
+constexpr std::size_t kBurstBytes = 32 << 10;  // a burst is at least one packet
 constexpr std::uint64_t kLateNs = 1'000'000;
 constexpr std::int64_t kStopCheckNs = 20'000'000;
 
@@ -91,7 +92,7 @@ std::uint32_t PacketTrain::send(const WireFrame& frame, std::uint32_t first, std
   std::uint32_t taken = faults_.lost();
   for (std::size_t next = 0; next < plan.size();) {
     std::size_t count = 0;
-    for (std::size_t bytes = 0; next < plan.size() && count < kBatch && bytes < route_.burst_bytes; ++count, ++next) {
+    for (std::size_t bytes = 0; next < plan.size() && count < kBatch && bytes < kBurstBytes; ++count, ++next) {
       bytes += prepare(count, frame, layout, plan[next]);
     }
     taken += flush(count);
@@ -107,14 +108,14 @@ void PacketTrain::send_unavailable(std::uint16_t block_id, std::uint32_t packet_
   flush(1);
 }
 
-StreamSession::StreamSession(const StreamPlan& plan, FrameProvider& provider, Counters& counters,
+StreamSession::StreamSession(const StreamPlan& plan, const FrameProvider& provider, Counters& counters,
                              const StreamFaults& faults)
     : plan_(plan),
       provider_(provider),
       counters_(counters),
       faults_(faults),
-      timeline_(provider.frame_ids(), provider.times_s(), provider.format().frame_period_s, plan.rate_hz),
-      converter_(provider.format(), plan.ir_format, plan.region),
+      timeline_(provider.frame_ids, provider.times_s, provider.format.frame_period_s, plan.rate_hz),
+      converter_(provider.format, plan.ir_format, plan.region),
       ring_(kAheadFrames, plan.keep_frames, Geometry{plan.region.width, plan.region.height}.pixels()),
       train_(plan.route, counters, PacketFaults(faults.tallies, faults.period_ns, plan.fault_clock_ns, false)),
       resend_train_(without_gaps(plan.route), counters,
@@ -141,7 +142,7 @@ void StreamSession::stop() noexcept {
 
 void StreamSession::load_frames() {
   pthread_setname_np(pthread_self(), "fakecam-load");
-  const auto& format = provider_.format();
+  const auto& format = provider_.format;
   std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
   for (std::uint64_t sequence = 0; plan_.frames == 0 || sequence < plan_.frames; ++sequence) {
     WireFrame* frame = ring_.begin_write();
@@ -212,8 +213,7 @@ bool StreamSession::wait_until(std::int64_t due_ns) noexcept {
 void StreamSession::resend(std::uint16_t block_id, std::uint32_t first, std::uint32_t last) noexcept {
   counters_.add(&FakeCameraStats::resend_requests);
   const auto pin = ring_.find(block_id);
-  const bool there = pin.frame() != nullptr && !pin.frame()->withheld;
-  const std::uint32_t resent = there ? resend_train_.send(*pin.frame(), first, last) : 0;
+  const std::uint32_t resent = pin && !pin->withheld ? resend_train_.send(*pin, first, last) : 0;
   counters_.add(&FakeCameraStats::resent_packets, resent);
   if (resent > 0) return;
   counters_.add(&FakeCameraStats::resend_misses);
@@ -222,7 +222,7 @@ void StreamSession::resend(std::uint16_t block_id, std::uint32_t first, std::uin
 
 std::int64_t StreamSession::due_ns(std::uint16_t block_id, std::int64_t now_ns) noexcept {
   const auto pin = ring_.find(block_id);
-  return pin.frame() != nullptr ? start_ns_.load(std::memory_order_relaxed) + pin.frame()->due_ns : now_ns;
+  return pin ? start_ns_.load(std::memory_order_relaxed) + pin->due_ns : now_ns;
 }
 
 std::uint64_t StreamSession::camera_time_ns(std::int64_t now_ns) const noexcept {

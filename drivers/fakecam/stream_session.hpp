@@ -20,10 +20,9 @@ namespace bolo::fakecam {
 struct PacketRoute {
   int socket = -1;
   sockaddr_in destination{};
-  std::uint32_t packet_size = 1500;      // with IP and UDP headers, gvsp::kMinPacketSize..kMaxPacketSize
-  std::uint32_t packet_delay_ns = 0;     // between packets, as an average over a burst
-  std::uint32_t burst_gap_ns = 50'000;   // between bursts: lets a receiver with a small socket buffer keep up
-  std::uint32_t burst_bytes = 32 << 10;  // a burst is at least one packet
+  std::uint32_t packet_size = 1500;     // with IP and UDP headers, gvsp::kMinPacketSize..kMaxPacketSize
+  std::uint32_t packet_delay_ns = 0;    // between packets, as an average over a burst
+  std::uint32_t burst_gap_ns = 50'000;  // between bursts: lets a receiver with a small socket buffer keep up
 };
 
 // Thread: one at a time (the sender and the resender have one each). No allocation after the first frame.
@@ -79,7 +78,7 @@ struct StreamFaults {
 class StreamSession {
  public:
   // Starts the stream at once. Provider and counters outlive the session. Thread: control.
-  StreamSession(const StreamPlan& plan, FrameProvider& provider, Counters& counters, const StreamFaults& faults);
+  StreamSession(const StreamPlan& plan, const FrameProvider& provider, Counters& counters, const StreamFaults& faults);
   ~StreamSession();
 
   // No frame is sent after it returns; resends still work. Idempotent. Thread: control.
@@ -107,7 +106,7 @@ class StreamSession {
   void fill(WireFrame& frame, const Moment& moment, const std::byte* plane);
 
   StreamPlan plan_;
-  FrameProvider& provider_;
+  const FrameProvider& provider_;
   Counters& counters_;
   StreamFaults faults_;
   Timeline timeline_;

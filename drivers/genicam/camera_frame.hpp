@@ -43,9 +43,4 @@ inline void copy_rows(const std::byte* from, std::size_t stride, PixelOrder orde
   }
 }
 
-// Maps each of `count` values through a table of 65,536 entries. Thread: any.
-inline void translate(std::uint16_t* values, std::size_t count, const std::uint16_t* table) noexcept {
-  for (std::size_t i = 0; i < count; ++i) values[i] = table[values[i]];
-}
-
 }  // namespace bolo::genicam

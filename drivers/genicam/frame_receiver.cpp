@@ -89,25 +89,13 @@ FrameReceiver::FrameReceiver(pipeline::FrameInlet& inlet, const CameraOptions& o
 
 void FrameReceiver::take(const CameraFrame& frame) noexcept {
   const std::int64_t now_ns = monotonic_ns();
-  const bool numbered = frame.id != CameraFrame::kNoId;
-  switch (frame.end) {
-    case FrameEnd::kWhole:
-      if (numbered) {
-        deliver(frame, now_ns);
-      } else {
-        arrivals_.ids.broken_without_id();  // complete except for the leader: number and shape are unknown
-      }
-      break;
-    case FrameEnd::kIncomplete:
-      if (numbered) {
-        arrivals_.ids.broken(frame.id, LossCause::kIncomplete, now_ns);
-      } else {
-        arrivals_.ids.broken_without_id();
-      }
-      break;
-    case FrameEnd::kDriver:
-      if (numbered) arrivals_.ids.broken(frame.id, LossCause::kDriver, now_ns);
-      break;
+  const bool by_driver = frame.end == FrameEnd::kDriver;
+  if (frame.id == CameraFrame::kNoId) {  // even if complete: without the leader, number and shape are unknown
+    if (!by_driver) arrivals_.ids.broken_without_id();
+  } else if (frame.end == FrameEnd::kWhole) {
+    deliver(frame, now_ns);
+  } else {
+    arrivals_.ids.broken(frame.id, by_driver ? LossCause::kDriver : LossCause::kIncomplete, now_ns);
   }
   arrivals_.post_losses();
 }
@@ -132,7 +120,11 @@ void FrameReceiver::deliver(const CameraFrame& frame, std::int64_t now_ns) noexc
 
   const auto stride = static_cast<std::size_t>(format_.geometry.width) * 2 + static_cast<std::size_t>(frame.x_padding);
   copy_rows(frame.pixels.data(), stride, order_, format_.geometry, slot->u16());
-  if (kelvin_table_ != nullptr) translate(slot->u16(), format_.geometry.pixels(), kelvin_table_);
+  if (kelvin_table_ != nullptr) {
+    std::uint16_t* const begin = slot->u16();
+    std::transform(begin, begin + format_.geometry.pixels(), begin,
+                   [this](auto count) { return kelvin_table_[count]; });
+  }
   scene_.update(slot->u16(), now_ns);
 
   slot->meta = {};

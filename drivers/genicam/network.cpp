@@ -50,11 +50,8 @@ class UdpSocket {
   }
 
   // False when another socket has the port.
-  bool bind_to(in_addr address, std::uint16_t port) const {
-    sockaddr_in own{};
-    own.sin_family = AF_INET;
-    own.sin_port = htons(port);
-    own.sin_addr = address;
+  bool bind_to(const std::string& ipv4, std::uint16_t port) const {
+    const sockaddr_in own = address_of(ipv4, port);
     return bind(fd_.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own) == 0;
   }
 
@@ -178,11 +175,10 @@ bool free_from_dead_program(const std::string& ipv4, const std::string& own_addr
   if (living.connect_to(ipv4) != 0) return false;
   const auto address = query(living, Command::kReadRegister, {kPrimaryAddress});
   const auto port = query(living, Command::kReadRegister, {kPrimaryPort});
-  in_addr own{};
-  inet_pton(AF_INET, own_address.c_str(), &own);
-  if (!address || !port || *port == 0 || *address != ntohl(own.s_addr)) return false;
+  const std::uint32_t own = ntohl(address_of(own_address, 0).sin_addr.s_addr);
+  if (!address || !port || *port == 0 || *address != own) return false;
   const UdpSocket dead;
-  if (!dead.bind_to(own, static_cast<std::uint16_t>(*port))) return false;
+  if (!dead.bind_to(own_address, static_cast<std::uint16_t>(*port))) return false;
   return dead.connect_to(ipv4) == 0 && query(dead, Command::kWriteRegister, {kPrivilege, 0}).has_value();
 }
 

@@ -306,8 +306,7 @@ Status Session::start_gvsp(std::size_t payload_bytes, std::shared_ptr<pipeline::
                                                              options_.socket_buffer_bytes)));
   ArvDevice* device = connection_.device.get();
   GlibError error;
-  in_addr own{};
-  inet_pton(AF_INET, connection_.route.local_address.c_str(), &own);
+  const in_addr own = address_of(connection_.route.local_address, 0).sin_addr;
   arv_device_write_register(device, kStreamAddress, ntohl(own.s_addr), error.out());
   if (!error) arv_device_write_register(device, kStreamPort, gvsp_->port(), error.out());
   if (error) return failed(connection_.name + ": it is not told where to send its stream (" + error.message() + ")");

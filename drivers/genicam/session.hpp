@@ -3,9 +3,8 @@
 
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
+#include <future>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
@@ -130,37 +129,29 @@ class SessionCloser {
  public:
   // The session must be shut already: it delivers no frames.
   void close(std::unique_ptr<Session> session) {
-    {
-      const std::lock_guard lock(state_->mutex);
-      ++state_->running;
-    }
-    const auto end = [state = state_](std::unique_ptr<Session> ending) {
-      ending.reset();
-      const std::lock_guard lock(state->mutex);
-      --state->running;
-      state->ended.notify_all();
-    };
+    std::erase_if(closing_, [](const std::future<void>& closed) {
+      return closed.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+    });
+    std::promise<void> closed;
+    closing_.push_back(closed.get_future());
     const auto shared = std::make_shared<std::unique_ptr<Session>>(std::move(session));
     try {
-      std::thread([end, shared] { end(std::move(*shared)); }).detach();
+      std::thread([shared, closed = std::move(closed)]() mutable {
+        shared->reset();
+        closed.set_value();
+      }).detach();
     } catch (const std::system_error&) {  // no thread available
-      end(std::move(*shared));
+      shared->reset();
     }
   }
 
   // Waits until all are closed or `deadline` has passed.
-  void wait_until(std::chrono::steady_clock::time_point deadline) {
-    std::unique_lock lock(state_->mutex);
-    state_->ended.wait_until(lock, deadline, [this] { return state_->running == 0; });
+  void wait_until(std::chrono::steady_clock::time_point deadline) const {
+    for (const std::future<void>& closed : closing_) closed.wait_until(deadline);
   }
 
  private:
-  struct State {
-    std::mutex mutex;
-    std::condition_variable ended;
-    int running = 0;
-  };
-  std::shared_ptr<State> state_ = std::make_shared<State>();
+  std::vector<std::future<void>> closing_;
 };
 
 }  // namespace bolo::genicam

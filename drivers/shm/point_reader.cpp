@@ -56,16 +56,16 @@ struct PointReader::Impl {
   deblur::Settings settings;
   StreamFormat format;  // of the planes passed to the solver
   double row_delay_s = 0.0;
-  std::optional<corrections::PixelCorrection> correction;  // none: nothing to correct
+  std::optional<corrections::PixelCorrection> correction{};  // none: nothing to correct
   std::string isa;
-  std::vector<std::uint32_t> copied;  // pixels copied from the frame
-  std::vector<std::uint32_t> solved;  // indices into `copied`
-  bool measured_noise = false;        // per frame, published with it
+  std::vector<std::uint32_t> copied{};  // pixels copied from the frame
+  std::vector<std::uint32_t> solved{};  // indices into `copied`
+  bool measured_noise = false;          // per frame, published with it
   double solver_noise_k = 0.0;
-  std::unique_ptr<deblur::Solver> solver;
-  std::vector<std::vector<std::uint16_t>> samples;  // per frame of the window
-  std::vector<std::vector<float>> corrected;        // the samples after the correction
-  std::uint64_t frames_before = 0;                  // number of frames read before the target
+  std::unique_ptr<deblur::Solver> solver{};
+  std::vector<std::vector<std::uint16_t>> samples{};  // per frame of the window
+  std::vector<std::vector<float>> corrected{};        // the samples after the correction
+  std::uint64_t frames_before = 0;                    // number of frames read before the target
 
   // The corrected planes are float32, as the solver's input.
   Status set_correction(const model::PixelMaps& maps) {
@@ -135,13 +135,7 @@ Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_
                                              .settings = settings,
                                              .format = format_of(header),
                                              .row_delay_s = maps.row_delay_s,
-                                             .correction = {},
-                                             .isa = shared->isa,
-                                             .copied = {},
-                                             .solved = {},
-                                             .solver = nullptr,
-                                             .samples = {},
-                                             .corrected = {}});
+                                             .isa = shared->isa});
   const std::size_t all = impl->format.geometry.pixels();
   if (std::any_of(pixels.begin(), pixels.end(), [all](std::uint32_t pixel) { return pixel >= all; })) {
     return bad_input(where + ": a point is not inside the frame of " + std::to_string(header.width) + "x" +

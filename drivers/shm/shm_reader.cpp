@@ -22,15 +22,6 @@
 #include "src/core/unique_fd.hpp"
 
 namespace bolo::shm {
-namespace {
-
-constexpr std::uint32_t kMaxSide = 1U << 15;
-constexpr std::uint32_t kMaxSlots = 1U << 20;
-constexpr double kMinPeriod_s = 1e-6;
-constexpr double kMaxPeriod_s = 3600.0;
-constexpr double kShortestSleepNs = 1e6;
-constexpr double kLongestSleepNs = 1e8;  // maximum delay until a stopped heartbeat is noticed
-constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 
 // Read-only, so that a reader cannot affect the writer.
 class Mapping {
@@ -51,6 +42,16 @@ class Mapping {
   GuardedMapping memory_;
   ino_t inode_;
 };
+
+namespace {
+
+constexpr std::uint32_t kMaxSide = 1U << 15;
+constexpr std::uint32_t kMaxSlots = 1U << 20;
+constexpr double kMinPeriod_s = 1e-6;
+constexpr double kMaxPeriod_s = 3600.0;
+constexpr double kShortestSleepNs = 1e6;
+constexpr double kLongestSleepNs = 1e8;  // maximum delay until a stopped heartbeat is noticed
+constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 
 struct Refused {
   Refusal refusal = Refusal::kFailed;
@@ -153,66 +154,55 @@ void end_text(char (&text)[N]) {
   text[N - 1] = '\0';
 }
 
+// The valid header of an object.
+Opened<bolo_shm_header> checked_header(const Mapping& mapping) {
+  load_acquire(mapping.header().magic);  // partner: the last store of ShmSink::open; publishes the complete header
+  bolo_shm_header header = snapshot(mapping);
+  if (const char* fault = first_fault(header, mapping.bytes())) {
+    return refuse(header.magic == 0 ? Refusal::kNotReady : Refusal::kBadLayout,
+                  "shared memory '" + mapping.name() + "' can't be read: " + fault);
+  }
+  end_text(header.camera_model);
+  end_text(header.camera_serial);
+  end_text(header.solver);
+  return header;
+}
+
 }  // namespace
 
-struct ShmReader::Impl {
-  std::shared_ptr<const Mapping> mapping;
-  bolo_shm_header checked{};  // as validated: the only source of sizes and offsets
-  SlotLayout layout;
-  bool futex_works = true;
+ShmReader::ShmReader(std::shared_ptr<const Mapping> mapping, const bolo_shm_header& checked)
+    : mapping_(std::move(mapping)),
+      checked_(checked),
+      layout_{checked.raw_offset, checked.deblurred_offset, std::size_t{2} * checked.width * checked.height,
+              checked.slot_stride} {
+  if (checked.motion_offset == 0) return;
+  layout_.motion_offset = checked.motion_offset;
+  layout_.motion_blocks = std::size_t{checked.motion_across} * checked.motion_down;
+}
 
-  const bolo_shm_header& live() const noexcept { return mapping->header(); }
-  const std::byte* slot(std::uint64_t number) const noexcept {
-    return mapping->data() + checked.slots_offset + number % checked.slot_count * checked.slot_stride;
+const bolo_shm_header& ShmReader::live() const noexcept { return mapping_->header(); }
+
+const std::byte* ShmReader::slot(std::uint64_t number) const noexcept {
+  return mapping_->data() + checked_.slots_offset + number % checked_.slot_count * checked_.slot_stride;
+}
+
+// Sleeps until the wake word changes or `ns` have passed, but not much longer than a frame period: any reader can move
+// others to a futex that nobody wakes (FUTEX_REQUEUE), and then only the timeout does. A spurious wake-up only costs
+// one more check.
+void ShmReader::sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept {
+  constexpr double kPeriods = 1.25;  // a punctual frame comes earlier
+  const double most_ns =
+      std::clamp(kPeriods * checked_.frame_period_s * kNsPerSecond, kShortestSleepNs, kLongestSleepNs);
+  ns = std::min(ns, static_cast<std::int64_t>(most_ns));
+  if (!futex_works_) {
+    std::this_thread::sleep_for(std::min<std::chrono::nanoseconds>(kPollPeriod, std::chrono::nanoseconds(ns)));
+    return;
   }
-
-  static Opened<std::unique_ptr<Impl>> open(const std::string& name) {
-    Opened<std::shared_ptr<const Mapping>> mapping = map_object(name);
-    if (!mapping) return tl::unexpected<Refused>(std::move(mapping.error()));
-    auto impl = std::make_unique<Impl>();
-    impl->mapping = std::move(*mapping);
-    load_acquire(impl->live().magic);  // partner: the last store of ShmSink::open; publishes the complete header
-    impl->checked = snapshot(*impl->mapping);
-    if (const char* fault = first_fault(impl->checked, impl->mapping->bytes())) {
-      return refuse(impl->checked.magic == 0 ? Refusal::kNotReady : Refusal::kBadLayout,
-                    "shared memory '" + name + "' can't be read: " + fault);
-    }
-    end_text(impl->checked.camera_model);
-    end_text(impl->checked.camera_serial);
-    end_text(impl->checked.solver);
-    const std::size_t plane = std::size_t{2} * impl->checked.width * impl->checked.height;
-    const bolo_shm_header& h = impl->checked;
-    impl->layout = {h.raw_offset, h.deblurred_offset, plane, h.slot_stride};
-    if (h.motion_offset != 0) {
-      impl->layout.motion_offset = h.motion_offset;
-      impl->layout.motion_blocks = std::size_t{h.motion_across} * h.motion_down;
-    }
-    return impl;
-  }
-
-  // Sleeps until the wake word changes or `ns` have passed, but not much longer than a frame period: any reader can
-  // move others to a futex that nobody wakes (FUTEX_REQUEUE), and then only the timeout does. A spurious wake-up only
-  // costs one more check.
-  void sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept {
-    constexpr double kPeriods = 1.25;  // a punctual frame comes earlier
-    const double most_ns =
-        std::clamp(kPeriods * checked.frame_period_s * kNsPerSecond, kShortestSleepNs, kLongestSleepNs);
-    ns = std::min(ns, static_cast<std::int64_t>(most_ns));
-    if (!futex_works) {
-      std::this_thread::sleep_for(std::min<std::chrono::nanoseconds>(kPollPeriod, std::chrono::nanoseconds(ns)));
-      return;
-    }
-    const timespec timeout{ns / 1'000'000'000, ns % 1'000'000'000};
-    const long result = syscall(SYS_futex, &live().wake, FUTEX_WAIT, wake_seen, &timeout, nullptr, 0);
-    if (result == 0 || errno == EAGAIN || errno == EINTR || errno == ETIMEDOUT) return;
-    futex_works = false;  // refused by a sandbox: poll from now on
-  }
-};
-
-ShmReader::ShmReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
-ShmReader::ShmReader(ShmReader&&) noexcept = default;
-ShmReader& ShmReader::operator=(ShmReader&&) noexcept = default;
-ShmReader::~ShmReader() = default;
+  const timespec timeout{ns / 1'000'000'000, ns % 1'000'000'000};
+  const long result = syscall(SYS_futex, &live().wake, FUTEX_WAIT, wake_seen, &timeout, nullptr, 0);
+  if (result == 0 || errno == EAGAIN || errno == EINTR || errno == ETIMEDOUT) return;
+  futex_works_ = false;  // refused by a sandbox: poll from now on
+}
 
 StreamFormat format_of(const bolo_shm_header& header) {
   StreamFormat format;
@@ -230,51 +220,48 @@ FrameMeta meta_of(const bolo_shm_slot& head) noexcept {
 }
 
 Result<ShmReader> ShmReader::open(const std::string& name, Refusal* refusal) {
-  Opened<std::unique_ptr<Impl>> impl = Impl::open(name);
-  if (refusal != nullptr) *refusal = impl ? Refusal::kNone : impl.error().refusal;
-  if (!impl) return tl::unexpected<Error>(std::move(impl.error().error));
-  return ShmReader(std::move(*impl));
+  auto mapping = map_object(name);
+  const auto header = mapping.and_then([](const auto& mapped) { return checked_header(*mapped); });
+  if (refusal != nullptr) *refusal = header ? Refusal::kNone : header.error().refusal;
+  if (!header) return tl::unexpected<Error>(header.error().error);
+  return ShmReader(std::move(*mapping), *header);
 }
 
-ShmReader ShmReader::share() const { return ShmReader(std::make_unique<Impl>(*impl_)); }
-
-std::shared_ptr<const void> ShmReader::hold() const noexcept { return impl_->mapping; }
-
-const std::string& ShmReader::name() const noexcept { return impl_->mapping->name(); }
+const std::string& ShmReader::name() const noexcept { return mapping_->name(); }
 
 bolo_shm_header ShmReader::header() const noexcept {
   const std::uint64_t newest = published();  // first: counters are stored before it, so none is older
-  bolo_shm_header header = snapshot(*impl_->mapping);
-  std::memcpy(&header, &impl_->checked, offsetof(bolo_shm_header, published));
+  bolo_shm_header header = snapshot(*mapping_);
+  std::memcpy(&header, &checked_, offsetof(bolo_shm_header, published));
   header.frame_period_s = frame_period_s();
   header.published = newest;
-  header.motion_offset = impl_->checked.motion_offset;
-  header.motion_across = impl_->checked.motion_across;
-  header.motion_down = impl_->checked.motion_down;
-  header.row_delay_s = impl_->checked.row_delay_s;
+  header.motion_offset = checked_.motion_offset;
+  header.motion_across = checked_.motion_across;
+  header.motion_down = checked_.motion_down;
+  header.row_delay_s = checked_.row_delay_s;
   return header;
 }
 
 double ShmReader::frame_period_s() const noexcept {
   double now_s = 0.0;
-  copy_out(&now_s, impl_->mapping->data() + offsetof(bolo_shm_header, frame_period_s), sizeof(now_s));
-  return is_period(now_s) ? now_s : impl_->checked.frame_period_s;
+  copy_out(&now_s, mapping_->data() + offsetof(bolo_shm_header, frame_period_s), sizeof(now_s));
+  return is_period(now_s) ? now_s : checked_.frame_period_s;
 }
 
 bool ShmReader::read_samples(std::uint64_t number, std::span<const std::uint32_t> pixels, bolo_shm_slot& head,
                              std::uint16_t* out) const noexcept {
   if (number >= published()) return false;
-  return shm::read_samples(impl_->slot(number), impl_->layout, number, head, pixels, out);
+  return shm::read_samples(slot(number), layout_, number, head, pixels, out);
 }
 
 std::optional<bolo_shm_settings> ShmReader::settings() const noexcept {
-  const bolo_shm_header& h = impl_->checked;
+  const bolo_shm_header& h = checked_;
   const bool fits = h.settings_offset % kWord == 0 && h.settings_offset >= sizeof(bolo_shm_header) &&
                     h.settings_offset <= h.slots_offset &&
                     h.slots_offset - h.settings_offset >= sizeof(bolo_shm_settings);
   if (!fits) return std::nullopt;
   bolo_shm_settings settings{};
-  copy_out(&settings, impl_->mapping->data() + h.settings_offset, sizeof(settings));
+  copy_out(&settings, mapping_->data() + h.settings_offset, sizeof(settings));
   if (settings.bytes < sizeof(settings)) return std::nullopt;
   end_text(settings.isa);
   return settings;
@@ -284,11 +271,11 @@ std::optional<bolo_shm_camera> ShmReader::camera() const noexcept {
   const std::optional<bolo_shm_settings> shared = settings();
   if (!shared || shared->camera_offset % kWord != 0) return std::nullopt;
   const std::uint64_t begin = shared->camera_offset;
-  const bolo_shm_header& h = impl_->checked;
+  const bolo_shm_header& h = checked_;
   if (begin < h.settings_offset + sizeof(bolo_shm_settings) || begin + BOLO_SHM_CAMERA_BYTES_FIRST > h.slots_offset) {
     return std::nullopt;
   }
-  const std::byte* const from = impl_->mapping->data() + begin;
+  const std::byte* const from = mapping_->data() + begin;
   bolo_shm_camera camera{};
   copy_out(&camera.bytes, from, sizeof(camera.bytes));
   // Fields unknown to an older writer stay 0.
@@ -300,57 +287,55 @@ std::optional<bolo_shm_camera> ShmReader::camera() const noexcept {
 }
 
 std::uint64_t ShmReader::published() const noexcept {
-  return load_acquire(impl_->live().published);  // partner: W4 of ShmSink::publish
+  return load_acquire(live().published);  // partner: W4 of ShmSink::publish
 }
 
 bool ShmReader::closed() const noexcept {
-  const std::uint32_t state = load_acquire(impl_->live().state);  // partner: ShmSink::close
-  return state == BOLO_SHM_CLOSED || heartbeat_stale(load_relaxed(impl_->live().heartbeat_ns));
+  const std::uint32_t state = load_acquire(live().state);  // partner: ShmSink::close
+  return state == BOLO_SHM_CLOSED || heartbeat_stale(load_relaxed(live().heartbeat_ns));
 }
 
 bool ShmReader::replaced() const noexcept {
   const Result<std::string> path = object_path(name());
   struct stat status {};
-  return path && stat(("/dev/shm" + *path).c_str(), &status) == 0 && status.st_ino != impl_->mapping->inode();
+  return path && stat(("/dev/shm" + *path).c_str(), &status) == 0 && status.st_ino != mapping_->inode();
 }
 
 ShmReader::Outcome ShmReader::wait(std::uint64_t number, int timeout_ms) noexcept {
-  Impl& self = *impl_;
   const std::int64_t deadline_ns =
       timeout_ms < 0 ? std::numeric_limits<std::int64_t>::max() : monotonic_ns() + std::int64_t{timeout_ms} * 1'000'000;
   while (true) {
     const bool ended = closed();  // before `published`: a writer publishes its last frame, then closes
-    const std::uint32_t wake_seen = load_acquire(self.live().wake);  // partner: W5; also before `published`
+    const std::uint32_t wake_seen = load_acquire(live().wake);  // partner: W5; also before `published`
     const std::uint64_t newest = published();
-    if (number < newest) return newest - number > self.checked.slot_count ? Outcome::kOverwritten : Outcome::kFrame;
+    if (number < newest) return newest - number > checked_.slot_count ? Outcome::kOverwritten : Outcome::kFrame;
     if (ended) return Outcome::kClosed;
     const std::int64_t left_ns = deadline_ns - monotonic_ns();
     if (left_ns <= 0) return Outcome::kTimeout;
-    self.sleep(wake_seen, left_ns);
+    sleep(wake_seen, left_ns);
   }
 }
 
 std::optional<BorrowedFrame> ShmReader::borrow(std::uint64_t number) const noexcept {
   if (number >= published()) return std::nullopt;
-  BorrowedFrame frame{number, {}, impl_->slot(number), impl_->layout};
+  BorrowedFrame frame{number, {}, slot(number), layout_};
   if (!read_slot(frame.slot, frame.layout, number, frame.head, nullptr, nullptr)) return std::nullopt;
   return frame;
 }
 
 ShmReader::Outcome ShmReader::read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept {
   if (const Outcome outcome = wait(number, timeout_ms); outcome != Outcome::kFrame) return outcome;
-  const Impl& self = *impl_;
-  const std::size_t pixels = self.layout.plane_bytes / sizeof(std::uint16_t);
+  const std::size_t pixels = layout_.plane_bytes / sizeof(std::uint16_t);
   frame.raw.resize(pixels);
   frame.deblurred.resize(pixels);
-  frame.motion.resize(self.layout.motion_blocks);
+  frame.motion.resize(layout_.motion_blocks);
   bolo_shm_slot head{};
   bolo_shm_motion whole{};
-  if (!read_slot(self.slot(number), self.layout, number, head, frame.raw.data(), frame.deblurred.data(),
-                 frame.motion.data(), &whole)) {
+  if (!read_slot(slot(number), layout_, number, head, frame.raw.data(), frame.deblurred.data(), frame.motion.data(),
+                 &whole)) {
     return Outcome::kOverwritten;
   }
-  if (!has_motion(self.layout, head)) frame.motion.clear();
+  if (!has_motion(layout_, head)) frame.motion.clear();
   std::copy(std::begin(whole.affine), std::end(whole.affine), frame.affine.begin());
   frame.number = number;
   frame.meta = meta_of(head);

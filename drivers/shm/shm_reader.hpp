@@ -71,20 +71,17 @@ enum class Refusal {
   kFailed,     // system error
 };
 
+class Mapping;  // of one object
+
+// Copies read the same object, even if its name refers to another by now.
 class ShmReader {
  public:
   // Maps "/bolo." + name read-only and checks its owner (is_trusted()), magic, version and every offset against the
   // object's size. Thread: setup.
   static Result<ShmReader> open(const std::string& name, Refusal* refusal = nullptr);
 
-  ShmReader(ShmReader&&) noexcept;
-  ShmReader& operator=(ShmReader&&) noexcept;
-  ~ShmReader();
-
-  // Another reader of the same object, even if its name refers to another by now. Thread: any.
-  ShmReader share() const;
   // Keeps the object mapped, and pointers into its frames valid. Thread: any.
-  std::shared_ptr<const void> hold() const noexcept;
+  std::shared_ptr<const void> hold() const noexcept { return mapping_; }
   const std::string& name() const noexcept;
 
   // A copy of the header: geometry and texts as checked by open(), current counters and histogram. Thread: any.
@@ -128,9 +125,15 @@ class ShmReader {
   bool replaced() const noexcept;
 
  private:
-  struct Impl;
-  explicit ShmReader(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  ShmReader(std::shared_ptr<const Mapping> mapping, const bolo_shm_header& checked);
+  const bolo_shm_header& live() const noexcept;
+  const std::byte* slot(std::uint64_t number) const noexcept;
+  void sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept;
+
+  std::shared_ptr<const Mapping> mapping_;
+  bolo_shm_header checked_;  // as validated: the only source of sizes and offsets
+  SlotLayout layout_;
+  bool futex_works_ = true;
 };
 
 }  // namespace bolo::shm

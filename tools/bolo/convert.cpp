@@ -159,20 +159,17 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
 
 Result<std::unique_ptr<Footage>> open_footage(const ConvertRequest& request) {
   if (request.raw) return open_raw(request.in, *request.raw, request.stated);
-  const auto kind = request.in.front().extension();
-  const bool film = kind == ".cptv";
-  const bool recording = kind == ".mcap";
-  const bool capture = !film && !recording;
-  if (capture && !is_capture(request.in.front())) return open_pictures(request.in, request.stated);
-  if (capture && request.out.file.path.extension() == ".mcap") return open_captures(request.in);
-  if (request.in.size() > 1)
-    return bad_input("one " +
-                     std::string(film        ? "film"
-                                 : recording ? "recording"
-                                             : "capture") +
-                     " at a time; " + std::to_string(request.in.size()) + " files were given");
-  if (film) return open_cptv(request.in.front(), request.stated);
-  return recording ? open_mcap(request.in.front(), request.topic, request.stated) : open_capture(request.in.front());
+  const std::filesystem::path& first = request.in.front();
+  const bool film = first.extension() == ".cptv";
+  const bool recording = first.extension() == ".mcap";
+  if (!film && !recording && !is_capture(first)) return open_pictures(request.in, request.stated);
+  const bool merges = !film && !recording && request.out.file.path.extension() == ".mcap";
+  if (request.in.size() > 1 && !merges) {
+    const std::string kind = film ? "film" : recording ? "recording" : "capture";
+    return bad_input("one " + kind + " at a time; " + std::to_string(request.in.size()) + " files were given");
+  }
+  if (film) return open_cptv(first, request.stated);
+  return recording ? open_mcap(first, request.topic, request.stated) : open_captures(request.in);
 }
 
 // One frame of other footage, as footage of its own.

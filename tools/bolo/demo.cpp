@@ -11,8 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "src/core/text.hpp"
 #include "src/report/plot.hpp"
 #include "tools/bolo/verbs.hpp"
@@ -45,27 +43,10 @@ Status check_room(const fs::path& named) {
                    std::to_string(kNeeded) + " MB; name a folder with more by -o FOLDER, or by TMPDIR");
 }
 
-// A temporary folder, or the one named by the user.
-struct Folder {
-  static Result<Folder> make(const fs::path& named) {
-    if (named.empty()) {
-      ASSIGN_OR_RETURN(auto scratch, ScratchFolder::make());
-      const fs::path path = scratch.path();
-      return Folder{path, std::move(scratch)};
-    }
-    RETURN_IF_ERROR(make_folder(named));
-    return Folder{fs::absolute(named), std::nullopt};
-  }
-  fs::path operator/(const std::string& name) const { return path / name; }
-  bool stays() const { return !scratch; }
-
-  fs::path path;
-  std::optional<ScratchFolder> scratch;
-};
-
 class Demonstration {
  public:
-  Demonstration(Folder folder, Replace replace) : folder_(std::move(folder)), replace_(replace) {}
+  Demonstration(fs::path folder, bool stays, Replace replace)
+      : folder_(std::move(folder)), stays_(stays), replace_(replace) {}
 
   Status run(double seconds, bool with_page) {
     std::vector<fs::path> outputs{capture(), picture(), configuration()};
@@ -154,7 +135,7 @@ class Demonstration {
     }
     std::puts("");
     std::fflush(stdout);
-    if (!folder_.stays()) return {};
+    if (!stays_) return {};
     plot::Sheet sheet = sheet_of(results);
     sheet.how = "bolo demo: " + solvers + ". " + describe_machine() + ".";
     RETURN_IF_ERROR(save(sheet, {picture(), replace_}));
@@ -215,7 +196,8 @@ class Demonstration {
   fs::path picture() const { return folder_ / "before_after.svg"; }
   fs::path configuration() const { return folder_ / "bolod.toml"; }
 
-  Folder folder_;
+  fs::path folder_;
+  bool stays_;  // the folder is the user's, not a temporary one
   Replace replace_;
   Replace replace_configuration_ = replace_;  // of configuration()
   fs::path bolo_;
@@ -242,8 +224,15 @@ int demo_main(int argc, char** argv) {
     if (!(seconds > 0.0 && seconds <= kLongest_s)) return bad_input("--seconds must lie in 0 to 86400");
     const fs::path named = given.count("output") != 0 ? given["output"].as<std::string>() : "";
     RETURN_IF_ERROR(check_room(named));
-    ASSIGN_OR_RETURN(auto folder, Folder::make(named));
-    return Demonstration(std::move(folder), replace_of(given)).run(seconds, given.count("no-page") == 0);
+    std::optional<ScratchFolder> scratch;
+    if (named.empty()) {
+      ASSIGN_OR_RETURN(auto made, ScratchFolder::make());
+      scratch.emplace(std::move(made));
+    } else {
+      RETURN_IF_ERROR(make_folder(named));
+    }
+    const fs::path folder = scratch ? scratch->path() : fs::absolute(named);
+    return Demonstration(folder, !scratch, replace_of(given)).run(seconds, given.count("no-page") == 0);
   });
 }
 

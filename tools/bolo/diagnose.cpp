@@ -50,27 +50,6 @@ Result<diagnose::Options> options_of(const Given& given) {
   return options;
 }
 
-struct Files {
-  std::filesystem::path folder;
-  std::filesystem::path profile;
-  std::filesystem::path maps;
-  Replace replace = Replace::kNothing;
-};
-
-Files diagnose_files(const Given& given) {
-  Files files{given["output"].as<std::string>(), {}, {}, replace_of(given)};
-  if (given.count("write-profile") == 0) return files;
-  files.profile = given["write-profile"].as<std::string>();
-  files.maps = capture::maps_beside(files.profile);
-  return files;
-}
-
-Status check(const Files& files, const std::vector<std::filesystem::path>& inputs) {
-  std::vector<std::filesystem::path> outputs = diagnose::report_files(files.folder);
-  outputs.insert(outputs.end(), {files.profile, files.maps});
-  return check_outputs(outputs, inputs, files.replace);
-}
-
 // Prints each step on stderr; on a terminal overwriting one line. Otherwise nothing before all captures are read: then
 // an unreadable one prints a single line.
 class Steps {
@@ -111,14 +90,19 @@ Status run_diagnose(const Given& given) {
   if (captures.empty()) return bad_input("which captures? give those of one session, CAPTURE.h5...");
   ASSIGN_OR_RETURN(const diagnose::Options options, options_of(given));
 
-  const Files files = diagnose_files(given);
-  if (options.maps && files.profile.empty()) return bad_input("no file for the profile; give --write-profile P2.toml");
+  const std::filesystem::path folder = given["output"].as<std::string>();
+  const std::filesystem::path profile = options.maps ? given["write-profile"].as<std::string>() : "";
+  if (options.maps && profile.empty()) return bad_input("no file for the profile; give --write-profile P2.toml");
+  const std::filesystem::path maps = options.maps ? capture::maps_beside(profile) : "";
+  const Replace replace = replace_of(given);
   std::vector<std::filesystem::path> inputs = captures;
   if (given.count("profile") != 0) {
     inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options.profile.maps});
   }
-  ASSIGN_OR_RETURN(const auto made, OutputFolder::make(files.folder));
-  RETURN_IF_ERROR(check(files, inputs));
+  std::vector<std::filesystem::path> outputs = diagnose::report_files(folder);
+  outputs.insert(outputs.end(), {profile, maps});
+  ASSIGN_OR_RETURN(const auto made, OutputFolder::make(folder));
+  RETURN_IF_ERROR(check_outputs(outputs, inputs, replace));
 
   Result<diagnose::Report> report = [&] {
     Steps steps;
@@ -129,7 +113,6 @@ Status run_diagnose(const Given& given) {
   }();
   if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; no report was written");
   if (!report) return tl::unexpected(report.error());
-  const auto& [folder, profile, maps, replace] = files;
   RETURN_IF_ERROR(diagnose::write_report(*report, folder, replace));
   if (!profile.empty()) {
     RETURN_IF_ERROR(

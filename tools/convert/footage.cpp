@@ -208,8 +208,6 @@ class RawFootage final : public Footage {
 
 }  // namespace
 
-Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file) { return open_captures({file}); }
-
 Result<std::unique_ptr<Footage>> open_captures(const Files& files) {
   std::vector<std::unique_ptr<CaptureFootage>> footages;
   for (const std::filesystem::path& file : files) {

@@ -61,8 +61,7 @@ struct RawLayout {
 using Files = std::vector<std::filesystem::path>;
 
 // Errors (kBadInput) name the file and its fault. Thread: any one at a time.
-Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file);
-// Several captures of one camera, their frames merged in order of time.
+// A capture, or several of one camera, their frames merged in order of time.
 Result<std::unique_ptr<Footage>> open_captures(const Files& files);
 // The images of one topic in a recording of ROS 2; empty: of the only topic with images.
 Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, const std::string& topic,

@@ -239,18 +239,18 @@ Status Writer::add_metadata(const std::string& name, const Texts& values) {
   return {};
 }
 
-Result<std::uint16_t> Writer::add_channel(const Channel& channel) {
-  const auto [schema, is_new] =
-      schema_of_type_.emplace(channel.type, static_cast<std::uint16_t>(schema_of_type_.size() + 1));
+Result<std::uint16_t> Writer::add_channel(const std::string& topic, const std::string& type,
+                                          const std::string& definition) {
+  const auto [schema, is_new] = schema_of_type_.emplace(type, static_cast<std::uint16_t>(schema_of_type_.size() + 1));
   if (is_new) {
     Fields fields;
-    fields.number(schema->second).text(channel.type).text("ros2msg").text(channel.definition);
+    fields.number(schema->second).text(type).text("ros2msg").text(definition);
     RETURN_IF_ERROR(put_record(Op::kSchema, fields));
     summary_[Op::kSchema].push_back(std::move(fields));
   }
   const auto id = static_cast<std::uint16_t>(summary_[Op::kChannel].size());
   Fields fields;
-  fields.number(id).number(schema->second).text(channel.topic).text("cdr").texts({{"offered_qos_profiles", ""}});
+  fields.number(id).number(schema->second).text(topic).text("cdr").texts({{"offered_qos_profiles", ""}});
   RETURN_IF_ERROR(put_record(Op::kChannel, fields));
   summary_[Op::kChannel].push_back(std::move(fields));
   messages_[id] = 0;

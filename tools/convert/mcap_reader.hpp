@@ -207,13 +207,6 @@ class Reader {
 
 // --- Writes an MCAP file: chunks compressed by zstd, each with an index of its messages, and a summary at the end.
 
-// A topic with CDR messages of one ROS 2 type.
-struct Channel {
-  std::string topic;
-  std::string type;        // "sensor_msgs/msg/Image"
-  std::string definition;  // of the type, ros2msg; must be equal for all channels of the type
-};
-
 // Writes beside the final name until finish(). Errors: a full or failing disk (kFailed). Thread: any one at a time.
 class Writer {
  public:
@@ -221,8 +214,9 @@ class Writer {
 
   // Call before the first message.
   Status add_metadata(const std::string& name, const Texts& values);
-  // Returns the channel's number.
-  Result<std::uint16_t> add_channel(const Channel& channel);
+  // Adds a topic with CDR messages of one ROS 2 type ("sensor_msgs/msg/Image"); returns the channel's number.
+  // `definition`: of the type, ros2msg; must be equal for all channels of the type.
+  Result<std::uint16_t> add_channel(const std::string& topic, const std::string& type, const std::string& definition);
 
   Status write(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns, std::string_view data);
   Status finish();

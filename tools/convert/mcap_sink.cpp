@@ -119,7 +119,7 @@ class McapSink final : public FootageSink {
 
   Status add_channels() {
     const auto add = [&](const std::string& topic, const char* type, std::uint16_t& channel) -> Status {
-      ASSIGN_OR_RETURN(channel, writer_.add_channel({topic, type, ros::definition_of(type)}));
+      ASSIGN_OR_RETURN(channel, writer_.add_channel(topic, type, ros::definition_of(type)));
       return {};
     };
     for (Part& part : parts_) RETURN_IF_ERROR(add(part.topic, ros::kImage, part.channel));

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <map>
-#include <vector>
+#include <string>
 
 #include "src/capture/contents.hpp"
 #include "src/core/byte_order.hpp"
@@ -19,48 +18,9 @@ constexpr std::uint64_t kNsPerSecondWhole = 1'000'000'000;
 constexpr int kMostSide = 1 << 15;
 constexpr std::string_view kLittleEndian{"\0\1\0\0", 4};
 
-struct Definition {
-  std::string_view text;
-  std::vector<std::string_view> uses;
-};
-
-const std::map<std::string_view, Definition>& definitions() {
-  static const std::map<std::string_view, Definition> all{
-      {"builtin_interfaces/msg/Time", {"int32 sec\nuint32 nanosec\n", {}}},
-      {"std_msgs/msg/Header", {"builtin_interfaces/Time stamp\nstring frame_id\n", {"builtin_interfaces/msg/Time"}}},
-      {kImage,
-       {"std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\n"
-        "uint8[] data\n",
-        {"std_msgs/msg/Header"}}},
-      {"sensor_msgs/msg/RegionOfInterest",
-       {"uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n", {}}},
-      {kCameraInfo,
-       {"std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
-        "float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nRegionOfInterest roi\n",
-        {"std_msgs/msg/Header", "sensor_msgs/msg/RegionOfInterest"}}},
-      {"diagnostic_msgs/msg/KeyValue", {"string key\nstring value\n", {}}},
-      {"diagnostic_msgs/msg/DiagnosticStatus",
-       {"byte OK=0\nbyte WARN=1\nbyte ERROR=2\nbyte STALE=3\nbyte level\nstring name\nstring message\n"
-        "string hardware_id\nKeyValue[] values\n",
-        {"diagnostic_msgs/msg/KeyValue"}}},
-      {kDiagnostics,
-       {"std_msgs/Header header\nDiagnosticStatus[] status\n",
-        {"std_msgs/msg/Header", "diagnostic_msgs/msg/DiagnosticStatus"}}},
-      {kFrame,
-       {"# What Bolo knows of the image with the same header.\nstd_msgs/Header header\n"
-        "uint64 frame_number  # the camera's counter; a jump is a lost frame\n"
-        "float64 t             # s, the camera's clock\n"
-        "float64 t_utc         # s since 1970; 0: not known\n"
-        "float64 t_host        # s, CLOCK_MONOTONIC of the host that recorded it; 0: not known\n",
-        {"std_msgs/msg/Header"}}},
-  };
-  return all;
-}
-
-void collect(std::string_view type, std::vector<std::string_view>& types) {
-  if (std::find(types.begin(), types.end(), type) != types.end()) return;
-  types.push_back(type);
-  for (const std::string_view used : definitions().at(type).uses) collect(used, types);
+// The definition of a type that another one uses.
+std::string part(const char* type, const char* fields) {
+  return std::string(80, '=') + "\nMSG: " + type + "\n" + fields;
 }
 
 // CDR: each number is aligned to its size, counted after the 4-byte header of the message.
@@ -130,18 +90,33 @@ class CdrReader {
 }  // namespace
 
 std::string definition_of(std::string_view type) {
-  std::vector<std::string_view> types;
-  collect(type, types);
-  std::string text;
-  for (const std::string_view part : types) {
-    if (part != type) {
-      const std::size_t package = part.find('/');
-      text += std::string(80, '=') + "\nMSG: " + std::string(part.substr(0, package)) +
-              std::string(part.substr(part.rfind('/'))) + "\n";
-    }
-    text += definitions().at(part).text;
+  const std::string header = part("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n") +
+                             part("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n");
+  if (type == kImage) {
+    return "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\n"
+           "uint8[] data\n" +
+           header;
   }
-  return text;
+  if (type == kCameraInfo) {
+    return "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
+           "float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nRegionOfInterest roi\n" +
+           header +
+           part("sensor_msgs/RegionOfInterest",
+                "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n");
+  }
+  if (type == kDiagnostics) {
+    return "std_msgs/Header header\nDiagnosticStatus[] status\n" + header +
+           part("diagnostic_msgs/DiagnosticStatus",
+                "byte OK=0\nbyte WARN=1\nbyte ERROR=2\nbyte STALE=3\nbyte level\nstring name\nstring message\n"
+                "string hardware_id\nKeyValue[] values\n") +
+           part("diagnostic_msgs/KeyValue", "string key\nstring value\n");
+  }
+  return "# What Bolo knows of the image with the same header.\nstd_msgs/Header header\n"
+         "uint64 frame_number  # the camera's counter; a jump is a lost frame\n"
+         "float64 t             # s, the camera's clock\n"
+         "float64 t_utc         # s since 1970; 0: not known\n"
+         "float64 t_host        # s, CLOCK_MONOTONIC of the host that recorded it; 0: not known\n" +
+         header;
 }
 
 std::string image(const Header& header, Geometry size, PixelType type, const void* plane) {

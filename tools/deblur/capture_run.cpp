@@ -183,39 +183,30 @@ std::optional<Rmse> DeblurSink::rmse() const {
 Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
   // A faulty stimulus is left out; it was reported when the input was opened.
   const capture::Stimulus stimulus = seen_through(input_.stimulus().value_or(capture::NoStimulus{}), choice_);
-  Status status;
-  const auto then = [&status](auto&& step) {
-    if (status) status = step();
-  };
-  const auto number = [&](const char* name, double value) {
-    then([&] { return writer_->write_attribute(name, value); });
-  };
-  const auto text = [&](const char* name, std::string_view value) {
-    then([&] { return writer_->write_attribute(name, std::string(value)); });
-  };
-  const deblur::Settings& settings = format_.deblur;
   if (!std::holds_alternative<capture::NoStimulus>(stimulus)) {
-    then([&] { return writer_->write_stimulus(stimulus); });
+    RETURN_IF_ERROR(writer_->write_stimulus(stimulus));
   }
-  for (const capture::Event& event : input_.events()) then([&] { return writer_->add_event(event); });
+  for (const capture::Event& event : input_.events()) RETURN_IF_ERROR(writer_->add_event(event));
+  std::vector<capture::Attribute> attributes;
   if (written_.has_times) {
-    const auto attributes = input_.attributes();
-    for (const capture::Attribute& attribute : attributes.value_or(std::vector<capture::Attribute>{})) {
-      if (attribute.name == "utc_uncertainty_s") then([&] { return writer_->write_attributes({attribute}); });
-    }
+    attributes = input_.attributes().value_or(attributes);
+    std::erase_if(attributes, [](const capture::Attribute& one) { return one.name != "utc_uncertainty_s"; });
   }
-  text("solver", deblur::name(settings.method));
-  text("isa", isa);
-  if (choice_.points().empty()) text("roi", describe_region(choice_.region()));
-  for (const auto& [name, value] : files) text(name.c_str(), value);
-  number("tau_s", settings.tau_s);
-  number("kappa", settings.kappa);
-  number("lambda", settings.lambda);
-  number("iterations", settings.iterations);
-  number("window", settings.window);
-  number("levels", settings.levels);
-  number("lookahead", settings.lookahead);
-  return status;
+  const deblur::Settings& s = format_.deblur;
+  attributes.push_back({"solver", std::string(deblur::name(s.method))});
+  attributes.push_back({"isa", std::string(isa)});
+  if (choice_.points().empty()) attributes.push_back({"roi", describe_region(choice_.region())});
+  for (const auto& [name, value] : files) attributes.push_back({name, value});
+  for (const auto& [name, value] : {std::pair<const char*, double>{"tau_s", s.tau_s},
+                                    {"kappa", s.kappa},
+                                    {"lambda", s.lambda},
+                                    {"iterations", s.iterations},
+                                    {"window", s.window},
+                                    {"levels", s.levels},
+                                    {"lookahead", s.lookahead}}) {
+    attributes.push_back({name, value});
+  }
+  return writer_->write_attributes(attributes);
 }
 
 Status DeblurSink::finish(std::string_view isa, const Files& files, const std::string& made_from) {

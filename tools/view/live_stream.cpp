@@ -62,7 +62,7 @@ void LiveStream::follow() {
 }
 
 void LiveStream::attach(const shm::FollowedStream& stream) {
-  reader_.emplace(stream.reader().share());
+  reader_.emplace(stream.reader());
   format_ = reader_->header();
   ++epoch_;
   traces_.clear();
@@ -103,7 +103,7 @@ std::shared_ptr<const std::string> LiveStream::newest_frame(const Place& seen) {
   {
     const std::lock_guard lock(mutex_);
     if (!reader_ || reader_->published() == 0) return nullptr;
-    reader.emplace(reader_->share());
+    reader = reader_;
     head.unit = static_cast<std::uint16_t>(format_.unit);
     head.width = format_.width;
     head.height = format_.height;

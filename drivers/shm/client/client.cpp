@@ -198,7 +198,7 @@ class Handle {
     }
     const double period_s = stream_.reader().frame_period_s();
     if (point_reader_ && pixels == pixels_ && point_reader_->period_s() == period_s) return BOLO_CLIENT_OK;
-    Result<PointReader> made = PointReader::over(stream_.reader().share(), pixels);
+    Result<PointReader> made = PointReader::over(stream_.reader(), pixels);
     if (!made) return refuse(BOLO_CLIENT_UNSUPPORTED, made.error().message);
     point_reader_.emplace(std::move(*made));
     pixels_ = std::move(pixels);

@@ -290,17 +290,17 @@ TEST(FrameRing, APinHoldsTheWriterBackAndASlotThatIsWrittenIsNotFound) {
   std::thread writer;
   {
     const auto pin = ring.find(1);
-    ASSERT_NE(pin.frame(), nullptr);
+    ASSERT_NE(pin, nullptr);
     writer = std::thread([&] {
       write_one(ring, 3);
       written = true;
     });
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     EXPECT_FALSE(written);
-    EXPECT_EQ(pin.frame()->counts.front(), 1);
+    EXPECT_EQ(pin->counts.front(), 1);
   }
   writer.join();
-  EXPECT_EQ(ring.find(1).frame(), nullptr);
+  EXPECT_EQ(ring.find(1), nullptr);
 }
 
 TEST(FrameRing, ThreeThreadsSeeOnlyWholeFrames) {
@@ -314,8 +314,8 @@ TEST(FrameRing, ThreeThreadsSeeOnlyWholeFrames) {
   std::jthread finder([&] {
     for (std::uint16_t id = 1; !done; id = static_cast<std::uint16_t>(id % kFrames + 1)) {
       const auto pin = ring.find(id);
-      if (pin.frame() == nullptr) continue;
-      for (const auto value : pin.frame()->counts) ASSERT_EQ(value, id);
+      if (pin == nullptr) continue;
+      for (const auto value : pin->counts) ASSERT_EQ(value, id);
     }
   });
   std::uint16_t expected = 0;

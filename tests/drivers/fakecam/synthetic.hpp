@@ -19,8 +19,8 @@ inline std::uint16_t pixel_of(std::size_t frame, std::size_t pixel) {
   return static_cast<std::uint16_t>(pixel * 7 + frame * 3001 + 20000);
 }
 
-inline MemoryFrames::Content synthetic(Geometry geometry, std::size_t frames, double period_s = 0.005) {
-  MemoryFrames::Content content;
+inline FrameProvider synthetic(Geometry geometry, std::size_t frames, double period_s = 0.005) {
+  FrameProvider content;
   content.format = {geometry, PixelType::kUint16, {Unit::kCount, 1.0, 0.0}, period_s};
   content.planes.resize(frames * plane_bytes(geometry, PixelType::kUint16));
   std::vector<std::uint16_t> plane(geometry.pixels());
@@ -33,15 +33,8 @@ inline MemoryFrames::Content synthetic(Geometry geometry, std::size_t frames, do
   return content;
 }
 
-inline std::unique_ptr<FrameProvider> provider_of(MemoryFrames::Content content) {
-  return std::make_unique<MemoryFrames>(std::move(content));
-}
-
-inline std::unique_ptr<FakeCamera> serve(std::unique_ptr<FrameProvider> provider, const FakeCameraOptions& options) {
+inline std::unique_ptr<FakeCamera> serve(FrameProvider provider, const FakeCameraOptions& options) {
   return *must(FakeCamera::start(options, std::move(provider)));
-}
-inline std::unique_ptr<FakeCamera> serve(MemoryFrames::Content content, const FakeCameraOptions& options) {
-  return serve(provider_of(std::move(content)), options);
 }
 
 }  // namespace bolo::fakecam::test

@@ -50,8 +50,8 @@ class KeepingSink final : public pipeline::FrameSink {
   std::size_t count_ = 0;
 };
 
-fakecam::MemoryFrames::Content content_of(const Recording& scene, int rows_below) {
-  fakecam::MemoryFrames::Content content;
+fakecam::FrameProvider content_of(const Recording& scene, int rows_below) {
+  fakecam::FrameProvider content;
   content.format = scene.format;
   content.format.geometry.height += rows_below;
   content.serial = "FAULTS";
@@ -181,8 +181,7 @@ Result<RunResult> run(const RunTask& task) {
   fake_options.address = task.camera.address;
   fake_options.laps = 0;
   fake_options.faults = task.faults;
-  ASSIGN_OR_RETURN(auto fake, fakecam::FakeCamera::start(fake_options, std::make_unique<fakecam::MemoryFrames>(
-                                                                           content_of(*task.scene, task.rows_below))));
+  ASSIGN_OR_RETURN(auto fake, fakecam::FakeCamera::start(fake_options, content_of(*task.scene, task.rows_below)));
   const std::uint64_t dropped_before = host_dropped();
 
   KeepingSink sink(static_cast<std::size_t>(task.seconds / task.scene->format.frame_period_s) + kSpareFrames);

@@ -194,7 +194,7 @@ Result<std::unique_ptr<Watcher>> Watcher::start(const std::string& name, const T
 Watcher::Watcher(shm::FollowedStream stream, const Truth& truth, Findings& findings)
     : stream_(std::move(stream)),
       first_header_(stream_.reader().header()),
-      present_(stream_.reader().share()),
+      present_(stream_.reader()),
       raw_(std::size_t{first_header_.width} * first_header_.height),
       deblurred_(raw_.size()),
       judge_(truth, static_cast<int>(first_header_.window + first_header_.lookahead), findings) {}
@@ -263,7 +263,7 @@ void Watcher::begin_life() {
   const std::lock_guard lock(mutex_);
   count(*present_);
   lost_before_ = counters_.lost;
-  present_.emplace(stream_.reader().share());
+  present_.emplace(stream_.reader());
   ++counters_.life;
   unread_ = 0;
   judge_.begin_life();
