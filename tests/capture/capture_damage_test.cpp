@@ -4,8 +4,6 @@
 // processes: none may hang, and all but a few must end well. Damaged values must always end well.
 #include <sys/resource.h>
 
-#include <numeric>
-
 #include "src/core/input_file.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"

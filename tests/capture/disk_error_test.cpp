@@ -2,8 +2,6 @@
 #include <dlfcn.h>
 #include <unistd.h>
 
-#include <cerrno>
-
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/capture/small_captures.hpp"
 

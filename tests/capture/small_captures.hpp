@@ -1,7 +1,7 @@
 // Small captures in a scratch folder.
 #pragma once
 
-#include "src/capture/capture.hpp"
+#include "tests/capture/frame_values.hpp"
 #include "tests/scratch.hpp"
 
 namespace bolo::capture::testing {
@@ -48,9 +48,7 @@ inline void write_small(const std::filesystem::path& file, std::size_t frames, c
 inline void expect_frames(const CaptureReader& reader, std::size_t frames) {
   ASSERT_EQ(reader.info().frames, frames);
   for (std::size_t i = 0; i < frames; ++i) {
-    std::vector<std::uint16_t> plane(21);
-    ASSERT_TRUE(reader.read_frame(i, plane.data()));
-    ASSERT_EQ(plane, plane_of<std::uint16_t>(i, 21)) << "frame " << i;
+    ASSERT_EQ(frame_values(reader, i), plane_of<std::uint16_t>(i, 21)) << "frame " << i;
     ASSERT_EQ(reader.frame_id()[i], i);
   }
 }

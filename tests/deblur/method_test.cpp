@@ -49,6 +49,7 @@ class Methods : public ::testing::TestWithParam<Way> {
   }
 
   int last_bin() const { return std::min(1 << GetParam().levels, 16) - 1; }
+  Published last() const { return {last_bin(), last_bin()}; }
 
  private:
   std::vector<std::vector<float>> planes_;
@@ -57,20 +58,17 @@ class Methods : public ::testing::TestWithParam<Way> {
 };
 
 TEST_P(Methods, TheSameLambdaInEveryPixelGivesTheSameBits) {
-  const Published last{last_bin(), last_bin()};
   const std::vector<float> lambda(kPixels, 0.05F);
-  EXPECT_EQ(run(0.05, last, lambda.data()), run(0.05, last));
+  EXPECT_EQ(run(0.05, last(), lambda.data()), run(0.05, last()));
 }
 
 TEST_P(Methods, EachPixelHasItsOwnLambda) {
-  const Published last{last_bin(), last_bin()};
+  const auto run_with = [this](const std::vector<float>& lambda) { return run(0.1, last(), lambda.data()); };
   std::vector<float> lambda(kPixels);
   for (std::size_t i = 0; i < kPixels; ++i) lambda[i] = i % 3 == 0 ? 0.02F : 0.2F;
-  const std::vector<float> mixed = run(0.1, last, lambda.data());
-  const std::vector<float> low(kPixels, 0.02F);
-  const std::vector<float> high(kPixels, 0.2F);
-  const std::vector<float> all_low = run(0.1, last, low.data());
-  const std::vector<float> all_high = run(0.1, last, high.data());
+  const std::vector<float> mixed = run_with(lambda);
+  const std::vector<float> all_low = run_with(std::vector<float>(kPixels, 0.02F));
+  const std::vector<float> all_high = run_with(std::vector<float>(kPixels, 0.2F));
   bool differs = false;
   for (std::size_t i = 0; i < kPixels; ++i) {
     EXPECT_EQ(mixed[i], i % 3 == 0 ? all_low[i] : all_high[i]) << i;
@@ -80,10 +78,9 @@ TEST_P(Methods, EachPixelHasItsOwnLambda) {
 }
 
 TEST_P(Methods, LambdaOfPixelsIsThatOfSettings) {
-  const Published last{last_bin(), last_bin()};
   const std::vector<float> lambda(kPixels, 0.05F);
-  const std::vector<float> by_pixel = run(0.1, last, lambda.data());
-  const std::vector<float> by_settings = run(0.05, last);
+  const std::vector<float> by_pixel = run(0.1, last(), lambda.data());
+  const std::vector<float> by_settings = run(0.05, last());
   for (std::size_t i = 0; i < kPixels; ++i) EXPECT_NEAR(by_pixel[i], by_settings[i], 0.05F) << i;
 }
 

@@ -136,11 +136,7 @@ std::unique_ptr<Solver> make(const Settings& settings, Geometry geometry) {
 
 using testing::whole_frame;
 
-class MmaeOn : public ::testing::TestWithParam<std::string_view> {
- protected:
-  void SetUp() override { ASSERT_TRUE(force_isa(GetParam())); }
-  void TearDown() override { force_isa(""); }
-};
+using MmaeOn = testing::OnIsa;
 
 TEST_P(MmaeOn, IsItsDefinition) {
   for (const int lookahead : {0, 2}) {
@@ -310,28 +306,26 @@ TEST(MotionModels, ManyFramesInATimeConstantTakeNoLonger) {
   EXPECT_LT(ticks_with(10'000.0), 10 * ticks_with(64.0));
 }
 
+constexpr Geometry kNoisy{320, 64};
+
+double noise_of(const Movie& movie) {
+  const auto solver = make(settings_with(0.0), kNoisy);
+  whole_frame(*solver, movie.view(), kNoisy);
+  return solver->noise_k();
+}
+
 TEST(NoiseMeter, FindsWhiteNoiseBehindMotion) {
   for (const double noise : {0.03, 0.1, 0.5}) {
-    const Geometry g{320, 64};
-    const auto solver = make(settings_with(0.0), g);
-    const Movie moving(g, noise);
-    whole_frame(*solver, moving.view(), g);
-    EXPECT_NEAR(solver->noise_k(), std::hypot(noise, 0.01 / std::sqrt(12.0)), 0.2 * noise) << noise;
-    const auto still = make(settings_with(0.0), g);
-    const Movie calm(g, noise, 0.0);
-    whole_frame(*still, calm.view(), g);
-    EXPECT_NEAR(still->noise_k(), std::hypot(noise, 0.01 / std::sqrt(12.0)), 0.05 * noise) << noise;
+    const double with_counts = std::hypot(noise, 0.01 / std::sqrt(12.0));
+    EXPECT_NEAR(noise_of(Movie(kNoisy, noise)), with_counts, 0.2 * noise) << noise;
+    EXPECT_NEAR(noise_of(Movie(kNoisy, noise, 0.0)), with_counts, 0.05 * noise) << noise;
   }
 }
 
 TEST(NoiseMeter, IsNotFooledBySaturatedPixels) {
-  const Geometry g{320, 64};
-  Movie movie(g, 0.1, 0.0);
-  for (auto& plane : movie.planes())
-    std::fill(plane.begin(), plane.begin() + static_cast<std::ptrdiff_t>(plane.size() / 2), 65535);
-  const auto solver = make(settings_with(0.0), g);
-  whole_frame(*solver, movie.view(), g);
-  EXPECT_NEAR(solver->noise_k(), 0.1, 0.008);
+  Movie movie(kNoisy, 0.1, 0.0);
+  for (auto& plane : movie.planes()) std::fill_n(plane.begin(), plane.size() / 2, 65535);
+  EXPECT_NEAR(noise_of(movie), 0.1, 0.008);
 }
 
 // A correction's pattern makes them differ, and hardly changes in time.
@@ -360,17 +354,14 @@ TEST(NoiseMeter, IsNotFooledBySaturatedPixelsLessAPattern) {
 
 // Clipped at 300 K within the noise, as where a camera's range ends within the scene.
 TEST(NoiseMeter, IsNotFooledByValuesCutOffAtTheRangesEnd) {
-  const Geometry g{320, 64};
   for (const double speed : {0.0, 0.7}) {
     for (const bool above : {false, true}) {
-      Movie movie(g, 0.5, speed);
+      Movie movie(kNoisy, 0.5, speed);
       for (auto& plane : movie.planes()) {
         for (auto& value : plane)
           value = above ? std::min<std::uint16_t>(value, 30500) : std::max<std::uint16_t>(value, 30000);
       }
-      const auto solver = make(settings_with(0.0), g);
-      whole_frame(*solver, movie.view(), g);
-      EXPECT_NEAR(solver->noise_k(), 0.5, 0.1) << speed << above;
+      EXPECT_NEAR(noise_of(movie), 0.5, 0.1) << speed << above;
     }
   }
 }

@@ -1,6 +1,7 @@
 // Shared by the solver tests: float streams in kelvin, solved as whole frames or in parts.
 #pragma once
 
+#include "src/deblur/isa.hpp"
 #include "src/deblur/solver.hpp"
 #include "tests/test.hpp"
 
@@ -22,6 +23,13 @@ std::vector<T> whole_frame(Solver& solver, const WindowView& view, Geometry geom
   solver.solve(view, {0, 0, geometry.width, geometry.height}, out.data());
   return out;
 }
+
+// A test on an instruction set.
+class OnIsa : public ::testing::TestWithParam<std::string_view> {
+ protected:
+  void SetUp() override { ASSERT_TRUE(force_isa(GetParam())); }
+  void TearDown() override { force_isa(""); }
+};
 
 // Pointers to the planes of a window; the planes must not move.
 template <typename T>

@@ -235,11 +235,7 @@ Planes fill(const Settings& settings, Geometry geometry, Input input) {
   return planes;
 }
 
-class Isas : public ::testing::TestWithParam<std::string_view> {
- protected:
-  void SetUp() override { ASSERT_TRUE(force_isa(GetParam())); }
-  void TearDown() override { force_isa(""); }
-};
+using Isas = testing::OnIsa;
 
 // One window. With `gap` its first frames are lost, more than the sweeps can do without.
 void expect_reference(const Settings& s, Input input, bool gap) {

@@ -277,28 +277,23 @@ TEST(InputCheck, NoiseThatTheFramesDoNotShowIsToldOnce) {
   for (const auto method : {deblur::Method::kMotion, deblur::Method::kAdmm}) EXPECT_EQ(lines(method, 0.15, 0.011), 1U);
 }
 
+// Pixels that rise with `shown`, of the frame's id.
+Fill rising(std::uint64_t (*shown)(std::uint64_t)) {
+  return [shown](rt::FrameSlot& slot, const StreamFormat& format) {
+    for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {
+      slot.u16()[i] = static_cast<std::uint16_t>(30'000U + shown(slot.meta.frame_id) + i);
+    }
+  };
+}
+
 TEST(InputCheck, FramesThatComeTwiceAreToldButNotAShutter) {
   Script script{.frames = run_of(0, 80)};
   EXPECT_EQ(told(script, {}, "twice"), 0U);
-  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
-    for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {
-      slot.u16()[i] = static_cast<std::uint16_t>(30'000U + slot.meta.frame_id / 2 + i);
-    }
-  };
+  script.fill = rising([](std::uint64_t id) { return id / 2; });
   EXPECT_EQ(told(script, {}, "twice"), 1U);
-  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
-    for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {
-      slot.u16()[i] = static_cast<std::uint16_t>(30'000U + slot.meta.frame_id * 3 / 20 + i);
-    }
-  };
+  script.fill = rising([](std::uint64_t id) { return id * 3 / 20; });
   EXPECT_EQ(told(script, {}, "twice"), 1U) << "9 Hz read at 60";
-  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
-    const std::uint64_t shown =
-        slot.meta.frame_id < 30 ? slot.meta.frame_id : std::max<std::uint64_t>(slot.meta.frame_id, 70);
-    for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {
-      slot.u16()[i] = static_cast<std::uint16_t>(30'000U + shown + i);
-    }
-  };
+  script.fill = rising([](std::uint64_t id) { return id < 30 ? id : std::max<std::uint64_t>(id, 70); });
   EXPECT_EQ(told(script, {}, "twice"), 0U);
 }
 

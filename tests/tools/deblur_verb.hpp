@@ -97,17 +97,11 @@ class DeblurVerb : public ProgramTest {
   std::string report_;
 };
 
+// Counts as floats.
 inline std::vector<float> frame_of(const capture::CaptureReader& reader, std::size_t index) {
-  const std::size_t pixels = reader.info().format.geometry.pixels();
-  std::vector<float> values(pixels);
-  if (reader.info().format.type == PixelType::kFloat32) {
-    EXPECT_TRUE(reader.read_frame(index, values.data()));
-    return values;
-  }
-  std::vector<std::uint16_t> counts(pixels);
-  EXPECT_TRUE(reader.read_frame(index, counts.data()));
-  for (std::size_t i = 0; i < pixels; ++i) values[i] = static_cast<float>(counts[i]);
-  return values;
+  if (reader.info().format.type == PixelType::kFloat32) return frame_values<float>(reader, index);
+  const auto counts = frame_values(reader, index);
+  return {counts.begin(), counts.end()};
 }
 
 inline void expect_same_frames(const capture::CaptureReader& one, const capture::CaptureReader& other) {

@@ -7,6 +7,7 @@ usage: gstreamer_test.py BOLO PLUGIN_FOLDER MODULE_FOLDER LIBRARY. Exit code 77:
 
 import os
 import resource
+import signal
 import struct
 import subprocess
 import sys
@@ -38,10 +39,12 @@ except (ImportError, ValueError) as error:
     sys.exit(77)
 
 import bolo  # noqa: E402
+from programs import Programs  # noqa: E402
 
 Gst.init(None)
 HANG_S = 60
 NS = 10**9
+GREY16_60HZ = "video/x-raw,format=GRAY16_LE,framerate=60/1"
 
 
 def pixels(buffer, caps):
@@ -85,29 +88,32 @@ class Pipeline:
         return message.parse_error()[0].message if message else ""
 
 
-class Tools(unittest.TestCase):
-    def run_tool(self, *words):
-        done = subprocess.run(words, capture_output=True, text=True, timeout=HANG_S)
+def launch(line, **how):
+    return subprocess.run(["gst-launch-1.0", *line.split()], capture_output=True, text=True, timeout=HANG_S, **how)
+
+
+class WithTools(unittest.TestCase):
+    def assert_runs(self, line):
+        done = launch(line)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         self.assertNotIn("CRITICAL", done.stderr)
-        return done.stdout
 
+
+class Tools(WithTools):
     def test_gst_launch_runs_the_filter_on_any_source(self):
         for size in ("width=64,height=48", "width=63,height=5"):  # rows with and without padding
-            caps = f"video/x-raw,format=GRAY16_LE,framerate=60/1,{size}"
-            self.run_tool("gst-launch-1.0", "videotestsrc", "num-buffers=40", "!", caps, "!", "bolodeblur", "lookahead=1",
-                          "tau=0.01", "!", "videoconvert", "!", "fakesink")
+            self.assert_runs(f"videotestsrc num-buffers=40 ! {GREY16_60HZ},{size} ! bolodeblur lookahead=1 tau=0.01 "
+                             "! videoconvert ! fakesink")
 
     def test_frames_that_downstream_does_not_take_are_dropped(self):
         for look_ahead in (0, 3):
-            self.run_tool("gst-launch-1.0", "videotestsrc", "num-buffers=60", "!",
-                          "video/x-raw,format=GRAY16_LE,framerate=60/1,width=64,height=48", "!", "tee", "name=t", "t.", "!",
-                          "bolodeblur", "window=9", f"lookahead={look_ahead}", "t.", "!", "fakesink")
+            self.assert_runs(f"videotestsrc num-buffers=60 ! {GREY16_60HZ},width=64,height=48 ! tee name=t "
+                             f"t. ! bolodeblur window=9 lookahead={look_ahead} t. ! fakesink")
 
     def test_what_cannot_be_is_an_error_in_words(self):
         for wrong, says in (("bolodeblur solver=fast", "fast"), ("bolodeblur window=16", "window"),
                             ("bolodeblur lookahead=200", "lookahead")):
-            with Pipeline(f"videotestsrc ! video/x-raw,format=GRAY16_LE,framerate=60/1 ! {wrong}") as wrong_one:
+            with Pipeline(f"videotestsrc ! {GREY16_60HZ} ! {wrong}") as wrong_one:
                 self.assertIn(says, wrong_one.error())
         with Pipeline("appsrc name=in is-live=true format=time "
                       "caps=video/x-raw,format=GRAY16_LE,width=8,height=8,framerate=0/1 ! bolodeblur") as rateless:
@@ -117,10 +123,8 @@ class Tools(unittest.TestCase):
             self.assertIn("nobody-here", none.error())
 
     def test_frames_that_memory_has_no_room_for_are_an_error_in_words(self):
-        caps = "video/x-raw,format=GRAY16_LE,framerate=60/1,width=16000,height=16000"
-        limit = lambda: resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))  # noqa: E731
-        done = subprocess.run(["gst-launch-1.0", "videotestsrc", "num-buffers=1", "!", caps, "!", "bolodeblur", "!", "fakesink"],
-                              capture_output=True, text=True, timeout=HANG_S, preexec_fn=limit)
+        done = launch(f"videotestsrc num-buffers=1 ! {GREY16_60HZ},width=16000,height=16000 ! bolodeblur ! fakesink",
+                      preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30)))
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertIn("16000x16000 cannot be deblurred", done.stderr)
 
@@ -151,7 +155,7 @@ class Filter(unittest.TestCase):
             frames, times, ids = f["frames"][:], f["t"][:], f["frame_id"][:]
             scale = float(f.attrs["scale"])
         height, width = frames.shape[1:]
-        caps = f"video/x-raw,format=GRAY16_LE,width={width},height={height},framerate=60/1"
+        caps = f"{GREY16_60HZ},width={width},height={height}"
         stride = (2 * width + 3) // 4 * 4
         out = {}
         with Pipeline(f"appsrc name=in format=time caps={caps} ! bolodeblur scale={scale} {options}") as filter_:
@@ -205,7 +209,7 @@ class Filter(unittest.TestCase):
         pipeline.pipeline.get_by_name("in").push_buffer(buffer)
 
     def test_a_buffers_own_layout_is_believed_within_the_buffer(self):
-        filter_ = "appsrc name=in format=time caps=video/x-raw,format=GRAY16_LE,width=64,height=48,framerate=60/1 ! bolodeblur"
+        filter_ = f"appsrc name=in format=time caps={GREY16_60HZ},width=64,height=48 ! bolodeblur"
         for layout in ((64, 48, 100000, 0), (64, 48, 128, 600), (64, 480, 1280, 0), (64, 48, -128, 0), (64, 48, 0, 0)):
             with self.subTest(layout=layout), Pipeline(filter_) as refusing:
                 self.laid_out(refusing, *layout, size=128 * 48)
@@ -228,28 +232,20 @@ class Filter(unittest.TestCase):
             self.assertGreaterEqual(least, 4 * NS // 50)
 
 
-class Source(unittest.TestCase):
+class Source(WithTools):
     def setUp(self):
         self.folder = self.enterContext(tempfile.TemporaryDirectory())
         self.capture = os.path.join(self.folder, "in.h5")
         simulate(self.capture, "--width", "66", "--height", "24", "--frames", "150", "--rate", "50")
         self.name = f"test-gst-{os.getpid()}-{self._testMethodName}"[:40]
-        self.daemon = None
-        self.addCleanup(self.end)
+        self.programs = self.enterContext(Programs(BOLO, None, self.folder, self.name))
         self.start()
 
     def start(self, capture=None):
-        self.daemon = subprocess.Popen([BOLO, "replay", capture or self.capture, "--name", self.name, "--loop"],
-                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.programs.start_replay(capture or self.capture)
         with bolo.Camera(self.name, timeout=HANG_S) as camera:
             while not camera.state().alive:
                 time.sleep(0.05)
-
-    def end(self, kill=False):
-        if self.daemon:
-            (self.daemon.kill if kill else self.daemon.terminate)()
-            self.daemon.wait()
-        self.daemon = None
 
     def seen_in_shared_memory(self, plane, seconds):
         seen = {}
@@ -340,7 +336,7 @@ class Source(unittest.TestCase):
         simulate(other, "--width", "40", "--height", "32", "--frames", "100", "--rate", "100")
         with Pipeline(f"bolosrc camera={self.name} restart-timeout=60000") as live:
             self.assertIsNotNone(live.pull())
-            self.end(kill=True)
+            self.programs.kill("daemon")
             self.start(other)
             end = time.monotonic() + HANG_S
             while time.monotonic() < end:
@@ -356,7 +352,7 @@ class Source(unittest.TestCase):
     def test_it_ends_when_the_daemon_does_not_come_back(self):
         with Pipeline(f"bolosrc camera={self.name} restart-timeout=300") as live:
             self.assertIsNotNone(live.pull())
-            self.end()
+            self.programs.kill("daemon", signal.SIGTERM)
             while live.pull():
                 continue
             self.assertIsNotNone(live.message(Gst.MessageType.EOS))
@@ -378,12 +374,9 @@ class Source(unittest.TestCase):
         with open(forged, "wb") as file:
             file.write(ring)
         try:
-            done = subprocess.run(["gst-launch-1.0", "bolosrc", f"camera={self.name}-forged", "num-buffers=1", "!", "fakesink",
-                                   "sync=true"], capture_output=True, text=True, timeout=HANG_S)
+            self.assert_runs(f"bolosrc camera={self.name}-forged num-buffers=1 ! fakesink sync=true")
         finally:
             os.unlink(forged)
-        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
-        self.assertNotIn("CRITICAL", done.stderr)
 
     def test_times_periods_and_look_aheads_that_cannot_be_hold_up_no_sink(self):
         for forged in ({"camera_ns": -1, "utc_ns": -1}, {"period_s": 3600.0}, {"look_ahead": 2**31}):
@@ -396,7 +389,7 @@ class Source(unittest.TestCase):
             self.assertIsNotNone(live.pull())
             while live.message(Gst.MessageType.LATENCY, 0.1):
                 pass
-            self.end()
+            self.programs.kill("daemon", signal.SIGTERM)
             self.start()
             self.assertIsNotNone(live.message(Gst.MessageType.LATENCY))
 

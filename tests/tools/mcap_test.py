@@ -181,17 +181,18 @@ class Mcap(unittest.TestCase):
         for bad in ("", "9", "a//b", "a/", "é", "a b"):
             self.bolo(self.path("kelvin.h5"), "-o", self.path("n.mcap"), "--name", bad, code=2, says="--name")
 
+    def write(self, name, data):
+        pathlib.Path(self.path(name)).write_bytes(data)
+
     def hostile(self, data, says="", memory=None):
-        with open(self.path("hostile.mcap"), "wb") as f:
-            f.write(data)
+        self.write("hostile.mcap", data)
         done = self.bolo(self.path("hostile.mcap"), "-o", self.path("hostile.h5"), "--overwrite", code=2, says=says,
                          memory=memory)
         self.assertIn("hostile.mcap: ", done.stderr)
 
     def test_damaged_files_are_refused_in_one_line(self):
         self.convert("kelvin.h5", "d.mcap")
-        with open(self.path("d.mcap"), "rb") as f:
-            good = f.read()
+        good = pathlib.Path(self.path("d.mcap")).read_bytes()
         data_end = struct.unpack("<Q", good[-28:-20])[0]  # start of the summary
         self.hostile(b"", "is not an MCAP file")
         self.hostile(b"\x89HDF\r\n\x1a\n" + good[8:], "is not an MCAP file")
@@ -241,6 +242,9 @@ class Mcap(unittest.TestCase):
         head += b"\0" * (-len(head) % 4) + struct.pack("<II", step, len(data))
         return b"\0\1\0\0" + head + data
 
+    def pictures(self):
+        return b"".join(self.message(self.image(1, 1, 2, bytes(2), sec=i), i, i) for i in range(4))
+
     def test_files_that_lie_are_refused(self):
         image = self.image(2, 2, 4, bytes(8))
         message = self.message(image)
@@ -272,8 +276,7 @@ class Mcap(unittest.TestCase):
         self.hostile(self.chunked(message * 10**5), "more frames than its size can hold")
         # Empty records: 128 MiB in 4 kB, repeated.
         nothing = self.chunk(bytes((128 << 20) // 9 * 9))
-        with open(self.path("long.mcap"), "wb") as f:
-            f.write(self.recording(*[nothing] * 2000))
+        self.write("long.mcap", self.recording(*[nothing] * 2000))
         with subprocess.Popen([BOLO, "convert", self.path("long.mcap"), "-o", self.path("long.h5")]) as convert:
             time.sleep(1)
             convert.send_signal(signal.SIGINT)
@@ -284,7 +287,7 @@ class Mcap(unittest.TestCase):
         self.assertEqual([name for name in os.listdir(self.folder) if name.startswith("long.h5")], [])
 
     def test_times_and_scales_that_cannot_be_are_refused(self):
-        pictures = b"".join(self.message(self.image(1, 1, 2, bytes(2), sec=i), i, i) for i in range(4))
+        pictures = self.pictures()
         for key, value in ((b"scale", b"0"), (b"scale", b"1e300"), (b"frame_period_s", b"0"), (b"frame_period_s", b"-1")):
             texts = b"".join(map(self.text, (b"topic", b"/a/image_raw", b"unit", b"kelvin", key, value)))
             self.hostile(self.recording(self.record(12, self.text(b"bolo-capture"), self.text(texts)), pictures), key.decode())
@@ -294,12 +297,11 @@ class Mcap(unittest.TestCase):
             self.hostile(self.recording(self.topic(1, b"/a/frame", b"bolo_msgs/msg/Frame"), frame, pictures), "no clock shows")
 
     def test_texts_that_no_capture_has_room_for_do_not_stop_the_pictures(self):
-        pictures = b"".join(self.message(self.image(1, 1, 2, bytes(2), sec=i), i, i) for i in range(4))
         texts = {b"topic": b"/a/image_raw", b"text.long": b"v" * 200_000, b"text.twice": b"v", b"number.twice": b"1"}
         texts.update((b"text.%d" % i, b"v") for i in range(3000))
         map_of_texts = b"".join(self.text(key) + self.text(value) for key, value in texts.items())
-        with open(self.path("texts.mcap"), "wb") as f:
-            f.write(self.recording(self.record(12, self.text(b"bolo-capture"), self.text(map_of_texts)), pictures))
+        self.write("texts.mcap",
+                   self.recording(self.record(12, self.text(b"bolo-capture"), self.text(map_of_texts)), self.pictures()))
         self.bolo(self.path("texts.mcap"), "-o", self.path("texts.h5"))
         with h5py.File(self.path("texts.h5")) as f:
             self.assertLessEqual(len(f.attrs), 1010)
@@ -310,8 +312,7 @@ class Mcap(unittest.TestCase):
         data = b"".join(row.astype(">u2").tobytes() + b"xx" for row in rows)
         chunk = b"".join(self.message(self.image(3, 2, 8, data, b"16UC1\0", 1, 1700000000, ns), ns)
                          for ns in (20_000_000, 0, 40_000_000))
-        with open(self.path("other.mcap"), "wb") as f:
-            f.write(self.chunked(chunk, compression=b""))
+        self.write("other.mcap", self.chunked(chunk, compression=b""))
         self.bolo(self.path("other.mcap"), "-o", self.path("other.h5"), "--scale", "0.04")
         with h5py.File(self.path("other.h5")) as f:
             self.assertTrue((f["frames"][:] == rows).all())

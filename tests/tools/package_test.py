@@ -115,6 +115,12 @@ class Scripts(unittest.TestCase):
         run = ["unshare", "--mount", *([] if os.geteuid() == 0 else ["--map-root-user"]), "sh", "-c", into_it]
         return subprocess.run([*run, self.root, *arguments], capture_output=True, text=True)
 
+    def purged(self, **how):
+        """What is said on standard error."""
+        done = self.run_script("postrm", "purge", **how)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stderr
+
     def test_the_receive_buffer_is_raised_and_never_lowered(self):
         for before, after in ((212992, 8388608), (16777216, 16777216)):
             limit = self.write("proc/sys/net/core/rmem_max", f"{before}\n")
@@ -130,8 +136,7 @@ class Scripts(unittest.TestCase):
         others = [self.write(f"{system}/other.service.d/override.conf"), self.write("etc/modprobe.d/other.conf")]
         self.assertEqual(self.run_script("postrm", "remove").returncode, 0)
         self.assertTrue(all(file.exists() for file in ours), "removing is not purging")
-        done = self.run_script("postrm", "purge")
-        self.assertEqual(done.returncode, 0, done.stderr)
+        self.purged()
         self.assertEqual([str(file) for file in ours if file.exists()], [])
         self.assertFalse((self.root / system / "bolod@front.service.d").exists())
         self.assertTrue(all(file.exists() for file in others))
@@ -139,9 +144,7 @@ class Scripts(unittest.TestCase):
     def test_a_user_that_stays_does_not_break_purging(self):
         self.stand_in("userdel", "echo 'user bolo is used by process 1' >&2; exit 8")
         self.stand_in("groupdel", "exit 8")
-        done = self.run_script("postrm", "purge")
-        self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("userdel bolo failed: user bolo is used by process 1", done.stderr)
+        self.assertIn("userdel bolo failed: user bolo is used by process 1", self.purged())
         self.assertIn("systemctl daemon-reload", (self.root / "called").read_text())
 
     def test_purging_leaves_disks_that_are_mounted_in_its_folders(self):
@@ -151,9 +154,8 @@ class Scripts(unittest.TestCase):
                 (self.root / place).mkdir(exist_ok=True)
                 mount = f"""mount -t tmpfs none "$0/{place}"; echo mine >"$0/{place}/drive.h5"
                     trap 'cp "$0/{place}/drive.h5" "$0/saved"' EXIT"""
-                done = self.run_script("postrm", "purge", before=mount)
-                self.assertEqual(done.returncode, 0, done.stderr)
-                self.assertTrue((self.root / "saved").exists(), done.stderr)
+                said = self.purged(before=mount)
+                self.assertTrue((self.root / "saved").exists(), said)
                 self.assertTrue(state.exists())
                 (self.root / "saved").unlink()
 
@@ -163,13 +165,12 @@ class Scripts(unittest.TestCase):
                                                 "run/bolo/x")]
         elsewhere = self.write("data/kept.toml")
         for again in (True, False):
-            done = self.run_script("postrm", "purge")
-            self.assertEqual(done.returncode, 0, done.stderr)
+            said = self.purged()
             self.assertEqual([str(file) for file in ours if file.exists()], [])
             self.assertTrue(elsewhere.exists())
             if again:
                 self.assertTrue(all(file.exists() for file in others))
-                self.assertIn("/var/lib/bolo stays", done.stderr)
+                self.assertIn("/var/lib/bolo stays", said)
                 for folder in ("var/lib/bolo", "etc/bolo", "run/bolo"):
                     shutil.rmtree(self.root / folder)
                 (self.root / "etc/bolo").symlink_to("/data")
@@ -178,7 +179,7 @@ class Scripts(unittest.TestCase):
 
     def test_purging_leaves_somebody_of_its_users_name(self):
         self.stand_in("getent", "echo bolo:x:1000:1000:Bolo:/home/bolo:/bin/bash")
-        self.assertEqual(self.run_script("postrm", "purge").returncode, 0)
+        self.purged()
         called = (self.root / "called").read_text()
         self.assertNotIn("userdel", called)
         self.assertNotIn("groupdel", called)

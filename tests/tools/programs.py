@@ -4,6 +4,7 @@ import atexit
 import importlib
 import os
 import pathlib
+import signal
 import socket
 import subprocess
 import sys
@@ -77,11 +78,27 @@ class Programs:
     def start_daemon(self, **how):
         return self.start("daemon", self.bolod, "--config", self.config, **how)
 
+    def start_replay(self, capture):
+        """A daemon without a camera, of a capture that is looped."""
+        return self.start("daemon", self.bolo, "replay", capture, "--name", self.name, "--loop")
+
+    def kill(self, what, how=signal.SIGKILL):
+        self.running[what].send_signal(how)
+        self.running[what].wait()
+
     def log(self, what):
         return (self.folder / f"{self.name}-{what}.log").read_text(encoding="utf-8")
 
     def logs(self):
         return "".join(self.log(what)[-2000:] for what in self.running)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, failure, *_):
+        if failure:
+            sys.stderr.write(self.logs())
+        self.end()
 
     def end(self):
         for process in reversed(self.running.values()):

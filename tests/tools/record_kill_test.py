@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 
-from programs import needed, run, wait_for
+from programs import Programs, needed, run, wait_for
 
 h5py, np = needed("h5py", "numpy")
 WIDTH, HEIGHT, RATE = (int(v) for v in os.environ.get("BOLO_KILL_FORMAT", "64,24,200").split(","))
@@ -97,18 +97,12 @@ def main(bolo, slow_sync, kills):
     low, high = (int(v) for v in os.environ.get("BOLO_SLOW_SYNC_MS", "700,1500").split(","))
     slow = {"LD_PRELOAD": slow_sync, "BOLO_SLOW_SYNC_MS": f"{low},{high}",
             "ASAN_OPTIONS": "verify_asan_link_order=0"}
-    with tempfile.TemporaryDirectory() as folder:
-        capture = os.path.join(folder, "in.h5")
-        size = ("--width", WIDTH, "--height", HEIGHT, "--rate", RATE, "--frames", 50)
-        run(bolo, "simulate", "-o", capture, "--no-truth", *size)
-        daemon = subprocess.Popen([bolo, "replay", capture, "--name", name, "--loop"], stderr=subprocess.DEVNULL)
-        try:
-            wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{name}") and newest(name)[0] > 0, "the daemon")
-            kill_many(kills, "this disk", bolo, name, folder, capture, dice, {})
-            kill_many(kills, f"syncs of {low} to {high} ms", bolo, name, folder, capture, dice, slow)
-        finally:
-            daemon.terminate()
-            daemon.wait()
+    with tempfile.TemporaryDirectory() as folder, Programs(bolo, None, folder, name, (WIDTH, HEIGHT)) as programs:
+        capture = programs.simulate("--rate", RATE, "--frames", 50)
+        programs.start_replay(capture)
+        wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{name}") and newest(name)[0] > 0, "the daemon")
+        kill_many(kills, "this disk", bolo, name, folder, capture, dice, {})
+        kill_many(kills, f"syncs of {low} to {high} ms", bolo, name, folder, capture, dice, slow)
 
 
 if __name__ == "__main__":

@@ -20,10 +20,9 @@ capture::CaptureReader opened(const std::string& file) { return *must(capture::C
 
 // Every frame is as it was published.
 void expect_published(const capture::CaptureReader& reader, std::size_t plane_index = 0) {
-  std::vector<std::uint16_t> plane(reader.info().format.geometry.pixels());
   for (std::size_t i = 0; i < reader.info().frames; ++i) {
     const std::uint64_t number = reader.frame_id()[i] / 2;
-    ASSERT_TRUE(reader.read_frame(i, plane.data()));
+    const auto plane = frame_values(reader, i);
     for (std::size_t p = 0; p < plane.size(); ++p) ASSERT_EQ(plane[p], shm::pattern(number, plane_index, p));
     ASSERT_NEAR(reader.t()[i], static_cast<double>(number) * 0.005, 1e-9);
   }
@@ -41,10 +40,15 @@ class RecordVerb : public ProgramTest {
   RecordVerb() : ProgramTest({BOLO_PROGRAM}) {}
 
   // Records this test's writer into a.h5.
-  Program record(const std::vector<std::string>& more) const {
+  Program recording(const std::vector<std::string>& more = {}) const {
     std::vector<std::string> words{"record", name_, "-o", file("a.h5"), "--json"};
     words.insert(words.end(), more.begin(), more.end());
     return start(words);
+  }
+  // Opens the writer first.
+  Program record(const std::vector<std::string>& more = {}) {
+    must(writer_.open());
+    return recording(more);
   }
   // Publishes until the recording has begun, and `frames` more.
   void publish_into_it(int frames) {
@@ -110,7 +114,6 @@ TEST_F(RecordVerb, StatShowsAllThatRun) {
 }
 
 TEST_F(RecordVerb, FramesAreThePublishedOnes) {
-  ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "300"});
   const json report = end_of(program);
   EXPECT_EQ(report["frames"], 300);
@@ -133,7 +136,6 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
 // The period is found once frames arrive, from a camera whose settings state another rate than its clock.
 TEST_F(RecordVerb, AnotherPeriodThatTheDaemonFindsIsInTheFile) {
   writer_.stats.period_s.set(0.005);
-  ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "100"});
   publish_into_it(20);
   writer_.stats.period_s.set(0.0055);
@@ -143,7 +145,6 @@ TEST_F(RecordVerb, AnotherPeriodThatTheDaemonFindsIsInTheFile) {
 
 // Meanwhile the clock is set by an hour, and later back by more.
 TEST_F(RecordVerb, UtcIsRecordedAndAStepOfTheClockIsSaid) {
-  ASSERT_TRUE(writer_.open());
   constexpr std::int64_t kHour = 3'600'000'000'000;
   Program program = record({"--frames", "300"});
   std::uint64_t ahead = 0;
@@ -179,7 +180,6 @@ TEST_F(RecordVerb, UtcIsRecordedAndAStepOfTheClockIsSaid) {
 // A hundredth of a minute are 120 frames of 5 ms.
 TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
   writer_.format.motion = true;
-  ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "300", "--split-minutes", "0.01", "--planes", "raw"});
   (void)end_of(program, "a_003.h5");
   for (const char* part : {"a_001.h5", "a_002.h5", "a_003.h5"}) {
@@ -200,7 +200,6 @@ TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
 
 // Recordings of earlier drives, whole and cut off, and links of others: their numbers are skipped, no frame is lost.
 TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
-  ASSERT_TRUE(writer_.open());
   write("a_002.h5", "earlier");
   write("a_003.h5.part", "unrecovered");
   std::filesystem::create_symlink("a_002.h5", file("a_004.h5.part.journal"));
@@ -226,7 +225,6 @@ TEST_F(RecordVerb, WaitsForADaemonThatIsNotThereYet) {
 
 // A daemon whose camera sends nothing: a recording with a time limit still ends.
 TEST_F(RecordVerb, SecondsWithoutAFrameEnd) {
-  ASSERT_TRUE(writer_.open());
   Program program = record({"--seconds", "0.3", "--wait", "0.2"});
   EXPECT_TRUE(eventually([&] {
     writer_.sink.idle(writer_.stats);  // its signs of life
@@ -248,7 +246,7 @@ TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
   ASSERT_TRUE(writer_.open());
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {  // the last: the terminal is closed
     SCOPED_TRACE(signal);
-    Program program = record({});
+    Program program = recording();
     publish_into_it(50);
     program.signal(SIGPIPE);  // who read its words has ended: the recording has not
     program.signal(signal);
@@ -260,7 +258,6 @@ TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
 }
 
 TEST_F(RecordVerb, FollowsADaemonThatIsStartedAgain) {
-  ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "200"});
   publish_into_it(60);
   writer_.sink.close();
@@ -276,7 +273,6 @@ TEST_F(RecordVerb, FollowsADaemonThatIsStartedAgain) {
 
 // The camera begins its count anew, two seconds later: `bolo info` tells these frames from the file.
 TEST_F(RecordVerb, FramesThatABreakOfTheCameraTookAreLost) {
-  ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "200"});
   publish_into_it(60);
   writer_.next = 0;
@@ -302,7 +298,7 @@ TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
     _exit(1);
   }
   EXPECT_TRUE(eventually([&] { return shm::ShmReader::open(name_).has_value(); }));
-  Program program = record({});
+  Program program = recording();
   EXPECT_TRUE(eventually([&] { return exists(file("a.h5.part")); }));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   kill(killed, SIGKILL);
@@ -321,7 +317,6 @@ TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
 
 // A ring that is overwritten faster than it is read: losses are counted and marked in the file.
 TEST_F(RecordVerb, OverwrittenFramesAreCounted) {
-  ASSERT_TRUE(writer_.open());
   Program program = record({"--frames", "400"});
   publish_into_it(100);
   ASSERT_TRUE(program.stop());
@@ -342,7 +337,7 @@ TEST_F(RecordVerb, FullDiskEndsInAGoodCapture) {
   getrlimit(RLIMIT_FSIZE, &before);
   const rlimit limit{rlim_t{12} << 20, before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
-  Program program = record({"--frames", "2000"});
+  Program program = recording({"--frames", "2000"});
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
   writer_.publish_until([&] { return exists(file("a.h5")); });
   const Outcome outcome = program.outcome();
@@ -368,9 +363,8 @@ TEST_F(RecordVerb, AFolderThatIsMovedAwayEndsItAndIsSaid) {
 }
 
 TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
-  ASSERT_TRUE(writer_.open());
   const std::string part = file("a.h5.part");
-  Program program = record({});
+  Program program = record();
   publish_into_it(600);
   program.signal(SIGKILL);
   EXPECT_EQ(program.wait(), 128 + SIGKILL);

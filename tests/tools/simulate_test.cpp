@@ -3,8 +3,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/capture/capture.hpp"
 #include "src/sim/effect.hpp"
+#include "tests/capture/frame_values.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::sim::simulate_test {
@@ -82,9 +82,7 @@ TEST_F(SimulateVerb, FloatFramesWithoutNoiseAndTruth) {
       "--stimulus uniform --temperature 299.987 --type float32 --noise 0 --no-truth --compress --frames 2 --rate 50"));
   EXPECT_FALSE(reader->info().has_truth);
   EXPECT_EQ(reader->t()[1], 0.02);
-  std::vector<float> plane(32 * 12);
-  ASSERT_TRUE(reader->read_frame(1, plane.data()));
-  for (const float k : plane) EXPECT_NEAR(k, 299.987F, 1e-4F);
+  for (const float k : capture::testing::frame_values<float>(*reader, 1)) EXPECT_NEAR(k, 299.987F, 1e-4F);
 }
 
 TEST_F(SimulateVerb, JsonSaysWhatWasWritten) {
@@ -106,12 +104,6 @@ TEST_F(SimulateVerb, RefusesInOneLineWithExitCodeTwo) {
   EXPECT_FALSE(std::filesystem::exists(file("a.h5")) || std::filesystem::exists(file("a.h5.part")));
 }
 
-std::vector<std::uint16_t> last_frame(const capture::CaptureReader& reader) {
-  std::vector<std::uint16_t> plane(reader.info().format.geometry.pixels());
-  EXPECT_TRUE(reader.read_frame(reader.t().size() - 1, plane.data()));
-  return plane;
-}
-
 // A blind check reads these files: nothing but the frames may differ.
 TEST_F(SimulateVerb, TheFileDoesNotSayWhichEffectsThereWere) {
   const std::string bench = "--stimulus chopper --frames 60 --no-truth --camera-seed 9 ";
@@ -119,7 +111,7 @@ TEST_F(SimulateVerb, TheFileDoesNotSayWhichEffectsThereWere) {
   const auto hidden = must(simulated(bench + "--effect iir:alpha=0.6,form=box --effect fpn_offset --session-start 40 "
                                              "--stimulus-error sweep_s=0.002,level_k=0.5",
                                      "b.h5"));
-  EXPECT_NE(last_frame(*hidden), last_frame(*plain));
+  EXPECT_NE(capture::testing::frame_values(*hidden, 59), capture::testing::frame_values(*plain, 59));
   EXPECT_EQ(hidden->t(), plain->t());
   EXPECT_EQ(hidden->frame_id(), plain->frame_id());
   EXPECT_EQ(hidden->info().camera_model, plain->info().camera_model);

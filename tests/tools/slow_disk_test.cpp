@@ -3,8 +3,8 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 
-#include "src/capture/capture.hpp"
 #include "src/capture/crash_safe_file.hpp"
+#include "tests/capture/frame_values.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/no_threads.hpp"
 #include "tests/refusal.hpp"
@@ -74,6 +74,7 @@ class SlowDisk : public ScratchTest {
     const RecordRequest request{
         .name = name_, .writer = {.file = file_, .split_s = split_s, .buffer_bytes = kBufferFrames * plane_bytes}};
     Result<RecordResult> result = failed("not run");
+    must(writer_.open());
     std::thread recorder([&] {
       result = record(request, stop_, [this](std::uint64_t frames) { written_ = frames; });
       ended_ = true;
@@ -107,7 +108,6 @@ class SlowDisk : public ScratchTest {
 };
 
 TEST_F(SlowDisk, CostsFramesByCountAndNothingElse) {
-  ASSERT_TRUE(writer_.open());
   const RecordResult result = record_through_a_slow_time();
   EXPECT_TRUE(result.status) << result.status.error().message;
   EXPECT_GT(result.lost_no_room, 0U);
@@ -115,12 +115,11 @@ TEST_F(SlowDisk, CostsFramesByCountAndNothingElse) {
 
   const auto reader = must(capture::CaptureReader::open(file_));
   ASSERT_EQ(reader->info().frames, result.written.frames);
-  std::vector<std::uint16_t> plane(reader->info().format.geometry.pixels());
   std::uint64_t missing = 0;
   for (std::size_t i = 0; i < reader->info().frames; ++i) {
     const std::uint64_t number = reader->frame_id()[i] / 2;
     if (i > 0) missing += number - reader->frame_id()[i - 1] / 2 - 1;
-    ASSERT_TRUE(reader->read_frame(i, plane.data()));
+    const auto plane = capture::testing::frame_values(*reader, i);
     for (std::size_t p = 0; p < plane.size(); ++p) ASSERT_EQ(plane[p], shm::pattern(number, 0, p)) << "frame " << i;
   }
   EXPECT_EQ(missing, result.lost_no_room + result.lost_overwritten);
@@ -157,11 +156,10 @@ TEST(Memory, ThatIsRefusedEndsARecordingAsAGoodCapture) {
           expect_parts(reader.error().message, {"/frames is empty"});
           continue;
         }
-        std::vector<std::uint16_t> plane(16 * 8);
         for (std::size_t i = 0; i < reader->info().frames; ++i) {
           EXPECT_EQ(reader->frame_id()[i], i) << news;
-          ASSERT_TRUE(reader->read_frame(i, plane.data()));
-          EXPECT_EQ(plane, std::vector<std::uint16_t>(16 * 8, static_cast<std::uint16_t>(i))) << news;
+          EXPECT_EQ(capture::testing::frame_values(*reader, i), std::vector(16 * 8, static_cast<std::uint16_t>(i)))
+              << news;
         }
       }
     }
@@ -190,7 +188,6 @@ TEST(Memory, ThatIsRefusedToACaptureThatIsGivenUpEndsNothing) {
 // Then the recorder closes its files itself.
 TEST_F(SlowDisk, NoThreadCanBeStarted) {
   constexpr double kSplit_s = 0.2;
-  ASSERT_TRUE(writer_.open());
   const RecordResult result = record_while(
       [this] {
         const NoThreads none;
@@ -209,7 +206,6 @@ TEST_F(SlowDisk, NoThreadCanBeStarted) {
 // Its frames are not among those of the files.
 TEST_F(SlowDisk, APartThatCannotGetItsNameIsTold) {
   constexpr double kSplit_s = 0.2;
-  ASSERT_TRUE(writer_.open());
   const RecordResult result = record_while(
       [this] {
         std::ofstream(scratch_ / "a_001.h5") << "another program's";

@@ -1,10 +1,11 @@
 // Small captures as input for tests of programs.
 #pragma once
 
-#include "src/capture/capture.hpp"
-#include "tests/test.hpp"
+#include "tests/capture/frame_values.hpp"
 
 namespace bolo::tools::test {
+
+using capture::testing::frame_values;
 
 // A format of this size at 200 frames a second, in hundredths of a kelvin.
 inline capture::CaptureInfo small_info(Geometry geometry) {

@@ -55,8 +55,8 @@ def main(bolo):
     name = f"stat-terminal-{os.getpid()}"
     with tempfile.TemporaryDirectory() as folder:
         programs = Programs(bolo, None, folder, name, (64, 24))
-        replay = ("daemon", bolo, "replay", programs.simulate("--frames=100"), "--name", name, "--loop")
-        daemon = programs.start(*replay)
+        capture = programs.simulate("--frames=100")
+        programs.start_replay(capture)
         wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{name}"), "the daemon")
         terminal = Terminal(folder, "first", 100, 40, f"{bolo} stat {name} --interval 0.1")
         try:
@@ -73,10 +73,9 @@ def main(bolo):
             terminal.run("resize-window", "-x", "100", "-y", "40")
             wait_for(lambda: columns(terminal) > 31, "the larger picture")
 
-            daemon.kill()
-            daemon.wait()
+            programs.kill("daemon")
             wait_for(lambda: state(terminal)[0] == "stopped", "the end of the daemon")
-            daemon = programs.start(*replay)
+            daemon = programs.start_replay(capture)
             wait_for(lambda: state(terminal) == ("running", str(daemon.pid)), "the second daemon")
             wait_for(lambda: re.search(f"[{BLOCKS}] +[{BLOCKS}]+$", bars(terminal.lines(), "p50")), "bars after the gap")
 

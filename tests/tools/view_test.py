@@ -207,8 +207,7 @@ def check_saving(page, folder):
 
 def check_restart(page, programs):
     """When the daemon dies, the page reports it, and continues with the next one."""
-    programs.running["daemon"].kill()
-    programs.running["daemon"].wait()
+    programs.kill("daemon")
     wait_for_pill(page, "the daemon is gone", "the words of its end")
     assert page.run("return !document.getElementById('notice').hidden")
     programs.start_daemon()
@@ -241,8 +240,7 @@ def check_motion(page, programs, folder):
     any_drawn, words = drawn()
     assert not any_drawn and "solver = \"motion\"" in words, words
     assert page.text("#motion") == "–"
-    programs.running["daemon"].terminate()
-    programs.running["daemon"].wait()
+    programs.kill("daemon", signal.SIGTERM)
     with open(programs.config, "a", encoding="utf-8") as f:
         # On a busy machine, degraded frames would have no motion.
         f.write('[deblur]\nsolver = "motion"\n[pipeline]\ndegrade = false\n')

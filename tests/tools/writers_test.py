@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 
-from programs import wait_for
+from programs import Programs, wait_for
 
 OLD = b"an older file of the same name\n"
 KILLS = 4
@@ -66,11 +66,10 @@ def expect(good, what, *values):
 
 
 class Table:
-    def __init__(self, bolo, folder):
-        self.bolo, self.folder, self.name = bolo, folder, f"test-writers-{os.getpid()}"
+    def __init__(self, bolo, folder, programs):
+        self.bolo, self.folder, self.programs = bolo, folder, programs
         self.inputs = os.path.join(folder, "inputs")
         os.mkdir(self.inputs)
-        self.daemon = None
 
     def run(self, words, **how):
         return subprocess.run([self.program(words)] + words, capture_output=True, text=True, **how)
@@ -99,13 +98,11 @@ class Table:
             f.write(content(f"{i}/big.h5")[:-200_000])
 
     def start_daemon(self):
-        if self.daemon is None:
-            words = ["replay", f"{self.inputs}/big.h5", "--name", self.name, "--loop"]
-            self.daemon = subprocess.Popen([self.bolo] + words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{self.name}"), "the daemon")
+        self.programs.start_replay(f"{self.inputs}/big.h5")
+        wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{self.programs.name}"), "the daemon")
 
     def words(self, words, outputs, *more):
-        return [word.format(i=self.inputs, o=outputs, name=self.name) for word in words] + list(more)
+        return [word.format(i=self.inputs, o=outputs, name=self.programs.name) for word in words] + list(more)
 
     def old_outputs(self, names, outputs):
         for name in names:
@@ -232,28 +229,23 @@ def fill(folder, free_kb):
 
 
 def main(bolo, chosen):
-    with tempfile.TemporaryDirectory() as folder:
-        table = Table(bolo, folder)
+    with tempfile.TemporaryDirectory() as folder, Programs(bolo, None, folder, f"test-writers-{os.getpid()}") as programs:
+        table = Table(bolo, folder, programs)
         bad = []
-        try:
-            table.prepare()
-            print(f"{'':20}{'input':16}{'existing':16}{'full disk':16}{'missing':16}{'kill':16}")
-            for name, case in CASES.items():
-                if chosen and name not in chosen:
-                    continue
-                if name == "convert .mp4" and shutil.which("ffmpeg") is None:
-                    print(f"{name:20}no ffmpeg here")
-                    continue
-                if name == "record":
-                    table.start_daemon()
-                columns = (table.input, table.existing, table.full_disk, table.missing, table.kill)
-                cells = [table.cell(case, column) for column in columns]
-                print(f"{name:20}" + "".join(f"{cell:16}" for cell in cells), flush=True)
-                bad += [f"{name}: {cell}" for cell in cells if cell.startswith("LOST")]
-        finally:
-            if table.daemon is not None:
-                table.daemon.terminate()
-                table.daemon.wait()
+        table.prepare()
+        print(f"{'':20}{'input':16}{'existing':16}{'full disk':16}{'missing':16}{'kill':16}")
+        for name, case in CASES.items():
+            if chosen and name not in chosen:
+                continue
+            if name == "convert .mp4" and shutil.which("ffmpeg") is None:
+                print(f"{name:20}no ffmpeg here")
+                continue
+            if name == "record":
+                table.start_daemon()
+            columns = (table.input, table.existing, table.full_disk, table.missing, table.kill)
+            cells = [table.cell(case, column) for column in columns]
+            print(f"{name:20}" + "".join(f"{cell:16}" for cell in cells), flush=True)
+            bad += [f"{name}: {cell}" for cell in cells if cell.startswith("LOST")]
     return "\n".join(bad)
 
 

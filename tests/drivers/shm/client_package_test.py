@@ -11,7 +11,7 @@ import tempfile
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "tools"))
-from programs import run  # noqa: E402
+from programs import Programs, run  # noqa: E402
 
 CMAKE, BUILD, BOLO, EXAMPLES = sys.argv[1:5]
 COMPONENTS = ("libbolo-client", "libbolo-client-dev", "python3-bolo")
@@ -31,15 +31,8 @@ class Installed(unittest.TestCase):
                                PYTHONPATH=str(next(cls.prefix.rglob("bolo.py")).parent))
         cls.environment.pop("BOLO_CLIENT_LIBRARY", None)
         cls.name = f"test-package-{os.getpid()}"
-        capture = cls.folder / "in.h5"
-        run(BOLO, "simulate", "-o", capture, "--width", "64", "--height", "24", "--frames", "200")
-        cls.daemon = subprocess.Popen([BOLO, "replay", capture, "--name", cls.name, "--loop"],
-                                      stderr=subprocess.DEVNULL)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.daemon.terminate()
-        cls.daemon.wait()
+        programs = cls.enterClassContext(Programs(BOLO, None, cls.folder, cls.name, (64, 24)))
+        programs.start_replay(programs.simulate("--frames", 200))
 
     def run_here(self, *words):
         return run(*words, env=self.environment)

@@ -5,6 +5,7 @@
 #include "drivers/shm/shm_sink.hpp"
 #include "drivers/v4l2/v4l2_sink.hpp"
 #include "src/pipeline/pipeline.hpp"
+#include "tests/drivers/v4l2/fake_port.hpp"
 #include "tests/pipeline/count_allocations.hpp"
 #include "tests/tools/program.hpp"
 #include "tests/tools/small_capture.hpp"
@@ -15,17 +16,6 @@ constexpr Geometry kGeometry{64, 24};
 constexpr std::uint64_t kFirstArmed = 100;
 constexpr std::uint64_t kLastArmed = 500;
 constexpr std::uint64_t kLast = 520;
-
-class TakingPort final : public v4l2::VideoPort {
- public:
-  Status open(const v4l2::VideoFormat& /*format*/) override { return {}; }
-  int write(std::span<const std::byte> /*image*/) noexcept override { return 0; }
-  void close() noexcept override {}
-  const std::string& path() const noexcept override { return path_; }
-
- private:
-  const std::string path_ = "/dev/none";
-};
 
 std::unique_ptr<int> g_kept;  // global: the compiler cannot optimise the allocation away
 
@@ -65,7 +55,7 @@ std::uint64_t allocations_of_a_run(bool one_is_made) {
   const genicam::CameraOptions options{
       .address = address, .width = kGeometry.width, .height = kGeometry.height, .rate_hz = 200.0};
   shm::ShmSink shared({.name = "test-allocation-" + std::to_string(getpid()), .mode = 0600});
-  v4l2::V4l2Sink video({}, std::make_unique<TakingPort>());
+  v4l2::V4l2Sink video({}, std::make_unique<v4l2::test::FakePort>(std::make_shared<v4l2::test::FakeDevice>()));
   ArmingSink arming(one_is_made);
   const pipeline::PipelineOptions how{.workers = 2, .degrade = true};
   const std::vector<pipeline::FrameSink*> sinks{&arming, &shared, &video};

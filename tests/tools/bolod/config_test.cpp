@@ -4,6 +4,7 @@
 #include "drivers/shm/shm_sink.hpp"
 #include "drivers/v4l2/v4l2_sink.hpp"
 #include "src/capture/pixel_maps_io.hpp"
+#include "tests/drivers/v4l2/fake_port.hpp"
 #include "tests/pipeline/fakes.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/bolod/config.hpp"
@@ -294,24 +295,14 @@ TEST_F(Reload, EveryLiveKeyExists) {
 
 // --- State and metrics of sinks, independent of their kind.
 
-class BrokenPort final : public v4l2::VideoPort {
- public:
-  explicit BrokenPort(std::string path) : path_(std::move(path)) {}
-  Status open(const v4l2::VideoFormat& /*format*/) override { return {}; }
-  int write(std::span<const std::byte> /*image*/) noexcept override { return ENODEV; }
-  void close() noexcept override {}
-  const std::string& path() const noexcept override { return path_; }
-
- private:
-  const std::string path_;
-};
-
 class Sinks : public testing::Test {
  protected:
   Sinks() {
+    const auto broken = std::make_shared<v4l2::test::FakeDevice>();
+    broken->answer = ENODEV;
     for (const char* device : {"/dev/video10", "/dev/video11"}) {
-      videos_.push_back(
-          std::make_unique<v4l2::V4l2Sink>(v4l2::V4l2Options{.device = device}, std::make_unique<BrokenPort>(device)));
+      videos_.push_back(std::make_unique<v4l2::V4l2Sink>(v4l2::V4l2Options{.device = device},
+                                                         std::make_unique<v4l2::test::FakePort>(broken, device)));
     }
     pipeline::PipelineOptions options;
     options.workers = 1;

@@ -48,12 +48,11 @@ def expressions():
 
 def main(folder):
     metrics, prometheus = free_port(), free_port()
-    programs = Programs(BOLO, BOLOD, folder, f"test-grafana-{os.getpid()}", keys="[deblur]\nlambda = 0.001\n"
-                        f'[metrics]\nenable = true\nlisten = "127.0.0.1:{metrics}"\n')
-    scrapes = programs.folder / "prometheus.yml"
+    scrapes = pathlib.Path(folder, "prometheus.yml")
     scrapes.write_text("global: {scrape_interval: 500ms, scrape_timeout: 500ms}\nscrape_configs:\n- job_name: bolo\n"
                        f"  static_configs: [{{targets: ['127.0.0.1:{metrics}']}}]\n")
-    try:
+    with Programs(BOLO, BOLOD, folder, f"test-grafana-{os.getpid()}", keys="[deblur]\nlambda = 0.001\n"
+                  f'[metrics]\nenable = true\nlisten = "127.0.0.1:{metrics}"\n') as programs:
         programs.start("prometheus", "prometheus", f"--config.file={scrapes}", f"--storage.tsdb.path={folder}/data",
                        f"--web.listen-address=127.0.0.1:{prometheus}")
         end = time.monotonic() + HANG_GUARD_S
@@ -68,11 +67,6 @@ def main(folder):
                 if results and all(label in result["metric"] for result in results for label in labels):
                     del silent[expression]
         assert not silent, f"Prometheus has nothing, or not these labels: {silent}"
-    except BaseException:
-        sys.stderr.write(programs.logs())
-        raise
-    finally:
-        programs.end()
 
 
 if __name__ == "__main__":

@@ -81,21 +81,17 @@ def first_frame(programs, start_ns, not_inode):
 def restart(folder):
     limit_s, kills, late = 2.0, 5, []
     start_ns = time.monotonic_ns()
-    programs = started(folder, f"test-restart-{os.getpid()}")
-    try:
+    with started(folder, f"test-restart-{os.getpid()}") as programs:
         _, inode = first_frame(programs, start_ns, 0)
         for i in range(kills):
             time.sleep(1.0)
             start_ns = time.monotonic_ns()
-            programs.running["daemon"].send_signal(signal.SIGKILL)
-            programs.running["daemon"].wait()
+            programs.kill("daemon")
             programs.start_daemon()
             seconds, inode = first_frame(programs, start_ns, inode)
             print(f"kill {i + 1}: frames after {seconds:.2f} s", flush=True)
             if seconds > limit_s:
                 late.append(seconds)
-    finally:
-        programs.end()
     assert not late, f"frames came late: {late}"
 
 
@@ -105,9 +101,8 @@ def latency(folder, module_folder, library):
     import bolo  # pylint: disable=import-outside-toplevel
 
     window_s, wanted, tries, ratios = 3.0, 3, 10, []
-    programs = started(folder, f"test-latency-{os.getpid()}", size=(640, 120))
-    camera_pid, daemon_pid = (programs.running[what].pid for what in ("camera", "daemon"))
-    try:
+    with started(folder, f"test-latency-{os.getpid()}", size=(640, 120)) as programs:
+        camera_pid, daemon_pid = (programs.running[what].pid for what in ("camera", "daemon"))
         with bolo.Camera(programs.name, timeout=HANG_GUARD_S) as camera:
             cpu_before, frames = None, 0
             for _ in range(tries):
@@ -128,8 +123,6 @@ def latency(folder, module_folder, library):
                 if len(ratios) == wanted:
                     break
             cpu_a_frame = (cpu_s(daemon_pid) - cpu_before) / frames
-    finally:
-        programs.end()
     print(f"processor time: {cpu_a_frame * 1e3:.2f} ms a frame")
     assert cpu_a_frame <= PERIOD_S, "one processor would not have the time, busy or not"
     if len(ratios) < wanted:
@@ -217,10 +210,9 @@ def request(path, line):
 
 def refused_one_in(every, folder, library):
     switch = pathlib.Path(folder) / "refuse"
-    programs = started(folder, f"test-refused-{os.getpid()}", faults=["--fault", "reboot:at=1,every=3,for=0.5"],
-                       env={**os.environ, "LD_PRELOAD": library, "BOLO_REFUSE": str(switch),
-                            "BOLO_REFUSE_EVERY": str(every)})
-    try:
+    with started(folder, f"test-refused-{os.getpid()}", faults=["--fault", "reboot:at=1,every=3,for=0.5"],
+                 env={**os.environ, "LD_PRELOAD": library, "BOLO_REFUSE": str(switch),
+                      "BOLO_REFUSE_EVERY": str(every)}) as programs:
         open_ring(programs.name, HANG_GUARD_S)
         wait_for(lambda: "camera opened again" in programs.log("daemon"), "the camera")
         switch.touch()
@@ -233,8 +225,6 @@ def refused_one_in(every, folder, library):
         switch.unlink()
         known = programs.log("daemon")
         wait_for(lambda: "camera opened again" in programs.log("daemon")[len(known):], "the camera after that")
-    finally:
-        programs.end()
 
 
 def hung(folder, library):

@@ -20,14 +20,12 @@ class RealCaptures : public BolodRun, public testing::WithParamInterface<Recordi
 
   // The recording's cropped planes, row-major.
   std::set<std::vector<std::uint16_t>> planes() const {
-    const auto reader = capture::CaptureReader::open(capture_);
-    EXPECT_TRUE(reader) << reader.error().message;
+    const auto reader = must(capture::CaptureReader::open(capture_));
     const Geometry g = reader->info().format.geometry;
     const Region& crop = GetParam().crop;
     std::set<std::vector<std::uint16_t>> all;
-    std::vector<std::uint16_t> whole(g.pixels());
     for (std::size_t i = 0; i < reader->info().frames; ++i) {
-      EXPECT_TRUE(reader->read_frame(i, whole.data()));
+      const auto whole = tools::test::frame_values(*reader, i);
       std::vector<std::uint16_t> part;
       for (int y = crop.y; y < crop.y + crop.height; ++y) {
         const auto row = whole.begin() + static_cast<std::ptrdiff_t>(y) * g.width + crop.x;

@@ -1,6 +1,6 @@
 // The blind check: its score, its seal, the process of its diagnosis; its sessions, and the second reality.
 #include "tools/lab/blind/blind.hpp"
-#include "src/capture/capture.hpp"
+#include "tests/capture/frame_values.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/lab/blind/session.hpp"
 
@@ -297,12 +297,6 @@ Session short_session(Kind kind, const std::string& only, bool imperfect = false
       .value();
 }
 
-std::vector<std::uint16_t> frame(const CaptureReader& reader, std::size_t index) {
-  std::vector<std::uint16_t> plane(reader.info().format.geometry.pixels());
-  EXPECT_TRUE(reader.read_frame(index, plane.data()));
-  return plane;
-}
-
 TEST(BlindCaptures, SayNothingOfWhatIsHidden) {
   const Scratch folder;
   const Session session = short_session(Kind::kSingle, "row_delay", true);
@@ -329,7 +323,7 @@ TEST(BlindCaptures, TheStimulusStartsWhereItWasDrawn) {
     const Scratch folder;
     session.captures[0].faults.phase = phase;
     EXPECT_TRUE(write_captures(session, folder.path()));
-    return frame(*CaptureReader::open(folder / session.captures[0].file), 5);
+    return capture::testing::frame_values(*CaptureReader::open(folder / session.captures[0].file), 5);
   };
   const auto at_zero = at_phase(0.0);
   const auto moved = at_phase(3.0 / 20.0);                                                // of a period of 20 pixels
