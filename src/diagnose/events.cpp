@@ -290,15 +290,22 @@ double find_step(const Session& session) {
   return spacing_of(seen) * first.step;
 }
 
-double find_ceiling(const Recording& recording, double level_step) {
-  const float top = recording.values.maxCoeff();
-  const auto step = static_cast<float>(std::max({recording.step, level_step, 1e-6}));
-  const auto count = [&](float level) { return ((recording.values.array() - level).abs() < 0.4F * step).count(); };
-  const Index at_top = count(top);
-  const Index below = count(top - step) + count(top - 2.0F * step);
-  const auto all = static_cast<double>(recording.values.size());
-  const bool piled = static_cast<double>(at_top) > kPiled * all && at_top > kPileOverBelow * (below + 1);
-  return piled ? top : std::numeric_limits<double>::infinity();
+double find_ceiling(const Session& session, double level_step) {
+  double ceiling = std::numeric_limits<double>::infinity();
+  const std::vector<int> good = session.good_pixels();  // dead ones that stand at one high value are no ceiling
+  if (good.empty()) return ceiling;
+  for (const Recording& recording : session.recordings) {
+    const Series values = recording.values(Eigen::all, good);
+    const float top = values.maxCoeff();
+    const auto step = static_cast<float>(std::max({recording.step, level_step, 1e-6}));
+    const auto count = [&](float level) { return ((values.array() - level).abs() < 0.4F * step).count(); };
+    const Index at_top = count(top);
+    const Index below = count(top - step) + count(top - 2.0F * step);
+    const auto all = static_cast<double>(values.size());
+    const bool piled = static_cast<double>(at_top) > kPiled * all && at_top > kPileOverBelow * (below + 1);
+    if (piled) ceiling = std::min(ceiling, static_cast<double>(top));
+  }
+  return ceiling;
 }
 
 Events find_events(Session session, const Options& options) {
@@ -309,9 +316,7 @@ Events find_events(Session session, const Options& options) {
   events.bad = find_dead_pixels(session);
   events.step_k = find_step(session);
   events.coarse = events.step_k > kCoarse * std::max(options.profile.quantisation_k, 1e-9);
-  for (const Recording& r : session.recordings) {
-    events.ceiling_k = std::min(events.ceiling_k, find_ceiling(r, events.step_k));
-  }
+  events.ceiling_k = find_ceiling(session, events.step_k);
   // In a field recording the motion is unknown: steps of the scene would be mistaken for jumps.
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     if (session.recordings[i].kind != Kind::kUniform) continue;

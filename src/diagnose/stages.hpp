@@ -65,8 +65,8 @@ void remove_jump(Session& session, Jump& jump, const Series& residual, const Mat
 // Spacing of the values in all recordings.
 double find_step(const Session& session);
 
-// Level at which a recording's values are clipped; infinity: none.
-double find_ceiling(const Recording& recording, double level_step);
+// Lowest level at which a recording's values are clipped; infinity: none.
+double find_ceiling(const Session& session, double level_step);
 
 // Observes jumps, freezes, flicker, noise, patterns and outlier pixels without a model of the scene. Thread: any.
 Observation observe(const Recording& recording);

@@ -5,13 +5,14 @@
 
 namespace bolo::deblur::testing {
 
-enum class Input { kSteps, kNoise, kPulses, kSpikes, kPan, kSaturated, kConstant };
+enum class Input { kSteps, kNoise, kPulses, kSpikes, kPan, kSaturated, kConstant, kWaves };
 
+// All but waves, which have ties at slow cameras.
 inline constexpr Input kInputs[] = {Input::kSteps, Input::kNoise,     Input::kPulses,  Input::kSpikes,
                                     Input::kPan,   Input::kSaturated, Input::kConstant};
 
 constexpr std::string_view name(Input input) {
-  constexpr std::string_view kNames[] = {"steps", "noise", "pulses", "spikes", "pan", "saturated", "constant"};
+  constexpr std::string_view kNames[] = {"steps", "noise", "pulses", "spikes", "pan", "saturated", "constant", "waves"};
   return kNames[static_cast<int>(input)];
 }
 
@@ -43,6 +44,9 @@ class InputSource {
         break;
       case Input::kConstant:
         std::fill(y.begin(), y.end(), uniform(250.0, 400.0));
+        break;
+      case Input::kWaves:
+        y = blurred(waves(), 0.03);
         break;
     }
     for (double& value : y) value = std::clamp(std::round(value * 100.0), 0.0, 65535.0) / 100.0;
@@ -79,6 +83,16 @@ class InputSource {
     for (std::size_t i = 1; i < x.size(); ++i) {
       const double u = uniform(0.0, 1.0);
       x[i] = x[i - 1] + (u < 0.5 ? change(random_) : u < 0.6 ? 5.0 * change(random_) : 0.0);
+    }
+    return x;
+  }
+
+  // A facade that passes by, 10 K up and down in 20 frames: slow to converge.
+  std::vector<double> waves() {
+    std::vector<double> x = scene(300.0);
+    const double phase = uniform(0.0, 2.0 * std::numbers::pi);
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      x[i] += 10.0 * std::sin(phase + 2.0 * std::numbers::pi * static_cast<double>(i) / 20.0);
     }
     return x;
   }

@@ -147,6 +147,15 @@ TEST(Parity, OverWindowsAndLookAheads) {
   }
 }
 
+// With one sweep less at the default lambda they are 10 mK rms off.
+TEST(Parity, OfWaves) {
+  for (const int window : {9, 17, 33, 65}) {
+    for (const int lookahead : {0, 1, 2}) expect_parity({window, 7, 200.0, lookahead}, {Input::kWaves});
+  }
+  for (const int levels : {4, 5, 6, 8}) expect_parity({17, levels, 200.0, 0}, {Input::kWaves});
+  for (const double rate_hz : {60.0, 100.0, 454.5}) expect_parity({17, 7, rate_hz, 0}, {Input::kWaves});
+}
+
 TEST(Parity, OverLevels) {
   for (const int levels : {4, 5, 6, 8}) expect_parity({17, levels, 200.0, 0});
 }

@@ -51,9 +51,7 @@ TEST_F(Events, NothingIsFoundInACleanSession) {
   EXPECT_TRUE(bad.jumping.empty());
   EXPECT_TRUE(jumps(session).empty());
   EXPECT_NEAR(find_step(session), 0.01, 1e-9);
-  for (const Recording& r : session.recordings) {
-    EXPECT_EQ(find_ceiling(r, 0.01), std::numeric_limits<double>::infinity()) << r.name;
-  }
+  EXPECT_EQ(find_ceiling(session, 0.01), std::numeric_limits<double>::infinity());
 }
 
 TEST_F(Events, ALongRunOfEqualFramesIsAFreeze) {
@@ -237,7 +235,18 @@ TEST_F(Events, ACoarseStepIsFoundAndOneWithoutAnyChangeIsNotKnown) {
 TEST_F(Events, ValuesThatPileUpAtTheTopAreACeiling) {
   Recording r = testing::record(testing::noisy_camera(), testing::odd_chopper(), kFrames);
   r.values = r.values.cwiseMin(312.0F);
-  EXPECT_NEAR(find_ceiling(r, 0.01), 312.0, 1e-3);
+  EXPECT_NEAR(find_ceiling(testing::session_of({r}), 0.01), 312.0, 1e-3);
+}
+
+TEST_F(Events, DeadPixelsThatStandAtOneHighValueAreNoCeiling) {
+  Session session = testing::session_of({quiet()});
+  for (Recording& r : session.recordings) {
+    for (const int p : {3, 40, 41, 100}) r.values.col(p).setConstant(340.0F);
+  }
+  BadPixels bad;
+  bad.stuck = {3, 40, 41, 100};
+  leave_out_dead(session, bad);
+  EXPECT_EQ(find_ceiling(session, 0.01), std::numeric_limits<double>::infinity());
 }
 
 }  // namespace bolo::diagnose::events_test
