@@ -86,6 +86,13 @@ struct PointReader::Impl {
     return {};
   }
 
+  // A frame's noise, as its writer measured it.
+  void follow_noise(double noise_k) {
+    if (noise_k == solver_noise_k) return;
+    if (!solver->set_noise(noise_k)) (void)make_solver(noise_k);  // the writer's own value cannot be refused
+    solver_noise_k = noise_k;
+  }
+
   // Pushes frames in the writer's order. If the writer began a new window, earlier frames are too old to stay in this
   // one, because frame `target` had a full window.
   Outcome fill_window(std::uint64_t first, std::uint64_t last, std::uint64_t target, deblur::Window& window,
@@ -183,8 +190,7 @@ PointReader::Outcome PointReader::solve(std::uint64_t number, std::span<std::uin
   if (const Outcome filled = self.fill_window(first, last, number, window, ready); filled != Outcome::kSolved) {
     return filled;
   }
-  // The writer's own noise value, so it cannot be refused.
-  if (self.measured_noise && head.noise_k != self.solver_noise_k) (void)self.make_solver(head.noise_k);
+  if (self.measured_noise) self.follow_noise(head.noise_k);
   self.solver->prepare(ready.view);
   self.solver->solve_points(ready.view, self.solved, out.data());
   return Outcome::kSolved;

@@ -173,6 +173,10 @@ AutoLambdaSolver::AutoLambdaSolver(const StreamTask& task)
       run_(run_for(task_)) {}
 
 double AutoLambdaSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
+bool AutoLambdaSolver::set_noise(double noise_k) noexcept {
+  posterior_.set_noise(noise_k);
+  return true;
+}
 double AutoLambdaSolver::measured_noise_k() const noexcept { return task_.in_kelvin(posterior_.measured_noise()); }
 
 void AutoLambdaSolver::prepare(const WindowView& window, Crew& crew) noexcept {

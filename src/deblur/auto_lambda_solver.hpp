@@ -47,6 +47,7 @@ class AutoLambdaSolver final : public Solver {
   int iterations() const noexcept override { return method_->iterations(); }
   std::string_view isa() const noexcept override { return method_->isa(); }
   double noise_k() const noexcept override;
+  bool set_noise(double noise_k) noexcept override;
   double measured_noise_k() const noexcept override;
 
  private:

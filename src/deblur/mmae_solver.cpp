@@ -20,6 +20,10 @@ struct MmaeSolver::Columns {
 MmaeSolver::MmaeSolver(const StreamTask& task) : task_(task), posterior_(task) {}
 
 double MmaeSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
+bool MmaeSolver::set_noise(double noise_k) noexcept {
+  posterior_.set_noise(noise_k);
+  return true;
+}
 double MmaeSolver::measured_noise_k() const noexcept { return task_.in_kelvin(posterior_.measured_noise()); }
 
 void MmaeSolver::prepare(const WindowView& window, Crew& crew) noexcept {

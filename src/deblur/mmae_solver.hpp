@@ -25,6 +25,7 @@ class MmaeSolver final : public Solver {
   double noise() const noexcept { return posterior_.noise(); }  // in the values' unit
   double measured_noise() const noexcept { return posterior_.measured_noise(); }
   double noise_k() const noexcept override;
+  bool set_noise(double noise_k) noexcept override;
   double measured_noise_k() const noexcept override;
 
  private:

@@ -33,6 +33,7 @@ class MotionPosterior {
   int weights_of(int block_row) const noexcept { return delays_rows_ ? block_row : 0; }
   double noise() const noexcept { return noise_.noise(); }  // in the values' unit
   double measured_noise() const noexcept { return noise_.measured(); }
+  void set_noise(double noise_k) noexcept { noise_.set(noise_k); }
 
  private:
   std::size_t place_of(const Pattern& pattern) noexcept;

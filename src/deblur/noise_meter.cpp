@@ -67,11 +67,15 @@ double least_noise(const StreamFormat& input) {
 
 NoiseMeter::NoiseMeter(const StreamTask& task)
     : task_(task), floor_(task.noise_floor > 0.0 ? task.noise_floor : least_noise(task.input)) {
-  given_ = task.settings.noise_k / (task.input.scale.unit == Unit::kKelvin ? std::abs(task.input.scale.scale) : 1.0);
+  set(task.settings.noise_k);
   const Geometry g = task.input.geometry;
   column_.resize(static_cast<std::size_t>(g.width) * static_cast<std::size_t>(g.height / kRowStep + 1));
   block_.reserve(column_.size());
   ends_.resize(static_cast<std::size_t>(g.height / kRowStep + 1));
+}
+
+void NoiseMeter::set(double noise_k) noexcept {
+  given_ = noise_k / (task_.input.scale.unit == Unit::kKelvin ? std::abs(task_.input.scale.scale) : 1.0);
 }
 
 double NoiseMeter::noise() const noexcept {

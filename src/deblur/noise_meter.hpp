@@ -34,6 +34,9 @@ class NoiseMeter {
   // Standard deviation, values' unit: as set, or measured, at least that of quantisation. Thread: pipeline.
   double noise() const noexcept;
 
+  // Like the settings' noise_k; 0: measured. Thread: pipeline.
+  void set(double noise_k) noexcept;
+
   // The measured noise, whatever the settings say; 0 before the first measurement. Thread: pipeline.
   double measured() const noexcept { return measured_; }
 
@@ -44,7 +47,7 @@ class NoiseMeter {
 
   StreamTask task_;
   double floor_;
-  double given_;
+  double given_ = 0.0;
   double measured_ = 0.0;      // 0: nothing yet
   std::vector<float> column_;  // sums of each strip of rows
   std::vector<float> block_;

@@ -58,6 +58,9 @@ class Solver {
   virtual std::string_view isa() const noexcept = 0;
   // Temporal noise used by the last prepare(), K (counts without kelvin); 0 if the method uses none. Thread: pipeline.
   virtual double noise_k() const noexcept { return 0.0; }
+  // Uses this noise from now on, as if the settings gave it, K (counts without kelvin). False: that needs another
+  // solver. No allocation. Thread: pipeline.
+  virtual bool set_noise(double /*noise_k*/) noexcept { return false; }
   // Temporal noise measured in the frames, even if the settings give another; 0: not known. Thread: pipeline.
   virtual double measured_noise_k() const noexcept { return 0.0; }
   // Motion up to the last solved frame, until the next prepare(); null: not estimated. Thread: pipeline.
