@@ -7,8 +7,8 @@
 namespace bolo::deblur {
 namespace {
 
-// Found by search on steps, 20 K noise, 300 K pulses, defects, pans, waves, saturated and constant values (tests/
-// deblur: inputs), for 5 mK rms and at most 50 mK from the exact optimum in the last two bins, in the worst of them.
+// Found by search on steps, 20 K noise, 300 K pulses, defects, pans, waves, texture, saturated and constant values
+// (tests/deblur: inputs), for 5 mK rms and at most 50 mK from the exact optimum in the last two bins, in the worst.
 //  - Sweeps of the dual: 1.1 is the best over-relaxation almost everywhere, 1.0 and 1.2 cost up to one sweep in five.
 //    8 to 64 frames need as many. The last two need to reach only the published bins.
 //  - ADMM from there: its rate is best with rho = p^2, alpha = 1.6 (p = 1 - exp(-T / tau), so that p^2 is near the
@@ -20,8 +20,8 @@ constexpr std::array kRatios = {0.05, 0.1, 0.2, 0.4545, 1.0, 2.0};              
 constexpr std::array kLambdas = {0.0005, 0.005, 0.05, 0.5, 5.0, 50.0};          // K, half-square, 2^7 coefficients
 using Table = std::array<std::array<double, kLambdas.size()>, kRatios.size()>;  // iterations
 constexpr Table kSweeps = {{{4, 7, 11, 18, 27, 31},
-                            {3, 5, 8, 13, 19, 21},
-                            {2, 3, 5, 8, 13, 15},
+                            {3, 5, 10, 13, 19, 21},
+                            {2, 3, 7, 9, 13, 15},
                             {1, 2, 3, 6, 7, 9},
                             {1, 1, 2, 3, 5, 6},
                             {1, 1, 2, 3, 4, 5}}};

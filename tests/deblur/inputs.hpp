@@ -5,14 +5,15 @@
 
 namespace bolo::deblur::testing {
 
-enum class Input { kSteps, kNoise, kPulses, kSpikes, kPan, kSaturated, kConstant, kWaves };
+enum class Input { kSteps, kNoise, kPulses, kSpikes, kPan, kSaturated, kConstant, kWaves, kTexture };
 
-// All but waves, which have ties at slow cameras.
+// All but waves and texture, which have ties at slow cameras.
 inline constexpr Input kInputs[] = {Input::kSteps, Input::kNoise,     Input::kPulses,  Input::kSpikes,
                                     Input::kPan,   Input::kSaturated, Input::kConstant};
 
 constexpr std::string_view name(Input input) {
-  constexpr std::string_view kNames[] = {"steps", "noise", "pulses", "spikes", "pan", "saturated", "constant", "waves"};
+  constexpr std::string_view kNames[] = {"steps",     "noise",    "pulses", "spikes", "pan",
+                                         "saturated", "constant", "waves",  "texture"};
   return kNames[static_cast<int>(input)];
 }
 
@@ -47,6 +48,11 @@ class InputSource {
         break;
       case Input::kWaves:
         y = blurred(waves(), 0.03);
+        break;
+      case Input::kTexture:
+        y = scene(300.0);
+        add_noise(y, 20.0);
+        y = blurred(y, 0.03);
         break;
     }
     for (double& value : y) value = std::clamp(std::round(value * 100.0), 0.0, 65535.0) / 100.0;

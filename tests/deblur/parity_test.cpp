@@ -156,6 +156,14 @@ TEST(Parity, OfWaves) {
   for (const double rate_hz : {60.0, 100.0, 454.5}) expect_parity({17, 7, rate_hz, 0}, {Input::kWaves});
 }
 
+// A few of thousands need far more sweeps than most.
+TEST(Parity, OfManyPixelsOverFrameRates) {
+  for (const double rate_hz : {60.0, 100.0, 200.0, 300.0, 454.5, 640.0, 909.0}) {
+    expect_parity({17, 7, rate_hz, 0, {}, 4000}, {Input::kWaves, Input::kTexture},
+                  {5.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.005});
+  }
+}
+
 TEST(Parity, OverLevels) {
   for (const int levels : {4, 5, 6, 8}) expect_parity({17, levels, 200.0, 0});
 }
