@@ -15,9 +15,13 @@ struct Free {
   void operator()(void* memory) const noexcept { g_free(memory); }
 };
 
-// Silences GLib's log on standard error: dozens of lines per damaged description, besides the error. Thread: any.
+// Silences GLib's log on standard error: dozens of lines per damaged description, besides the error. What ends the
+// program is shown. Thread: any.
 inline void silence_glib() noexcept {
-  g_log_set_default_handler([](const char*, GLogLevelFlags, const char*, void*) {}, nullptr);
+  const auto handler = [](const char* domain, GLogLevelFlags level, const char* message, void* data) {
+    if ((level & G_LOG_FLAG_FATAL) != 0) g_log_default_handler(domain, level, message, data);
+  };
+  g_log_set_default_handler(handler, nullptr);
 }
 
 template <typename T>
