@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include "src/core/text.hpp"
 #include "src/report/plot.hpp"
 #include "tools/bolo/verbs.hpp"
