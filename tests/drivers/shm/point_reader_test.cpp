@@ -3,6 +3,8 @@
 
 #include <sys/wait.h>
 
+#include <random>
+
 #include "drivers/shm/shm_reader.hpp"
 #include "drivers/shm/shm_sink.hpp"
 #include "src/pipeline/pipeline.hpp"
@@ -48,6 +50,10 @@ void write_stream(const std::string& name, const Case& c) {
   script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
     std::this_thread::sleep_for(kPace);
     pipeline::test::fill_moving_bar(slot, format);
+    std::minstd_rand random(static_cast<unsigned>(slot.meta.frame_id));
+    for (std::size_t i = 0; i < format.geometry.pixels(); ++i) {  // the measured noise changes from frame to frame
+      slot.u16()[i] = static_cast<std::uint16_t>(slot.u16()[i] + random() % 16);
+    }
   };
   pipeline::PipelineOptions options{
       .deblur = {.method = c.method, .auto_lambda = c.auto_lambda, .lookahead = c.lookahead}, .workers = 1};
