@@ -38,7 +38,8 @@ struct GyroMotions {
 
 // True if the gyro's residuals `left` change from one to the next by no more than noise, or by less than half (squared)
 // of the displacements' changes: constant residuals (a bias, the camera's translation) do no harm, but a gyro that
-// misses the changes is of no use. Thread: any.
+// misses the changes is of no use. Nor is one that makes the residuals less steady than the displacements, which much
+// noise would hide. Thread: any.
 bool gyro_agrees(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept;
 
 // `left`: displacements of the newest frame, the one before it and so on, less the gyro's (null: none); with `ahead`

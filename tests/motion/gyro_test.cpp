@@ -89,8 +89,8 @@ Seen watch_with(Stream& stream, double noise, int from, Gyro* gyro, double gyro_
   return seen;
 }
 
-Stream stream_of(const Way& way, double noise, int frames, std::uint32_t seed) {
-  return {[way, texture = Texture(seed)](double x, double y, double t) {
+Stream stream_of(const Way& way, double noise, int frames, std::uint32_t seed, double contrast_k = 3.0) {
+  return {[way, texture = Texture(seed, contrast_k)](double x, double y, double t) {
             const Place p = way(t);
             return texture(x - p.x, y - p.y);
           },
@@ -116,6 +116,59 @@ TEST(MotionGyro, AStopIsKnownAtOnce) {
       EXPECT_GE(by_gyro.used, 5);
     }
   }
+}
+
+// Where noise misplaces pictures by more than the uncertainty derived from it.
+TEST(MotionGyro, MuchNoiseDoesNotHideIt) {
+  constexpr double kNoise = 0.8;
+  constexpr double kContrast = 1.5;
+  const std::map<std::string, Errors> gyros{{"right", {.delay_s = 0.0}},
+                                            {"sign", {.delay_s = 0.0, .scale = -1.0}},
+                                            {"axes", {.delay_s = 0.0, .swapped = true}},
+                                            {"scale", {.delay_s = 0.0, .scale = 0.8}},
+                                            {"stuck", {.delay_s = 0.0, .scale = 0.0}},
+                                            {"a delay that is not told", {}}};
+  double alone = 0.0;
+  std::map<std::string, Seen> by_gyro;
+  for (const std::uint32_t seed : {21U, 22U, 23U, 24U}) {
+    const Way way = stop_at(kStop + 0.25 * (seed - 20), 4.0);
+    Stream stream = stream_of(way, kNoise, kFrames, seed, kContrast);
+    alone += watch_with(stream, kNoise, kStop + 1, nullptr).rms;
+    for (const auto& [what, errors] : gyros) {
+      TestGyro gyro = gyro_of(way, kFrames, errors);
+      const Seen seen = watch_with(stream, kNoise, kStop + 1, &gyro);
+      by_gyro[what].rms += seen.rms;
+      by_gyro[what].used += seen.used;
+    }
+  }
+  for (const auto& [what, seen] : by_gyro) EXPECT_LT(seen.rms, 1.03 * alone) << what;
+  EXPECT_GE(by_gyro["right"].used, 14) << "of 24 frames";
+  EXPECT_LE(by_gyro["sign"].used, 4);
+}
+
+// The picture's displacements scatter by several times the uncertainty that noise explains; the motion is a hand's.
+TEST(GyroMotion, ItIsComparedWithThePicturesOwnScatter) {
+  constexpr int kDraws = 200;
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal(0.0, 0.25);
+  const auto share_of_agreement = [&](double scale, double speed) {
+    int agreed = 0;
+    for (int draw = 0; draw < kDraws; ++draw) {
+      motion::Displacements found;
+      motion::Displacements left;
+      for (std::size_t i = 0; i < found.size(); ++i) {
+        const double turning = speed * std::sin(0.4 * (static_cast<double>(i) + draw));
+        found[i].p = {turning + normal(random), 0.0, 0.0, normal(random), 0.0, 0.0};
+        left[i].p = found[i].p;
+        left[i].p[0] -= scale * turning;
+      }
+      agreed += motion::gyro_agrees(found, left, 0.08) ? 1 : 0;
+    }
+    return static_cast<double>(agreed) / kDraws;
+  };
+  EXPECT_GT(share_of_agreement(1.0, 1.0), 0.85);
+  EXPECT_LT(share_of_agreement(-1.0, 1.0), 0.03) << "sign";
+  EXPECT_LT(share_of_agreement(-1.0, 0.3), 0.15) << "sign, slow";
 }
 
 // A wrong gyro costs next to nothing over a scene, and little in any frame.
