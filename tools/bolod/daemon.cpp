@@ -430,7 +430,7 @@ Status Daemon::run(OnHangup on_hangup) {
   self.stop_requested.store(true, std::memory_order_relaxed);
   runner.join();
   RETURN_IF_ERROR(at("cannot go on", watched));
-  self.supervisor->log_end();
+  attempt([&] { self.supervisor->log_end(); });
   if (!self.result) return self.result;
   return self.replay != nullptr ? self.replay->result() : Status{};
 }

@@ -229,6 +229,9 @@ def refused_one_in(every, folder, library):
         wait_for(programs.config.with_suffix(".sock").exists, "the control socket after that")
         programs.running["daemon"].send_signal(signal.SIGHUP)
         wait_for(lambda: "nothing to take up" in programs.log("daemon")[len(known):], "a reload after that")
+        switch.touch()
+        programs.running["daemon"].terminate()
+        assert programs.running["daemon"].wait(HANG_GUARD_S) == 0, programs.log("daemon")
 
 
 def hung(folder, library):
