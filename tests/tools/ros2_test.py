@@ -208,6 +208,11 @@ domain = {DOMAIN}
         shutil.copy(BOLOD, alone / "bolod")
         self.assertIn("install the package bolo-ros2", self.refusal(self.config(), alone / "bolod"))
 
+    def test_a_name_that_is_none_is_bad_input(self):
+        done = subprocess.run([BRIDGE, "--domain", str(DOMAIN), "--", "it's"], capture_output=True, text=True, check=False)
+        self.assertEqual((done.returncode, done.stderr.count("\n")), (2, 1), done.stderr)
+        self.assertIn("is no name for shared memory", done.stderr)
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -293,13 +293,15 @@ struct Daemon::Impl {
 
   void watch(OnHangup on_hangup) {
     Ros2Process ros2(config.ros2, config.name);
-    while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
-      if (take_signal(on_hangup)) break;
-      supervisor->poll();
-      ros2.poll([this](const std::string& what) { log->warn(what); });
-      follow_period();
-      serve_metrics();
-      keep_listening();
+    bool stopping = false;
+    // Steps that lack memory are taken again the next time: frames go on without it.
+    while (!stopping && !ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
+      attempt([&] { take_signal(on_hangup, stopping); });
+      attempt([&] { supervisor->poll(); });
+      attempt([&] { ros2.poll([this](const std::string& what) { log->warn(what); }); });
+      attempt([&] { follow_period(); });
+      attempt([&] { serve_metrics(); });
+      attempt([&] { keep_listening(); });
     }
     service::notify_stopping();
   }
@@ -319,15 +321,15 @@ struct Daemon::Impl {
               taken ? "so from now on" : "as before: " + taken.error().message, taken ? advice : "");
   }
 
-  // True when the daemon should end.
-  bool take_signal(OnHangup on_hangup) {
+  // `stopping` becomes true when the daemon should end, whatever is thrown afterwards.
+  void take_signal(OnHangup on_hangup, bool& stopping) {
     const sigset_t signals = our_signals();
     const int signal = sigtimedwait(&signals, nullptr, &kPollPeriod);
-    if (signal < 0) return false;
-    if (signal == SIGHUP && on_hangup == OnHangup::kReload) reload();
-    if (signal == SIGHUP && (on_hangup == OnHangup::kReload || ignored(SIGHUP))) return false;
+    if (signal < 0) return;
+    if (signal == SIGHUP && on_hangup == OnHangup::kReload) return reload();
+    if (signal == SIGHUP && ignored(SIGHUP)) return;
+    stopping = true;
     log->info("{}: stopping", name_of(signal));
-    return true;
   }
 
   // An invalid file changes nothing.
@@ -428,7 +430,7 @@ Status Daemon::run(OnHangup on_hangup) {
   self.stop_requested.store(true, std::memory_order_relaxed);
   runner.join();
   RETURN_IF_ERROR(at("cannot go on", watched));
-  self.supervisor->log_end();
+  attempt([&] { self.supervisor->log_end(); });
   if (!self.result) return self.result;
   return self.replay != nullptr ? self.replay->result() : Status{};
 }

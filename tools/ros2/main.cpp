@@ -14,6 +14,7 @@
 #include <atomic>
 #include <cstdint>
 #include <cstdio>
+#include <exception>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -27,6 +28,7 @@
 #include "src/core/clock.hpp"
 #include "src/core/result.hpp"
 #include "src/core/text.hpp"
+#include "src/core/threads.hpp"
 #include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
@@ -153,6 +155,7 @@ class Bridge {
     const int result = bolo_client_open(request_.name.c_str(), kOpenMs, &opened);
     client_.reset(opened);
     if (result == BOLO_CLIENT_OK || result == BOLO_CLIENT_ABSENT) return {};
+    if (result == BOLO_CLIENT_BAD_ARGUMENT) return bad_input(bolo_client_error(nullptr));
     return failed(bolo_client_error(nullptr));
   }
 
@@ -291,4 +294,11 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace bolo::tools
 
-int main(int argc, char** argv) { return bolo::tools::run(argc, argv); }
+int main(int argc, char** argv) {
+  try {
+    return bolo::tools::run(argc, argv);
+  } catch (const std::exception& e) {  // out of memory
+    std::fprintf(stderr, "bolo-ros2: %s\n", bolo::describe_exception(e).c_str());
+    return bolo::tools::kExitFailed;
+  }
+}

@@ -220,11 +220,18 @@ def refused_one_in(every, folder, library):
             programs.running["daemon"].send_signal(signal.SIGHUP)
             for line in (b"state\n", b"other\n"):
                 request(programs.config.with_suffix(".sock"), line)
+            programs.config.with_suffix(".sock").unlink(missing_ok=True)  # so that the main thread makes it again
             assert programs.running["daemon"].poll() is None, programs.log("daemon")
             time.sleep(0.05)
         switch.unlink()
         known = programs.log("daemon")
         wait_for(lambda: "camera opened again" in programs.log("daemon")[len(known):], "the camera after that")
+        wait_for(programs.config.with_suffix(".sock").exists, "the control socket after that")
+        programs.running["daemon"].send_signal(signal.SIGHUP)
+        wait_for(lambda: "nothing to take up" in programs.log("daemon")[len(known):], "a reload after that")
+        switch.touch()
+        programs.running["daemon"].terminate()
+        assert programs.running["daemon"].wait(HANG_GUARD_S) == 0, programs.log("daemon")
 
 
 def hung(folder, library):

@@ -1,6 +1,5 @@
-// Preloaded into a daemon: while the file BOLO_REFUSE exists, one allocation in BOLO_REFUSE_EVERY fails, except in the
-// main thread, which may end the daemon with an error. While the file BOLO_HANG exists, the disk of the configuration
-// hangs.
+// Preloaded into a daemon: while the file BOLO_REFUSE exists, one allocation in BOLO_REFUSE_EVERY fails. While the file
+// BOLO_HANG exists, the disk of the configuration hangs.
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,7 +13,7 @@ void* operator new(std::size_t bytes) {
   static std::atomic<unsigned> calls{0};
   static const char* const when = std::getenv("BOLO_REFUSE");
   static const char* const every = std::getenv("BOLO_REFUSE_EVERY");
-  const bool refuses = gettid() != getpid() && when != nullptr && access(when, F_OK) == 0;
+  const bool refuses = when != nullptr && access(when, F_OK) == 0;
   if (refuses && calls++ % static_cast<unsigned>(std::atoi(every)) == 0) throw std::bad_alloc();
   void* const memory = std::malloc(bytes != 0 ? bytes : 1);
   return memory != nullptr ? memory : throw std::bad_alloc();
