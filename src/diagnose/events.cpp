@@ -297,7 +297,8 @@ double find_ceiling(const Session& session, double level_step) {
   for (const Recording& recording : session.recordings) {
     const Series values = recording.values(Eigen::all, good);
     const float top = values.maxCoeff();
-    const auto step = static_cast<float>(std::max({recording.step, level_step, 1e-6}));
+    const double resolution = 4.0 * std::abs(top) * std::numeric_limits<float>::epsilon();
+    const auto step = static_cast<float>(std::max({recording.step, level_step, resolution, 1e-6}));
     const auto count = [&](float level) { return ((values.array() - level).abs() < 0.4F * step).count(); };
     const Index at_top = count(top);
     const Index below = count(top - step) + count(top - 2.0F * step);

@@ -22,6 +22,7 @@ constexpr double kLeastPattern = 0.4;  // slow pixel noise looks like a pattern 
 // Above so many standard errors half of that suffices: the prediction errors of a sharp scene are counted as noise.
 constexpr double kPatternIsClear = 100.0;
 constexpr double kLeastColumn = 0.2;
+constexpr double kHelps = 0.95;       // largest gap after, of that before
 constexpr double kLeastGrowth = 1.0;  // over the recording, relative to the mean: from 0.5 to 1.5 times it
 constexpr double kLeastGain = 0.0015;
 constexpr double kMostLikeness = 0.2;  // correlation of neighbouring pixels' gains
@@ -119,8 +120,11 @@ void add_named(Findings& out, const std::string& effect, double z, Estimates par
 }
 
 void name_parts(const FieldParts& parts, Findings& out) {
-  const auto clear = [&](const Measured& m, double least) {
-    return m.z > kPatternIsSure && m.value > (m.z > kPatternIsClear ? 0.5 : 1.0) * least * parts.noise;
+  // Uneven patterns have a low z however strong they are; they count if they also help to predict the other half.
+  const bool helps = parts.gap.after < kHelps * parts.gap.before;
+  const auto clear = [&](const Measured& m, double agreement, double least) {
+    return (m.z > kPatternIsSure || (helps && agreement > kPatternIsSure)) &&
+           m.value > (m.z > kPatternIsClear ? 0.5 : 1.0) * least * parts.noise;
   };
   // A pattern that grows while the scene drifts looks like gains.
   const bool gain = parts.gain.z > std::max(kPatternIsSure, parts.growth.z) && parts.gain.value > kLeastGain &&
@@ -130,7 +134,9 @@ void name_parts(const FieldParts& parts, Findings& out) {
     add_named(out, "fpn_gain", parts.gain.z, {{"pixel", parts.gain.estimate()}}, parts.gap,
               "pixels show more or less of the scene's changes than others");
   }
-  if (parts.after_freeze || !(clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn))) return;
+  const bool named = clear(offset.pixel, offset.pixel_agreement, kLeastPattern) ||
+                     clear(offset.column, offset.column_agreement, kLeastColumn);
+  if (parts.after_freeze || !named) return;
   if (parts.gap.after >= parts.gap.before) return;  // caused by the scene: what one half shows does not help the other
   if (parts.growth.value > kLeastGrowth && parts.growth.z > kPatternIsSure) {
     const double change = parts.growth.value * offset.pixel.value;

@@ -29,6 +29,21 @@ double slope_at(const ArrayXf& map, Index p, Geometry g) {
   return std::max(std::abs(across), std::abs(down));
 }
 
+// Slope of a pixel's values over the median of its neighbours', in these triplets; unlike a prediction's, it does not
+// suffer where the motion is not followed.
+double beside(const FieldFrames& frames, const std::vector<Triplet>& triplets, const std::vector<Index>& of, Index p) {
+  Line line;
+  std::vector<float> values;
+  for (const Index i : of) {
+    const auto frame = frames.values.row(triplets[static_cast<std::size_t>(i)].frame);
+    values.clear();
+    visit_around(frames.geometry, place_of(static_cast<std::size_t>(p), frames.geometry.width), 1,
+                 [&](std::size_t other) { values.push_back(frame[static_cast<Index>(other)]); });
+    line.add(median(values), frame[p]);
+  }
+  return line.width() > 0.0 ? line.slope() : 0.0;
+}
+
 // Pixels that, in these triplets, do not respond to the scene as their neighbours do, or scatter far more; in both
 // cases by more than an edge at rest with a small tracking error explains.
 Mask unresponsive_in(const Cells& cells, const FieldFrames& frames, const std::vector<Triplet>& triplets,
@@ -65,7 +80,8 @@ Mask unresponsive_in(const Cells& cells, const FieldFrames& frames, const std::v
     const double usual = around(scatter, p, g);
     const bool noisy =
         usual > 0.0 && scatter[p] > kNoisyScatter * std::max(usual, floor);  // coarse steps may hide noise
-    unresponsive[static_cast<std::size_t>(p)] = (still && varies[p] > edge) || (noisy && scatter[p] > edge) ? 1 : 0;
+    const bool dead = still && varies[p] > edge && beside(frames, triplets, of, p) < kFollows;
+    unresponsive[static_cast<std::size_t>(p)] = dead || (noisy && scatter[p] > edge) ? 1 : 0;
   }
   return unresponsive;
 }

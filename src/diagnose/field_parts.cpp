@@ -96,14 +96,18 @@ ArrayXf column_means(const ArrayXf& map, Geometry g) {
   return out;
 }
 
-// The groups of pixels are tiles of the picture.
-Measured shared(const std::array<ArrayXf, 2>& half, Geometry g) {
-  Sharing sharing;
+// visit(tile, value of either half) for every pixel that both know.
+template <typename Visit>
+void visit_tiles(const std::array<ArrayXf, 2>& half, Geometry g, const Visit& visit) {
   for (Index p = 0; p < half[0].size(); ++p) {
     if (half[0][p] == 0.0F || half[1][p] == 0.0F) continue;
-    const Index tile = p / g.width * 4 / g.height * 4 + p % g.width * 4 / g.width;
-    sharing.add(tile, half[0][p] * half[1][p]);
+    visit(p / g.width * 4 / g.height * 4 + p % g.width * 4 / g.width, half[0][p], half[1][p]);
   }
+}
+
+Measured shared(const std::array<ArrayXf, 2>& half, Geometry g) {
+  Sharing sharing;
+  visit_tiles(half, g, [&sharing](Index tile, float a, float b) { sharing.add(tile, a * b); });
   return sharing.measured();
 }
 
@@ -113,6 +117,20 @@ Measured shared_lines(const std::array<ArrayXf, 2>& half) {
   for (Index x = 0; x < lines; ++x) sharing.add(x * kGroups / lines, half[0][x] * half[1][x]);
   return sharing.measured();
 }
+
+// Correlation of two estimates of the same numbers: mean over groups, in standard errors.
+struct Agreement {
+  Eigen::Array3Xd sums = Eigen::Array3Xd::Zero(3, kGroups);  // of products, and of either estimate's squares
+  void add(Index group, double a, double b) { sums.col(group) += Eigen::Array3d(a * b, a * a, b * b); }
+  double z() const {
+    Sharing sharing;
+    for (Index group = 0; group < kGroups; ++group) {
+      const auto sum = sums.col(group);
+      if (sum[1] > 0.0 && sum[2] > 0.0) sharing.add(group, sum[0] / std::sqrt(sum[1] * sum[2]));
+    }
+    return sharing.measured().z;
+  }
+};
 
 // A pattern in both halves, split into columns and single pixels.
 struct Parts {
@@ -133,7 +151,11 @@ Parts parts_of(const std::array<ArrayXf, 2>& pattern, Geometry g) {
 
 Offsets offsets_of(const std::array<ArrayXf, 2>& pattern, Geometry g) {
   const Parts parts = parts_of(pattern, g);
-  return {shared(parts.pixel, g), shared_lines(parts.column)};
+  Agreement pixel;
+  visit_tiles(parts.pixel, g, [&pixel](Index tile, float a, float b) { pixel.add(tile, a, b); });
+  Agreement column;
+  for (Index x = 0; x < g.width; ++x) column.add(x * kGroups / g.width, parts.column[0][x], parts.column[1][x]);
+  return {shared(parts.pixel, g), shared_lines(parts.column), pixel.z(), column.z()};
 }
 
 // Best estimate from both halves: their mean, scaled down by the part of its square that is noise.

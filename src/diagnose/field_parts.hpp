@@ -128,6 +128,10 @@ class Aligner {
 struct Offsets {
   Measured pixel;   // of single pixels, without columns
   Measured column;  // of whole columns
+  // Mean correlation of the halves over tiles or groups of columns, in standard errors: like z, but also large for a
+  // pattern that is stronger in some of them than in others.
+  double pixel_agreement = 0.0;
+  double column_agreement = 0.0;
 };
 
 struct FieldParts {

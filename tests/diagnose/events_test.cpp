@@ -238,6 +238,14 @@ TEST_F(Events, ValuesThatPileUpAtTheTopAreACeiling) {
   EXPECT_NEAR(find_ceiling(testing::session_of({r}), 0.01), 312.0, 1e-3);
 }
 
+// Values without a step, as floating-point frames have.
+TEST_F(Events, ValuesWithoutAStepHaveACeilingToo) {
+  Recording r = testing::record(testing::noisy_camera(), testing::odd_chopper(), kFrames);
+  r.values = r.values.cwiseMin(312.003F);
+  r.step = 0.0;
+  EXPECT_NEAR(find_ceiling(testing::session_of({r}), 0.0), 312.003, 1e-3);
+}
+
 TEST_F(Events, DeadPixelsThatStandAtOneHighValueAreNoCeiling) {
   Session session = testing::session_of({quiet()});
   for (Recording& r : session.recordings) {

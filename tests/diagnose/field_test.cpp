@@ -1,6 +1,7 @@
 // Diagnoses of simulated recordings without a bench, with and without a fault.
 #include "src/diagnose/field.hpp"
 #include "src/capture/pixel_maps_io.hpp"
+#include "src/diagnose/field_parts.hpp"
 #include "tests/diagnose/field_bed.hpp"
 
 namespace bolo::diagnose::field_test {
@@ -81,6 +82,15 @@ TEST_F(FieldRecording, NamesAFaintPatternOfManyPixels) {
 }
 
 // As flat fields would show, which the recording lacks.
+// Chance makes the offsets of few columns uneven; both halves of the data show the same ones.
+TEST_F(FieldRecording, NamesAPatternOfFewColumns) {
+  for (const int width : {48, 64, 80}) {
+    const Shot shot{
+        .view = {width, 48}, .frames = 220, .path = bed::restless(), .effects = {"fpn_offset:pixel_k=0,column_k=0.06"}};
+    EXPECT_EQ(told(diagnosed(shot)), "explained: fpn_offset") << width;
+  }
+}
+
 TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
   for (const Case& c : {Case{hand(), "fpn_offset"}, Case{pan(), "fpn_gain"}}) {
     Shot shot = c.shot;
@@ -240,6 +250,32 @@ TEST_F(FieldRecording, FollowsTheWholeOfALargeRecording) {
   const Report report = diagnosed(shot);
   EXPECT_EQ(told(report), "explained: frame_loss");
   EXPECT_EQ(report.observations.front().lost_before, (std::vector<std::size_t>{340}));
+}
+
+// Where a prediction is wrong a pixel that changes as its neighbours do is not dead.
+TEST(FieldDead, APixelThatIsBadlyPredictedFollowsItsNeighbours) {
+  constexpr Geometry kView{16, 16};
+  constexpr Index kDead = 5 * 16 + 5;
+  constexpr Index kBadlyPredicted = 10 * 16 + 10;
+  constexpr Index kFrames = 64;
+  FieldFrames frames{kView, Series::Zero(kFrames, 256)};
+  Residual residual{kView, Series::Zero(kFrames, 256), Series::Zero(kFrames, 4), {}};
+  residual.valid.setOnes(kFrames, 4);
+  std::vector<Triplet> triplets;
+  for (Index k = 0; k < kFrames; ++k) {
+    const auto scene = static_cast<float>(300.0 + 2.0 * std::sin(1.3 * static_cast<double>(k)));
+    const auto another = static_cast<float>(300.0 + 2.0 * std::cos(1.3 * static_cast<double>(k)));
+    frames.values.row(k).setConstant(scene);
+    frames.values(k, kDead) = 300.0F;
+    residual.values(k, kDead) = 300.0F - scene;
+    residual.values(k, kBadlyPredicted) = scene - another;
+    triplets.push_back({.frame = k});
+  }
+  const Cells cells{residual, Blocks(kView), Series::Ones(kFrames, 4), Series::Zero(kFrames, 4)};
+  Mask dead(256, 0);
+  find_unresponsive(cells, frames, triplets, 0.03, dead);
+  EXPECT_EQ(std::ranges::count(dead, 1), 1);
+  EXPECT_EQ(dead[kDead], 1);
 }
 
 }  // namespace bolo::diagnose::field_test

@@ -45,6 +45,28 @@ class Observations : public ::testing::Test {
     return scratch_ / name;
   }
 
+  // A part of each frame from column `left` and row `top` on, or the same transposed.
+  std::filesystem::path part_of(const std::string& name, int left, int top, Geometry part, bool transposed) {
+    auto reader = must(capture::CaptureReader::open(real(name)));
+    auto info = reader->info();
+    const int across = info.format.geometry.width;
+    info.format.geometry = transposed ? Geometry{part.height, part.width} : part;
+    auto writer = must(capture::CaptureWriter::create(scratch_ / name, info));
+    for (std::size_t k = 0; k < info.frames; ++k) {
+      const Frame whole = capture::testing::frame_values(*reader, k);
+      Frame plane;
+      for (int y = 0; y < info.format.geometry.height; ++y) {
+        for (int x = 0; x < info.format.geometry.width; ++x) {
+          const int row = top + (transposed ? x : y);
+          plane.push_back(whole[static_cast<std::size_t>(row * across + left + (transposed ? y : x))]);
+        }
+      }
+      EXPECT_TRUE(writer->append(reader->t()[k], reader->frame_id()[k], plane.data()));
+    }
+    EXPECT_TRUE(writer->close());
+    return scratch_ / name;
+  }
+
   int noise(double counts = 3.0) { return static_cast<int>(std::lround(counts * unit_(engine_))); }
   void flat(int, Frame& plane) {
     for (std::uint16_t& count : plane) count = static_cast<std::uint16_t>(30000 + noise());
@@ -288,6 +310,19 @@ TEST_F(Observations, OfARealDriveItSaysWhatItCanTellAndNoMore) {
   EXPECT_GT(seen.outliers.size(), 100U);
   EXPECT_LT(seen.outliers.size(), 1000U);
   expect_said(report, "counts rms");
+}
+
+// Rows instead of columns, and a frame whose blocks begin elsewhere. All of its pixels follow the scene: none is dead.
+TEST_F(Observations, OfARealDriveTurnedAndCroppedItSaysTheSame) {
+  if (real("").empty()) GTEST_SKIP() << kNoData;
+  for (const bool transposed : {true, false}) {
+    const auto file = transposed ? part_of("a65_drive_a.h5", 0, 0, {640, 512}, true)
+                                 : part_of("a65_drive_a.h5", 5, 3, {627, 507}, false);
+    const Report report = diagnosed({file});
+    EXPECT_EQ(told(report), "explained: fpn_offset") << transposed;
+    EXPECT_TRUE(report.defects.noisy.empty()) << transposed;
+    std::filesystem::remove(file);
+  }
 }
 
 TEST_F(Observations, OfRealBlackBodiesInCounts) {
