@@ -25,6 +25,7 @@ constexpr double kRidge = 1e-4;            // of the mean diagonal
 constexpr double kInexact = 0.05;          // relative error of the noise model
 constexpr double kUnlikely = 2.0;          // standard deviations
 constexpr double kCrooked = 0.003;         // of all gradients: effect of pixels along a straight edge
+constexpr double kLeastOfScene = 0.1;      // of all squared gradients: the model of noise's part is not exact
 
 // Noise's share of the moved plane's squared gradients, per pixel, in units of the innovation's noise variance: of a
 // Gaussian with the smoothing's variance plus those that the gradient (see pull_of_noise) and moving add. `factor`:
@@ -350,14 +351,22 @@ Equations GlobalMotion::equations(int level, float typical, double variance) con
   return sums;
 }
 
-// At the coarsest level: compares the gradients by direction with those of noise and of a straight edge's pixels.
-void GlobalMotion::find_unseen(const Equations& sums, int level, double innovation_noise) noexcept {
+// Noise's share of the sums of squared gradients, along x and along y.
+std::array<double, 2> GlobalMotion::gradients_of_noise(const Equations& sums, int level,
+                                                       double innovation_noise) const noexcept {
   const NoiseOfLevel& noise = kNoise[static_cast<std::size_t>(level)];
   const Level& work = levels_[static_cast<std::size_t>(level)];
-  const double crooked = kCrooked * (sums.m[0][0] + sums.m[3][3]) + 1e-30;
   const Vec2 d = work.displacement.at(work.sums.across() / 2, work.sums.down() / 2);
-  const double along_x = innovation_noise * sums.pixels * noise.squared_gradient(d, false) + crooked;
-  const double along_y = innovation_noise * sums.pixels * noise.squared_gradient(d, true) + crooked;
+  const double all = innovation_noise * sums.pixels;
+  return {all * noise.squared_gradient(d, false), all * noise.squared_gradient(d, true)};
+}
+
+// At the coarsest level: compares the gradients by direction with those of noise and of a straight edge's pixels.
+void GlobalMotion::find_unseen(const Equations& sums, int level, std::array<double, 2> of_noise) noexcept {
+  const NoiseOfLevel& noise = kNoise[static_cast<std::size_t>(level)];
+  const double crooked = kCrooked * (sums.m[0][0] + sums.m[3][3]) + 1e-30;
+  const double along_x = of_noise[0] + crooked;
+  const double along_y = of_noise[1] + crooked;
   const double chance = kInexact + kUnlikely * std::sqrt(2.0 * noise.independent / std::max(sums.pixels, 1.0));
   unseen_.find(sums.m[0][0] / along_x, sums.m[0][3] / std::sqrt(along_x * along_y), sums.m[3][3] / along_y, chance);
 }
@@ -379,9 +388,8 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
   const float typical = typical_ = typical_error(work);
   if (typical < 0.0F) return false;
   Equations sums = equations(level, typical, noise * noise);
-  if (level == std::min(kSteps.front().level, a.levels() - 1)) {
-    find_unseen(sums, level, inertia.noise() * noise * noise);
-  }
+  const std::array<double, 2> of_noise = gradients_of_noise(sums, level, inertia.noise() * noise * noise);
+  if (level == std::min(kSteps.front().level, a.levels() - 1)) find_unseen(sums, level, of_noise);
   auto& [m, v, pixels] = sums;
   const std::size_t each = affine ? 3 : 1;
   if (!affine) {  // only the translation: its four entries side by side
@@ -390,7 +398,9 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
     v[1] = v[3];
   }
   const double seen = std::max(0.5 * (m[0][0] + m[each][each]), 1e-30);
-  uncertainty_ = std::sqrt(kAlike * kTypicalWeight * typical / seen);
+  // Noise's own gradients add to the residuals' noise, but tell nothing of the displacement.
+  const double of_scene = std::max(seen - 0.5 * (of_noise[0] + of_noise[1]), kLeastOfScene * seen);
+  uncertainty_ = std::sqrt(kAlike * kTypicalWeight * typical * seen) / of_scene;
   const double by_noise = kMatched * kSmoothedNoise * inertia.noise() * noise * noise;
   misfit_ = std::sqrt(std::max(typical - by_noise, 0.0) * pixels / seen);
   double trace = 0.0;

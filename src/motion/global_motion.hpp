@@ -92,7 +92,8 @@ class GlobalMotion {
   Affine start(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, double noise,
                Crew& crew) noexcept;
   Equations equations(int level, float typical, double variance) const noexcept;
-  void find_unseen(const Equations& sums, int level, double innovation_noise) noexcept;
+  std::array<double, 2> gradients_of_noise(const Equations& sums, int level, double innovation_noise) const noexcept;
+  void find_unseen(const Equations& sums, int level, std::array<double, 2> of_noise) noexcept;
   bool improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, int level,
                bool affine, double noise, Crew& crew, Affine& motion) noexcept;
   float typical_error(const Level& level) noexcept;

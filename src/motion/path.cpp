@@ -14,7 +14,6 @@ constexpr double kSlowPan = 1.5;       // px a frame: below it a stop does no ha
 constexpr double kUnnoticed = 0.02;    // px a frame: resolution of estimates
 constexpr double kByChance = 8.0;      // bound of a second difference due to noise, in the displacement's uncertainty
 constexpr double kOfScatter = 4.8;     // the same for scatter(): twice the standard deviation along one axis
-constexpr double kLeastOfScatter = kOfScatter / kByChance;  // of scatter(): an uncertainty with the same bound
 // Of the speed: past second differences up to it count as hand motion, or as noise beyond the uncertainty. A larger
 // bound would take noise of .8 K for motion (MotionSafety), a smaller one costs hand motion in .5 K of noise 3 %.
 constexpr double kMostUsual = 0.25;
@@ -147,18 +146,12 @@ void smooth(Displacements& left, double uncertainty) noexcept {
   const Affine mean = mean_of(left);
   double scatter = 0.0;
   for (const Affine& d : left) scatter += square(d + mean * -1.0) / (kHistory - 1);
-  const double chance = 4.0 * (uncertainty * uncertainty + kGyroNoise * kGyroNoise);
+  const double chance = 2.0 * (uncertainty * uncertainty + kGyroNoise * kGyroNoise);
   const double keep = std::max(0.0, 1.0 - chance / std::max(scatter, 1e-12));
   for (Affine& d : left) {
     const Affine off = d + mean * -1.0;
-    d = mean + off * std::max(keep, 1.0 - std::sqrt(chance / std::max(square(off), 1e-12)));
+    d = mean + off * std::max(keep, 1.0 - std::sqrt(2.0 * chance / std::max(square(off), 1e-12)));
   }
-}
-
-// Little contrast in much noise misplaces pictures by more than the uncertainty derived from noise: at least by their
-// own scatter.
-double with_scatter(double uncertainty, const Displacements& displacements) noexcept {
-  return std::max(uncertainty, kLeastOfScatter * scatter(displacements));
 }
 
 bool rests(const Affine& u) noexcept {
@@ -172,9 +165,8 @@ Affine foretold(const Affine& last, const Affine& before) noexcept {
 }
 
 bool gyro_agrees(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
-  const double noise = with_scatter(uncertainty, displacements);
   const double of_gyro = kHistory * 3.0 * kGyroNoise * kGyroNoise;
-  const double chance = kHistory * 9.0 * noise * noise + of_gyro;
+  const double chance = kHistory * 9.0 * uncertainty * uncertainty + of_gyro;
   const auto rises = [&](double before, double after) {  // by more than the gyro's noise can add
     return std::sqrt(after) > std::sqrt(before) + std::sqrt(of_gyro);
   };
@@ -191,11 +183,7 @@ Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, doub
   static constexpr GyroMotions kNothing;
   const GyroMotions& known = gyro != nullptr ? *gyro : kNothing;
   Displacements d = left;
-  double of_left = uncertainty;
-  if (gyro != nullptr) {
-    of_left = with_scatter(uncertainty, left + gyro->displacements);
-    smooth(d, of_left);
-  }
+  if (gyro != nullptr) smooth(d, uncertainty);
   const Spans u = spans_of(inertia, d, known.spans);
   const std::size_t now = ahead ? 1 : 0;  // the span that ends at the estimated frame
   const Affine v0 = blurring(inertia, u, now);
@@ -209,7 +197,7 @@ Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, doub
   path.next = u[0];
   path.displacement = d[now] + known.displacements[now];
   const double noise = gyro == nullptr ? scatter(left) : 0.0;  // a gyro tells stops from noise
-  path.steady = std::min({steadiness(inertia, left, of_left, noise),
+  path.steady = std::min({steadiness(inertia, left, uncertainty, noise),
                           steadiness(inertia, d + known.displacements, kWithGyro * uncertainty, noise),
                           steadiness(inertia, d + known.spans, kWithGyro * uncertainty, noise)});
   const Affine mean = mean_of(left);

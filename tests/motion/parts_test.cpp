@@ -100,6 +100,25 @@ TEST(GlobalMotion, NoiseDoesNotPullIt) {
   EXPECT_GT(std::abs(uncorrected - 0.8), 2.0 * std::abs(sum - 0.8));
 }
 
+// Also where most of the gradients are noise's own, from which it would seem a third as large.
+TEST(GlobalMotion, KnowsItsUncertainty) {
+  constexpr int kRuns = 12;
+  for (const double noise : {0.05, 1.2}) {
+    double squared_error = 0.0;
+    double expected = 0.0;
+    for (std::uint32_t seed = 0; seed < kRuns; ++seed) {
+      const Pair pair(pan(0.8, -0.5, 11), noise, seed);
+      GlobalMotion global(kFrame);
+      Alone alone;
+      const Vec2 d = global.find(best_kernels(), Inertia(kTau), pair.a, pair.b, noise, alone).at(0, 0);
+      squared_error += (std::pow(d.x - 0.8F, 2) + std::pow(d.y + 0.5F, 2)) / (2.0 * kRuns);
+      expected += global.uncertainty() / kRuns;
+    }
+    EXPECT_GT(expected, 0.6 * std::sqrt(squared_error)) << noise;
+    EXPECT_LT(expected, 1.6 * std::sqrt(squared_error)) << noise;
+  }
+}
+
 TEST(GlobalMotion, IsFiniteWhereThereIsNothingToSee) {
   const Affine found = global_of(Pair([](double, double, double) { return 300.0; }, 0.0), 0.03);
   for (const double p : found.p) EXPECT_NEAR(p, 0.0, 1e-6);
