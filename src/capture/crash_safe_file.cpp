@@ -29,8 +29,16 @@ constexpr const char* kIsBeingWritten = "is being written by another program; ch
 
 bool held_by_another(int descriptor) { return ::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; }
 
+Status check_only_name(const std::filesystem::path& file) {
+  if (has_one_name(file)) return {};
+  return bad_input("cannot be begun: " + file.filename().string() +
+                   " is a link, has another name too, or is no file; remove it, or choose another name");
+}
+
+// A link is not followed: opening a device may already do something.
 tl::unexpected<Error> is_there(const std::filesystem::path& file) {
-  const UniqueFd there(::open(file.c_str(), O_RDWR | O_CLOEXEC));
+  if (Status only = check_only_name(file); !only) return tl::unexpected(std::move(only.error()));
+  const UniqueFd there(::open(file.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (there && held_by_another(there.get())) return bad_input(kIsBeingWritten);
   std::error_code ignored;
   if (std::filesystem::file_size(file, ignored) == 0)
@@ -49,12 +57,6 @@ bool for_each_page(std::uint64_t offset, std::size_t bytes, Use use) {
     done += count;
   }
   return true;
-}
-
-Status check_only_name(const std::filesystem::path& file) {
-  if (has_one_name(file)) return {};
-  return bad_input("cannot be begun: " + file.filename().string() +
-                   " is a link, has another name too, or is no file; remove it, or choose another name");
 }
 
 Status check_only_names(const std::filesystem::path& file, Replace replace) {

@@ -315,6 +315,12 @@ TEST_F(CaptureWriterName, ARecordingIsNotFinishedThroughOtherNames) {
   }
 }
 
+TEST_F(CaptureWriterNames, ALinkIsNotTakenForAnUnfinishedRecording) {
+  std::ofstream(scratch_ / "theirs") << "there";
+  std::filesystem::create_symlink(scratch_ / "theirs", scratch_ / "a.h5.part");
+  expect_error(CaptureWriter::create(scratch_ / "a.h5", small_info()), {"is a link"});
+}
+
 TEST_F(CaptureWriterNames, NothingThatExistsIsReplaced) {
   const auto file = scratch_ / "a.h5";
   const auto part = scratch_ / "a.h5.part";
