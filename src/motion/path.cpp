@@ -57,7 +57,7 @@ Affine mean_of(const Displacements& d) noexcept {
   return sum * (1.0 / kHistory);
 }
 
-double spread(const Displacements& d, std::size_t axis) noexcept {
+double variation(const Displacements& d, std::size_t axis) noexcept {
   const Affine mean = mean_of(d);
   double sum = 0.0;
   for (const Affine& one : d) sum += square(one + mean * -1.0, axis);
@@ -174,7 +174,7 @@ bool gyro_agrees(const Displacements& displacements, const Displacements& left, 
     const double before = roughness(displacements, axis);
     const double after = roughness(left, axis);
     return after <= kUnexplained * before + chance && !rises(before, after) &&
-           !rises(spread(displacements, axis), spread(left, axis));
+           !rises(variation(displacements, axis), variation(left, axis));
   });
 }
 
