@@ -10,13 +10,19 @@ constexpr double kFollow = 0.85;       // least slope of its neighbours
 constexpr double kNoisyScatter = 5.0;  // times the scatter of its neighbours
 constexpr double kOfEdge = 0.5;        // position error of an edge, px
 
+// A map's or frame's values at the eight neighbours of a pixel.
+template <typename Map>
+std::vector<float> neighbours(const Map& map, Index p, Geometry g) {
+  std::vector<float> values;
+  visit_around(g, place_of(static_cast<std::size_t>(p), g.width), 1,
+               [&](std::size_t other) { values.push_back(map[static_cast<Index>(other)]); });
+  return values;
+}
+
 // The median of a map's known values at the eight neighbours of a pixel.
 double around(const ArrayXf& map, Index p, Geometry g) {
-  std::vector<float> values;
-  visit_around(g, place_of(static_cast<std::size_t>(p), g.width), 1, [&](std::size_t other) {
-    const float value = map[static_cast<Index>(other)];
-    if (value > 0.0F) values.push_back(value);
-  });
+  std::vector<float> values = neighbours(map, p, g);
+  std::erase_if(values, [](float value) { return !(value > 0.0F); });
   return values.size() < 3 ? 0.0 : median(std::move(values));
 }
 
@@ -33,13 +39,9 @@ double slope_at(const ArrayXf& map, Index p, Geometry g) {
 // suffer where the motion is not followed.
 double beside(const FieldFrames& frames, const std::vector<Triplet>& triplets, const std::vector<Index>& of, Index p) {
   Line line;
-  std::vector<float> values;
   for (const Index i : of) {
     const auto frame = frames.values.row(triplets[static_cast<std::size_t>(i)].frame);
-    values.clear();
-    visit_around(frames.geometry, place_of(static_cast<std::size_t>(p), frames.geometry.width), 1,
-                 [&](std::size_t other) { values.push_back(frame[static_cast<Index>(other)]); });
-    line.add(median(values), frame[p]);
+    line.add(median(neighbours(frame, p, frames.geometry)), frame[p]);
   }
   return line.width() > 0.0 ? line.slope() : 0.0;
 }

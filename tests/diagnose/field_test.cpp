@@ -81,7 +81,6 @@ TEST_F(FieldRecording, NamesAFaintPatternOfManyPixels) {
   EXPECT_EQ(told(diagnosed(shot)), "explained: fpn_offset");
 }
 
-// As flat fields would show, which the recording lacks.
 // Chance makes the offsets of few columns uneven; both halves of the data show the same ones.
 TEST_F(FieldRecording, NamesAPatternOfFewColumns) {
   for (const int width : {48, 64, 80}) {
@@ -91,6 +90,7 @@ TEST_F(FieldRecording, NamesAPatternOfFewColumns) {
   }
 }
 
+// As flat fields would show, which the recording lacks.
 TEST_F(FieldRecording, LearnsMapsThatUndoThePattern) {
   for (const Case& c : {Case{hand(), "fpn_offset"}, Case{pan(), "fpn_gain"}}) {
     Shot shot = c.shot;
