@@ -16,7 +16,7 @@ constexpr double kSettled = 0.03;    // px of the level, anywhere in the picture
 constexpr int kTries = 3;            // refinement steps of a competing displacement
 constexpr float kAsWell = 1.35F;     // times the least refined error: as good a fit
 constexpr double kPixels = kBlock * kBlock;
-constexpr double kSeen = 0.3;              // share of a block; with less inside, it is ignored
+constexpr double kLeastSeen = 0.3;         // share of a block; with less inside, it is ignored
 constexpr double kFewest = 0.15;           // of the picture
 constexpr double kAlike = 12.6;            // px^2 over which smoothed noise is correlated: 1 / kSmoothedNoise
 constexpr double kTypicalWeight = 0.5625;  // weight of a block whose error is the median
@@ -305,7 +305,7 @@ float GlobalMotion::typical_error(const Level& level) noexcept {
   double pixels = 0.0;
   for (const MatchSums& s : level.sums) {
     pixels += s.count;
-    if (s.count > kSeen * kPixels) errors_[seen++] = s.ee / s.count;
+    if (s.count > kLeastSeen * kPixels) errors_[seen++] = s.ee / s.count;
   }
   if (seen < 4 || pixels < kFewest * kPixels * static_cast<double>(level.sums.size())) return -1.0F;
   const auto middle = errors_.begin() + static_cast<std::ptrdiff_t>(seen / 2);
@@ -339,7 +339,7 @@ Equations GlobalMotion::equations(int level, float typical, double variance) con
     RowSums row;
     for (int c = 0; c < work.sums.across(); ++c) {
       const MatchSums& s = work.sums.at(c, r);
-      if (s.count <= kSeen * kPixels) continue;
+      if (s.count <= kLeastSeen * kPixels) continue;
       const double relative = s.ee / s.count / (3.0 * typical + 1e-9);
       const double weight = 1.0 / ((1.0 + relative) * (1.0 + relative));
       const Vec2 pull = work.pull.at(c, r);

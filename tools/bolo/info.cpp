@@ -212,7 +212,7 @@ Result<json> describe_file(const std::string& file) {
   return tl::unexpected<Error>(reader.error());
 }
 
-void line(const char* name, const std::string& text) { std::printf("  %-10s %s\n", name, printable(text).c_str()); }
+void item(const char* name, const std::string& text) { std::printf("  %-10s %s\n", name, printable(text).c_str()); }
 
 std::string number(const json& value, int digits = 6) {
   if (!value.is_number()) return "none";
@@ -277,8 +277,8 @@ std::string uncertainty_text(const json& attributes) {
 
 void print_capture(const json& info) {
   const std::string unit = info["values"]["unit"];
-  line("format", info["format"]);
-  line("frames", info["frames"].dump() + " of " + info["width"].dump() + "x" + info["height"].dump() + " " +
+  item("format", info["format"]);
+  item("frames", info["frames"].dump() + " of " + info["width"].dump() + "x" + info["height"].dump() + " " +
                      info["type"].get<std::string>() + ", " + number(info["duration_s"]) + " s, row step " +
                      info["row_step"].dump());
   const json& attributes = info["attributes"];
@@ -287,35 +287,35 @@ void print_capture(const json& info) {
       const json value = attributes.value(name, json("unknown"));
       return value.is_string() ? value.get<std::string>() : value.dump();
     };
-    line("recorded", word("recorded_at") + " on " + word("host_name") + " by bolo " + word("bolo_version"));
+    item("recorded", word("recorded_at") + " on " + word("host_name") + " by bolo " + word("bolo_version"));
   }
   if (const json& utc = info["utc"]; utc["first"].is_string() && utc["last"].is_string()) {
-    line("utc",
+    item("utc",
          utc["first"].get<std::string>() + " to " + utc["last"].get<std::string>() + uncertainty_text(attributes));
   }
-  line("unit", unit == "kelvin" ? "kelvin = " + number(info["scale"]) + " * value + " + number(info["offset"]) : unit);
-  line("rate",
+  item("unit", unit == "kelvin" ? "kelvin = " + number(info["scale"]) + " * value + " + number(info["offset"]) : unit);
+  item("rate",
        number(info["rate"]["measured_hz"]) + " Hz measured, " + number(info["rate"]["stated_hz"]) + " Hz stated");
-  line("lost", lost_text(info["lost_frames"]));
-  line("irregular", irregular_text(info["irregular_times"]));
+  item("lost", lost_text(info["lost_frames"]));
+  item("irregular", irregular_text(info["irregular_times"]));
   for (const char* name : {"first", "middle", "last"}) {
     const json& range = info["values"][name];
-    line(name, range_text(range) + " " + unit + " (min .. median .. max of frame " + range["frame"].dump() + ")");
+    item(name, range_text(range) + " " + unit + " (min .. median .. max of frame " + range["frame"].dump() + ")");
   }
-  line("stimulus", pairs_text(info["stimulus"]));
-  if (info["points"] != 0) line("points", info["points"].dump() + " single pixels, their places in /points");
-  line("truth", info["truth"].get<bool>() ? "yes" : "no");
-  if (info["motion"].get<bool>()) line("motion", "velocity and confidence of each block of 8x8 pixels");
-  line("events", events_text(info["events"]));
-  line("camera", info["camera_model"].get<std::string>() + " " + info["camera_serial"].get<std::string>());
-  line("attributes", pairs_text(info["attributes"]));
-  for (const json& warning : info["warnings"]) line("warning", warning);
+  item("stimulus", pairs_text(info["stimulus"]));
+  if (info["points"] != 0) item("points", info["points"].dump() + " single pixels, their places in /points");
+  item("truth", info["truth"].get<bool>() ? "yes" : "no");
+  if (info["motion"].get<bool>()) item("motion", "velocity and confidence of each block of 8x8 pixels");
+  item("events", events_text(info["events"]));
+  item("camera", info["camera_model"].get<std::string>() + " " + info["camera_serial"].get<std::string>());
+  item("attributes", pairs_text(info["attributes"]));
+  for (const json& warning : info["warnings"]) item("warning", warning);
 }
 
 void print_still(const json& info) {
-  line("format", "a still image, not a capture");
-  line("size", info["width"].dump() + "x" + info["height"].dump());
-  line("values", range_text(info["values"]) + " kelvin (min .. median .. max)");
+  item("format", "a still image, not a capture");
+  item("size", info["width"].dump() + "x" + info["height"].dump());
+  item("values", range_text(info["values"]) + " kelvin (min .. median .. max)");
 }
 
 Status run_info(const cxxopts::ParseResult& given) {

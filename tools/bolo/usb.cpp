@@ -81,7 +81,7 @@ Status list(const usb::DeviceFilter& filter, bool as_json) {
   return {};
 }
 
-Status print_report(const usb::DeviceFilter& filter, bool as_json) {
+Status print_descriptors(const usb::DeviceFilter& filter, bool as_json) {
   ASSIGN_OR_RETURN(const auto text, usb::descriptor_report(filter));
   std::fputs((as_json ? json_text(Json{{"report", text}}, 2) + "\n" : text).c_str(), stdout);
   return {};
@@ -106,7 +106,7 @@ Status run_usb(const cxxopts::ParseResult& given) {
     return bad_input("--report and --watch exclude each other; give one");
   }
   ASSIGN_OR_RETURN(const auto filter, filter_of(given));
-  if (given.count("report") != 0) return print_report(filter, as_json);
+  if (given.count("report") != 0) return print_descriptors(filter, as_json);
   return given.count("watch") != 0 ? watch(filter, as_json) : list(filter, as_json);
 }
 

@@ -126,7 +126,7 @@ double usual_period(const Series& series, double otherwise) {
 
 double number_in(const mcap::Texts& texts, const char* key, double otherwise) {
   const auto found = texts.find(key);
-  return found == texts.end() ? otherwise : number_of(found->second).value_or(otherwise);
+  return found == texts.end() ? otherwise : bolo::number_of(found->second).value_or(otherwise);
 }
 
 std::string text_in(const mcap::Texts& texts, const char* key) {
@@ -182,7 +182,7 @@ class McapFootage final : public Footage {
       }
       const std::string name = mcap::attribute_in(key, mcap::kNumber);
       const bool is_text = texts_.contains(std::string(mcap::kText) + name);
-      const auto number = number_of(value);
+      const auto number = bolo::number_of(value);
       if (!name.empty() && !is_text && number) extras.attributes.push_back({name, *number});
     }
     return extras;

@@ -3,9 +3,9 @@
 
 usage: tidy.py BUILD_FOLDER FILE...
 Some twenty files are analysed as one unit, because most of the time goes into their includes. A unit with findings, or in
-which names collide, is split in halves. Clean files are remembered under $BOLO_CACHE (default: ~/.cache/bolo) by a hash of
-the preprocessed text with its comments, the checks and the version of clang-tidy. Findings are printed; the exit code is
-then 1.
+which names collide, is split in halves; a note tells of the collision, because it costs a minute or more. Clean files are
+remembered under $BOLO_CACHE (default: ~/.cache/bolo) by a hash of the preprocessed text with its comments, the checks and
+the version of clang-tidy. Findings are printed; the exit code is then 1.
 """
 import concurrent.futures
 import hashlib
@@ -21,6 +21,7 @@ import tempfile
 # Limits the states that the static analyzer follows in a function: three quarters of the time were spent beyond.
 ANALYZER = [f"--extra-arg={word}" for word in ("-Xclang", "-analyzer-config", "-Xclang", "max-nodes=20000")]
 NOISE = re.compile(r"warnings? generated|Suppressed|Use -header-filter")
+COLLISION = re.compile(r"error: (.*) \[clang-diagnostic-error")
 TOGETHER = 24  # files at most: a change in one of them rechecks all
 ALONE = re.compile(r"foreach_target\.h|elements\.hpp|int main\(")  # files that include themselves per instruction set; names of GStreamer
 WITH_VALUE = ("-o", "-MT", "-MF", "-isystem", "-include")
@@ -73,6 +74,8 @@ class Examination:
                 (self.cache / key).touch()
             return ""
         if len(files) > 1:
+            if collision := COLLISION.search(done.stdout):
+                print(f"takes twice as long, since names collide: {collision[1]}", file=sys.stderr, flush=True)
             half = len(files) // 2
             return self.findings(files[:half]) + self.findings(files[half:])
         return "\n".join(line for line in done.stdout.splitlines() if not NOISE.search(line)) + "\n"

@@ -70,7 +70,7 @@ nlohmann::ordered_json answered(const nlohmann::ordered_json& status, const std:
   return status.contains(place) ? status.at(place) : nullptr;
 }
 
-double number_of(const nlohmann::ordered_json& answer) { return answer.is_number() ? answer.get<double>() : 0.0; }
+double number_in(const nlohmann::ordered_json& answer) { return answer.is_number() ? answer.get<double>() : 0.0; }
 
 std::uint64_t count_of(const nlohmann::ordered_json& answer) {
   return answer.is_number_unsigned() ? answer.get<std::uint64_t>() : 0;
@@ -200,7 +200,7 @@ std::string stat_table(const std::string& name, const StatSnapshot& snapshot, co
     std::string stages;
     for (const auto& stage : pipeline::kStages) {
       stages += fmt::format("{}{} {:.3f}", stages.empty() ? "" : ", ", stage.name,
-                            number_of(answered(snapshot.status, fmt::format("/stages/{}/p50_ms", stage.name))));
+                            number_in(answered(snapshot.status, fmt::format("/stages/{}/p50_ms", stage.name))));
     }
     out += line("stages   {} ms (p50 of all)", stages);
   }
