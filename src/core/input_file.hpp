@@ -1,5 +1,6 @@
 // The rule for every file that our programs read, except captures and maps (read by HDF5): a regular file, or a link to
-// one. A pipe could block without end, a device be read without end. An error is reported at once.
+// one. A pipe or a file of the kernel (/proc) could block without end, a device be read without end. An error is
+// reported at once.
 #pragma once
 
 #include <cstdint>
