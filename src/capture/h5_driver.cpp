@@ -179,9 +179,10 @@ Status read_head(const std::filesystem::path& file, std::array<char, 128>& head)
   if (!descriptor) return bad_input(std::string("cannot be opened: ") + std::strerror(errno));
   struct stat info {};
   const bool regular = fstat(descriptor.get(), &info) == 0 && S_ISREG(info.st_mode);
-  const bool has_bytes = regular && ::read(descriptor.get(), head.data(), head.size()) > 0;
   if (!regular) return bad_input("is not a regular file; expected a capture");
-  if (!has_bytes) return bad_input("is empty; expected a capture");
+  const ssize_t bytes = ::read(descriptor.get(), head.data(), head.size());
+  if (bytes < 0) return bad_input(std::string("cannot be read: ") + std::strerror(errno));
+  if (bytes == 0) return bad_input("is empty; expected a capture");
   return {};
 }
 
