@@ -15,6 +15,10 @@ namespace bolo {
 
 inline constexpr std::uint64_t kMostTextBytes = std::uint64_t{256} << 20U;  // limit for a table: millions of lines
 
+// Files in which the kernel talks, such as /proc/kmsg and trace_pipe, call themselves regular; some are waited for
+// without end, and what is read is gone for others. Thread: any.
+bool is_kernels_file(const std::filesystem::path& file);
+
 // Opens for reading, at the beginning. Errors (kBadInput) name the file. Thread: any.
 Result<UniqueFd> open_input(const std::filesystem::path& file);
 
