@@ -63,21 +63,27 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     return info_;
   }
 
-  // Starts the stream and the monitoring thread. The inlet outlives stop(). Thread: setup, once.
+  // Starts the stream and the monitoring thread, which opens a camera again that was lost since open(). The inlet
+  // outlives stop(). Thread: setup, once.
   Status start(pipeline::FrameInlet& inlet) {
     receiver_.emplace(inlet, options_, *status_);
-    if (Status adopted = adopt(std::move(opened_)); !adopted) {
-      take_session();
-      return adopted;
+    Status started = adopt(std::move(opened_));
+    const auto fault = started || options_.reconnect_after_ms == 0 ? std::nullopt : find_fault(0);
+    if (started || fault) {
+      set_state(SourceState::kStreaming);
+      if (fault) note_loss(*fault, monotonic_ns());
+      std::promise<void> done;
+      ended_ = done.get_future();
+      started = tried([&] {
+        thread_ = std::thread([self = shared_from_this(), end = std::move(done)]() mutable {
+          self->run();
+          end.set_value();
+        });
+        return Status{};
+      });
     }
-    set_state(SourceState::kStreaming);
-    std::promise<void> done;
-    ended_ = done.get_future();
-    thread_ = std::thread([self = shared_from_this(), end = std::move(done)]() mutable {
-      self->run();
-      end.set_value();
-    });
-    return {};
+    if (!started) take_session();
+    return started;
   }
 
   // No frame is delivered after it returns. Waits at most kStopLimit for the connection to close. Thread: setup.
@@ -119,8 +125,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     const auto served = [&] { return nucs_served_ >= mine || stop_.load(std::memory_order_relaxed); };
     if (!nuc_done_.wait_for(lock, kNucLimit, served) || nucs_served_ < mine) {
       nucs_served_ = std::max(nucs_served_, mine);  // nobody waits for it any longer
-      return failed(std::string("the camera was not told to correct itself: it is ") +
-                    std::string(name(status_->state.value())));
+      return failed(fmt::format("the camera was not told to correct itself: it is {}", name(status_->state.value())));
     }
     return nuc_result_;
   }
@@ -132,6 +137,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
 
  private:
   void run() {
+    if (status_->state.value() == SourceState::kLost) attempt([this] { reopen(cause_); });  // since open()
     while (sleep(kTick)) {
       attempt([this] {
         poll();
@@ -264,30 +270,32 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
     return true;
   }
 
-  // Makes the session current, unless stopped, and starts its stream.
-  Status adopt(std::unique_ptr<Session> session) {
+  // Makes the session current and starts its stream, unless stopped.
+  Status adopt(std::unique_ptr<Session> fresh) {
+    {
+      const std::lock_guard lock(mutex_);
+      session_ = std::move(fresh);
+    }
     std::vector<std::string> found;
-    if (Status prepared = session->prepare(*receiver_, status_, found); !prepared) return prepared;
+    RETURN_IF_ERROR(session_->prepare(*receiver_, status_, found));
     const bool first = since_ns_ == 0;
     if (first) {
-      for (const std::string& text : session->negotiated().notes) report(false, text);
+      for (const std::string& text : session_->negotiated().notes) report(false, text);
       for (const std::string& text : found) report(true, text);
     }
     ticks_without_control_ = 0;
     nuc_until_ns_ = 0;
     judged_median_ = -1;
     receiver_->set_nuc_until(0);
-    Session* present = session.get();
     {
       const std::lock_guard lock(mutex_);
       if (stop_.load(std::memory_order_relaxed)) return {};
       if (first) warnings_.insert(warnings_.end(), found.begin(), found.end());
-      receiver_->begin(session->negotiated().kelvin_table);
+      receiver_->begin(session_->negotiated().kelvin_table);
       since_ns_ = monotonic_ns();
-      session_ = std::move(session);
       session_->admit();
     }
-    return present->begin();
+    return session_->begin();
   }
 
   // Shuts and returns the current session. With a dead camera its destruction takes seconds: do that without the mutex.

@@ -14,6 +14,8 @@
 #include <string_view>
 #include <utility>
 
+#include "src/core/input_file.hpp"
+
 namespace bolo::capture {
 namespace {
 
@@ -175,13 +177,15 @@ h5::Handle file_access(const std::shared_ptr<DrivenFile>& driven) {
 constexpr std::string_view kOldMatlab = "MATLAB 5.0 MAT-file";
 
 Status read_head(const std::filesystem::path& file, std::array<char, 128>& head) {
+  if (is_kernels_file(file)) return bad_input("is made by the kernel; expected a capture");
   const UniqueFd descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!descriptor) return bad_input(std::string("cannot be opened: ") + std::strerror(errno));
   struct stat info {};
   const bool regular = fstat(descriptor.get(), &info) == 0 && S_ISREG(info.st_mode);
-  const bool has_bytes = regular && ::read(descriptor.get(), head.data(), head.size()) > 0;
   if (!regular) return bad_input("is not a regular file; expected a capture");
-  if (!has_bytes) return bad_input("is empty; expected a capture");
+  const ssize_t bytes = ::read(descriptor.get(), head.data(), head.size());
+  if (bytes < 0) return bad_input(std::string("cannot be read: ") + std::strerror(errno));
+  if (bytes == 0) return bad_input("is empty; expected a capture");
   return {};
 }
 

@@ -1,7 +1,9 @@
 #include "src/core/input_file.hpp"
 
 #include <fcntl.h>
+#include <linux/magic.h>
 #include <sys/stat.h>
+#include <sys/vfs.h>
 
 #include <array>
 #include <cerrno>
@@ -34,10 +36,17 @@ std::string describe_size(std::uint64_t bytes) {
 
 }  // namespace
 
+bool is_kernels_file(const std::filesystem::path& file) {
+  struct statfs system {};
+  if (::statfs(file.c_str(), &system) != 0) return false;
+  return system.f_type == PROC_SUPER_MAGIC || system.f_type == TRACEFS_MAGIC || system.f_type == DEBUGFS_MAGIC;
+}
+
 Result<UniqueFd> open_input(const std::filesystem::path& file) {
   // Checked before opening, because opening can affect a device. O_NONBLOCK: a pipe put there meanwhile does not block.
   struct stat info {};
   if (::stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return no_file(file, info.st_mode);
+  if (is_kernels_file(file)) return bad_input(file.string() + ": is made by the kernel, not a file");
   UniqueFd opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
   if (!opened || ::fstat(opened.get(), &info) != 0) return unreadable(file, errno);
   if (!S_ISREG(info.st_mode)) return no_file(file, info.st_mode);

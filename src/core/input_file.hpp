@@ -1,5 +1,6 @@
 // The rule for every file that our programs read, except captures and maps (read by HDF5): a regular file, or a link to
-// one. A pipe could block without end, a device be read without end. An error is reported at once.
+// one. A pipe or a file of the kernel (/proc) could block without end, a device be read without end. An error is
+// reported at once.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +14,10 @@
 namespace bolo {
 
 inline constexpr std::uint64_t kMostTextBytes = std::uint64_t{256} << 20U;  // limit for a table: millions of lines
+
+// Files in which the kernel talks, such as /proc/kmsg and trace_pipe, call themselves regular; some are waited for
+// without end, and what is read is gone for others. Thread: any.
+bool is_kernels_file(const std::filesystem::path& file);
 
 // Opens for reading, at the beginning. Errors (kBadInput) name the file. Thread: any.
 Result<UniqueFd> open_input(const std::filesystem::path& file);

@@ -1,10 +1,10 @@
 // Hand-written files of numbers: one row per line, separated by commas.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -33,13 +33,14 @@ std::optional<std::array<double, N>> numbers_of(std::string_view line) {
 // Errors of take are prefixed with file and line. Thread: any.
 template <typename Take>
 Status read_rows(const std::filesystem::path& file, const Take& take) {
-  ASSIGN_OR_RETURN(std::string whole, read_input(file));
-  if (whole.starts_with("\xef\xbb\xbf")) whole.erase(0, 3);  // byte order mark that spreadsheets write before UTF-8
-  std::istringstream in(std::move(whole));
-  std::string text;
+  ASSIGN_OR_RETURN(const std::string whole, read_input(file));
+  std::string_view rest = whole;
+  if (rest.starts_with("\xef\xbb\xbf")) rest.remove_prefix(3);  // byte order mark that spreadsheets write before UTF-8
   bool first = true;
-  for (int number = 1; std::getline(in, text); ++number) {
-    const std::string_view line = trimmed(text);
+  for (int number = 1; !rest.empty(); ++number) {
+    const std::size_t end = std::min(rest.find('\n'), rest.size());
+    const std::string_view line = trimmed(rest.substr(0, end));
+    rest.remove_prefix(std::min(end + 1, rest.size()));
     if (line.empty() || line.front() == '#') continue;
     const Status taken = take(line, std::exchange(first, false));
     if (!taken) return at(file.string() + ":" + std::to_string(number), taken.error());

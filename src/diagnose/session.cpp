@@ -1,5 +1,7 @@
 #include "src/diagnose/session.hpp"
 
+#include <functional>
+
 namespace bolo::diagnose {
 namespace {
 
@@ -21,14 +23,18 @@ std::string fault(const capture::Stimulus& stimulus) {
   return chopper != nullptr && chopper->on_s.empty() ? "the chopper has no pulse" : "";
 }
 
+// Told the share that is read; false stops the reading.
+using Going = std::function<bool(double)>;
+
 // Reads all frames into `recording`. Returns the fault in their values; empty: none.
-Result<std::string> read_frames(FrameReader& reader, const Grid& grid, Recording& recording) {
+Result<std::string> read_frames(FrameReader& reader, const Grid& grid, Recording& recording, const Going& going) {
   const Geometry geometry = reader.format().geometry;
   std::vector<float> frame(geometry.pixels());
   recording.values.resize(static_cast<Index>(reader.capture().info().frames), grid.pixels());
   FrameStatisticsSum statistics(geometry.width, geometry.height, !has_model(recording));
   std::size_t clipped = 0;
   for (Index k = 0; k < recording.values.rows(); ++k) {
+    if (!going(static_cast<double>(k) / static_cast<double>(recording.values.rows()))) return failed("interrupted");
     ASSIGN_OR_RETURN(const auto at_limits, reader.read(static_cast<std::size_t>(k), 0, frame));
     clipped += at_limits;
     if (!std::ranges::all_of(frame, [](float v) { return std::isfinite(v); })) {
@@ -57,7 +63,8 @@ std::string difference(const capture::CaptureInfo& info, const Session& session,
 }
 
 // Reads one recording, or says why it cannot be used.
-Result<Recording> read_recording(const std::filesystem::path& file, Session& session, std::string& camera) {
+Result<Recording> read_recording(const std::filesystem::path& file, Session& session, std::string& camera,
+                                 const Going& going) {
   ASSIGN_OR_RETURN(auto reader, FrameReader::open(file, session.known));
   const capture::CaptureInfo& info = reader.capture().info();
   Recording recording;
@@ -89,7 +96,7 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
   if (info.format.type == PixelType::kUint16) recording.step = recording.kelvin ? info.format.scale.scale : 1.0;
   recording.start_s = reader.capture().t().front();
   recording.t = mapped(reader.capture().t(), [&](double t) { return t - recording.start_s; });
-  ASSIGN_OR_RETURN(const auto what, read_frames(reader, session.grid, recording));
+  ASSIGN_OR_RETURN(const auto what, read_frames(reader, session.grid, recording, going));
   if (!what.empty()) return refuse(what + "; left out");
   recording.used.assign(recording.t.size(), 1);
   return recording;
@@ -199,8 +206,11 @@ Result<Session> read_session(const std::vector<std::filesystem::path>& files, co
   session.known = std::move(known);
   std::string camera;
   for (std::size_t i = 0; i < files.size(); ++i) {
-    if (!progress("reading", static_cast<double>(i) / static_cast<double>(files.size()))) return failed("interrupted");
-    auto recording = read_recording(files[i], session, camera);
+    const Going going = [&](double share) {
+      return progress("reading", (static_cast<double>(i) + share) / static_cast<double>(files.size()));
+    };
+    auto recording = read_recording(files[i], session, camera, going);
+    if (!going(1.0)) return failed("interrupted");
     if (recording) {
       session.recordings.push_back(std::move(*recording));
     } else {

@@ -314,6 +314,9 @@ TEST_F(CaptureStrictFile, WhatIsNoCaptureIsToldApart) {
   expect_no_capture(scratch_ / "", "not a regular file");
   std::ofstream(scratch_ / "empty.h5").close();
   expect_no_capture(scratch_ / "empty.h5", "is empty");
+  expect_no_capture("/proc/self/status", "made by the kernel");
+  const std::filesystem::path unreadable = "/sys/class/net/lo/speed";  // as a disk that fails
+  if (std::filesystem::exists(unreadable)) expect_no_capture(unreadable, "cannot be read: Invalid argument");
   expect_no_capture(scratch_.text("text.h5", "hello, this is no HDF5 file"), "not an HDF5 file");
   const std::string old = "MATLAB 5.0 MAT-file, Platform: GLNXA64" + std::string(200, ' ');
   expect_no_capture(scratch_.text("old.mat", old), "-v7.3");

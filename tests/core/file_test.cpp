@@ -69,6 +69,13 @@ TEST_F(InputFileTest, RefusesWhatWouldBeWaitedForOrReadWithoutEnd) {
   expect_not_read(scratch_ / "none", "No such file");
 }
 
+// They say that they are regular files; /proc/kmsg is one that is waited for.
+TEST_F(InputFileTest, RefusesWhatTheKernelMakes) {
+  fs::create_symlink("/proc/self/status", scratch_ / "link");
+  expect_not_read("/proc/self/status", "made by the kernel");
+  expect_not_read(scratch_ / "link", "made by the kernel");
+}
+
 TEST_F(InputFileTest, RefusesASocket) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;

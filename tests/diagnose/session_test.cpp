@@ -1,5 +1,6 @@
 // Faulty sessions: one clear line for each fault, and no verdict against the camera.
 #include "src/diagnose/session.hpp"
+#include "src/diagnose/calibrate.hpp"
 #include "tests/diagnose/bench.hpp"
 #include "tests/refusal.hpp"
 
@@ -97,6 +98,25 @@ TEST_F(SessionFiles, NoFilesAtAll) { expect_refused(read_session({}, go_on), {})
 
 TEST_F(SessionFiles, TheDiagnosisCanBeStopped) {
   EXPECT_FALSE(diagnose({shutter("a.h5")}, {}, [](const std::string&, double) { return false; }));
+}
+
+// Long captures take seconds to read.
+TEST_F(SessionFiles, ReadingCanBeStopped) {
+  int asked = 0;
+  const auto few_times = [&asked](const std::string&, double) { return ++asked < 10; };
+  expect_error(read_session({shutter("a.h5")}, few_times), {"interrupted"});
+  EXPECT_LT(asked, 20);
+
+  const auto nothing = [](int, std::vector<float>& plane) { std::ranges::fill(plane, 300.0F); };
+  const auto file = scratch_ / "chopper.h5";
+  testing::write_capture<float>(file, {8, 4}, 40, nothing, capture::Chopper{300.0, {0.0}, {0.1}, {310.0}}, 0.005);
+  std::string step;
+  const auto first_step = [&step](const std::string& what, double) {
+    if (step.empty()) step = what;
+    return false;
+  };
+  expect_error(calibrate({file}, {}, first_step), {"interrupted"});
+  EXPECT_EQ(step, "reading");
 }
 
 // Findings so far belong to the frames read before, which had another size or other times.

@@ -323,6 +323,7 @@ TEST_F(DeblurVerb, RefusesInOneLineWithExitCode2AndNoOutput) {
   write("long.csv", std::string(100'000, '1') + "\n");
   std::string many;
   for (int i = 0; i <= kWidth * kHeight; ++i) many += "1,1\n";
+  many += "what follows is not read\n";
   write("many.csv", many);
   write("empty.csv", "x,y\n# none\n");
   write("lens.toml", "[lens]\nfocal_px = 1400\n");

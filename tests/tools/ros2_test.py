@@ -208,6 +208,13 @@ domain = {DOMAIN}
         shutil.copy(BOLOD, alone / "bolod")
         self.assertIn("install the package bolo-ros2", self.refusal(self.config(), alone / "bolod"))
 
+    def test_its_errors_name_it_once(self):
+        for words in (["--x"], ["--domain", "a"], ["a", "b"], ["--kelvin=1", "a"], ["--domain", "999", "a"], []):
+            done = subprocess.run([BRIDGE, *words], capture_output=True, text=True, timeout=60)
+            self.assertEqual((done.returncode, done.stderr.count("\n")), (2, 1), done.stderr)
+            self.assertTrue(done.stderr.startswith("bolo-ros2: "), done.stderr)
+            self.assertNotIn(str(BRIDGE), done.stderr)
+
     def test_a_name_that_is_none_is_bad_input(self):
         done = subprocess.run([BRIDGE, "--domain", str(DOMAIN), "--", "it's"], capture_output=True, text=True, check=False)
         self.assertEqual((done.returncode, done.stderr.count("\n")), (2, 1), done.stderr)

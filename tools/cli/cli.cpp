@@ -99,6 +99,8 @@ int guarded(const std::string& program, const Verb& verb, int argc, char** argv)
 void set_program_name(std::string name) { g_program = std::move(name); }
 
 std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed) {
+  const std::string word = std::filesystem::path(argv[0]).filename().string();
+  const std::string command = word == g_program ? word : g_program + " " + word;  // "bolo deblur"
   options.add_options()("h,help", "Print this help");
   try {
     parsed = options.parse(argc, argv);
@@ -107,19 +109,18 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
       return kExitDone;
     }
     if (!parsed.unmatched().empty()) {
-      std::fprintf(stderr, "%s %s: unexpected argument '%s'; see %s %s --help\n", g_program.c_str(), argv[0],
-                   message_line(parsed.unmatched().front()).c_str(), g_program.c_str(), argv[0]);
+      std::fprintf(stderr, "%s: unexpected argument '%s'; see %s --help\n", command.c_str(),
+                   message_line(parsed.unmatched().front()).c_str(), command.c_str());
       return kExitUsage;
     }
     if (const auto flag = flag_with_value(options, parsed)) {
-      std::fprintf(stderr, "%s %s: --%s takes no value; leave it out instead\n", g_program.c_str(), argv[0],
-                   flag->c_str());
+      std::fprintf(stderr, "%s: --%s takes no value; leave it out instead\n", command.c_str(), flag->c_str());
       return kExitUsage;
     }
   } catch (const cxxopts::exceptions::exception& e) {
-    std::fprintf(stderr, "%s %s: %s%s; see %s %s --help\n", g_program.c_str(), argv[0],
+    std::fprintf(stderr, "%s: %s%s; see %s --help\n", command.c_str(),
                  message_line(option_of(e.what(), argc, argv)).c_str(), message_line(e.what()).c_str(),
-                 g_program.c_str(), argv[0]);
+                 command.c_str());
     return kExitUsage;
   }
   return std::nullopt;

@@ -27,16 +27,18 @@ Result<std::uint32_t> parse_point(std::string_view line, Geometry frame) {
 
 Result<std::vector<std::uint32_t>> read_points(const std::filesystem::path& file, Geometry frame) {
   std::vector<std::uint32_t> points;
-  RETURN_IF_ERROR(read_rows(file, [&](std::string_view line, bool first) -> Status {
+  const auto too_many = [&] { return points.size() > frame.pixels(); };
+  const Status read = read_rows(file, [&](std::string_view line, bool first) -> Status {
     if (first && (line == "x,y" || line == "x_px,y_px")) return {};
     ASSIGN_OR_RETURN(points.emplace_back(), parse_point(line, frame));
-    return {};
-  }));
-  if (points.empty()) return bad_input(file.string() + ": no points; write one x,y in pixels a line");
-  if (points.size() > frame.pixels()) {
+    return too_many() ? bad_input("too many") : Status{};  // at once: a file may have millions
+  });
+  if (too_many()) {
     return bad_input(fmt::format("{}: more points than the {}x{} pixels of a frame; give each once", file.string(),
                                  frame.width, frame.height));
   }
+  RETURN_IF_ERROR(read);
+  if (points.empty()) return bad_input(file.string() + ": no points; write one x,y in pixels a line");
   return points;
 }
 

@@ -14,7 +14,6 @@
 #include <atomic>
 #include <cstdint>
 #include <cstdio>
-#include <exception>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -252,12 +251,7 @@ bool end_with_parent() {
   return getppid() == parent && parent != 1;
 }
 
-int usage(const char* what) {
-  std::fprintf(stderr, "bolo-ros2: %s\n", what);
-  return kExitUsage;
-}
-
-int run(int argc, char** argv) {
+Result<int> run(int argc, char** argv) {
   set_program_name("bolo-ros2");
   cxxopts::Options options("bolo-ros2", "The frames of a running bolod as topics of ROS 2.");
   options.add_options()("name", "The daemon's name: /bolo.NAME", cxxopts::value<std::string>(), "NAME")  //
@@ -272,33 +266,27 @@ int run(int argc, char** argv) {
   if (const auto code = parse(options, argc, argv, parsed)) return *code;
   constexpr int kMostDomain = 232;
   Request request;
-  if (parsed.count("name") == 0) return usage("NAME is missing: which daemon's frames?");
+  if (parsed.count("name") == 0) return bad_input("NAME is missing: which daemon's frames?");
   request.name = parsed["name"].as<std::string>();
   request.domain = parsed["domain"].as<int>();
-  if (request.domain < 0 || request.domain > kMostDomain) {
-    return usage("--domain: expected 0 to 232");
-  }
+  if (request.domain < 0 || request.domain > kMostDomain) return bad_input("--domain: expected 0 to 232");
   request.frame_id = parsed["frame-id"].as<std::string>();
   if (request.frame_id.empty()) request.frame_id = request.name;
   request.kelvin = parsed.count("kelvin") != 0;
   if (parsed.count("with-parent") != 0 && !end_with_parent()) return kExitDone;
   catch_interrupts();
   Bridge bridge(std::move(request));
-  Status done = bridge.open();
-  if (done) done = bridge.run();
-  if (done) return kExitDone;
-  std::fprintf(stderr, "bolo-ros2: %s\n", message_line(done.error().message).c_str());
-  return done.error().exit_code();
+  RETURN_IF_ERROR(bridge.open());
+  RETURN_IF_ERROR(bridge.run());
+  return kExitDone;
 }
 
 }  // namespace
 }  // namespace bolo::tools
 
 int main(int argc, char** argv) {
-  try {
-    return bolo::tools::run(argc, argv);
-  } catch (const std::exception& e) {  // out of memory
-    std::fprintf(stderr, "bolo-ros2: %s\n", bolo::describe_exception(e).c_str());
-    return bolo::tools::kExitFailed;
-  }
+  const bolo::Result<int> done = bolo::tried([&] { return bolo::tools::run(argc, argv); });
+  if (done) return *done;
+  std::fprintf(stderr, "bolo-ros2: %s\n", bolo::message_line(done.error().message).c_str());
+  return done.error().exit_code();
 }

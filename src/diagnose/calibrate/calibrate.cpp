@@ -59,7 +59,7 @@ double mean_over(const std::vector<double>& values, const std::vector<std::size_
 
 constexpr std::size_t kKeptBytes = std::size_t{512} << 20U;  // larger recordings are read again from the file
 
-Result<FrameSeries> open_series(const std::filesystem::path& file, FrameReader& reader) {
+Result<FrameSeries> open_series(const std::filesystem::path& file, FrameReader& reader, const Progress& progress) {
   const StreamFormat format = reader.format();
   FrameSeries series;
   series.name = file.string();
@@ -77,9 +77,9 @@ Result<FrameSeries> open_series(const std::filesystem::path& file, FrameReader& 
   const std::size_t pixels = format.geometry.pixels();
   if (series.t_s.size() * pixels > kKeptBytes / sizeof(float)) return series;
   auto all = std::make_shared<std::vector<float>>(series.t_s.size() * pixels);
-  for (std::size_t k = 0; k < series.t_s.size(); ++k) {
-    RETURN_IF_ERROR(series.read(k, {all->data() + k * pixels, pixels}));
-  }
+  RETURN_IF_ERROR(series.for_each("reading", progress, [&](std::size_t k, std::span<const float> frame) {
+    std::ranges::copy(frame, all->begin() + static_cast<std::ptrdiff_t>(k * pixels));
+  }));
   series.read = [all, pixels](std::size_t k, std::span<float> out) -> Status {
     std::copy_n(all->data() + k * pixels, pixels, out.begin());
     return {};
@@ -239,7 +239,7 @@ Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures
   }
   Calibration result;
   result.profile = known;
-  ASSIGN_OR_RETURN(const auto frames, open_series(pulses->file, pulses->reader));
+  ASSIGN_OR_RETURN(const auto frames, open_series(pulses->file, pulses->reader, progress));
   ASSIGN_OR_RETURN(result.fit, fit_pulses(frames, progress));
   result.pulses.push_back(pulses->file.string());
 
@@ -249,7 +249,7 @@ Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures
       result.warnings.push_back(source.file.string() + ": not used: one capture with pulses is enough");
       continue;
     }
-    ASSIGN_OR_RETURN(const auto still, open_series(source.file, source.reader));
+    ASSIGN_OR_RETURN(const auto still, open_series(source.file, source.reader, progress));
     ASSIGN_OR_RETURN(auto found, fit_still(still, progress));
     if (result.still) {
       merge(*result.still, found, static_cast<double>(result.stills.size()));

@@ -349,6 +349,40 @@ TEST_F(GenicamLossTest, ReopensACameraThatRebootedAtOnce) {
   EXPECT_EQ(lost_by(LostCause::kControlLost) + lost_by(LostCause::kNoAnswer), 1U);
 }
 
+// Set-up is done, and the daemon is about to start the acquisition.
+TEST_F(GenicamLossTest, StartsWithACameraThatRebootedSinceItWasOpened) {
+  FakeCamera& fake = add_camera();
+  open();
+  fake.kill();
+  add_camera();
+  ASSERT_NO_FATAL_FAILURE(collect());
+  EXPECT_TRUE(collector_->wait_for(20));
+  EXPECT_EQ(source_->reconnects(), 1U);
+  EXPECT_EQ(lost_by(LostCause::kControlLost), 1U);
+}
+
+TEST_F(GenicamLossTest, StartsWithoutTheCameraThatWentAwaySinceItWasOpened) {
+  FakeCamera& fake = add_camera();
+  open();
+  fake.kill();
+  ASSERT_NO_FATAL_FAILURE(collect());
+  EXPECT_EQ(source_->state(), SourceState::kLost);
+  EXPECT_EQ(lost_by(LostCause::kNoAnswer), 1U);
+  add_camera();
+  ASSERT_TRUE(collector_->wait_for(20));
+  EXPECT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
+  EXPECT_LT(source_->status()->outage_frames.value(), 10'000U) << "it was away for seconds";
+  EXPECT_EQ(changes(), (std::vector<std::string>{"!camera lost (no answer)", "camera opened again"}));
+}
+
+TEST_F(GenicamLossTest, DoesNotStartWithoutTheCameraThatIsNotToBeReopened) {
+  FakeCamera& fake = add_camera();
+  open(with({.reconnect_after_ms = 0}));
+  fake.kill();
+  Collector collector(info_.format);
+  expect_error(source_->start(collector.inlet()), {"camera 127.0.0.1"});
+}
+
 TEST_F(GenicamLossTest, ReopensACameraThatAnswersButSendsNothing) {
   FakeCamera& fake = add_camera();
   start_and_take(10, with({.reconnect_after_ms = 400}));
