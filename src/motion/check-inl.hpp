@@ -102,6 +102,32 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
   }
 }
 
+// The first `count` values at `from`, then zeros.
+HWY_INLINE Vec load_some(const float* from, int count) {
+  if (count >= kLanes) return load(from);
+  HWY_ALIGN float part[kLanes] = {};
+  std::copy_n(from, std::max(count, 0), part);
+  return hn::Load(Float(), part);
+}
+
+void distance(const PaddedPlane& x, const float* other, int block_row, float* square) noexcept {
+  const Geometry g = x.geometry();
+  const RowRange rows = x.rows_of(block_row);
+  for (int c = 0; c < x.blocks_across(); ++c) {
+    const int columns = std::min(kBlock, g.width - c * kBlock);
+    Vec total = hn::Zero(Float());
+    for (int y = rows.begin; y < rows.end; ++y) {
+      const float* beside = other + static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width);
+      for (int k = 0; k < columns; k += kLanes) {
+        const Vec mine = load_some(x.at(c * kBlock + k, y), columns - k);
+        const Vec apart = hn::Sub(mine, load_some(beside + c * kBlock + k, columns - k));
+        total = hn::MulAdd(apart, apart, total);
+      }
+    }
+    square[c] = sum(total) / static_cast<float>(columns * (rows.end - rows.begin));
+  }
+}
+
 // Values of a block field along a row of pixels, interpolated between block centres; block by block, from `first` on.
 class Between {
  public:
@@ -177,9 +203,8 @@ void blend(const PaddedPlane& x, const float* other, const float* const* c, cons
           store(mixed(load(other + at)), out + at);
           continue;
         }
-        HWY_ALIGN float part[kLanes] = {};
-        std::copy_n(other + at, count, part);
-        hn::Store(mixed(hn::Load(Float(), part)), Float(), part);
+        HWY_ALIGN float part[kLanes];
+        hn::Store(mixed(load_some(other + at, count)), Float(), part);
         std::copy_n(part, count, out + at);
       }
     }

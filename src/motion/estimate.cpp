@@ -69,8 +69,8 @@ Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
   const int down = blocks_over(geometry.height);
   for (VectorField& f : past_) f = VectorField(across, down);
   for (VectorField* f : {&next_, &tap_step_, &trail_, &direction_}) *f = VectorField(across, down);
-  for (ScalarField* f :
-       {&speed_, &lag_, &far_gain_, &far_share_, &bent_, &contrast_across_, &unexplained_, &step_, &share_, &most_})
+  for (ScalarField* f : {&speed_, &lag_, &far_gain_, &far_share_, &bent_, &contrast_across_, &unexplained_, &apart_,
+                         &step_, &share_, &most_})
     *f = ScalarField(across, down);
   for (std::size_t i = 0; i < raw_.size(); ++i) raw_[i] = smooth_[i] = ScalarField(across, down);
   leaves_ = BlockField<char>(across, down);
@@ -331,6 +331,7 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
   const auto ratio = static_cast<float>(1.0 / inertia_.tau);
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.check(x_, *in.innovation, *in.now, trail_.row(row), ratio, row, left_, raw_[0].row(row), raw_[1].row(row));
+    kernels.distance(x_, in.other, row, apart_.row(row));
   });
   for_rows(crew, weights_.down(), [&](int row) { copy_from_inside(row); });
   for_rows(crew, weights_.down(), [&](int row) { judge(in, row); });
@@ -354,7 +355,9 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
   const auto of_innovation = kMargin * static_cast<float>(inertia_.noise()) * noise;
   const auto first = static_cast<std::size_t>(row) * static_cast<std::size_t>(step_.across());
   for (std::size_t i = first; i < first + static_cast<std::size_t>(step_.across()); ++i) {
-    const float error = std::max(table_->near_error(place_[i], &path_weights_, bent_[i]), 0.0F);
+    const float expected = in.ahead == nullptr ? WeightTable::error_of(weights_[i], across_[i])
+                                               : table_->near_error(place_[i], &path_weights_, bent_[i]);
+    const float error = std::max(expected, 0.0F);
     const float left = std::max(smooth_[0][i] - of_innovation, 0.0F);
     step_[i] = leaves_[i] != 0 ? 0.0F : left / (left + of_innovation + kOfError * error * noise + 1e-30F);
     const double smooth = smooth_of(static_cast<double>(speed_[i]), static_cast<double>(place_[i].blurred));
@@ -368,6 +371,8 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
         .change = smooth_[1][i] / noise,
         .own = raw_[3][i] / noise,
         .speed = std::min(speed_[i], std::hypot(trail_[i].x, trail_[i].y)),  // after a stop the block rests
+        .apart = apart_[i] / noise,
+        .contrast = contrast_across_[i],
         .seen = seen_before(static_cast<int>(i)),
         .bridged = in.bridged};
     share_[i] = static_cast<float>(in.path.steady) / (1.0F + std::exp(odds(inertia_, in.ahead != nullptr, evidence)));

@@ -100,6 +100,7 @@ class Estimator {
   ScalarField bent_;         // share of the path's weights
   ScalarField unexplained_;  // mean square error that no weights can remove, noise variances
   BlockField<char> leaves_;  // 1: a trail leaves the picture
+  ScalarField apart_;        // mean square difference of both estimates
   ScalarField step_;         // share of the residual that is added back
   ScalarField share_;
   ScalarField most_;  // largest share of any pixel of a block

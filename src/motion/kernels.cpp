@@ -218,6 +218,7 @@ const Kernels& kernels() {
                              filter,
                              across,
                              check,
+                             distance,
                              correct,
                              blend,
                              correlate,

@@ -43,6 +43,7 @@ struct alignas(64) FilterWeights {
 struct AcrossWeights {
   static constexpr int kReach = 3;
   float w[kReach] = {};
+  float error = 1.0F;  // expected mean square error after the filter, of white noise of variance 1 before it
 };
 
 struct FitSums {
@@ -129,6 +130,8 @@ struct Kernels {
   // left = z - (x averaged along one frame's trail d, share(f) ~ exp(-f ratio)); block sums of left^2 and (z - y)^2.
   void (*check)(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, const Vec2* d, float ratio,
                 int block_row, PaddedPlane& left, float* left_square, float* change_square) noexcept;
+  // Block means of (x - other)^2; `other` is a plane of the frame's size.
+  void (*distance)(const PaddedPlane& x, const float* other, int block_row, float* square) noexcept;
   // x += w left, w interpolated between blocks; rows of w as in filter.
   void (*correct)(const PaddedPlane& left, const float* const* w, int block_row, Columns columns,
                   PaddedPlane& x) noexcept;

@@ -16,6 +16,8 @@ struct Evidence {
   float change;     // energy of innovation less frame
   float own;        // the same, of this block alone
   float speed;      // px a frame
+  float apart;      // mean square difference of both estimates in this block
+  float contrast;   // half the mean square difference of the past's mean over 2 px across the motion
   bool seen;        // visible before this frame
   int bridged = 0;  // lost frames across which the motion was found
 };

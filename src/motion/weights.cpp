@@ -191,8 +191,9 @@ void WeightTable::fill_across(Scene& scene) noexcept {
     const Vector a = factors.solve(values.col(kSide));
     const Vector b = factors.solve(Vector::Ones());
     const Vector w = a + (1.0 - a.sum()) / b.sum() * b;
-    for (int k = 0; k < kSide; ++k)
-      scene.across[static_cast<std::size_t>(i)].w[k] = static_cast<float>(w(kSide + 1 + k));
+    AcrossWeights& out = scene.across[static_cast<std::size_t>(i)];
+    for (int k = 0; k < kSide; ++k) out.w[k] = static_cast<float>(w(kSide + 1 + k));
+    out.error = static_cast<float>(variance - 2.0 * w.dot(values.col(kSide)) + w.dot(values * w) + w.squaredNorm());
   }
 }
 
@@ -274,11 +275,13 @@ void WeightTable::find_across(const FilterWeights& along, const Place& place, Ve
   const float b = std::clamp(decades / static_cast<float>(kRatioDecades), 0.0F, kRatios - 1.0F - kLargestIndex);
   const auto ib = static_cast<std::size_t>(b);
   const float fb = b - static_cast<float>(ib);
-  for (int i = 0; i < AcrossWeights::kReach; ++i) {
-    out.w[i] = of_scenes(place.blurred, [&](const Scene& scene) {
-      return scene.across[ib].w[i] + fb * (scene.across[ib + 1].w[i] - scene.across[ib].w[i]);
+  const auto mixed = [&](const auto& value) {
+    return of_scenes(place.blurred, [&](const Scene& scene) {
+      return value(scene.across[ib]) + fb * (value(scene.across[ib + 1]) - value(scene.across[ib]));
     });
-  }
+  };
+  for (int i = 0; i < AcrossWeights::kReach; ++i) out.w[i] = mixed([i](const AcrossWeights& w) { return w.w[i]; });
+  out.error = mixed([](const AcrossWeights& w) { return w.error; });
 }
 
 WeightTable::Place WeightTable::place_of(float speed, float structure, float uncertainty,

@@ -78,6 +78,11 @@ class WeightTable {
   void find_across(const FilterWeights& along, const Place& place, Vec2 e, float structure,
                    AcrossWeights& out) const noexcept;
 
+  // Expected mean square error after both, noise variances. Thread: any.
+  static float error_of(const FilterWeights& along, const AcrossWeights& across) noexcept {
+    return along.w[FilterWeights::kError] - (1.0F - across.error) * along.w[FilterWeights::kNoise];
+  }
+
   // Ratio of the contrast at lag_of(a speed) to that at two pixels. Thread: any.
   float lag_factor(float speed, float blurred) const noexcept;
 

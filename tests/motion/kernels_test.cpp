@@ -10,9 +10,7 @@ class MotionKernels : public testing::TestWithParam<std::string_view> {
  protected:
   MotionKernels() {
     for (PaddedPlane* p : {&a_, &b_, &c_}) {
-      for (int y = 0; y < kFrame.height; ++y) {
-        for (int x = 0; x < kFrame.width; ++x) *p->at(x, y) = normal_(random_);
-      }
+      for_pixels([&](int x, int y) { *p->at(x, y) = normal_(random_); });
       p->extend();
     }
     for (VectorField* f : {&d_, &e_, &unit_}) *f = VectorField(a_.blocks_across(), a_.blocks_down());
@@ -30,6 +28,16 @@ class MotionKernels : public testing::TestWithParam<std::string_view> {
     for (int y = 0; y < kFrame.height; ++y) {
       for (int x = 0; x < kFrame.width; ++x) check(x, y);
     }
+  }
+  // Of a block's pixels inside the frame.
+  template <typename Of>
+  double mean_square(int column, int row, const Of& of) {
+    double sum = 0.0;
+    int count = 0;
+    for_pixels([&](int x, int y) {
+      if (x / kBlock == column && y / kBlock == row) sum += std::pow(of(x, y), 2), ++count;
+    });
+    return sum / count;
   }
   template <typename T>
   static std::array<const T*, 3> rows(const BlockField<T>& f, int row) {
@@ -348,23 +356,16 @@ TEST_P(MotionKernels, Check) {
     sum -= 0.5 * counts * (blur[0] * second(1, 0) + blur[1] * second(0, 1));
     ASSERT_NEAR(*out_.at(x, y), *b_.at(x, y) - sum / total, 2e-4) << x << " " << y;
   });
-  double first = 0.0;
-  double second = 0.0;
-  for (int i = 0; i < kBlock * kBlock; ++i) {
-    const int x = kBlock + i % kBlock;
-    const int y = kBlock + i / kBlock;
-    first += *out_.at(x, y) * *out_.at(x, y) / 64;
-    second += std::pow(*b_.at(x, y) - *c_.at(x, y), 2) / 64;
-  }
-  EXPECT_NEAR(left.at(1, 1), first, 1e-4);
-  EXPECT_NEAR(change.at(1, 1), second, 1e-4);
+  EXPECT_NEAR(left.at(1, 1), mean_square(1, 1, [&](int x, int y) { return *out_.at(x, y); }), 1e-4);
+  EXPECT_NEAR(change.at(1, 1), mean_square(1, 1, [&](int x, int y) { return *b_.at(x, y) - *c_.at(x, y); }), 1e-4);
 }
 
-TEST_P(MotionKernels, CorrectAndBlend) {
+TEST_P(MotionKernels, CorrectBlendAndDistance) {
   ScalarField w = field();
   for (float& v : w) v = normal_(random_);
   ScalarField most = field();
   for (float& v : most) v = normal_(random_);
+  ScalarField distance = field();
   const PaddedPlane before = a_;
   std::vector<float> blended(kFrame.pixels());
   std::vector<float> other(kFrame.pixels());
@@ -373,6 +374,7 @@ TEST_P(MotionKernels, CorrectAndBlend) {
     kernels_.correct(b_, rows(w, r).data(), r, {0, 2}, a_);
     kernels_.correct(b_, rows(w, r).data(), r, {2, w.across()}, a_);
     kernels_.blend(a_, other.data(), rows(w, r).data(), most.row(r), r, blended.data());
+    kernels_.distance(a_, other.data(), r, distance.row(r));
   }
   for_pixels([&](int x, int y) {
     const double share = reference::between(kFrame, x, y, [&](int c, int r) { return w.at(c, r); });
@@ -381,6 +383,12 @@ TEST_P(MotionKernels, CorrectAndBlend) {
     const double taken = std::min<double>(share, most.at(x / kBlock, y / kBlock));
     ASSERT_NEAR(blended[i], taken * *a_.at(x, y) + (1 - taken) * other[i], 1e-5);
   });
+  for (int c : {1, w.across() - 1}) {
+    const auto apart = [&](int x, int y) {
+      return *a_.at(x, y) - other[static_cast<std::size_t>(y * kFrame.width + x)];
+    };
+    EXPECT_NEAR(distance.at(c, w.down() - 1), mean_square(c, w.down() - 1, apart), 1e-5);
+  }
 }
 
 TEST_P(MotionKernels, Covariance) {

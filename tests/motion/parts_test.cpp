@@ -370,6 +370,8 @@ TEST(Weights, SmoothAcrossWhatIsNoise) {
     double middle = 1.0;
     double squares = 0.0;
     for (const float v : w.w) middle -= 2.0 * static_cast<double>(v), squares += 2.0 * static_cast<double>(v * v);
+    EXPECT_GE(static_cast<double>(w.error), middle * middle + squares - 1e-3);  // and what the scene loses
+    EXPECT_LE(w.error, structure == 0.0F ? 0.25F : 1.0F);
     return middle * middle + squares;
   };
   EXPECT_LT(left(0.0F, {1.0F, 0.0F}), 0.2);
@@ -388,11 +390,14 @@ TEST(Odds, AMotionThatExplainsMostOfTheChangeIsBelieved) {
                       .change = 6900,
                       .own = 6900,
                       .speed = 26,
+                      .apart = 4200,
+                      .contrast = 130,
                       .seen = true};
   Evidence badly = well;
   badly.left = 0.5F * well.change;
   Evidence slow = well;
   slow.speed = 0.4F;
+  slow.contrast = 14000;   // without it, slow motion changes little
   Evidence beside = well;  // the neighbouring blocks change
   beside.own = 6.0F;
   const Inertia inertia(kTau);

@@ -63,6 +63,15 @@ TEST(MotionSolver, StillsAndFlatPicturesAreNotWorseThanMmae) {
   }
 }
 
+// Where a picture at rest has no contrast, neighbours average out more noise than a pixel's own past.
+TEST(MotionSolver, NoiseOfAFlatPictureIsAveragedOut) {
+  for (const double noise : {0.05, 0.5}) {
+    Stream stream([](double, double, double) { return 1.0; }, noise, 24);
+    EXPECT_LT(stream.error(settings_of(Method::kMotion, noise), 23),
+              0.6 * stream.error(settings_of(Method::kMmae, noise), 23));
+  }
+}
+
 // Where noise exceeds the scene, up to eight past frames are used: a lost frame cuts off the older five.
 TEST(MotionSolver, InNoiseTheFarPastHelps) {
   Stream whole(pan(1.5, 0.3), 0.8, 40);
