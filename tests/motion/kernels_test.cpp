@@ -306,7 +306,9 @@ TEST_P(MotionKernels, Filter) {
 
 TEST_P(MotionKernels, Across) {
   BlockField<AcrossWeights> weights(d_.across(), d_.down());
-  for (AcrossWeights& w : weights) w = {0.2F * normal_(random_), 0.2F * normal_(random_), 0.2F * normal_(random_)};
+  for (AcrossWeights& across : weights) {
+    for (float& v : across.w) v = 0.2F * normal_(random_);
+  }
   for (int r = 0; r < d_.down(); ++r) kernels_.across(a_, unit_.row(r), weights.row(r), r, out_);
   for_pixels([&](int x, int y) {
     const reference::Point u = unit_.at(x / kBlock, y / kBlock);
