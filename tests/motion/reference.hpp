@@ -154,4 +154,13 @@ inline double covariance(double square, double smooth) {
   return 0.5 * (std::exp(-distance / 5) + std::exp(-distance / 30));
 }
 
+// Instruction sets that are built in and supported by this processor.
+inline std::vector<std::string_view> isas() {
+  std::vector<std::string_view> found;
+  for (const std::string_view isa : {"AVX3", "AVX2", "SSE4", "NEON", "scalar"}) {
+    if (best_kernels(isa).isa == isa) found.push_back(isa);
+  }
+  return found;
+}
+
 }  // namespace bolo::motion::reference
