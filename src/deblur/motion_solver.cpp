@@ -15,9 +15,11 @@ constexpr double kLargestDifference = 31.6;  // K, bound of the innovations' dif
 constexpr float kMovesItself = 0.5F;         // px a frame
 constexpr double kCut = 2.0;                 // px, residual of half of the picture
 constexpr double kTimesNext = 4.0;           // times the residual of the neighbouring displacements
-constexpr int kBefore = 3;             // number of earlier displacements that one without a match is compared with
-constexpr double kUnconfirmed = 12.0;  // px a frame: faster motion must be seen twice
-constexpr double kAbrupt = 0.9;        // of Path::steady: above it, nothing has just stopped
+constexpr double kNearly = 1.5;              // times the residual of a frame that may be a cut, relative to a cut's
+constexpr double kOfNoise = 2.0;             // times the displacement's uncertainty: residual due to noise
+constexpr int kBefore = 3;            // number of earlier displacements that one without a match is compared with
+constexpr double kUnconfirmed = 7.0;  // px a frame: faster motion must be seen twice
+constexpr double kAbrupt = 0.9;       // of Path::steady: above it, nothing has just stopped
 // If the extrapolated frame in between is off by e, the displacement found exceeds the true one by (1 + rho) e, and
 // that exceeds the extrapolated one by about 2 e (changes add up). A second extrapolated frame is off by 3 e.
 constexpr double kTimesFurther = 2.0;
@@ -155,6 +157,7 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
       d.motion = d.motion + d.beyond * -1.0;
     }
   }
+  d.cut = d.there && d.misfit > cut_bound(1, 1 + kBefore);
 }
 
 // False for displacements of lost frames, and for those that bridge one, except the estimated frame's own.
@@ -163,38 +166,34 @@ bool MotionSolver::is_found(int back) noexcept {
   return d.there && (d.bridged == 0 || back <= task_.settings.lookahead);
 }
 
-// A cut: frame `at` does not match, though the displacements [from, to) do. A scene of many motions never matches.
-bool MotionSolver::is_cut(int at, int from, int to) noexcept {
+// Misfit above which a displacement belongs to a cut, though the displacements [from, to) fit. A scene of many motions
+// never fits.
+double MotionSolver::cut_bound(int from, int to) noexcept {
   double least = std::numeric_limits<double>::max();
   for (int i = from; i < to; ++i) {
     if (displacement(i).there) least = std::min(least, displacement(i).misfit);
   }
-  return is_found(at) && displacement(at).misfit > std::max(kCut, kTimesNext * least);
+  return std::max(kCut, kTimesNext * least);
+}
+
+// True if a displacement belongs to a cut, by those before it when it was found, or by the newer ones from `newest` on:
+// either may be displacements of a scene whose contrast is little more than noise, which fit badly.
+bool MotionSolver::is_cut(int at, int newest) noexcept {
+  return is_found(at) && (displacement(at).cut || displacement(at).misfit > cut_bound(newest, at));
 }
 
 // Number of displacements, back from that of the period `newest` before the newest, within one scene.
 int MotionSolver::scene_length(int newest) noexcept {
   int length = 1;
-  while (length < motion::kHistory && !is_cut(newest + length, newest, newest + length)) ++length;
+  while (length < motion::kHistory && !is_cut(newest + length, newest)) ++length;
   return length;
 }
 
-// True if another displacement in the scene is known: repeated texture matches far away, too.
-bool MotionSolver::is_confirmed(int newest) noexcept {
-  const int length = scene_length(newest);
-  for (int i = 1; i < length; ++i) {
-    if (is_found(newest + i)) return true;
-  }
-  return false;
-}
-
-// True if history() has to interpolate displacements between known ones.
-bool MotionSolver::has_gaps(int newest) noexcept {
-  const int length = scene_length(newest);
-  for (int i = 1; i < length; ++i) {
-    if (!is_found(newest + i)) return true;
-  }
-  return false;
+// Number of known displacements in the scene, besides that of the period `newest` before the newest.
+int MotionSolver::known_before(int newest) noexcept {
+  int known = 0;
+  for (int i = scene_length(newest) - 1; i > 0; --i) known += is_found(newest + i) ? 1 : 0;
+  return known;
 }
 
 // The displacements from period `newest` (before the newest) on, less the gyro's. Unknown ones lie on the parabola
@@ -261,15 +260,19 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   const double uncertainty = displacement(newest).uncertainty;
   const motion::GyroMotions* const gyro = knows ? &by_gyro : nullptr;
   path = motion::path_of(inertia_, left, ahead, uncertainty, gyro);
-  if (has_gaps(newest)) {  // interpolation between known displacements would smooth a stop away
+  const int known = known_before(newest);
+  if (known + 1 < scene_length(newest)) {  // interpolation between known displacements would smooth a stop away
     motion::Displacements all = history(newest, knows ? by_gyro : motion::GyroMotions{}, true);
     all[0] = all[0] + displacement(newest).beyond * kSuspicious;
     path.steady = motion::path_of(inertia_, all, ahead, uncertainty, gyro).steady;
   }
   for (int i = 0; i <= target; ++i) {
-    if (is_cut(i, i + 1, i + 1 + kBefore)) path.steady = 0.0;
+    const Displacement& d = displacement(i);
+    const double beyond_noise = std::max(d.misfit - kOfNoise * d.uncertainty, 0.0);
+    const double cut = displacement(i + 1).cut ? 0.0 : kNearly * beyond_noise / cut_bound(i + 1, i + 1 + kBefore);
+    path.steady *= d.cut ? 0.0 : 1.0 / (1.0 + std::pow(cut, 4.0));
   }
-  if (!is_confirmed(newest)) {
+  if (known == 0) {  // repeated texture matches far away, too
     const motion::Vec2 d = displacement(newest).motion.at(0.0, 0.0);
     path.steady /= 1.0 + std::pow(std::hypot(d.x, d.y) / kUnconfirmed, 4.0);
   }

@@ -60,6 +60,7 @@ class MotionSolver final : public Solver {
     motion::Affine beyond;  // part of the displacement found that the extrapolated frame's error explains
     double uncertainty = 0.0;
     double misfit = 0.0;
+    bool cut = false;  // by comparison with the displacements before
   };
 
   bool usable() const noexcept;
@@ -70,10 +71,10 @@ class MotionSolver final : public Solver {
   bool bridge(Crew& crew) noexcept;
   bool find_path(const FrameMeta& meta, motion::Path& path, bool& ahead) noexcept;
   bool is_found(int back) noexcept;
-  bool is_cut(int at, int from, int to) noexcept;
+  double cut_bound(int from, int to) noexcept;
+  bool is_cut(int at, int newest) noexcept;
   int scene_length(int newest) noexcept;
-  bool is_confirmed(int newest) noexcept;
-  bool has_gaps(int newest) noexcept;
+  int known_before(int newest) noexcept;
   motion::Displacements history(int newest, const motion::GyroMotions& by_gyro, bool bridged = false) noexcept;
   bool use_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::GyroMotions& by_gyro) noexcept;
   const motion::VectorField& deviations(const motion::Affine& whole, Crew& crew) noexcept;
