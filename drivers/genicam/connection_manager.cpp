@@ -82,7 +82,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
         return Status{};
       });
     }
-    if (!started) take_session();
+    if (!started) closer_.close_within(kStopLimit, take_session());
     return started;
   }
 

@@ -227,6 +227,7 @@ Session::~Session() {
 Status Session::prepare(FrameReceiver& receiver, std::shared_ptr<pipeline::SourceStatus> status,
                         std::vector<std::string>& warnings) {
   receiver_ = &receiver;
+  if (!answers()) return failed(connection_.name + " does not answer any more");  // the calls below ask it for seconds
   ASSIGN_OR_RETURN(const std::size_t payload, payload_bytes());
   if (connection_.is_gige()) return start_gvsp(payload, std::move(status), warnings);
   const auto take_frame = [this](const CameraFrame& frame) { take(frame); };

@@ -145,6 +145,12 @@ class SessionCloser {
     }
   }
 
+  // The same, but waits until it is closed, at most `limit`.
+  void close_within(std::chrono::milliseconds limit, std::unique_ptr<Session> session) {
+    close(std::move(session));
+    wait_until(std::chrono::steady_clock::now() + limit);
+  }
+
   // Waits until all are closed or `deadline` has passed.
   void wait_until(std::chrono::steady_clock::time_point deadline) const {
     for (const std::future<void>& closed : closing_) closed.wait_until(deadline);

@@ -95,6 +95,17 @@ int give_name(const HeldFolder& folder, const fs::path& written, const OutputFil
   return error;
 }
 
+fs::path beside(const fs::path& output, int number) {
+  return output.string() + ".new-" + std::to_string(::getpid()) + "-" + std::to_string(number);
+}
+
+// A file in the folder that has no name yet; none if the file system does not know such files, or if it could not be
+// written and named by the path of its descriptor.
+UniqueFd nameless_file(const HeldFolder& folder, const fs::path& output) {
+  UniqueFd file(::open(folder_of(folder.place_of(output)).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666));
+  return file && ::access(own_descriptor(file.get()).c_str(), F_OK) == 0 ? std::move(file) : UniqueFd();
+}
+
 Status to_status(int error, const fs::path& written, const OutputFile& output) {
   if (error == EEXIST) {
     return failed(output.path.string() +
@@ -195,17 +206,33 @@ Status publish(const HeldFolder& folder, const fs::path& written, const OutputFi
 Result<FileBeside> FileBeside::create(OutputFile output) {
   HeldFolder folder(output.path);
   RETURN_IF_ERROR(check_output(output));
-  for (int i = 0; i < kMostNames; ++i) {
-    fs::path beside = output.path.string() + ".new-" + std::to_string(::getpid()) + "-" + std::to_string(i);
-    UniqueFd file(::open(folder.place_of(beside).c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
-    if (file) return FileBeside(std::move(folder), std::move(output), std::move(beside), std::move(file));
-    if (errno != EEXIST) break;
-  }
-  return not_written(output.path, errno);
+  UniqueFd file = nameless_file(folder, output.path);
+  fs::path path = beside(output.path, 0);
+  FileBeside made(std::move(folder), std::move(output), std::move(path), std::move(file));
+  const int error = made.file_ ? 0 : made.give_name_beside();
+  if (error != 0) return not_written(made.output_.path, error);
+  return made;
 }
 
 FileBeside::~FileBeside() {
-  if (file_) ::unlink(folder_.place_of(path_).c_str());
+  if (file_ && named_) ::unlink(folder_.place_of(path_).c_str());
+}
+
+// Links the file, or creates it if there is none. 0, or an errno.
+int FileBeside::give_name_beside() {
+  for (int i = 0; i < kMostNames; ++i) {
+    path_ = beside(output_.path, i);
+    const fs::path place = folder_.place_of(path_);
+    if (file_) {
+      named_ = ::linkat(AT_FDCWD, own_descriptor(file_.get()).c_str(), AT_FDCWD, place.c_str(), AT_SYMLINK_FOLLOW) == 0;
+    } else {
+      file_ = UniqueFd(::open(place.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+      named_ = static_cast<bool>(file_);
+    }
+    if (named_) return 0;
+    if (errno != EEXIST) break;
+  }
+  return errno;
 }
 
 fs::path FileBeside::opened() const {
@@ -214,6 +241,10 @@ fs::path FileBeside::opened() const {
 }
 
 Status FileBeside::publish() {
+  if (!named_) {
+    const int unnamed = flush(file_.get()) ? give_name_beside() : errno;
+    if (unnamed != 0) return failed(output_.path.string() + ": cannot be written: " + std::strerror(unnamed));
+  }
   const int error = give_name(folder_, path_, output_);
   if (error == 0 || error == EEXIST) file_ = UniqueFd();  // complete, and kept
   return to_status(error, path_, output_);

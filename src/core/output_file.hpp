@@ -76,7 +76,8 @@ Status publish(const HeldFolder& folder, const std::filesystem::path& written, c
 // Makes names given or removed in the file's folder durable. False on failure. Thread: any.
 bool sync_folder_of(const std::filesystem::path& file);
 
-// A temporary file beside an output, filled by name or descriptor; publish() keeps it. Thread: any one at a time.
+// A temporary file beside an output, filled through opened() or descriptor(); publish() keeps it. Until then it has no
+// name wherever the file system allows that: whatever ends the process takes the file along. Thread: any one at a time.
 class FileBeside {
  public:
   // Errors: check_output()'s; a folder that takes no file (kBadInput); a full disk (kFailed).
@@ -85,8 +86,9 @@ class FileBeside {
   FileBeside& operator=(FileBeside&&) = delete;
   ~FileBeside();
 
+  // Its name until it is given the output's.
   const std::filesystem::path& path() const { return path_; }
-  // A path that leads to the file itself, also in a child process, even if path() now belongs to another.
+  // A path that leads to the file itself, also in a child process, even if path() belongs to another or to none.
   std::filesystem::path opened() const;
   int descriptor() const { return file_.get(); }
   // Appends. Errors: a disk that takes only a part (kFailed).
@@ -97,11 +99,13 @@ class FileBeside {
  private:
   FileBeside(HeldFolder folder, OutputFile output, std::filesystem::path path, UniqueFd file)
       : folder_(std::move(folder)), output_(std::move(output)), path_(std::move(path)), file_(std::move(file)) {}
+  int give_name_beside();
 
   HeldFolder folder_;
   OutputFile output_;
   std::filesystem::path path_;
   UniqueFd file_;  // none after publish()
+  bool named_ = false;
 };
 
 // Writes a whole file. Errors: FileBeside's; kFailed when the disk takes only a part. Thread: any.

@@ -225,7 +225,7 @@ TEST_F(OutputFileTest, LinksToAnythingButFilesStay) {
 TEST_F(OutputFileTest, ANameThatIsTakenMeanwhileStays) {
   auto file = FileBeside::create(free_);
   ASSERT_TRUE(file);
-  std::ofstream(file->path()) << "whole";
+  std::ofstream(file->opened()) << "whole";
   std::ofstream(free_) << "theirs";
   const Status status = file->publish();
   ASSERT_FALSE(status);
@@ -271,6 +271,20 @@ TEST_F(OutputFileTest, WithoutPublishNothingStays) {
   { ASSERT_TRUE(FileBeside::create({there_, Replace::kExisting})); }
   EXPECT_EQ(files_in(scratch_.path()), before);
   EXPECT_EQ(content_of(there_), "there");
+}
+
+TEST_F(OutputFileTest, AKilledProcessLeavesNothing) {
+  if (!UniqueFd(::open(scratch_.path().c_str(), O_TMPFILE | O_RDWR, 0600))) {
+    GTEST_SKIP() << "the file system has no files without a name";
+  }
+  const int end = in_child([&] {
+    auto file = FileBeside::create({there_, Replace::kExisting});
+    if (file && file->write("half")) raise(SIGKILL);
+    return 0;
+  });
+  EXPECT_EQ(end, -SIGKILL);
+  EXPECT_EQ(content_of(there_), "there");
+  EXPECT_EQ(files_in(scratch_.path()), 2);
 }
 
 // The file size limit stands in for a full disk.

@@ -361,11 +361,15 @@ TEST_F(GenicamLossTest, StartsWithACameraThatRebootedSinceItWasOpened) {
   EXPECT_EQ(lost_by(LostCause::kControlLost), 1U);
 }
 
+constexpr std::int64_t kSoon_ns = 2'000'000'000;  // Aravis asks a silent camera for seconds, at every call
+
 TEST_F(GenicamLossTest, StartsWithoutTheCameraThatWentAwaySinceItWasOpened) {
   FakeCamera& fake = add_camera();
   open();
   fake.kill();
+  const std::int64_t began_ns = monotonic_ns();
   ASSERT_NO_FATAL_FAILURE(collect());
+  EXPECT_LT(monotonic_ns() - began_ns, kSoon_ns) << "no signal ends bolod meanwhile";
   EXPECT_EQ(source_->state(), SourceState::kLost);
   EXPECT_EQ(lost_by(LostCause::kNoAnswer), 1U);
   add_camera();
@@ -380,7 +384,9 @@ TEST_F(GenicamLossTest, DoesNotStartWithoutTheCameraThatIsNotToBeReopened) {
   open(with({.reconnect_after_ms = 0}));
   fake.kill();
   Collector collector(info_.format);
+  const std::int64_t began_ns = monotonic_ns();
   expect_error(source_->start(collector.inlet()), {"camera 127.0.0.1"});
+  EXPECT_LT(monotonic_ns() - began_ns, kSoon_ns);
 }
 
 TEST_F(GenicamLossTest, ReopensACameraThatAnswersButSendsNothing) {

@@ -165,7 +165,7 @@ Status write_report(const Request& request, const Json& json, const std::string&
   if (request.report.empty()) return {};
   if (auto copy = FileBeside::create({request.report / kReportFiles[2], request.replace})) {
     std::error_code error;
-    fs::copy_file(request.soak.rig.folder / "bolod.err", copy->path(), fs::copy_options::overwrite_existing, error);
+    fs::copy_file(request.soak.rig.folder / "bolod.err", copy->opened(), fs::copy_options::overwrite_existing, error);
     if (!error) (void)copy->publish();  // the report matters more than a missing log
   }
   RETURN_IF_ERROR(write_file({request.report / kReportFiles[0], request.replace}, json.dump(1) + "\n"));
