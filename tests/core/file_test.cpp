@@ -274,9 +274,7 @@ TEST_F(OutputFileTest, WithoutPublishNothingStays) {
 }
 
 TEST_F(OutputFileTest, AKilledProcessLeavesNothing) {
-  if (!UniqueFd(::open(scratch_.path().c_str(), O_TMPFILE | O_RDWR, 0600))) {
-    GTEST_SKIP() << "the file system has no files without a name";
-  }
+  const bool nameless = static_cast<bool>(UniqueFd(::open(scratch_.path().c_str(), O_TMPFILE | O_RDWR, 0600)));
   const int end = in_child([&] {
     auto file = FileBeside::create({there_, Replace::kExisting});
     if (file && file->write("half")) raise(SIGKILL);
@@ -284,7 +282,7 @@ TEST_F(OutputFileTest, AKilledProcessLeavesNothing) {
   });
   EXPECT_EQ(end, -SIGKILL);
   EXPECT_EQ(content_of(there_), "there");
-  EXPECT_EQ(files_in(scratch_.path()), 2);
+  EXPECT_EQ(files_in(scratch_.path()), nameless ? 2 : 3) << "where the file system knows files without a name";
 }
 
 // The file size limit stands in for a full disk.
