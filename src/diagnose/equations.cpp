@@ -320,7 +320,8 @@ Columns columns_of(const FitData& data, std::size_t recording, const State& stat
                    const std::vector<Parameter>& parameters) {
   const Recording& r = data.session.recordings[recording];
   const Series seen = r.values(Eigen::all, data.fit_pixels);
-  const Series base = predict(data.session, recording, state, data.fit_pixels);
+  const Series signal = predict_signal(data.session, recording, state, data.fit_pixels);
+  const Series base = read_out(data.session, recording, state.camera, data.fit_pixels, signal);
   const auto weight = static_cast<float>(1.0 / data.floor_k);
   const float limit = usable_limit(data, state);
   const bool limited = std::isfinite(state.camera.clip_k);
@@ -337,7 +338,10 @@ Columns columns_of(const FitData& data, std::size_t recording, const State& stat
     const double at = parameter.get(state);
     const double step = at + parameter.step > parameter.high ? -parameter.step : parameter.step;
     parameter.set(moved, at + step);
-    column = (predict(data.session, recording, moved, data.fit_pixels) - base) * (weight / static_cast<float>(step));
+    const Series value = same_signal(recording, state, moved)
+                             ? read_out(data.session, recording, moved.camera, data.fit_pixels, signal)
+                             : predict(data.session, recording, moved, data.fit_pixels);
+    column = (value - base) * (weight / static_cast<float>(step));
     without_clipped(column);
   }
   for (Index k = 0; k < base.rows(); ++k) {

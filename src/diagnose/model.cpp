@@ -20,50 +20,6 @@ double row_time(const Session& session, const CameraModel& c, int row) {
   return c.row_delay_s * rows * session.row_step;
 }
 
-// Applies the read-out after the pixel, in place; `y` holds the linear quantity.
-void read_out(const Session& session, std::size_t index, const CameraModel& c, std::span<const int> pixels, Series& y) {
-  const Recording& recording = session.recordings[index];
-  if (c.radiance != 0.0) {
-    const TemperatureTable temperature(c.radiance, y.minCoeff(), y.maxCoeff());
-    for (float& v : y.reshaped()) v = static_cast<float>(temperature.at(v));
-  }
-  const bool plain = c.corner_gain == 0.0 && c.tilt_x == 0.0 && c.tilt_y == 0.0 && c.heating_k == 0.0 &&
-                     c.offset.size() == 0 && c.gain.size() == 0 && c.terms.empty() && c.drift.empty();
-  if (plain) return;
-  using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
-  Row gain = Row::Zero(y.cols());
-  Row corner(y.cols());
-  Row fixed(y.cols());
-  Row share = Row::Zero(y.cols());  // relative excess of the drift
-  std::vector<Place> places;
-  for (Index j = 0; j < y.cols(); ++j) {
-    const int pixel = pixels[static_cast<std::size_t>(j)];
-    const int row = session.grid.row_of(pixel);
-    const int column = session.grid.column_of(pixel);
-    places.push_back(place_in(session, row, column));
-    corner[j] = corner_gain_at(session, c, row, column);
-    fixed[j] = heating_at(c, places.back().row);
-    if (c.offset.size() > 0) fixed[j] += c.offset[pixel];
-    if (c.gain.size() > 0) gain[j] = c.gain[pixel];
-    if (c.drift_share.size() > 0) share[j] = c.drift_share[pixel];
-  }
-  for (Index k = 0; k < y.rows(); ++k) {
-    const double t = recording.time_of(k);
-    const Row shown = y.row(k).array().cast<double>();
-    Row value = shown + gain * (shown - c.gain_reference_k) + corner * (shown - c.corner_reference_k) + fixed;
-    if (!c.drift.empty()) {
-      const double drifted = drift_at(c, recording, index, t);
-      value += drifted;
-      if (c.drift_share.size() > 0) value += share * (drifted + c.drift_level[index]);
-    }
-    for (Index j = 0; !c.terms.empty() && j < y.cols(); ++j) {
-      const Place& place = places[static_cast<std::size_t>(j)];
-      for (const CameraModel::Term& term : c.terms) value[j] += term.value * term.unit(place, shown[j]);
-    }
-    y.row(k) = value.cast<float>().matrix();
-  }
-}
-
 std::vector<Step> steps_of(const capture::Chopper& chopper, const StimulusState& stimulus, const CameraModel& c) {
   constexpr int kParts = 12;  // steps that model a soft blade's edge
   const std::vector<double> levels = levels_of(chopper);
@@ -229,19 +185,69 @@ std::vector<std::size_t> modelled(const Session& session) {
   return places_where(session.recordings.size(), [&](std::size_t i) { return has_model(session.recordings[i]); });
 }
 
-Series predict(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
+Series predict_signal(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
   const Recording& recording = session.recordings[index];
-  Series y;
-  if (recording.kind == Kind::kUniform) {
-    y.setConstant(recording.frames(), static_cast<Index>(pixels.size()),
-                  static_cast<float>(scene_signal(state.camera, state.stimuli[index].level_k[0])));
-  } else if (recording.kind == Kind::kChopper) {
-    y = predict_chopper(session, index, state, pixels);
-  } else {
-    y = predict_bars(session, index, state, pixels);
+  if (recording.kind == Kind::kChopper) return predict_chopper(session, index, state, pixels);
+  if (recording.kind != Kind::kUniform) return predict_bars(session, index, state, pixels);
+  return Series::Constant(recording.frames(), static_cast<Index>(pixels.size()),
+                          static_cast<float>(scene_signal(state.camera, state.stimuli[index].level_k[0])));
+}
+
+Series read_out(const Session& session, std::size_t index, const CameraModel& c, std::span<const int> pixels,
+                Series y) {
+  const Recording& recording = session.recordings[index];
+  if (c.radiance != 0.0) {
+    const TemperatureTable temperature(c.radiance, y.minCoeff(), y.maxCoeff());
+    for (float& v : y.reshaped()) v = static_cast<float>(temperature.at(v));
   }
-  read_out(session, index, state.camera, pixels, y);
+  const bool plain = c.corner_gain == 0.0 && c.tilt_x == 0.0 && c.tilt_y == 0.0 && c.heating_k == 0.0 &&
+                     c.offset.size() == 0 && c.gain.size() == 0 && c.terms.empty() && c.drift.empty();
+  if (plain) return y;
+  using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
+  Row gain = Row::Zero(y.cols());
+  Row corner(y.cols());
+  Row fixed(y.cols());
+  Row share = Row::Zero(y.cols());  // relative excess of the drift
+  std::vector<Place> places;
+  for (Index j = 0; j < y.cols(); ++j) {
+    const int pixel = pixels[static_cast<std::size_t>(j)];
+    const int row = session.grid.row_of(pixel);
+    const int column = session.grid.column_of(pixel);
+    places.push_back(place_in(session, row, column));
+    corner[j] = corner_gain_at(session, c, row, column);
+    fixed[j] = heating_at(c, places.back().row);
+    if (c.offset.size() > 0) fixed[j] += c.offset[pixel];
+    if (c.gain.size() > 0) gain[j] = c.gain[pixel];
+    if (c.drift_share.size() > 0) share[j] = c.drift_share[pixel];
+  }
+  for (Index k = 0; k < y.rows(); ++k) {
+    const double t = recording.time_of(k);
+    const Row shown = y.row(k).array().cast<double>();
+    Row value = shown + gain * (shown - c.gain_reference_k) + corner * (shown - c.corner_reference_k) + fixed;
+    if (!c.drift.empty()) {
+      const double drifted = drift_at(c, recording, index, t);
+      value += drifted;
+      if (c.drift_share.size() > 0) value += share * (drifted + c.drift_level[index]);
+    }
+    for (Index j = 0; !c.terms.empty() && j < y.cols(); ++j) {
+      const Place& place = places[static_cast<std::size_t>(j)];
+      for (const CameraModel::Term& term : c.terms) value[j] += term.value * term.unit(place, shown[j]);
+    }
+    y.row(k) = value.cast<float>().matrix();
+  }
   return y;
+}
+
+Series predict(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
+  return read_out(session, index, state.camera, pixels, predict_signal(session, index, state, pixels));
+}
+
+bool same_signal(std::size_t recording, const State& a, const State& b) {
+  const Eigen::VectorXf& tau = a.camera.tau;
+  const Eigen::VectorXf& other = b.camera.tau;
+  const PixelModel& pixel = a.camera;
+  return pixel == b.camera && a.stimuli[recording] == b.stimuli[recording] && a.edge_px == b.edge_px &&
+         a.edge_ramp == b.edge_ramp && a.aperture_px == b.aperture_px && tau.size() == other.size() && tau == other;
 }
 
 VectorXd frame_means(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {

@@ -21,6 +21,7 @@ struct Response {
   FrameFilter filter = FrameFilter::kNone;
   double alpha = 1.0;       // weight of the new frame
   double period_s = 0.005;  // between frames
+  bool operator==(const Response&) const = default;
   // The same with another time constant; `log_tau`: logarithm of its ratio.
   Response slower(double log_tau) const {
     Response other = *this;
@@ -151,28 +152,34 @@ Place place_in(const Session& session, int row, int column);
 // Centre of the search range of the gains' reference temperatures, K.
 inline constexpr double kReference = 300.0;
 
-struct CameraModel {
+// What determines the signal of a pixel, before the read-out, if all pixels are alike.
+struct PixelModel {
   Response response;
-  double nominal_tau_s = 0.011;            // of the profile
-  double row_delay_s = 0.0;                // per sensor row
-  bool two_halves = false;                 // both halves of the rows are read at the same time
-  double radiance = 0.0;                   // 1: the pixel is first-order in radiance, 0: in temperature
-  bool edges_in_temperature = false;       // pixels average the target's temperature, not its radiance
-  double reflected = 0.0;                  // 1 - emissivity
-  double surroundings = 0.0;               // excess of radiance over kSurroundings', times `reflected`
+  double nominal_tau_s = 0.011;       // of the profile
+  double row_delay_s = 0.0;           // per sensor row
+  bool two_halves = false;            // both halves of the rows are read at the same time
+  double radiance = 0.0;              // 1: the pixel is first-order in radiance, 0: in temperature
+  bool edges_in_temperature = false;  // pixels average the target's temperature, not its radiance
+  double reflected = 0.0;             // 1 - emissivity
+  double surroundings = 0.0;          // excess of radiance over kSurroundings', times `reflected`
+  double clock_skew = 0.0;            // relative excess of the frame period
+  bool operator==(const PixelModel&) const = default;
+};
+
+struct CameraModel : PixelModel {
+  Eigen::VectorXf tau;  // relative excess of tau, per pixel; empty: none
+  // The read-out.
   double corner_gain = 0.0;                // added at the corners, growing with the square of the radius
   double tilt_x = 0.0;                     // added to corner_gain at the right and lower edges, for an optical centre
   double tilt_y = 0.0;                     // that is not the image's
   double corner_bend = 0.0;                // relative growth of these gains towards the corners
   double corner_reference_k = kReference;  // temperature of the housing, at which these gains cancel
-  double clock_skew = 0.0;                 // relative excess of the frame period
   double clip_k = std::numeric_limits<double>::infinity();  // values from here on are not used
   double heating_k = 0.0;  // of the last row; the offset grows as 1 - exp(-heating_rate row), row 0..1
   double heating_rate = 3.0;
   Eigen::VectorXf offset;                    // K of each pixel of the grid; empty: none
   Eigen::VectorXf gain;                      // factor of T - gain_reference_k, per pixel; empty: none
   double gain_reference_k = kReference;      // temperature at which gains were last equalised
-  Eigen::VectorXf tau;                       // relative excess of tau, per pixel; empty: none
   std::vector<std::array<double, 3>> drift;  // K of each recording: linear, quadratic, cubic in its own time
   std::vector<double> drift_level;           // K of each recording: its mean drift, absorbed by its levels
   Eigen::VectorXf drift_share;               // relative excess of a pixel's drift; empty: none
@@ -207,6 +214,7 @@ struct StimulusState {
   std::vector<double> late_s;      // delay of each frame after its nominal time
   bool times_free = false;         // chopper: late_s of every frame is an unknown
   double mean_speed() const;       // moving bars, px/s
+  bool operator==(const StimulusState&) const = default;
 };
 
 struct State {
@@ -231,6 +239,12 @@ std::vector<std::size_t> modelled(const Session& session);  // indices of the re
 bool has_bench(const Session& session);                     // true if there are any
 // Prediction of a recording that has_model() at pixels of the grid: frames x pixels, K. Thread: any.
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
+// Its two parts: the linear quantity that the pixels follow, and what the read-out makes of it.
+Series predict_signal(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
+Series read_out(const Session& session, std::size_t recording, const CameraModel& camera, std::span<const int> pixels,
+                Series signal);
+// True if predict_signal() is the same for both states, which may differ in the read-out or in other recordings.
+bool same_signal(std::size_t recording, const State& a, const State& b);
 // Each frame's mean over these pixels, K, and its derivatives by the levels (frames x levels, K/K). Thread: any.
 VectorXd frame_means(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 MatrixXd level_slopes(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);

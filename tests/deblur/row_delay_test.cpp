@@ -33,7 +33,6 @@ class Ramp {
   }
   Ramp(const Ramp&) = delete;
   Ramp& operator=(const Ramp&) = delete;
-  void lose(std::size_t slot) { pointers_[slot] = nullptr; }
   WindowView view() const { return {pointers_, target_}; }
 
  private:

@@ -1,6 +1,7 @@
 // The catalogues of simulator and diagnosis, made from two folders, list the same effects; and the selection of
 // effects.
 #include "src/diagnose/effect.hpp"
+#include "src/diagnose/fit.hpp"
 #include "src/sim/effect.hpp"
 #include "tests/diagnose/bench.hpp"
 
@@ -95,6 +96,34 @@ TEST(Catalogue, AnEffectAtItsTypicalSizeChangesThePrediction) {
     }
     EXPECT_GT(largest, 1e-4) << effect.name;
   }
+}
+
+// Fits predict only the read-out anew where the signal is said to be the same.
+TEST(Catalogue, ASignalThatIsSaidToBeTheSameIs) {
+  const Session& full = bench();
+  const std::vector<int> pixels{0, 100, 400, 767};
+  int same = 0;
+  const auto compare = [&](const State& plain, const Parameter& c) {
+    State moved = plain;
+    c.set(moved, c.get(plain) + c.step);
+    for (std::size_t i = 0; i < full.recordings.size(); ++i) {
+      if (!same_signal(i, plain, moved)) continue;
+      ++same;
+      const Series shown = read_out(full, i, moved.camera, pixels, predict_signal(full, i, plain, pixels));
+      EXPECT_TRUE(predict(full, i, moved, pixels) == shown) << c.name << ' ' << i;
+    }
+  };
+  State plain = nominal_state(full, {});
+  for (const Nuisance& n : nuisances(full, plain)) compare(plain, n.parameter);
+  EXPECT_GT(same, 0) << "levels of other recordings";
+  same = 0;
+  for (const Effect& effect : catalogue()) {
+    for (const Parameter& c : parameters_of(effect)) compare(nominal(effect), c);
+  }
+  EXPECT_GT(same, 0) << "offsets";
+  State varied = plain;
+  varied.camera.tau = Eigen::VectorXf::Constant(full.grid.pixels(), 0.01F);
+  EXPECT_FALSE(same_signal(0, plain, varied));
 }
 
 // The keys of the report are those of `bolo simulate --effect`, so that a diagnosis can be simulated.

@@ -32,7 +32,6 @@ class Machine {
   }
   void stall(double seconds) { now_ns_ += static_cast<std::int64_t>(seconds * 1e9); }
 
-  std::int64_t now_ns() const { return now_ns_; }
   double share(QualityLevel effort) const {
     return static_cast<double>(std::count(efforts.begin(), efforts.end(), effort)) /
            static_cast<double>(efforts.size());

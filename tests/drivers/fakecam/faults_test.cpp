@@ -40,12 +40,6 @@ struct Line {
   PacketFaults faults;
 };
 
-std::vector<std::uint32_t> in_order(std::uint32_t packets = kPackets) {
-  std::vector<std::uint32_t> all(packets);
-  std::iota(all.begin(), all.end(), 0U);
-  return all;
-}
-
 TEST(PacketFaults, LosesTheShareThatIsAskedForAndCountsIt) {
   Line line({"loss:rate=0.05"});
   std::uint64_t lost = 0;
@@ -168,9 +162,8 @@ struct ControlledCamera {
   Commands at(std::int64_t ms) { return faults.update(kStart + ms * kMs); }
 
   int dropped = 0;
-  int reboots = 0;
   FaultTallies tallies;
-  ControlFaults faults{tallies, kPeriodNs, {[this] { ++dropped; }, [this] { ++reboots; }}};
+  ControlFaults faults{tallies, kPeriodNs, {[this] { ++dropped; }, [] {}}};
 };
 
 TEST(ControlFaults, AChangeOfWindowingDropsTheConnectionBeforeAnyStreamToo) {

@@ -41,7 +41,6 @@ class Writer {
     put_header();
   }
   int fd() const { return object_.get(); }
-  const std::string& path() const { return path_; }
 
   bolo_gyro_header header{};
 
