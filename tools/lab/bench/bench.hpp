@@ -1,21 +1,9 @@
-// Measurements of `bolo-lab bench`, as printed by --json.
+// Measurement of `bolo-lab bench readers`, as printed by --json.
 #pragma once
 
 #include "tools/lab/common.hpp"
 
 namespace bolo::tools {
-
-struct BenchOptions {
-  std::string solver = "admm";
-  std::string isa;       // empty: the best
-  int threads = 1;       // of the main figures
-  double lambda = -1.0;  // for kappa 0.1; negative: the default
-  double seconds = 5.0;  // measuring time; every variant is measured at least three times
-};
-
-// The main figures, and in "variants" all others under the same keys. kBadInput for an unknown solver, instruction set
-// or number of threads. Changes force_isa() while it runs. Thread: setup.
-Result<Json> bench_deblur(const BenchOptions& options);
 
 // For each number of readers an entry in "cases": how many of them are frozen and killed in the middle of a phase, and
 // how many are slow (a tenth of the rate); duration of the call that publishes a frame (publish_us_p50, _p99), delay

@@ -190,6 +190,14 @@ class Runner {
   std::vector<double> times_;
 };
 
+struct BenchOptions {
+  std::string solver = "admm";
+  std::string isa;       // empty: the best
+  int threads = 1;       // of the main figures
+  double lambda = -1.0;  // for kappa 0.1; negative: the default
+  double seconds = 5.0;  // measuring time; every variant is measured at least three times
+};
+
 // The main variant first. Plain scalar code is far slower than all others, so one variant of it is enough.
 std::vector<Variant> list_variants(const BenchOptions& options, double lambda_half_k, int processors) {
   std::vector<Variant> list{{options.solver, options.isa, options.threads, lambda_half_k}};
@@ -264,31 +272,8 @@ void compare_with_others(std::vector<Json>& results) {
   }
 }
 
-Status run_bench(const cxxopts::ParseResult& given) {
-  const std::string what = given.count("what") != 0 ? given["what"].as<std::string>() : "";
-  const auto seconds = [&given](double standard) {
-    return given.count("seconds") != 0 ? given["seconds"].as<double>() : standard;
-  };
-  if (what != "deblur" && what != "readers") {
-    return bad_input("expected what to measure: bolo-lab bench deblur or bolo-lab bench readers");
-  }
-  Json report;
-  if (what == "deblur") {
-    BenchOptions options{given["solver"].as<std::string>(), "", given["threads"].as<int>(), -1.0, seconds(5.0)};
-    if (given.count("isa") != 0) options.isa = given["isa"].as<std::string>();
-    if (given.count("lambda") != 0) options.lambda = given["lambda"].as<double>();
-    if (given.count("lambda") != 0 && !(options.lambda >= 0.0)) return bad_input("--lambda: expected 0 or more");
-    ASSIGN_OR_RETURN(report, bench_deblur(options));
-  } else {
-    ASSIGN_OR_RETURN(const int priority, number_of<int>(given, "priority", 0, 99));
-    ASSIGN_OR_RETURN(report, bench_readers(seconds(40.0), priority));
-  }
-  print_report(report, given.count("json") != 0);
-  return {};
-}
-
-}  // namespace
-
+// The main figures, and in "variants" all others under the same keys. kBadInput for an unknown solver, instruction set
+// or number of threads. Changes force_isa() while it runs.
 Result<Json> bench_deblur(const BenchOptions& options) {
   RETURN_IF_ERROR(check(options));
   deblur::Settings defaults;
@@ -323,6 +308,31 @@ Result<Json> bench_deblur(const BenchOptions& options) {
   report["variants"] = std::vector(results.begin() + 1, results.end());
   return report;
 }
+
+Status run_bench(const cxxopts::ParseResult& given) {
+  const std::string what = given.count("what") != 0 ? given["what"].as<std::string>() : "";
+  const auto seconds = [&given](double standard) {
+    return given.count("seconds") != 0 ? given["seconds"].as<double>() : standard;
+  };
+  if (what != "deblur" && what != "readers") {
+    return bad_input("expected what to measure: bolo-lab bench deblur or bolo-lab bench readers");
+  }
+  Json report;
+  if (what == "deblur") {
+    BenchOptions options{given["solver"].as<std::string>(), "", given["threads"].as<int>(), -1.0, seconds(5.0)};
+    if (given.count("isa") != 0) options.isa = given["isa"].as<std::string>();
+    if (given.count("lambda") != 0) options.lambda = given["lambda"].as<double>();
+    if (given.count("lambda") != 0 && !(options.lambda >= 0.0)) return bad_input("--lambda: expected 0 or more");
+    ASSIGN_OR_RETURN(report, bench_deblur(options));
+  } else {
+    ASSIGN_OR_RETURN(const int priority, number_of<int>(given, "priority", 0, 99));
+    ASSIGN_OR_RETURN(report, bench_readers(seconds(40.0), priority));
+  }
+  print_report(report, given.count("json") != 0);
+  return {};
+}
+
+}  // namespace
 
 int lab_bench_main(int argc, char** argv) {
   cxxopts::Options cli(

@@ -122,6 +122,22 @@ Levels resized(const Levels& levels, Geometry picture, Geometry input) {
   return out;
 }
 
+// The input {1, 3, height, width} of a description: the picture is stretched to fill it, bilinear between pixel centres
+// (like OpenCV's INTER_LINEAR).
+Tensor input_of(const Levels& levels, Geometry picture, const DetectorDescription& d) {
+  const Levels grey = resized(levels, picture, d.input);
+  Tensor input{{1, 3, d.input.height, d.input.width}, {}};
+  input.values.reserve(3 * grey.size());
+  std::array<const Channel*, 3> channels{&d.red, &d.green, &d.blue};
+  if (d.order == ChannelOrder::kBgr) std::ranges::reverse(channels);
+  for (const Channel* channel : channels) {
+    for (const float level : grey) {
+      input.values.push_back(static_cast<float>((static_cast<double>(level) - channel->mean) * channel->scale));
+    }
+  }
+  return input;
+}
+
 // --- Descriptions.
 
 constexpr std::array<std::pair<std::string_view, NetworkFormat>, 2> kFormats{
@@ -264,20 +280,6 @@ Levels levels_of(std::span<const float> kelvin, double cold_k, double hot_k) {
     return static_cast<float>(std::clamp(std::round((static_cast<double>(k) - cold_k) * scale), 0.0, 255.0));
   });
   return levels;
-}
-
-Tensor input_of(const Levels& levels, Geometry picture, const DetectorDescription& d) {
-  const Levels grey = resized(levels, picture, d.input);
-  Tensor input{{1, 3, d.input.height, d.input.width}, {}};
-  input.values.reserve(3 * grey.size());
-  std::array<const Channel*, 3> channels{&d.red, &d.green, &d.blue};
-  if (d.order == ChannelOrder::kBgr) std::ranges::reverse(channels);
-  for (const Channel* channel : channels) {
-    for (const float level : grey) {
-      input.values.push_back(static_cast<float>((static_cast<double>(level) - channel->mean) * channel->scale));
-    }
-  }
-  return input;
 }
 
 Result<Detector> Detector::open(const DetectorDescription& description, const std::vector<JudgedClass>& classes) {

@@ -105,10 +105,6 @@ using Levels = std::vector<float>;
 // Black at cold_k, white at hot_k, rounded and clamped, like an 8-bit video. Thread: any.
 Levels levels_of(std::span<const float> kelvin, double cold_k, double hot_k);
 
-// The input {1, 3, height, width} of a description: the picture is stretched to fill it, bilinear between pixel centres
-// (like OpenCV's INTER_LINEAR). Thread: any.
-Tensor input_of(const Levels& levels, Geometry picture, const DetectorDescription& description);
-
 // --- A detector ready for use: description, network and judged classes.
 
 class Detector {

@@ -139,21 +139,4 @@ std::string unmet_demands(const Scenario& scenario, const Outcome& outcome);
 // "incomplete 12, missing 3", or "none". Thread: any.
 std::string text_of(const Losses& losses);
 
-// --- A run at one rate of packet loss.
-
-struct LossTask {
-  double rate = 0.01;  // share of packets
-  bool resend = false;
-  int packet_size = 1500;  // bytes
-  double seconds = 4.0;
-};
-
-// Input of all trials: a street, 640x120 at 200 Hz. Thread: setup.
-Result<Recording> loss_scene(double seconds);
-
-// `scene`: from loss_scene(), long enough. Returns frames sent, those of them hit by loss (frames_hit), those counted
-// as lost on the way (network: incomplete, missing) and because deblurring was behind (no slot, queue full); errors
-// against the truth of frames with a full window. Thread: setup.
-Result<Json> try_loss(const LossTask& task, const Recording& scene, const pipeline::PipelineOptions& options);
-
 }  // namespace bolo::tools::faults

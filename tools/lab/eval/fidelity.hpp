@@ -143,12 +143,6 @@ deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda
 // kBadInput when Solver::create rejects the settings. Thread: any, several at once.
 Result<Planes> estimate(const Sequence& sequence, const deblur::Settings& settings);
 
-// Columns of single-frame estimators, which do not depend on the look-ahead. Thread: any, several at once.
-Json spatial_columns(const Sequence& sequence);
-
-// The cell for one look-ahead, without the spatial columns. Thread: any, several at once.
-Result<Json> evaluate(const Sequence& sequence, int lookahead);
-
 // A row of panels (one per noise level) for each scene and motion: RMSE over latency. Thread: any.
 plot::Sheet sheet_of(const Json& cells);
 

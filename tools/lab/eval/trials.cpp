@@ -5,15 +5,38 @@
 #include <random>
 
 #include "src/core/statistics.hpp"
+#include "src/diagnose/calibrate.hpp"
 #include "src/sim/field.hpp"
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
+#include "tools/lab/common.hpp"
 #include "tools/lab/eval/paper_matrices.hpp"
 #include "tools/lab/eval/trials.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools {
 namespace {
+
+// Camera and bench of one trial. The fit gets only frames and their times.
+struct PulseTrial {
+  std::string name = "nominal";
+  double tau_s = 0.011;
+  double noise_k = 0.03;
+  double sweep_s = 0.0;     // time of the blade over the field
+  double softness_s = 0.0;  // of the blade's edge
+  double tau_spread = 0.0;  // rms, relative
+  double level_error_k = 0.0;
+  bool part_of_field = false;  // only part of the pixels see the pulses
+  double cold_k = 295.0;
+  std::vector<double> levels_k{305.0, 320.0};
+  std::vector<double> pulses_ms{12.0, 30.0, 60.0, 120.0, 300.0};
+  double gap_ms = 83.7;
+  int width = 64;
+  int height = 48;
+  std::size_t frames = 400;
+  double rate_hz = 200.0;
+  std::uint64_t seed = 1;  // of noise, pattern, and start of the chopper
+};
 
 capture::Chopper chopper_of(const PulseTrial& trial) {
   capture::Chopper chopper;
@@ -46,23 +69,6 @@ sim::CameraSettings camera_of(const PulseTrial& trial) {
   }
   return camera;
 }
-
-Status evaluate_pulse(const cxxopts::ParseResult& given) {
-  ASSIGN_OR_RETURN(const int seeds, number_of<int>(given, "seeds", 1, 100000));
-  Json rows = Json::array();
-  const std::vector<PulseTrial> trials = pulse_trials();
-  Progress progress("kinds", trials.size());
-  for (const PulseTrial& trial : trials) {
-    ASSIGN_OR_RETURN(auto score, score_pulses(trial, seeds, interrupted()));
-    rows.push_back(std::move(score));
-    progress.update(rows.size());
-    if (interrupted()) return failed("interrupted");
-  }
-  print_report({{"tau_s", PulseTrial{}.tau_s}, {"trials", rows}}, given.count("json") != 0);
-  return {};
-}
-
-}  // namespace
 
 Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial) {
   const sim::CameraSettings camera = camera_of(trial);
@@ -124,10 +130,11 @@ std::vector<PulseTrial> pulse_trials() {
           {.name = "noise 0.5 K", .noise_k = 0.5}};
 }
 
-Result<Json> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<bool>& stop) {
+// Scores seeds 1 .. `seeds` of one trial; fewer if interrupted. Figures are means of relative errors.
+Result<Json> score_pulses(const PulseTrial& trial, int seeds) {
   std::vector<diagnose::PulseFit> fits;
   int trials = 0;
-  for (; trials < seeds && !stop.load(std::memory_order_relaxed); ++trials) {
+  for (; trials < seeds && !interrupted(); ++trials) {
     PulseTrial one = trial;
     one.seed = static_cast<std::uint64_t>(trials) + 1;
     ASSIGN_OR_RETURN(const auto series, simulate_pulses(one));
@@ -154,6 +161,23 @@ Result<Json> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<
       {"sweep_s", mean([](const auto& fit) { return fit.sweep_x_s.value; })},
       {"tau_spread", mean(&diagnose::PulseFit::tau_spread)}};
 }
+
+Status evaluate_pulse(const cxxopts::ParseResult& given) {
+  ASSIGN_OR_RETURN(const int seeds, number_of<int>(given, "seeds", 1, 100000));
+  Json rows = Json::array();
+  const std::vector<PulseTrial> trials = pulse_trials();
+  Progress progress("kinds", trials.size());
+  for (const PulseTrial& trial : trials) {
+    ASSIGN_OR_RETURN(auto score, score_pulses(trial, seeds));
+    rows.push_back(std::move(score));
+    progress.update(rows.size());
+    if (interrupted()) return failed("interrupted");
+  }
+  print_report({{"tau_s", PulseTrial{}.tau_s}, {"trials", rows}}, given.count("json") != 0);
+  return {};
+}
+
+}  // namespace
 
 int eval_pulses_main(int argc, char** argv) {
   cxxopts::Options cli(
@@ -210,27 +234,6 @@ double overshoot(const PixelTrial& trial, const std::vector<double>& bins) {
   }
   const auto [least, most] = std::ranges::minmax(bins);
   return std::max({0.0, most - high, low - least});
-}
-
-Status evaluate_pixel(const cxxopts::ParseResult& given) {
-  ASSIGN_OR_RETURN(const double noise_k, number_of<double>(given, "noise", 1e-6, 100.0));
-  ASSIGN_OR_RETURN(const int draws, number_of<int>(given, "draws", 1, 100000));
-  PixelTrial trial;
-  Json rows = Json::array();
-  for (const double lambda : {0.1, 0.001}) {
-    trial.lambda = lambda;
-    for (const double noise : {0.0, noise_k}) {
-      rows.push_back(score_pixel(trial, noise, draws, given["seed"].as<std::uint64_t>()));
-    }
-  }
-  print_report({{"tau_s", trial.tau_s},
-                {"frame_period_s", trial.period_s},
-                {"frames", trial.frames},
-                {"bins", 1 << trial.levels},
-                {"kappa", trial.kappa},
-                {"cases", rows}},
-               given.count("json") != 0);
-  return {};
 }
 
 }  // namespace
@@ -303,6 +306,10 @@ double rmse(const std::vector<double>& a, const std::vector<double>& b) {
   return sum.root_mean();
 }
 
+namespace {
+
+// Scores `draws` draws of white noise: errors and, mean over draws, how far the extreme bins exceed the input's range.
+// Without noise: one draw.
 Json score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed) {
   const std::vector<double> truth = truth_of(trial);
   const std::vector<double> clean = sample_pixel(trial);
@@ -330,6 +337,29 @@ Json score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64
           {"ols_overshoot_k", ols.overshoot},
           {"qp_overshoot_k", qp.overshoot}};
 }
+
+Status evaluate_pixel(const cxxopts::ParseResult& given) {
+  ASSIGN_OR_RETURN(const double noise_k, number_of<double>(given, "noise", 1e-6, 100.0));
+  ASSIGN_OR_RETURN(const int draws, number_of<int>(given, "draws", 1, 100000));
+  PixelTrial trial;
+  Json rows = Json::array();
+  for (const double lambda : {0.1, 0.001}) {
+    trial.lambda = lambda;
+    for (const double noise : {0.0, noise_k}) {
+      rows.push_back(score_pixel(trial, noise, draws, given["seed"].as<std::uint64_t>()));
+    }
+  }
+  print_report({{"tau_s", trial.tau_s},
+                {"frame_period_s", trial.period_s},
+                {"frames", trial.frames},
+                {"bins", 1 << trial.levels},
+                {"kappa", trial.kappa},
+                {"cases", rows}},
+               given.count("json") != 0);
+  return {};
+}
+
+}  // namespace
 
 int eval_pixel_main(int argc, char** argv) {
   cxxopts::Options cli("bolo-lab eval pixel",

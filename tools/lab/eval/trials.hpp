@@ -1,45 +1,10 @@
-// Trials of `bolo-lab eval pulses` (a simulated chopper and camera) and `eval pixel` (one pixel whose input jumps four
-// times in a window, by least squares and by the paper's quadratic programme; the paper's Fig. 4).
+// Trial of `bolo-lab eval pixel`: one pixel whose input jumps four times in a window, by least squares and by the
+// paper's quadratic programme (the paper's Fig. 4).
 #pragma once
 
-#include <atomic>
-
-#include "src/diagnose/calibrate.hpp"
-#include "tools/lab/common.hpp"
+#include <vector>
 
 namespace bolo::tools {
-
-// Camera and bench of one trial. The fit gets only frames and their times.
-struct PulseTrial {
-  std::string name = "nominal";
-  double tau_s = 0.011;
-  double noise_k = 0.03;
-  double sweep_s = 0.0;     // time of the blade over the field
-  double softness_s = 0.0;  // of the blade's edge
-  double tau_spread = 0.0;  // rms, relative
-  double level_error_k = 0.0;
-  bool part_of_field = false;  // only part of the pixels see the pulses
-  double cold_k = 295.0;
-  std::vector<double> levels_k{305.0, 320.0};
-  std::vector<double> pulses_ms{12.0, 30.0, 60.0, 120.0, 300.0};
-  double gap_ms = 83.7;
-  int width = 64;
-  int height = 48;
-  std::size_t frames = 400;
-  double rate_hz = 200.0;
-  std::uint64_t seed = 1;  // of noise, pattern, and start of the chopper
-};
-
-// Simulates the trial. Thread: setup.
-Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial);
-
-// The trials of `bolo-lab eval pulses`. Thread: any.
-std::vector<PulseTrial> pulse_trials();
-
-// Scores seeds 1 .. `seeds` of one trial; fewer if `stop` is set. Figures are means of relative errors. Thread: setup.
-Result<Json> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<bool>& stop);
-
-// --- One pixel.
 
 struct PixelTrial {
   double tau_s = 0.011;
@@ -66,9 +31,5 @@ std::vector<double> least_squares(const PixelTrial& trial, const std::vector<dou
 std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vector<double>& samples);
 
 double rmse(const std::vector<double>& a, const std::vector<double>& b);
-
-// Scores `draws` draws of white noise: errors and, mean over draws, how far the extreme bins exceed the input's range.
-// Without noise: one draw.
-Json score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed);
 
 }  // namespace bolo::tools

@@ -37,6 +37,54 @@ double cpu_seconds(const std::filesystem::path& file) {
   return seconds(ticks);
 }
 
+// Nothing if the process is gone.
+std::optional<Usage> usage_of(pid_t pid) {
+  const std::filesystem::path folder = "/proc/" + std::to_string(pid);
+  std::ifstream in(folder / "smaps_rollup");
+  Usage usage;
+  std::string line;
+  while (std::getline(in, line)) {
+    std::istringstream words(line);
+    std::string key;
+    double kib = 0.0;
+    if (!(words >> key >> kib)) continue;
+    if (key == "Rss:") usage.rss_mib = kib * kMibPerKib;
+    if (key == "Pss_Anon:") usage.private_mib = kib * kMibPerKib;
+  }
+  if (usage.rss_mib <= 0.0) return std::nullopt;
+  usage.descriptors = entries_of(folder / "fd");
+  usage.threads = entries_of(folder / "task");
+  usage.cpu_s = cpu_seconds(folder / "stat");
+  return usage;
+}
+
+// CPU time of all processors since boot, without niced programs, which give way, s.
+double busy_s() {
+  std::ifstream in("/proc/stat");
+  std::string word;
+  in >> word;  // "cpu": user, nice, system, idle, iowait, irq, softirq
+  double ticks = 0.0;
+  double value = 0.0;
+  for (int field = 0; field < 7 && in >> value; ++field) {
+    if (field != 1 && field != 3 && field != 4) ticks += value;
+  }
+  return seconds(ticks);
+}
+
+struct Reading {
+  double at_s = 0.0;
+  double value = 0.0;
+};
+
+struct Growth {
+  double first = 0.0;           // median of the first fifth
+  double last = 0.0;            // median of the last fifth
+  double slope_per_hour = 0.0;  // median slope of all pairs (Theil-Sen), robust against outliers
+  bool judged = false;          // enough readings
+
+  double by() const { return last - first; }
+};
+
 constexpr std::size_t kFewest = 10;
 constexpr std::size_t kMostForSlope = 200;  // readings, with about 20,000 pairs
 constexpr double kSecondsPerHour = 3600.0;
@@ -65,57 +113,13 @@ constexpr double kMostThreads = 2.0;
 
 using Life = std::vector<const Second*>;
 
+// From `settle_s` after the first reading; judged if the rest spans as long again and has ten readings.
 template <typename Value>
-Growth growth_of_life(const Life& life, double settle_s, bool quiet_only, Value value) {
+Growth growth_of(const Life& life, double settle_s, bool quiet_only, Value value) {
   std::vector<Reading> readings;
   for (const Second* second : life) {
     if (!quiet_only || second->quiet) readings.push_back({second->at_s, static_cast<double>((*second->daemon).*value)});
   }
-  return growth_of(readings, settle_s);
-}
-
-Json growth_json(const Growth& g) {
-  if (!g.judged) return nullptr;
-  return {{"first", g.first}, {"last", g.last}, {"by", g.by()}, {"slope_per_hour", g.slope_per_hour}};
-}
-
-constexpr std::size_t kMostWaiting = 12;  // accounts: three seconds
-
-}  // namespace
-
-std::optional<Usage> usage_of(pid_t pid) {
-  const std::filesystem::path folder = "/proc/" + std::to_string(pid);
-  std::ifstream in(folder / "smaps_rollup");
-  Usage usage;
-  std::string line;
-  while (std::getline(in, line)) {
-    std::istringstream words(line);
-    std::string key;
-    double kib = 0.0;
-    if (!(words >> key >> kib)) continue;
-    if (key == "Rss:") usage.rss_mib = kib * kMibPerKib;
-    if (key == "Pss_Anon:") usage.private_mib = kib * kMibPerKib;
-  }
-  if (usage.rss_mib <= 0.0) return std::nullopt;
-  usage.descriptors = entries_of(folder / "fd");
-  usage.threads = entries_of(folder / "task");
-  usage.cpu_s = cpu_seconds(folder / "stat");
-  return usage;
-}
-
-double busy_s() {
-  std::ifstream in("/proc/stat");
-  std::string word;
-  in >> word;  // "cpu": user, nice, system, idle, iowait, irq, softirq
-  double ticks = 0.0;
-  double value = 0.0;
-  for (int field = 0; field < 7 && in >> value; ++field) {
-    if (field != 1 && field != 3 && field != 4) ticks += value;
-  }
-  return seconds(ticks);
-}
-
-Growth growth_of(const std::vector<Reading>& readings, double settle_s) {
   Growth growth;
   if (readings.empty()) return growth;
   const double from_s = readings.front().at_s + settle_s;
@@ -130,9 +134,25 @@ Growth growth_of(const std::vector<Reading>& readings, double settle_s) {
   return growth;
 }
 
+// True if both measures show growth by `limit` or more: the medians, and the slope over `span_s`.
 bool grows(const Growth& growth, double span_s, double limit) {
   return growth.judged && growth.by() >= limit && growth.slope_per_hour * span_s / kSecondsPerHour >= limit / 2;
 }
+
+Json growth_json(const Growth& g) {
+  if (!g.judged) return nullptr;
+  return {{"first", g.first}, {"last", g.last}, {"by", g.by()}, {"slope_per_hour", g.slope_per_hour}};
+}
+
+// Latencies: {frames, p50, p99, max}, ms.
+Json figures_of(const std::vector<double>& latency_ms) {
+  const auto at = [&](double share) { return quantile(latency_ms, share); };
+  return {{"frames", latency_ms.size()}, {"p50", at(0.5)}, {"p99", at(0.99)}, {"max", at(1.0)}};
+}
+
+constexpr std::size_t kMostWaiting = 12;  // accounts: three seconds
+
+}  // namespace
 
 void Sampler::sample(double now_s, bool quiet) {
   Second second;
@@ -189,11 +209,6 @@ void Sampler::finish(SoakResult& result) {
   result.timeline = std::move(timeline_);
   result.frames["unread"] = sum_.missed;
   for (std::size_t i = 0; i < kGrades; ++i) result.frames[kGradeNames[i]] = sum_.grades[i];
-}
-
-Json figures_of(const std::vector<double>& latency_ms) {
-  const auto at = [&](double share) { return quantile(latency_ms, share); };
-  return {{"frames", latency_ms.size()}, {"p50", at(0.5)}, {"p99", at(0.99)}, {"max", at(1.0)}};
 }
 
 double others_since(const std::vector<Second>& timeline, double from_s) {
@@ -255,13 +270,13 @@ void judge_growth(SoakResult& result, Findings& findings) {
       findings.require(invariant, !grows(growth, span_s, limit), text);
     };
     const double memory_s = lasted_s - kSettle_s;
-    judge(Invariant::kMemory, "rss_mib", growth_of_life(life, kSettle_s, false, &Usage::rss_mib), memory_s, kLimit_mib,
+    judge(Invariant::kMemory, "rss_mib", growth_of(life, kSettle_s, false, &Usage::rss_mib), memory_s, kLimit_mib,
           "resident memory, MiB,");
-    judge(Invariant::kMemory, "private_mib", growth_of_life(life, kSettle_s, false, &Usage::private_mib), memory_s,
+    judge(Invariant::kMemory, "private_mib", growth_of(life, kSettle_s, false, &Usage::private_mib), memory_s,
           kLimit_mib, "private memory, MiB,");
-    judge(Invariant::kDescriptors, "threads", growth_of_life(life, settle_s, true, &Usage::threads),
-          lasted_s - settle_s, kMostThreads, "threads");
-    judge(Invariant::kDescriptors, "descriptors", growth_of_life(life, settle_s, true, &Usage::descriptors),
+    judge(Invariant::kDescriptors, "threads", growth_of(life, settle_s, true, &Usage::threads), lasted_s - settle_s,
+          kMostThreads, "threads");
+    judge(Invariant::kDescriptors, "descriptors", growth_of(life, settle_s, true, &Usage::descriptors),
           lasted_s - settle_s, kMostDescriptors, "open files");
   }
 }

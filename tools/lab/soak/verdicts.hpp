@@ -8,8 +8,7 @@
 
 namespace bolo::tools::soak {
 
-// --- Resource usage of a process, from /proc.
-
+// Resource usage of a process, from /proc.
 struct Usage {
   double rss_mib = 0.0;
   double private_mib = 0.0;  // anonymous part of the proportional set size (Pss_Anon)
@@ -17,34 +16,6 @@ struct Usage {
   int threads = 0;
   double cpu_s = 0.0;  // since its start
 };
-
-// Nothing if the process is gone. Thread: any.
-std::optional<Usage> usage_of(pid_t pid);
-
-// CPU time of all processors since boot, without niced programs, which give way, s. Thread: any.
-double busy_s();
-
-// --- Growth of memory, open files and threads.
-
-struct Reading {
-  double at_s = 0.0;
-  double value = 0.0;
-};
-
-struct Growth {
-  double first = 0.0;           // median of the first fifth
-  double last = 0.0;            // median of the last fifth
-  double slope_per_hour = 0.0;  // median slope of all pairs (Theil-Sen), robust against outliers
-  bool judged = false;          // enough readings
-
-  double by() const { return last - first; }
-};
-
-// From `settle_s` after the first reading; judged if the rest spans as long again and has ten readings. Thread: any.
-Growth growth_of(const std::vector<Reading>& readings, double settle_s);
-
-// True if both measures show growth by `limit` or more: the medians, and the slope over `span_s`. Thread: any.
-bool grows(const Growth& growth, double span_s, double limit);
 
 inline constexpr double kSample_s = 1.0;  // between samples of the processes
 
@@ -130,9 +101,6 @@ class Sampler {
 
 // Share of processor time: when other programs take more, times are reported but not judged.
 inline constexpr double kMostOthers = 0.15;
-
-// Thread: any.
-Json figures_of(const std::vector<double>& latency_ms);
 
 // The largest share that other programs took in any full second since `from_s`. Thread: any.
 double others_since(const std::vector<Second>& timeline, double from_s);

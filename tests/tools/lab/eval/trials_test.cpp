@@ -2,6 +2,7 @@
 #include "tools/lab/eval/trials.hpp"
 #include "src/deblur/solver.hpp"
 #include "tests/test.hpp"
+#include "tools/lab/common.hpp"
 
 namespace bolo::tools::trials_test {
 
