@@ -269,6 +269,7 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   for (int i = 0; i <= target; ++i) {
     const Displacement& d = displacement(i);
     const double beyond_noise = std::max(d.misfit - kOfNoise * d.uncertainty, 0.0);
+    // The frame after a cut does not match the cut's own, a mixture of both scenes; its motion is right nevertheless.
     const double cut = displacement(i + 1).cut ? 0.0 : kNearly * beyond_noise / cut_bound(i + 1, i + 1 + kBefore);
     path.steady *= d.cut ? 0.0 : 1.0 / (1.0 + std::pow(cut, 4.0));
   }
